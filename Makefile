@@ -1,0 +1,56 @@
+# Two commands matter: `make demo` and `make test`. Everything happens in .venv; nothing is installed elsewhere.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: demo test setup lint types contracts pytest truth peers clean
+
+demo: $(VENV)/.core
+	$(BIN)/bench run sequences/tumble_static.yaml --bench config/simulated.yaml --operator demo
+
+test: $(VENV)/.dev lint types contracts pytest
+
+setup: $(VENV)/.dev
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/.dev
+	$(BIN)/mypy
+
+contracts: $(VENV)/.dev
+	$(BIN)/lint-imports
+
+pytest: $(VENV)/.dev
+	$(BIN)/pytest -n 2 --cov --cov-report= --dist worksteal
+	$(BIN)/coverage report --fail-under=90
+
+# Results against the simulated truth, 40 seeds on a perfect and on a full bench, then with errors planted.
+truth: $(VENV)/.dev
+	$(BIN)/python -m tests.truth --seeds 40
+
+# Programs that other people wrote, for the tests that let them talk to ours.
+peers: $(VENV)/.dev
+	./.ci/install_peers
+	$(BIN)/pip install --quiet -e '.[peers]'
+
+$(VENV)/.made:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "Python 3.11 or newer is needed; give one with: make PYTHON=/path/to/python3.11"; exit 1; }
+	@$(PYTHON) -c 'import ensurepip' || \
+	  { echo "Python's ensurepip is missing; on Debian: sudo apt install python3-venv"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	touch $@
+
+$(VENV)/.core: $(VENV)/.made pyproject.toml
+	$(BIN)/pip install --quiet -e .
+	touch $@
+
+$(VENV)/.dev: $(VENV)/.made pyproject.toml
+	$(BIN)/pip install --quiet -e '.[dev]'
+	touch $@ $(VENV)/.core
+
+clean:
+	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .coverage*

@@ -1,0 +1,39 @@
+"""What can go wrong, each with a stable code and one line that a technician can act on."""
+
+from __future__ import annotations
+
+
+class BenchError(Exception):
+    """The bench is bad, not the unit. `code` is stable; the message says what, where, and what to do."""
+
+    code = "bench"
+
+
+class InputError(BenchError):
+    """A file, an option or a name that cannot be used; nothing has moved."""
+
+    code = "input"
+
+
+class StepError(BenchError):
+    """A step could not do what it says."""
+
+    code = "step"
+
+
+class UnitError(BenchError):
+    """A reading of the unit under test or of its supply left its window."""
+
+    code = "window"
+
+
+class StoreError(BenchError):
+    """The run store cannot keep what it was given, or cannot be read."""
+
+    code = "store"
+
+
+class TimeError(BenchError):
+    """Virtual time cannot go on: nothing is left to wait for, or one instant never ends."""
+
+    code = "time"

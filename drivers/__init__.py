@@ -1,0 +1,1 @@
+"""Instruments and the wires to them; usable without the bench."""

@@ -1,0 +1,101 @@
+"""What a device can do for a sequence. A role in a bench file is filled by a driver that has the capability.
+
+Every device is an async context manager: inside it, it is connected *and* identified. `make_safe` may be called at
+any time and in any state, twice too, and ends in bounded time. Commands that move or energise are sent once: after a
+timeout the driver reads back and decides, it never repeats them blindly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Mapping, Sequence
+from contextlib import AbstractAsyncContextManager
+from typing import Literal, Protocol, Self, runtime_checkable
+
+from drivers.values import ChamberState, FrameBlock, Identity, Reading, SourceReading
+
+Approach = Literal["direct", "from_below", "from_above"]
+
+
+@runtime_checkable
+class Device(Protocol):
+    """An opened instrument."""
+
+    name: str
+
+    async def __aenter__(self) -> Self:
+        """Connects and identifies; raises CannotConnect or WrongIdentity."""
+
+    async def __aexit__(self, *exc: object) -> None:
+        """Closes the wire; does not change what the instrument does."""
+
+    async def identify(self) -> Identity:
+        """Asks who is there; raises WrongIdentity when it is not the instrument of the bench file."""
+
+    async def poll(self) -> Mapping[str, Sequence[Reading]]:
+        """The readings by channel that are new since the last poll; changes nothing in the instrument.
+
+        Raises InstrumentFault when the instrument is not what it was told to be, NoAnswer when it is silent.
+        """
+
+    async def make_safe(self) -> None:
+        """Brings the instrument into its safe state; idempotent, legal in any state, bounded in time."""
+
+
+@runtime_checkable
+class Positioner(Device, Protocol):
+    """An axis that goes to angles."""
+
+    async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
+        """Goes to `angle_deg`, waits until it stands there, then `settle_s`; the angle read back (°)."""
+
+    async def angle(self) -> Reading:
+        """The angle now (°)."""
+
+    async def stop(self) -> None:
+        """Decelerates and holds."""
+
+
+@runtime_checkable
+class ThermalChamber(Device, Protocol):
+    """A chamber that ramps by itself."""
+
+    async def ramp_to(self, temperature_c: float, rate_c_per_min: float) -> None:
+        """Returns when the set point in force has arrived; the air and the unit are still on their way."""
+
+    async def state(self) -> ChamberState:
+        """One look at the control loop."""
+
+    async def hold(self) -> None:
+        """Stops a ramp where it is: the set point in force becomes the set point."""
+
+
+@runtime_checkable
+class Source(Device, Protocol):
+    """A supply (volts) or a current source (amperes)."""
+
+    async def set(self, level: float, *, limit: float, output: bool) -> None:
+        """Sets the level (V, or A for a current source), its limit (A, or V compliance), then the output.
+
+        Switching off needs no level: the output goes off first.
+        """
+
+    async def read(self) -> SourceReading:
+        """What the output does now."""
+
+
+@runtime_checkable
+class PulseCounter(Device, Protocol):
+    """Counters that run freely and send frames by themselves."""
+
+    def acquire(self) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
+        """Blocks of frames from entry to exit: the first frame arrived after entry, the last before exit."""
+
+
+CAPABILITIES: Mapping[str, type] = {
+    "positioner": Positioner,
+    "thermal_chamber": ThermalChamber,
+    "power_supply": Source,
+    "current_source": Source,
+    "pulse_counter": PulseCounter,
+}
+THERMOMETER = "thermometer"  # a named reading of any device, in °C

@@ -1,0 +1,103 @@
+"""What a bench file may say about a driver, known without importing the driver.
+
+Each dialect package has a `description.py` with a DESCRIPTION; the entry-point group `inertial_test_bench.drivers`
+finds it, a plug-in's too. The class is imported when the device is opened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from typing import Generic, TypeVar
+
+from pydantic import BaseModel
+
+from drivers.capabilities import Device
+from drivers.errors import WrongIdentity
+from drivers.fields import StrictModel
+from drivers.transport.address import Address
+from drivers.transport.wires import Wires
+from drivers.values import Identity
+
+ENTRY_POINTS = "inertial_test_bench.drivers"
+OptionsT = TypeVar("OptionsT", bound=BaseModel)
+LimitsT = TypeVar("LimitsT", bound=BaseModel)
+SafeT = TypeVar("SafeT", bound=BaseModel)
+
+
+class Nothing(StrictModel):
+    """For a driver that has no options, limits, safe settings or calibration of its own."""
+
+
+class IdentityPin(StrictModel):
+    """What the bench file says of an instrument; what it does not say is not compared."""
+
+    maker: str | None = None
+    model: str | None = None
+    serial: str | None = None
+    firmware: str | None = None
+
+
+@dataclass(frozen=True)
+class DriverDescription:
+    """A driver as a bench file sees it.
+
+    `channels` are the readings that `poll` gives, with their units; None when only the device itself knows them.
+    `options`, `limits`, `safe` and `uncertainty` are the models of those blocks of a device entry (`calibration.U` for
+    the last). `target` is "module:Class".
+    """
+
+    name: str
+    title: str
+    capabilities: frozenset[str]
+    schemes: frozenset[str]
+    target: str
+    options: type[BaseModel] = Nothing
+    limits: type[BaseModel] = Nothing
+    safe: type[BaseModel] = Nothing
+    uncertainty: type[BaseModel] = Nothing
+    channels: Mapping[str, str] | None = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Setup(Generic[OptionsT, LimitsT, SafeT]):
+    """Everything a driver is made from."""
+
+    name: str
+    address: Address
+    wires: Wires
+    options: OptionsT
+    limits: LimitsT
+    safe: SafeT
+    identity: IdentityPin
+
+
+@lru_cache(maxsize=1)
+def known_drivers() -> Mapping[str, DriverDescription]:
+    """Every installed driver by name."""
+    return {point.name: point.load() for point in entry_points(group=ENTRY_POINTS)}
+
+
+def make_driver(description: DriverDescription, setup: Setup[OptionsT, LimitsT, SafeT]) -> Device:
+    """The driver object, not yet connected; imports its module."""
+    module, _, class_name = description.target.partition(":")
+    driver = getattr(import_module(module), class_name)(setup)
+    if not isinstance(driver, Device):
+        raise TypeError(f"{description.target} is not a device")
+    return driver
+
+
+def check_identity(device: str, pin: IdentityPin, found: Identity) -> None:
+    """Raises WrongIdentity unless everything that the pin names, and the wire can tell, is as pinned."""
+    for what in ("maker", "model", "serial", "firmware"):
+        expected, answered = getattr(pin, what), getattr(found, what)
+        if expected is None or (what == "serial" and not found.verified):
+            continue
+        if expected != answered:
+            raise WrongIdentity(
+                device, f"{what} is '{answered}', the bench file says '{expected}'",
+                remedy="Check that the right instrument is on this port, or correct the bench file.",
+            )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Wires: serial lines, TCP, Modbus, CAN, and their in-process twins. Nothing here knows an instrument."""

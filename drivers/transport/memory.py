@@ -1,0 +1,153 @@
+"""A pair of joined transports inside one event loop: the in-process twin of a TCP connection or a serial line.
+
+Bytes arrive in order after a latency and, with a baud rate, no faster than the line would carry them. Everything runs
+on the loop's timers, so it is exact in virtual time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+BITS_PER_BYTE = 10  # start, eight data bits, stop
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """What a wire does to bytes: how long they travel, and how long each takes to send."""
+
+    latency_s: float = 0.0
+    byte_s: float = 0.0
+
+    @classmethod
+    def serial(cls, baud: int, latency_s: float = 0.0) -> Line:
+        """A line that carries `baud` bits a second, ten for each byte."""
+        return cls(latency_s, BITS_PER_BYTE / baud)
+
+
+class MemoryTransport(asyncio.Transport):
+    """One end of a joined pair; the asyncio contract of a stream transport.
+
+    Lifetime: made in pairs by `join`; closing one end closes the other after what was written has arrived.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, line: Line, name: object, peer_name: object) -> None:
+        super().__init__({"sockname": name, "peername": peer_name})
+        self._loop = loop
+        self._line = line
+        self._free_at = 0.0  # when the line has sent what was written before
+        self._waiting: deque[bytes | None] = deque()
+        self._paused = False
+        self._closing = False
+        self._protocol: asyncio.Protocol
+        self._peer: MemoryTransport
+
+    def attach(self, protocol: asyncio.Protocol, peer: MemoryTransport) -> None:
+        """Gives this end its protocol and its other end; part of `join`."""
+        self._protocol, self._peer = protocol, peer
+
+    def write(self, data: bytes | bytearray | memoryview) -> None:
+        """Sends `data` on its way; dropped when this end is closing, as a socket would."""
+        if not self._closing and data:
+            self._send(bytes(data))
+
+    def write_eof(self) -> None:
+        """Tells the other end that nothing more will come."""
+        self._send(None)
+
+    def _send(self, data: bytes | None) -> None:
+        sent_at = max(self._loop.time(), self._free_at) + len(data or b"") * self._line.byte_s
+        self._free_at = sent_at
+        self._loop.call_at(sent_at + self._line.latency_s, self._peer.receive, data)
+
+    def receive(self, data: bytes | None) -> None:
+        """Bytes that arrived from the other end; None is its end of file."""
+        if self._closing:
+            return
+        if self._paused or self._waiting:
+            self._waiting.append(data)
+        elif data is not None:
+            self._protocol.data_received(data)
+        elif not self._protocol.eof_received():
+            self.close()
+
+    def pause_reading(self) -> None:
+        """Keeps what arrives until `resume_reading`."""
+        self._paused = True
+
+    def resume_reading(self) -> None:
+        """Delivers what was kept, in order."""
+        self._paused = False
+        self._loop.call_soon(self._deliver_waiting)
+
+    def _deliver_waiting(self) -> None:
+        waiting, self._waiting = self._waiting, deque()
+        for data in waiting:
+            self.receive(data)
+
+    def is_reading(self) -> bool:
+        """Whether what arrives is delivered at once."""
+        return not self._paused and not self._closing
+
+    def is_closing(self) -> bool:
+        """Whether this end is closed or about to be."""
+        return self._closing
+
+    def can_write_eof(self) -> bool:
+        """True: a half-closed connection is possible."""
+        return True
+
+    def get_write_buffer_size(self) -> int:
+        """0: what is written has left."""
+        return 0
+
+    def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:
+        """Nothing to limit."""
+
+    def get_protocol(self) -> asyncio.BaseProtocol:
+        """The protocol that receives what arrives here."""
+        return self._protocol
+
+    def set_protocol(self, protocol: asyncio.BaseProtocol) -> None:
+        """Hands the connection to another protocol."""
+        if not isinstance(protocol, asyncio.Protocol):
+            raise TypeError("a stream needs an asyncio.Protocol")
+        self._protocol = protocol
+
+    def abort(self) -> None:
+        """Closes at once."""
+        self.close()
+
+    def close(self) -> None:
+        """Closes this end now and the other when what is under way has arrived; closing twice is harmless."""
+        if self._closing:
+            return
+        self._closing = True
+        self._loop.call_soon(self._protocol.connection_lost, None)
+        at = max(self._loop.time(), self._free_at) + self._line.latency_s
+        self._loop.call_at(at, self._peer.close)
+
+
+def join(client: asyncio.Protocol, server: asyncio.Protocol, line: Line, address: object) -> MemoryTransport:
+    """Joins two protocols; returns the client's transport. Both have had `connection_made` when it returns."""
+    loop = asyncio.get_running_loop()
+    near = MemoryTransport(loop, line, ("memory", "client"), address)
+    far = MemoryTransport(loop, line, address, ("memory", "client"))
+    near.attach(client, far)
+    far.attach(server, near)
+    client.connection_made(near)
+    server.connection_made(far)
+    return near
+
+
+def open_memory_stream(
+    server: Callable[[], asyncio.Protocol], line: Line, address: object
+) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    """A reader and a writer whose other end is `server()`, as `asyncio.open_connection` gives for a socket."""
+    loop = asyncio.get_running_loop()
+    reader = asyncio.StreamReader(loop=loop)
+    protocol = asyncio.StreamReaderProtocol(reader, loop=loop)
+    transport = join(protocol, server(), line, address)
+    return reader, asyncio.StreamWriter(transport, protocol, reader, loop)

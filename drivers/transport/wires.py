@@ -1,0 +1,50 @@
+"""The ways to reach an instrument, and the real ones."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
+from drivers.errors import CannotConnect
+from drivers.transport.address import Address
+from drivers.transport.frames import FrameLink
+
+P = TypeVar("P", bound=asyncio.Protocol)
+
+
+class Wires(Protocol):
+    """Opens connections for drivers; what is at their other end is decided where a Wires is made."""
+
+    async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
+        """Joins `factory()` to a TCP connection or a serial line; raises CannotConnect."""
+
+    async def frames(self, device: str, address: Address) -> FrameLink:
+        """An open CAN channel; raises CannotConnect."""
+
+
+class RealWires:
+    """Sockets, serial ports and CAN adapters of this machine."""
+
+    async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
+        """Joins `factory()` to the other end of `address`."""
+        if address.scheme == "serial":
+            from drivers.transport.serial import open_serial
+
+            return await open_serial(device, address, factory)
+        loop = asyncio.get_running_loop()
+        try:
+            async with asyncio.timeout(10):
+                _, protocol = await loop.create_connection(factory, address.host, address.port)
+        except (OSError, TimeoutError) as problem:
+            raise CannotConnect(
+                device, f"nobody answers at {address} ({str(problem) or 'no answer within 10 s'})",
+                remedy="Check that the instrument is on, its network address, and the port in the bench file.",
+            ) from problem  # fmt: skip
+        return protocol
+
+    async def frames(self, device: str, address: Address) -> FrameLink:
+        """Opens the CAN adapter at `address`."""
+        from drivers.transport.can import open_can
+
+        return await open_can(device, address)

@@ -1,0 +1,31 @@
+"""Faults of simulated instruments: what breaks, and from when on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Literal, get_args
+
+FaultKind = Literal["silent", "cut", "frozen", "stuck"]
+KINDS: tuple[str, ...] = get_args(FaultKind)
+
+
+class FaultPlan:
+    """The faults of one instrument: kind → seconds after the start from which it is active.
+
+    `silent`: requests are carried out or not, but nothing is answered; frames stop. `cut`: the connection is closed.
+    `frozen`: measured values (for a counter: latch sequence and counts) stand still. `stuck`: commands are accepted
+    and not carried out.
+    """
+
+    def __init__(self, starts_s: Mapping[str, float] | None = None, now_s: Callable[[], float] = lambda: 0.0) -> None:
+        self._starts_s = dict(starts_s or {})
+        self._now_s = now_s
+
+    def active(self, kind: FaultKind) -> bool:
+        """Whether a fault is there now."""
+        start = self._starts_s.get(kind)
+        return start is not None and self._now_s() >= start
+
+    def begin(self, kind: FaultKind) -> None:
+        """From now on."""
+        self._starts_s[kind] = self._now_s()

@@ -1,0 +1,53 @@
+"""What a simulated instrument is, and the asyncio protocol that puts it at the end of a wire."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Protocol
+
+from simulators.faults import FaultPlan
+
+
+class Session(Protocol):
+    """One connection to an instrument: it keeps what has not made a whole request yet."""
+
+    def feed(self, data: bytes) -> bytes:
+        """Takes bytes as they arrive, in any portions; what the instrument says to them at once, or b""."""
+
+
+class Instrument(Protocol):
+    """A simulated instrument: model and responder. Nothing in it waits; it looks at the world when it is asked."""
+
+    faults: FaultPlan
+
+    def session(self) -> Session:
+        """A new connection."""
+
+
+class InstrumentProtocol(asyncio.Protocol):
+    """Joins a connection to an instrument, unless a fault keeps it silent or cuts the line."""
+
+    def __init__(self, instrument: Instrument) -> None:
+        self._instrument = instrument
+        self._session = instrument.session()
+        self._transport: asyncio.Transport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """A client is there."""
+        if isinstance(transport, asyncio.Transport):
+            self._transport = transport
+
+    def data_received(self, data: bytes) -> None:
+        """Bytes from the client."""
+        if self._instrument.faults.active("cut") and self._transport is not None:
+            self._transport.abort()
+            return
+        answer = self._session.feed(data)
+        if answer and self._transport is not None and not self._instrument.faults.active("silent"):
+            self._transport.write(answer)
+
+
+def protocol_factory(instrument: Instrument) -> Callable[[], InstrumentProtocol]:
+    """What a server calls for each connection."""
+    return lambda: InstrumentProtocol(instrument)

@@ -1,0 +1,151 @@
+"""Temperatures: set point → chamber air → case → sensor → thermometer, stepped exactly (methods.md section 8.3).
+
+    air      a'' = w²(s - a) - 2 z w a'          s the set point in force, ramped by the controller
+    case     tau_c c' = a + limit cycle - c + heating
+    sensor   tau_s T' = c - T
+    reading  tau_m m' = T - m                    the thermometer at the unit
+
+The system is linear and its input is a straight line between two commands, so one matrix exponential takes it over
+any interval without error; how often somebody looks changes nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+Matrix = NDArray[np.float64]
+
+_AIR, _AIR_RATE, _CYCLE, _CYCLE_RATE, _SET_POINT, _SET_POINT_RATE = range(6)
+_FIRST_UNIT = 6
+_PER_UNIT = 4  # case, sensor, thermometer, heating
+_STEPS_PER_S = 1000  # intervals are whole milliseconds, so that a few matrices serve a whole night
+
+
+@dataclass(frozen=True, slots=True)
+class ChamberPhysics:
+    """How the chamber's air follows its set point; the limit cycle is a sine of the given r.m.s."""
+
+    start_c: float = 20.0
+    natural_period_s: float = 360.0
+    damping: float = 0.5
+    limit_cycle_c: float = 0.2
+    limit_cycle_period_s: float = 90.0
+
+
+@dataclass(frozen=True, slots=True)
+class UnitPhysics:
+    """How a unit follows the air."""
+
+    case_s: float
+    sensor_s: float
+    self_heating_c: float
+    thermometer_s: float
+
+
+class Thermal:
+    """The chamber and the units in it; times are true seconds and never go back."""
+
+    def __init__(self, chamber: ChamberPhysics, units: tuple[UnitPhysics, ...], cycle_phase_rad: float) -> None:
+        self._units = units
+        self._system = _system(chamber, units)
+        self._propagators: dict[int, Matrix] = {}
+        self._ticks = 0
+        self._ramp_end_s = 0.0
+        self._target_c = chamber.start_c
+        amplitude, turn = chamber.limit_cycle_c * math.sqrt(2), 2 * math.pi / chamber.limit_cycle_period_s
+        state = np.zeros(_FIRST_UNIT + _PER_UNIT * len(units))
+        state[[_AIR, _SET_POINT]] = chamber.start_c
+        state[_CYCLE] = amplitude * math.cos(cycle_phase_rad)
+        state[_CYCLE_RATE] = -amplitude * turn * math.sin(cycle_phase_rad)
+        for index in range(len(units)):
+            state[_FIRST_UNIT + _PER_UNIT * index : _FIRST_UNIT + _PER_UNIT * index + 3] = chamber.start_c
+        self._state = state
+
+    @property
+    def now_s(self) -> float:
+        """How far the temperatures are worked out."""
+        return self._ticks / _STEPS_PER_S
+
+    def advance(self, to_s: float) -> None:
+        """Works everything out up to `to_s`."""
+        while True:
+            end_s = min(to_s, self._ramp_end_s) if self._state[_SET_POINT_RATE] else to_s
+            ticks = round(end_s * _STEPS_PER_S) - self._ticks
+            if ticks > 0:
+                self._state = self._propagator(ticks) @ self._state
+                self._ticks += ticks
+            if not self._state[_SET_POINT_RATE] or to_s < self._ramp_end_s:
+                return
+            self._state[_SET_POINT], self._state[_SET_POINT_RATE] = self._target_c, 0.0
+
+    def ramp(self, target_c: float, rate_c_per_s: float) -> None:
+        """From now on the set point in force goes to `target_c` at `rate_c_per_s`; infinity jumps."""
+        distance = target_c - self._state[_SET_POINT]
+        self._target_c = target_c
+        self._state[_SET_POINT_RATE] = 0.0
+        if distance and math.isfinite(rate_c_per_s) and rate_c_per_s > 0:
+            self._state[_SET_POINT_RATE] = math.copysign(rate_c_per_s, distance)
+            self._ramp_end_s = self.now_s + abs(distance) / rate_c_per_s
+        else:
+            self._state[_SET_POINT] = target_c
+
+    def power(self, unit: int, on: bool) -> None:
+        """Switches the self-heating of a unit."""
+        self._state[_FIRST_UNIT + _PER_UNIT * unit + 3] = self._units[unit].self_heating_c if on else 0.0
+
+    @property
+    def set_point_c(self) -> float:
+        """The set point in force."""
+        return float(self._state[_SET_POINT])
+
+    @property
+    def air_c(self) -> float:
+        """The air where the chamber's own sensor is."""
+        return float(self._state[_AIR] + self._state[_CYCLE])
+
+    def sensor_c(self, unit: int) -> float:
+        """The sensor inside a unit."""
+        return float(self._state[_FIRST_UNIT + _PER_UNIT * unit + 1])
+
+    def thermometer_c(self, unit: int) -> float:
+        """What an ideal thermometer at the unit has followed to."""
+        return float(self._state[_FIRST_UNIT + _PER_UNIT * unit + 2])
+
+    def sensor_rate_c_per_s(self, unit: int) -> float:
+        """How fast the sensor inside a unit warms."""
+        first = _FIRST_UNIT + _PER_UNIT * unit
+        return float((self._state[first] - self._state[first + 1]) / self._units[unit].sensor_s)
+
+    def _propagator(self, ticks: int) -> Matrix:
+        found = self._propagators.get(ticks)
+        if found is None:
+            if len(self._propagators) > 4096:
+                self._propagators.clear()
+            found = self._propagators[ticks] = np.asarray(expm(self._system * (ticks / _STEPS_PER_S)))
+        return found
+
+
+@lru_cache(maxsize=8)
+def _system(chamber: ChamberPhysics, units: tuple[UnitPhysics, ...]) -> Matrix:
+    """The matrix M of z' = M z; inputs are states that do not change, or change evenly."""
+    size = _FIRST_UNIT + _PER_UNIT * len(units)
+    matrix = np.zeros((size, size))
+    omega, cycle = 2 * math.pi / chamber.natural_period_s, 2 * math.pi / chamber.limit_cycle_period_s
+    matrix[_AIR, _AIR_RATE] = 1
+    matrix[_AIR_RATE, [_SET_POINT, _AIR, _AIR_RATE]] = omega**2, -(omega**2), -2 * chamber.damping * omega
+    matrix[_CYCLE, _CYCLE_RATE] = 1
+    matrix[_CYCLE_RATE, _CYCLE] = -(cycle**2)
+    matrix[_SET_POINT, _SET_POINT_RATE] = 1
+    for index, unit in enumerate(units):
+        case = _FIRST_UNIT + _PER_UNIT * index
+        sensor, thermometer, heating = case + 1, case + 2, case + 3
+        matrix[case, [_AIR, _CYCLE, case, heating]] = np.array([1, 1, -1, 1]) / unit.case_s
+        matrix[sensor, [case, sensor]] = np.array([1, -1]) / unit.sensor_s
+        matrix[thermometer, [sensor, thermometer]] = np.array([1, -1]) / unit.thermometer_s
+    return matrix

@@ -1,0 +1,198 @@
+"""The unit under test: specific force and temperature in, current and pulses out (methods.md sections 8.4 and 8.5)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.unit_file import Draw, Polynomial, UnitFile, stream
+
+Array = NDArray[np.float64]
+INSTABILITY_S = 30.0  # correlation time of the slow wander of the bias
+_CONVERTER_REFERENCE_C = 25.0
+
+
+@dataclass(frozen=True, slots=True)
+class UnitTruth:
+    """One unit as drawn for one run, in g, A, °C, s, rad, pulse/s."""
+
+    reference_c: float
+    bias: Polynomial
+    scale_a_per_g: float
+    scale: Polynomial  # relative, its first term 1
+    k2: float
+    k3: float
+    kip: float
+    kio: float
+    misalignment_o: float
+    misalignment_p: float
+    kd: float
+    hysteresis_g: float
+    thresholds_c: tuple[float, ...]
+    drift_g_per_s: float
+    warm_up_g: float
+    warm_up_s: float
+    noise_density: float
+    instability_g: float
+    range_g: float
+    pulses_per_a: float
+    alpha: float
+    asymmetry: float
+    nonlinearity: float
+    full_scale_a: float
+    zero_pps: float
+    zero_drift_pps: float
+    dead_band_a: float
+    max_rate_pps: float
+    counter_bits: int
+    converter_c: float
+    supply_a: float
+
+    def current_a(self, force_g: tuple[Array, Array, Array], temperature_c: Array, extra_bias_g: Array) -> Array:
+        """The accelerometer's output; `force_g` along input, pendulous and output axes, `extra_bias_g` what drifts."""
+        a_i, a_p, a_o = force_g
+        t = temperature_c - self.reference_c
+        a = np.clip(a_i + self.misalignment_o * a_p - self.misalignment_p * a_o, -self.range_g, self.range_g)
+        shape = a * (1 + a * (self.k2 + a * self.k3) + self.kip * a_p + self.kio * a_o)
+        scale = self.scale_a_per_g * _horner(self.scale, t)
+        return np.asarray(scale * (_horner(self.bias, t) + extra_bias_g + shape))
+
+    def rate_pps(self, current_a: Array) -> Array:
+        """The converter's net pulse rate; 0 inside the dead band."""
+        warm = self.converter_c - _CONVERTER_REFERENCE_C
+        slope = self.pulses_per_a * (1 + self.alpha * warm) * (1 + np.sign(current_a) * self.asymmetry / 2)
+        bent = self.nonlinearity * self.pulses_per_a * current_a * np.abs(current_a) / self.full_scale_a
+        rate = slope * current_a + self.zero_pps + self.zero_drift_pps * warm + bent
+        rate = np.where(np.abs(rate) < self.pulses_per_a * self.dead_band_a, 0.0, rate)
+        return np.clip(rate, -self.max_rate_pps, self.max_rate_pps)
+
+
+def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:
+    """The unit of one run: every `{mean, sd}` drawn from its own stream."""
+    a, c = unit.accelerometer, unit.converter
+
+    def value(draw: Draw, *path: str) -> float:
+        return draw.value(stream(seed, "uut", place, *path))
+
+    def polynomial(model: str, *names: str) -> Polynomial:
+        block = getattr(a, model)
+        low = [value(getattr(block, name), "accelerometer", model, name) for name in names]
+        return (low[0], low[1], low[2], low[3], low[4])
+
+    orders = ("at_reference", "linear", "quadratic", "cubic", "quartic")
+    scale = polynomial("K1", *orders)
+    return UnitTruth(
+        reference_c=a.reference_temperature,
+        bias=polynomial("K0", *orders),
+        scale_a_per_g=scale[0],
+        scale=(1.0, *scale[1:]),
+        k2=value(a.K2, "accelerometer", "K2"),
+        k3=value(a.K3, "accelerometer", "K3"),
+        kip=value(a.Kip, "accelerometer", "Kip"),
+        kio=value(a.Kio, "accelerometer", "Kio"),
+        misalignment_o=value(a.misalignment_o, "accelerometer", "misalignment_o"),
+        misalignment_p=value(a.misalignment_p, "accelerometer", "misalignment_p"),
+        kd=value(a.Kd, "accelerometer", "Kd"),
+        hysteresis_g=value(a.hysteresis.amplitude, "accelerometer", "hysteresis", "amplitude"),
+        thresholds_c=a.hysteresis.thresholds,
+        drift_g_per_s=value(a.drift, "accelerometer", "drift"),
+        warm_up_g=value(a.warm_up.amplitude, "accelerometer", "warm_up", "amplitude"),
+        warm_up_s=a.warm_up.time_constant,
+        noise_density=value(a.noise.density, "accelerometer", "noise", "density"),
+        instability_g=value(a.noise.instability, "accelerometer", "noise", "instability"),
+        range_g=a.range,
+        pulses_per_a=value(c.S, "converter", "S"),
+        alpha=value(c.alpha, "converter", "alpha"),
+        asymmetry=value(c.asymmetry, "converter", "asymmetry"),
+        nonlinearity=value(c.nonlinearity, "converter", "nonlinearity"),
+        full_scale_a=c.full_scale,
+        zero_pps=value(c.zero, "converter", "zero"),
+        zero_drift_pps=value(c.zero_drift, "converter", "zero_drift"),
+        dead_band_a=value(c.dead_band, "converter", "dead_band"),
+        max_rate_pps=c.max_rate,
+        counter_bits=c.counter_bits,
+        converter_c=c.temperature,
+        supply_a=unit.supply.current,
+    )
+
+
+class Hysteresis:
+    """Play operators on the sensor's temperature, and what their sum does to the bias."""
+
+    def __init__(self, truth: UnitTruth, start_c: float) -> None:
+        self._thresholds = truth.thresholds_c
+        self._gain = truth.hysteresis_g / sum(truth.thresholds_c) if truth.thresholds_c else 0.0
+        self._play = [start_c] * len(truth.thresholds_c)
+
+    def bias_g(self, temperature_c: float) -> float:
+        """The bias after the temperature has come to `temperature_c`."""
+        self._play = [
+            max(temperature_c - r, min(temperature_c + r, y)) for r, y in zip(self._thresholds, self._play, strict=True)
+        ]
+        return self._gain * sum(temperature_c - y for y in self._play)
+
+
+class Noise:
+    """White noise and a first-order Gauss-Markov wander of the bias, each from its own stream."""
+
+    def __init__(self, truth: UnitTruth, seed: int, place: str) -> None:
+        self._density, self._instability = truth.noise_density, truth.instability_g
+        self._white = stream(seed, "noise", place, "white")
+        self._slow = stream(seed, "noise", place, "instability")
+        self._wander = self._instability * float(self._slow.standard_normal())
+
+    def mean_g(self, interval_s: Array) -> Array:
+        """The noise as the mean of each of the consecutive intervals."""
+        keep = math.exp(-float(interval_s.sum()) / INSTABILITY_S)
+        before, fresh = self._wander, float(self._slow.standard_normal())
+        self._wander = keep * before + math.sqrt(1 - keep * keep) * self._instability * fresh
+        white = self._white.standard_normal(len(interval_s)) * (self._density * np.sqrt(0.5 / interval_s))
+        return np.asarray(white + np.linspace(before, self._wander, len(interval_s)))
+
+
+class Integrator:
+    """One signed charge integrator with a + and a - threshold; fractions of a pulse are carried exactly."""
+
+    def __init__(self, residue: float, positive: int, negative: int) -> None:
+        self._residue = residue
+        self.positive, self.negative = positive, negative
+
+    def count(self, pulses: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Cumulative + and - counts after each of the consecutive increments of charge, in pulses."""
+        if len(pulses) and (pulses.min() >= 0 or pulses.max() <= 0):
+            net = self._one_way(pulses)
+        else:
+            net = self._both_ways(pulses)
+        steps = np.diff(net, prepend=0)
+        positive = self.positive + np.cumsum(np.maximum(steps, 0))
+        negative = self.negative + np.cumsum(np.maximum(-steps, 0))
+        if len(pulses):
+            self.positive, self.negative = int(positive[-1]), int(negative[-1])
+        return positive, negative
+
+    def _one_way(self, pulses: Array) -> NDArray[np.int64]:
+        charge = self._residue + np.cumsum(pulses)
+        rising = pulses.max() > 0
+        net = np.maximum(np.floor(charge), 0) if rising else np.minimum(np.ceil(charge), 0)
+        self._residue = float(charge[-1] - net[-1])
+        return net.astype(np.int64)
+
+    def _both_ways(self, pulses: Array) -> NDArray[np.int64]:
+        """Through zero the state of the thresholds matters at every step."""
+        net, total, residue = [], 0, self._residue
+        for step in pulses.tolist():
+            residue += step
+            fired = math.floor(residue) if residue >= 1 else math.ceil(residue) if residue <= -1 else 0
+            residue -= fired
+            total += fired
+            net.append(total)
+        self._residue = residue
+        return np.array(net, dtype=np.int64)
+
+
+def _horner(coefficients: Polynomial, t: Array) -> Array:
+    c0, c1, c2, c3, c4 = coefficients
+    return c0 + t * (c1 + t * (c2 + t * (c3 + t * c4)))

@@ -1,0 +1,189 @@
+"""One physics for all simulated instruments: attitude, gravity, temperatures, power (methods.md section 8).
+
+Time here is *true* time: the host's clock, which the bench runs on, is itself an instrument with an error. The world
+is worked out lazily. Whoever looks asks for it "up to now"; whoever changes a stimulus first lets everybody who
+integrates catch up, so that no sample straddles the change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.motion import Axis, AxisErrors
+from simulators.thermal import ChamberPhysics, Thermal, UnitPhysics
+from simulators.unit_file import UnitFile, stream
+from simulators.uut import Hysteresis, Noise, UnitTruth, draw_unit
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Fixture:
+    """How the input axis lies: its angle above the horizontal is `sense` x head angle + `offset_deg`."""
+
+    sense: int = 1
+    offset_deg: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class PlaceSettings:
+    """One unit in its place. `thermometer_offset_c` and `thermometer_gain` are the errors drawn for its reading."""
+
+    unit: UnitFile
+    channel: str
+    supply: str
+    mount_angle_deg: float = 0.0
+    thermometer_offset_c: float = 0.0
+    thermometer_gain: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class WorldSettings:
+    """The laboratory of one run: its seed, its own errors as drawn, and the units by place."""
+
+    seed: int
+    gravity_mps2: float
+    host_clock: float = 0.0  # relative error of the host's clock against the true second
+    device_clock: float = 0.0  # relative error of the counter's time base
+    axis: AxisErrors = field(default_factory=AxisErrors)
+    axis_acceleration_dps2: float = 40.0
+    level_deg: float = 0.0
+    fixture: Fixture = field(default_factory=Fixture)
+    chamber: ChamberPhysics = field(default_factory=ChamberPhysics)
+    thermometer_lag_s: float = 20.0
+    thermometer_noise_c: float = 0.005
+    places: Mapping[str, PlaceSettings] = field(default_factory=dict)
+
+
+class SimulatedUnit:
+    """One unit in its place: what its converter counts, and what the thermometer at it says."""
+
+    def __init__(self, place: str, index: int, settings: WorldSettings, world: World) -> None:
+        self.place = place
+        self.settings = settings.places[place]
+        self.truth: UnitTruth = draw_unit(self.settings.unit, settings.seed, place)
+        self._index, self._world = index, world
+        self._attitude_deg = self.settings.mount_angle_deg + settings.level_deg + settings.fixture.offset_deg
+        self._sense = settings.fixture.sense
+        self._noise = Noise(self.truth, settings.seed, place)
+        self._hysteresis = Hysteresis(self.truth, settings.chamber.start_c)
+        self._thermometer_noise_c = settings.thermometer_noise_c
+        self._thermometer = stream(settings.seed, "noise", place, "thermometer")
+        self._last_c = settings.chamber.start_c
+        self.powered_at_s: float | None = None
+        self.history: list[tuple[float, float, float]] = []  # true time, sensor temperature, hysteresis bias
+
+    def charge_pulses(self, edges_s: Array) -> Array:
+        """Pulses that the converter is owed in each interval between the consecutive times `edges_s`.
+
+        The last edge is the present: the world has been worked out up to it.
+        """
+        middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, np.diff(edges_s)
+        now_c = self._world.thermal.sensor_c(self._index)
+        span = edges_s[-1] - edges_s[0]
+        temperature = self._last_c + (middle - edges_s[0]) * ((now_c - self._last_c) / span)
+        hysteresis_g = self._hysteresis.bias_g(now_c)
+        self.history.append((float(edges_s[-1]), now_c, hysteresis_g))
+        self._last_c = now_c
+        if self.powered_at_s is None:
+            return np.zeros_like(middle)
+        moving_c_per_s = self._world.thermal.sensor_rate_c_per_s(self._index)
+        drifting = self.slow_bias_g(middle) + (hysteresis_g + self.truth.kd * moving_c_per_s)
+        current = self.truth.current_a(self.force_g(middle), temperature, drifting + self._noise.mean_g(interval))
+        return self.truth.rate_pps(current) * interval
+
+    def slow_bias_g(self, at_s: Array) -> Array:
+        """Drift and warm-up at the times `at_s`, while powered."""
+        since = at_s - (self.powered_at_s or 0.0)
+        return self.truth.drift_g_per_s * at_s + self.truth.warm_up_g * np.exp(-since / self.truth.warm_up_s)
+
+    def force_g(self, at_s: Array) -> tuple[Array, Array, Array]:
+        """Specific force along the input, pendulous and output axes, in local g."""
+        above_horizontal = np.radians(self._sense * self._world.axis.true_deg(at_s) + self._attitude_deg)
+        return np.sin(above_horizontal), np.cos(above_horizontal), np.zeros_like(above_horizontal)
+
+    def thermometer_c(self) -> float:
+        """One reading of the thermometer at the unit, with its errors and noise."""
+        true_c = self._world.thermal.thermometer_c(self._index)
+        noise = self._thermometer_noise_c * float(self._thermometer.standard_normal())
+        return true_c * (1 + self.settings.thermometer_gain) + self.settings.thermometer_offset_c + noise
+
+
+class World:
+    """The laboratory. `host_s` gives the host's clock; `now` is true time, which starts with it at 0.
+
+    Concurrency: one event loop; nothing here waits.
+    """
+
+    def __init__(self, settings: WorldSettings, host_s: Callable[[], float]) -> None:
+        self.settings = settings
+        self._host_s, self._origin_s = host_s, host_s()
+        self.axis = Axis(settings.axis, settings.axis_acceleration_dps2, stream(settings.seed, "head", "repeatability"))
+        names = sorted(settings.places)
+        physics = tuple(self._physics(settings.places[name]) for name in names)
+        phase = float(stream(settings.seed, "chamber", "limit cycle").uniform(0, 2 * np.pi))
+        self.thermal = Thermal(settings.chamber, physics, phase)
+        self.units = {name: SimulatedUnit(name, index, settings, self) for index, name in enumerate(names)}
+        self._integrators: list[Callable[[], None]] = []
+
+    def _physics(self, place: PlaceSettings) -> UnitPhysics:
+        model = place.unit.thermal
+        return UnitPhysics(
+            model.case_time_constant, model.sensor_time_constant, model.self_heating, self.settings.thermometer_lag_s
+        )
+
+    def now(self) -> float:
+        """True seconds since the world began."""
+        return (self._host_s() - self._origin_s) * (1 + self.settings.host_clock)
+
+    def host_time(self, true_s: Array) -> Array:
+        """What the host's clock shows at true times."""
+        return self._origin_s + true_s / (1 + self.settings.host_clock)
+
+    def look(self) -> float:
+        """Works the temperatures out up to now, and returns now."""
+        now = self.now()
+        self.thermal.advance(now)
+        return now
+
+    def integrate_with(self, catch_up: Callable[[], None]) -> None:
+        """Registers somebody who integrates over time and must be told before a stimulus changes."""
+        self._integrators.append(catch_up)
+
+    def before_change(self) -> float:
+        """To be called before any stimulus changes; returns now."""
+        now = self.look()
+        for catch_up in self._integrators:
+            catch_up()
+        return now
+
+    # What instruments do to the world
+
+    def move(self, target_deg: float, rate_dps: float) -> None:
+        """The head starts for `target_deg`."""
+        self.axis.start(self.before_change(), target_deg, rate_dps)
+
+    def stop(self) -> None:
+        """The head stands still."""
+        self.axis.stop(self.before_change())
+
+    def ramp(self, target_c: float, rate_c_per_s: float) -> None:
+        """The chamber's set point in force starts for `target_c`."""
+        self.before_change()
+        self.thermal.ramp(target_c, rate_c_per_s)
+
+    def power(self, supply: str, on: bool) -> None:
+        """A supply's output goes on or off, and with it the units on it."""
+        now = self.before_change()
+        for unit, index in zip(self.units.values(), range(len(self.units)), strict=True):
+            if unit.settings.supply == supply and on != (unit.powered_at_s is not None):
+                unit.powered_at_s = now if on else None
+                self.thermal.power(index, on)
+
+    def load_a(self, supply: str) -> float:
+        """What the units on a supply draw while its output is on."""
+        return sum(unit.truth.supply_a for unit in self.units.values() if unit.settings.supply == supply)
