@@ -2,36 +2,45 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
-from collections.abc import Sequence
+from collections.abc import Awaitable, Sequence
+from typing import Any
 
 from pymodbus import FramerType
 from pymodbus.client import AsyncModbusTcpClient
-from pymodbus.exceptions import ModbusException
+from pymodbus.exceptions import ConnectionException, ModbusException
 from pymodbus.pdu import ModbusPDU
 
-from drivers.errors import CannotConnect, LinkLost, NoAnswer, Refused
+from drivers.errors import BadAnswer, CannotConnect, LinkLost, NoAnswer, Refused
 from drivers.transport.address import Address
 
 logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # what it logs, we raise
 
-_EXCEPTIONS = {
-    1: "illegal function",
-    2: "illegal data address: the controller has no such register",
-    3: "illegal data value: the controller refuses this setting",
-    4: "server device failure",
-    5: "acknowledge: still busy",
-    6: "server device busy",
-    10: "gateway path unavailable",
-    11: "gateway target did not respond",
+_READ, _WRITE_ONE, _WRITE_MANY, _REFUSED = 3, 6, 16, 0x80
+# pymodbus keeps its time with asyncio.wait_for, which before Python 3.12 swallows a cancellation that comes together
+# with the answer. Without a limit it only waits, and ModbusLink keeps the time.
+_NO_TIMEOUT: Any = None
+_EXCEPTIONS = {  # code: (what it means, what to do)
+    1: ("illegal function", "Check that the driver fits the instrument."),
+    2: ("no such register", "Check that the driver, and its options in the bench file, fit the instrument."),
+    3: ("illegal value", "Check the limits and locks that are set at the instrument."),
+    4: ("device failure", "Look at the instrument for an error."),
+    5: ("acknowledged, still busy", "Wait until the instrument is ready, then start again."),
+    6: ("busy", "Wait until the instrument is ready, then start again."),
+    10: ("gateway path unavailable", "Check the unit id in the bench file and the gateway."),
+    11: ("gateway target did not respond", "Check the unit id in the bench file and the wire behind the gateway."),
 }
 
 
 class ModbusLink:
     """Holding registers of one unit behind one TCP connection.
 
-    Answers are matched by transaction id, so a late one is never taken for another. Reads are asked again once after
-    a timeout; writes never are.
+    Every request is sent once. Answers are matched by transaction id, so a late one is never taken for another; still,
+    a timeout, an answer that does not fit and a cancelled request end the trust in the connection: it is closed, and
+    its owner opens it again and asks who is there before anything else.
+
+    Concurrency: one request at a time; callers take turns.
     """
 
     def __init__(self, device: str, address: Address, *, unit_id: int, answer_s: float = 3.0) -> None:
@@ -39,13 +48,29 @@ class ModbusLink:
         self._client: AsyncModbusTcpClient | None = None
 
     async def open(self) -> None:
-        """Connects; raises CannotConnect."""
+        """Connects, anew if need be; raises CannotConnect."""
         self.close()
+
+        def end_request(connected: bool) -> None:
+            """Ends the request under way; pymodbus would let it wait for its whole time on a lost connection."""
+            waiting = client.ctx.response_future
+            if not connected and not waiting.done():
+                waiting.set_exception(ConnectionException("the connection was closed"))
+                waiting.exception()  # nobody may be waiting: it is then not an error that nobody saw
+
         client = AsyncModbusTcpClient(
-            self.address.host, port=self.address.port, framer=FramerType.SOCKET, timeout=self._answer_s,
-            retries=0, reconnect_delay=0,
+            self.address.host, port=self.address.port, framer=FramerType.SOCKET, retries=0, reconnect_delay=0,
+            timeout=_NO_TIMEOUT, trace_connect=end_request,
         )  # fmt: skip
-        if not await client.connect():
+        try:
+            async with asyncio.timeout(self._answer_s):
+                connected = await client.connect()
+        except TimeoutError:
+            connected = False
+        except asyncio.CancelledError:
+            client.close()
+            raise
+        if not connected:
             client.close()
             raise CannotConnect(
                 self.device, f"nobody answers at {self.address}",
@@ -54,38 +79,39 @@ class ModbusLink:
         self._client = client
 
     @property
-    def connected(self) -> bool:
-        """Whether the connection is open."""
-        return self._client is not None and self._client.connected
+    def is_open(self) -> bool:
+        """Whether it was opened and not closed since; a connection that the other end dropped is noticed when asked."""
+        return self._client is not None
 
     async def read(self, address: int, count: int) -> tuple[int, ...]:
-        """`count` holding registers from the wire address `address`; raises NoAnswer, Refused or LinkLost."""
-        sent = f"read {count} registers at {address}"
-        for attempt in (1, 2):
-            try:
-                answer = await self._request(sent).read_holding_registers(address, count=count, device_id=self._unit_id)
-            except ModbusException as problem:
-                if attempt == 2 or not self.connected:
-                    raise self._silent(sent) from problem
-                continue
-            self._accept(answer, sent)
-            if len(answer.registers) != count:
-                raise Refused(self.device, f"gave {len(answer.registers)} registers for {count}", sent=sent)
-            return tuple(answer.registers)
-        raise AssertionError("unreachable")
+        """`count` holding registers from the wire address `address`.
 
-    async def write(self, address: int, values: Sequence[int]) -> None:
-        """Writes registers from `address` in one request, never twice; raises NoAnswer, Refused or LinkLost."""
-        sent = f"write {' '.join(f'{value:04x}' for value in values)} at {address}"
-        client = self._request(sent)
-        try:
-            if len(values) == 1:
-                answer = await client.write_register(address, values[0], device_id=self._unit_id)
-            else:
-                answer = await client.write_registers(address, list(values), device_id=self._unit_id)
-        except ModbusException as problem:
-            raise self._silent(sent) from problem
-        self._accept(answer, sent)
+        Raises NoAnswer after the time for an answer, Refused for a Modbus exception, BadAnswer, LinkLost.
+        """
+        sent = f"read {count} registers at {address}"
+        request = self._open_client(sent).read_holding_registers(address, count=count, device_id=self._unit_id)
+        answer = await self._answer(request, _READ, sent)
+        if len(answer.registers) != count:
+            raise self._misfit(f"{len(answer.registers)} registers", sent)
+        return tuple(answer.registers)
+
+    async def write(self, address: int, words: Sequence[int]) -> None:
+        """Writes registers from the wire address `address` in one request; raises as `read`.
+
+        After NoAnswer and LinkLost nobody knows whether it was carried out: read back, then decide.
+        """
+        sent = f"write {' '.join(f'{word:04x}' for word in words)} at {address}"
+        client = self._open_client(sent)
+        if len(words) == 1:
+            request = client.write_register(address, words[0], device_id=self._unit_id)
+            answer = await self._answer(request, _WRITE_ONE, sent)
+            confirmed = (answer.address, *answer.registers) == (address, words[0])
+        else:
+            request = client.write_registers(address, list(words), device_id=self._unit_id)
+            answer = await self._answer(request, _WRITE_MANY, sent)
+            confirmed = (answer.address, answer.count) == (address, len(words))
+        if not confirmed:
+            raise self._misfit(str(answer), sent)
 
     def close(self) -> None:
         """Closes the connection; closing twice is harmless."""
@@ -93,21 +119,46 @@ class ModbusLink:
             self._client.close()
             self._client = None
 
-    def _request(self, sent: str) -> AsyncModbusTcpClient:
+    def _open_client(self, sent: str) -> AsyncModbusTcpClient:
         if self._client is None or not self._client.connected:
-            raise LinkLost(self.device, f"the connection to {self.address} is closed", sent=sent)
+            self.close()
+            raise self._lost("is closed", sent)
         return self._client
 
-    def _silent(self, sent: str) -> NoAnswer | LinkLost:
-        if not self.connected:
-            return LinkLost(self.device, f"the connection to {self.address} was closed", sent=sent)
-        return NoAnswer(
-            self.device, f"no answer within {self._answer_s:g} s from {self.address}", sent=sent,
-            remedy="Check that the controller is on and that nobody pulled the cable.",
+    async def _answer(self, request: Awaitable[ModbusPDU], function: int, sent: str) -> ModbusPDU:
+        """The answer to a request of `function`, when it is one and no refusal."""
+        try:
+            async with asyncio.timeout(self._answer_s):
+                answer = await request
+        except TimeoutError:
+            self.close()
+            raise NoAnswer(
+                self.device, f"no answer within {self._answer_s:g} s from {self.address}", sent=sent,
+                remedy="Check that the controller is on and that nobody pulled the cable.",
+            ) from None  # fmt: skip
+        except ModbusException as problem:
+            self.close()
+            raise self._lost("was closed", sent) from problem
+        except asyncio.CancelledError:
+            self.close()
+            raise
+        if answer.transaction_id == 0 or answer.function_code & ~_REFUSED != function:
+            raise self._misfit(str(answer), sent)
+        if answer.isError():
+            code = answer.exception_code
+            meaning, remedy = _EXCEPTIONS.get(code, ("unknown", "Look it up in the instrument's manual."))
+            raise Refused(self.device, f"Modbus exception {code}, {meaning}", sent=sent, remedy=remedy)
+        return answer
+
+    def _lost(self, how: str, sent: str) -> LinkLost:
+        return LinkLost(
+            self.device, f"the connection to {self.address} {how}", sent=sent,
+            remedy="Check the cable, and whether the instrument was restarted.",
         )  # fmt: skip
 
-    def _accept(self, answer: ModbusPDU, sent: str) -> None:
-        if answer.isError():
-            code = getattr(answer, "exception_code", 0)
-            reason = _EXCEPTIONS.get(code, "unknown")
-            raise Refused(self.device, f"Modbus exception {code}, {reason}", sent=sent)
+    def _misfit(self, received: str, sent: str) -> BadAnswer:
+        self.close()
+        return BadAnswer(
+            self.device, "the answer does not fit the request", sent=sent, received=received,
+            remedy="Check what is at this address, and that no gateway mixes up its clients.",
+        )  # fmt: skip

@@ -1,0 +1,72 @@
+"""What a bench file says of a chamber with a Watlow F4T."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from drivers.description import DriverDescription
+from drivers.fields import Celsius, CelsiusPerMinute, InUnit, PositiveSeconds, StrictModel
+from drivers.watlow_f4t.wire import WordOrder
+
+
+class F4TOptions(StrictModel):
+    """How the controller is spoken to.
+
+    `word_order` is the controller's own setting. `block_reads: false` is for controllers, or gateways, that refuse a
+    request over several values.
+    """
+
+    unit_id: Annotated[int, Field(ge=1, le=247)] = 1
+    loop: Annotated[int, Field(ge=1, le=4)] = 1
+    word_order: WordOrder = "low_first"
+    poll: Annotated[float, InUnit("s", above=0, at_most=30)] = 1.0
+    answer_timeout: PositiveSeconds = 3.0
+    block_reads: bool = True
+
+
+class TemperatureRange(StrictModel):
+    """From `min` to `max`, both allowed."""
+
+    min: Celsius
+    max: Celsius
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.min >= self.max:
+            raise PydanticCustomError("range", "{problem}", {"problem": f"min {self.min:g} °C is not below max"})
+        return self
+
+
+class RampRateRange(StrictModel):
+    """The fastest ramp."""
+
+    max: CelsiusPerMinute
+
+
+class F4TLimits(StrictModel):
+    """What the bench allows the chamber; the controller's own limits hold as well."""
+
+    temperature: TemperatureRange
+    ramp_rate: RampRateRange
+
+
+class F4TSafe(StrictModel):
+    """Where the set point goes when the bench is made safe."""
+
+    temperature: Celsius = 25.0
+
+
+DESCRIPTION = DriverDescription(
+    name="watlow_f4t",
+    title="thermal chamber with a Watlow F4T, Modbus TCP",
+    capabilities=frozenset({"thermal_chamber"}),
+    schemes=frozenset({"tcp"}),
+    target="drivers.watlow_f4t.driver:WatlowF4T",
+    options=F4TOptions,
+    limits=F4TLimits,
+    safe=F4TSafe,
+    channels={"process_value": "°C", "set_point": "°C"},
+)

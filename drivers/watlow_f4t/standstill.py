@@ -1,0 +1,28 @@
+"""When a measured value is frozen: bit-identical for ten minutes of a moving set point."""
+
+from __future__ import annotations
+
+import math
+
+STANDSTILL_S = 600.0
+SET_POINT_STANDS_S = 60.0  # a set point that nobody saw move for so long does not move
+
+
+class StandstillWatch:
+    """Looks at a process value and the set point that it should follow; the looks may come at any intervals.
+
+    A value at rest is nobody's fault while the set point rests too, or while nobody looks.
+    """
+
+    def __init__(self) -> None:
+        self._process_value = self._set_point = math.nan
+        self._same_since_s = self._moved_at_s = -math.inf
+
+    def frozen(self, at_s: float, process_value: float, set_point: float) -> bool:
+        """Takes one look, at the loop time `at_s`; whether the process value is frozen."""
+        if process_value != self._process_value or at_s - self._moved_at_s > SET_POINT_STANDS_S:
+            self._same_since_s = at_s
+        if set_point != self._set_point:
+            self._moved_at_s = at_s
+        self._process_value, self._set_point = process_value, set_point
+        return at_s - self._same_since_s >= STANDSTILL_S
