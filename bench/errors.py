@@ -10,9 +10,13 @@ class BenchError(Exception):
 
 
 class InputError(BenchError):
-    """A file, an option or a name that cannot be used; nothing has moved."""
+    """A file, an option or a name that cannot be used; nothing has moved. One line for each problem."""
 
     code = "input"
+
+    def __init__(self, *problems: str) -> None:
+        self.problems = problems
+        super().__init__("\n".join(problems))
 
 
 class StepError(BenchError):
@@ -21,8 +25,8 @@ class StepError(BenchError):
     code = "step"
 
 
-class UnitError(BenchError):
-    """A reading of the unit under test or of its supply left its window."""
+class WindowError(BenchError):
+    """A reading left the window that the bench file allows it, or is too old to be believed."""
 
     code = "window"
 

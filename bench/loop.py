@@ -123,7 +123,7 @@ class BenchLoop(asyncio.SelectorEventLoop):
             executor = self._executor
         return self.admit(executor.submit(func, *args))
 
-    async def shutdown_default_executor(self, timeout: float | None = None) -> None:  # noqa: ARG002  3.12 passes it
+    async def shutdown_default_executor(self, timeout: float | None = None) -> None:
         """As asyncio's; in virtual time without the helper thread that would look like a deadlock."""
         if self._virtual is None:
             await super().shutdown_default_executor()

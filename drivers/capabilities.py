@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager
-from typing import Literal, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Literal, Protocol, Self, runtime_checkable
 
-from drivers.values import ChamberState, FrameBlock, Identity, Reading, SourceReading
+if TYPE_CHECKING:  # checking a sequence needs the names here, and not numpy
+    from drivers.frame_block import FrameBlock
+    from drivers.values import ChamberState, Identity, Reading, SourceReading
 
 Approach = Literal["direct", "from_below", "from_above"]
 

@@ -6,21 +6,23 @@ finds it, a plug-in's too. The class is imported when the device is opened.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import entry_points
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from pydantic import BaseModel
 
 from drivers.capabilities import Device
 from drivers.errors import WrongIdentity
 from drivers.fields import StrictModel
-from drivers.transport.address import Address
-from drivers.transport.wires import Wires
-from drivers.values import Identity
+
+if TYPE_CHECKING:  # a bench file is checked without what only an opened device needs
+    from drivers.transport.address import Address
+    from drivers.transport.wires import Wires
+    from drivers.values import Identity
 
 ENTRY_POINTS = "inertial_test_bench.drivers"
 OptionsT = TypeVar("OptionsT", bound=BaseModel)
@@ -45,7 +47,8 @@ class IdentityPin(StrictModel):
 class DriverDescription:
     """A driver as a bench file sees it.
 
-    `channels` are the readings that `poll` gives, with their units; None when only the device itself knows them.
+    `reports_every_s` is how long readings may be on their way because the driver takes them in together.
+    `channels` are the readings that `poll` gives, with their units, or a function of the options that tells them.
     `options`, `limits`, `safe` and `uncertainty` are the models of those blocks of a device entry (`calibration.U` for
     the last). `target` is "module:Class".
     """
@@ -59,7 +62,12 @@ class DriverDescription:
     limits: type[BaseModel] = Nothing
     safe: type[BaseModel] = Nothing
     uncertainty: type[BaseModel] = Nothing
-    channels: Mapping[str, str] | None = field(default_factory=dict)
+    reports_every_s: float = 0.0
+    channels: Mapping[str, str] | Callable[[Any], Mapping[str, str]] = field(default_factory=dict)
+
+    def channels_of(self, options: BaseModel) -> Mapping[str, str]:
+        """The readings of a device with these options: name → unit."""
+        return self.channels(options) if callable(self.channels) else self.channels
 
 
 @dataclass(frozen=True)

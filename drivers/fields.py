@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import (
@@ -92,6 +93,29 @@ Ratio = Annotated[float, InUnit("")]
 Hertz = Annotated[float, InUnit("Hz", above=0)]
 
 
+@dataclass(frozen=True, slots=True)
+class FileBeside:
+    """Validates the name of a file into the path of an existing one in the folder of the document, or below it.
+
+    With `files_needed: False` in the context it need not exist: a bench file kept in a run names more than was kept.
+    """
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.with_info_plain_validator_function(self._validate)
+
+    def _validate(self, raw: object, info: core_schema.ValidationInfo) -> Path:
+        context = info.context or {}
+        folder = context.get("folder")
+        if not isinstance(raw, str) or not raw or not isinstance(folder, Path):
+            raise PydanticCustomError("file", "expected the name of a file beside this one")
+        path = (folder / raw).resolve()
+        if not path.is_relative_to(folder.resolve()):
+            raise PydanticCustomError("file", "{problem}", {"problem": f"'{raw}' leaves the folder of this file"})
+        if context.get("files_needed", True) and not path.is_file():
+            raise PydanticCustomError("file", "{problem}", {"problem": f"there is no file '{raw}' beside this one"})
+        return path
+
+
 class StrictModel(BaseModel):
     """Frozen, closed: an unknown key is an error that suggests the right one."""
 
@@ -111,15 +135,29 @@ def keys_of(model: type[BaseModel]) -> list[str]:
     return [field.alias or name for name, field in model.model_fields.items()]
 
 
+def inner_errors(error: ValidationError, place: tuple[str | int, ...] = ()) -> list[InitErrorDetails]:
+    """The errors of a part, to be raised again by the whole it stands in at `place`."""
+    return [
+        InitErrorDetails(
+            type=PydanticCustomError("part", "{problem}", {"problem": item["msg"]}),
+            loc=(*place, *item["loc"]),
+            input=item["input"],
+        )
+        for item in error.errors(include_url=False)
+    ]
+
+
 def _with_suggestions(error: ValidationError, model: type[BaseModel]) -> ValidationError:
-    """The same errors; an unknown key of `model` itself says which keys there are."""
-    details: list[InitErrorDetails] = []
-    for item in error.errors(include_url=False):
-        kind: str | PydanticCustomError = PydanticCustomError("plain", "{problem}", {"problem": item["msg"]})
+    """The same errors in plain words; an unknown key of `model` itself says which keys there are."""
+    details = inner_errors(error)
+    for index, item in enumerate(error.errors(include_url=False)):
+        kind: PydanticCustomError
         if item["type"] == "extra_forbidden" and len(item["loc"]) == 1:
             problem = f"unknown key '{item['loc'][0]}'" + did_you_mean(str(item["loc"][0]), keys_of(model))
             kind = PydanticCustomError("unknown_key", "{problem}", {"problem": problem})
         elif item["type"] == "missing":
             kind = PydanticCustomError("missing_key", "the key is missing")
-        details.append(InitErrorDetails(type=kind, loc=item["loc"], input=item["input"]))
+        else:
+            continue
+        details[index]["type"] = kind
     return ValidationError.from_exception_data(model.__name__, details)

@@ -1,12 +1,9 @@
-"""What drivers give and take: readings, identities, frame blocks, positions of chamber and axis."""
+"""What drivers give and take: readings, identities, states of instruments."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 
 class Reading(NamedTuple):
@@ -39,29 +36,8 @@ class ChamberState:
 
 @dataclass(frozen=True, slots=True)
 class SourceReading:
-    """What a supply or a source says of its output: V, A, and whether the output is on."""
+    """What a supply or a source says of its output: V (None where it does not measure it), A, and whether it is on."""
 
-    voltage_v: float
+    voltage_v: float | None
     current_a: float
     output: bool
-
-
-@dataclass(frozen=True, slots=True)
-class FrameBlock:
-    """CAN frames in order of arrival.
-
-    `ids` (N,) uint32, `at_s` (N,) float64 loop time of arrival, `dlc` (N,) uint8, `data` (N, 8) uint8, zero past dlc.
-    """
-
-    ids: NDArray[np.uint32]
-    at_s: NDArray[np.float64]
-    dlc: NDArray[np.uint8]
-    data: NDArray[np.uint8]
-
-    def __len__(self) -> int:
-        return len(self.ids)
-
-    @classmethod
-    def empty(cls) -> FrameBlock:
-        """A block without frames."""
-        return cls(np.empty(0, np.uint32), np.empty(0, np.float64), np.empty(0, np.uint8), np.empty((0, 8), np.uint8))

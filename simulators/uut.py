@@ -150,7 +150,7 @@ class Noise:
         before, fresh = self._wander, float(self._slow.standard_normal())
         self._wander = keep * before + math.sqrt(1 - keep * keep) * self._instability * fresh
         white = self._white.standard_normal(len(interval_s)) * (self._density * np.sqrt(0.5 / interval_s))
-        return np.asarray(white + np.linspace(before, self._wander, len(interval_s)))
+        return white + (before + (self._wander - before) * np.arange(1, len(white) + 1) / len(white))
 
 
 class Integrator:
@@ -162,21 +162,19 @@ class Integrator:
 
     def count(self, pulses: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Cumulative + and - counts after each of the consecutive increments of charge, in pulses."""
-        if len(pulses) and (pulses.min() >= 0 or pulses.max() <= 0):
-            net = self._one_way(pulses)
-        else:
-            net = self._both_ways(pulses)
-        steps = np.diff(net, prepend=0)
-        positive = self.positive + np.cumsum(np.maximum(steps, 0))
-        negative = self.negative + np.cumsum(np.maximum(-steps, 0))
+        one_way = len(pulses) > 0 and (pulses.min() >= 0 or pulses.max() <= 0)
+        net = self._one_way(pulses) if one_way else self._both_ways(pulses)
+        steps = net.copy()
+        steps[1:] -= net[:-1]
+        positive = self.positive + np.maximum(steps, 0).cumsum()
+        negative = self.negative - np.minimum(steps, 0).cumsum()
         if len(pulses):
             self.positive, self.negative = int(positive[-1]), int(negative[-1])
         return positive, negative
 
     def _one_way(self, pulses: Array) -> NDArray[np.int64]:
-        charge = self._residue + np.cumsum(pulses)
-        rising = pulses.max() > 0
-        net = np.maximum(np.floor(charge), 0) if rising else np.minimum(np.ceil(charge), 0)
+        charge = self._residue + pulses.cumsum()
+        net = np.maximum(np.floor(charge), 0) if pulses[-1] > 0 else np.minimum(np.ceil(charge), 0)
         self._residue = float(charge[-1] - net[-1])
         return net.astype(np.int64)
 

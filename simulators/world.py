@@ -73,7 +73,8 @@ class SimulatedUnit:
         self._hysteresis = Hysteresis(self.truth, settings.chamber.start_c)
         self._thermometer_noise_c = settings.thermometer_noise_c
         self._thermometer = stream(settings.seed, "noise", place, "thermometer")
-        self._last_c = settings.chamber.start_c
+        self._last_c = self._read_c = settings.chamber.start_c
+        self._read_at_s = 0.0
         self.powered_at_s: float | None = None
         self.history: list[tuple[float, float, float]] = []  # true time, sensor temperature, hysteresis bias
 
@@ -82,7 +83,7 @@ class SimulatedUnit:
 
         The last edge is the present: the world has been worked out up to it.
         """
-        middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, np.diff(edges_s)
+        middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
         now_c = self._world.thermal.sensor_c(self._index)
         span = edges_s[-1] - edges_s[0]
         temperature = self._last_c + (middle - edges_s[0]) * ((now_c - self._last_c) / span)
@@ -106,11 +107,13 @@ class SimulatedUnit:
         above_horizontal = np.radians(self._sense * self._world.axis.true_deg(at_s) + self._attitude_deg)
         return np.sin(above_horizontal), np.cos(above_horizontal), np.zeros_like(above_horizontal)
 
-    def thermometer_c(self) -> float:
-        """One reading of the thermometer at the unit, with its errors and noise."""
-        true_c = self._world.thermal.thermometer_c(self._index)
-        noise = self._thermometer_noise_c * float(self._thermometer.standard_normal())
-        return true_c * (1 + self.settings.thermometer_gain) + self.settings.thermometer_offset_c + noise
+    def thermometer_c(self, at_s: Array) -> Array:
+        """Readings of the thermometer at the unit at times since the last call, with its errors and noise."""
+        now_s, now_c = self._world.thermal.now_s, self._world.thermal.thermometer_c(self._index)
+        true_c = np.interp(at_s, [self._read_at_s, now_s], [self._read_c, now_c])
+        self._read_at_s, self._read_c = now_s, now_c
+        noise_c = self._thermometer_noise_c * self._thermometer.standard_normal(len(at_s))
+        return true_c * (1 + self.settings.thermometer_gain) + self.settings.thermometer_offset_c + noise_c
 
 
 class World:
@@ -138,7 +141,11 @@ class World:
 
     def now(self) -> float:
         """True seconds since the world began."""
-        return (self._host_s() - self._origin_s) * (1 + self.settings.host_clock)
+        return self.true_time(self._host_s())
+
+    def true_time(self, host_s: float) -> float:
+        """The true time at which the host's clock shows `host_s`."""
+        return (host_s - self._origin_s) * (1 + self.settings.host_clock)
 
     def host_time(self, true_s: Array) -> Array:
         """What the host's clock shows at true times."""

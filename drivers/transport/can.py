@@ -1,12 +1,203 @@
-"""CAN adapters of this machine as frame links."""
+"""CAN adapters of this machine as frame links: our own reader for slcan, python-can for every other."""
 
 from __future__ import annotations
 
-from drivers.errors import CannotConnect
+import asyncio
+import contextlib
+import threading
+from collections import deque
+from collections.abc import Awaitable, Callable
+from typing import TypeVar
+
+import can
+import numpy as np
+
+from drivers.errors import CannotConnect, InstrumentFault, LinkLost
+from drivers.frame_block import EXTENDED, FrameBlock
+from drivers.transport import slcan
 from drivers.transport.address import Address
 from drivers.transport.frames import FrameLink
+from drivers.transport.serial import open_serial
+
+P = TypeVar("P", bound=asyncio.Protocol)
+COLLECT_LIMIT_FRAMES = 2_000_000  # a minute of a full bus, should nobody take what arrives
+_ANSWER_S = 1.0
 
 
 async def open_can(device: str, address: Address) -> FrameLink:
     """Opens the adapter at `address`; raises CannotConnect."""
-    raise CannotConnect(device, f"no adapter known for {address}")
+    if address.scheme == "slcan":
+        return await open_slcan(device, address, lambda factory: open_serial(device, address, factory))
+    return PythonCan(device, address)
+
+
+async def open_slcan(
+    device: str, address: Address, join: Callable[[Callable[[], Slcan]], Awaitable[Slcan]]
+) -> FrameLink:
+    """Opens a serial-line adapter: closes its channel, sets the bit rate, opens it; raises CannotConnect."""
+    bitrate = address.option("bitrate", 500_000)
+    if bitrate not in slcan.BITRATES:
+        raise CannotConnect(device, f"{address}: slcan knows the bit rates {', '.join(map(str, slcan.BITRATES))}")
+    link = await join(lambda: Slcan(device))
+    try:
+        await link.command(slcan.CLOSE, may_refuse=True)  # refused when it was closed already
+        await link.command(slcan.BITRATES[bitrate])
+        await link.command(slcan.OPEN)
+    except BaseException:
+        link.close()
+        raise
+    return link
+
+
+class Slcan(asyncio.Protocol):
+    """A serial-line adapter as a frame link. What arrives is kept as bytes until `take` parses it in one go."""
+
+    def __init__(self, device: str) -> None:
+        self._device = device
+        self._chunks: list[tuple[float, bytes]] = []
+        self._rest = b""
+        self._lost = "not connected"
+        self._answer: asyncio.Future[bool] | None = None
+        self._transport: asyncio.Transport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The serial line is open."""
+        if not isinstance(transport, asyncio.Transport):
+            raise TypeError("a stream transport is needed")
+        self._transport, self._lost = transport, ""
+
+    def data_received(self, data: bytes) -> None:
+        """Bytes from the adapter, stamped with their arrival."""
+        if self._answer is not None and not self._answer.done():
+            if slcan.REFUSED in data or slcan.END in data:
+                self._answer.set_result(slcan.END in data)
+            return
+        self._chunks.append((asyncio.get_running_loop().time(), data))
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The serial line is gone."""
+        self._lost = f"the CAN adapter is gone ({exc})" if exc else "the CAN adapter is gone"
+        if self._answer is not None and not self._answer.done():
+            self._answer.set_exception(LinkLost(self._device, self._lost))
+
+    async def command(self, text: bytes, *, may_refuse: bool = False) -> None:
+        """Sends a command to the adapter itself; raises CannotConnect unless it agrees in time."""
+        if self._transport is None:
+            raise LinkLost(self._device, self._lost)
+        self._answer = asyncio.get_running_loop().create_future()
+        self._transport.write(text + slcan.END)
+        try:
+            async with asyncio.timeout(_ANSWER_S):
+                agreed = await self._answer
+        except TimeoutError:
+            raise CannotConnect(self._device, "the CAN adapter does not answer", sent=repr(text)[1:]) from None
+        finally:
+            self._answer = None
+        if not agreed and not may_refuse:
+            raise CannotConnect(self._device, "the CAN adapter refused", sent=repr(text)[1:])
+
+    def take(self) -> FrameBlock:
+        """Every frame since the last call; LinkLost when the adapter is gone."""
+        chunks, self._chunks = self._chunks, []
+        blocks = []
+        for at_s, data in chunks:
+            block, self._rest, _ = slcan.parse(self._rest + data, at_s)
+            blocks.append(block)
+        if self._lost and not blocks:
+            raise LinkLost(self._device, self._lost, remedy="Check the adapter's cable, then run again.")
+        return FrameBlock.joined(blocks)
+
+    def close(self) -> None:
+        """Closes the adapter's channel and the line; closing twice is harmless."""
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.write(slcan.CLOSE + slcan.END)
+            self._transport.close()
+
+
+class PythonCan:
+    """Any adapter that python-can knows (`can:socketcan/can0?bitrate=500000`) as a frame link.
+
+    With a file descriptor the running loop reads it; an adapter without one gets a reader thread, which is why such a
+    link belongs to real time only.
+    """
+
+    def __init__(self, device: str, address: Address) -> None:
+        self._device = device
+        interface, _, channel = address.path.strip("/").partition("/")
+        self._loop = asyncio.get_running_loop()
+        self._frames: deque[tuple[float, int, int, bytes]] = deque(maxlen=COLLECT_LIMIT_FRAMES)
+        self._failure: str = ""
+        self._closing = threading.Event()
+        self._thread: threading.Thread | None = None
+        try:
+            self._bus = can.Bus(channel=channel, interface=interface, bitrate=address.option("bitrate", 500_000))
+        except (can.CanError, OSError, ValueError, ImportError) as problem:
+            raise CannotConnect(
+                device, f"cannot open {address}: {problem}",
+                remedy="Check the adapter, its driver, and the interface's name (python-can's documentation).",
+            ) from problem  # fmt: skip
+        try:
+            self._descriptor = self._bus.fileno()
+        except NotImplementedError:
+            self._descriptor = -1
+        if self._descriptor >= 0:
+            self._loop.add_reader(self._descriptor, self._read_waiting)
+        else:
+            self._thread = threading.Thread(target=self._read_for_ever, name=f"can-{device}", daemon=True)
+            self._thread.start()
+
+    def take(self) -> FrameBlock:
+        """Every frame since the last call; LinkLost after a bus error."""
+        if self._failure:
+            raise LinkLost(self._device, self._failure, remedy="Check the bus, its termination and the adapter.")
+        count = len(self._frames)
+        if count == COLLECT_LIMIT_FRAMES:
+            raise InstrumentFault(self._device, "frames arrived faster than anybody took them, and some are lost")
+        taken = [self._frames.popleft() for _ in range(count)]
+        data = np.zeros((count, 8), np.uint8)
+        for row, (_, _, _, payload) in enumerate(taken):
+            data[row, : len(payload)] = list(payload)
+        return FrameBlock(
+            np.array([frame[1] for frame in taken], np.uint32), np.array([frame[0] for frame in taken], np.float64),
+            np.array([frame[2] for frame in taken], np.uint8), data,
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """Closes the adapter; closing twice is harmless."""
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        if self._descriptor >= 0:
+            self._loop.remove_reader(self._descriptor)
+        if self._thread is not None:
+            self._thread.join(timeout=2)
+        self._bus.shutdown()
+
+    def _read_waiting(self) -> None:
+        while (message := self._receive(0.0)) is not None:
+            self._keep(message)
+
+    def _read_for_ever(self) -> None:
+        while not self._closing.is_set() and not self._failure:
+            if (message := self._receive(0.1)) is not None:
+                self._keep(message)
+
+    def _receive(self, wait_s: float) -> can.Message | None:
+        try:
+            return self._bus.recv(wait_s)
+        except (can.CanError, OSError) as problem:
+            with contextlib.suppress(RuntimeError):  # the loop may be closed by now
+                self._loop.call_soon_threadsafe(self._fail, str(problem))
+            self._failure = str(problem)
+            return None
+
+    def _keep(self, message: can.Message) -> None:
+        if message.is_error_frame:
+            return
+        frame_id = message.arbitration_id | (EXTENDED if message.is_extended_id else 0)
+        self._frames.append((self._loop.time(), frame_id, message.dlc, bytes(message.data[:8])))
+
+    def _fail(self, problem: str) -> None:
+        if self._descriptor >= 0:
+            self._loop.remove_reader(self._descriptor)
+        self._failure = problem

@@ -1,17 +1,25 @@
 """Question and answer over a line of text: one at a time, with a deadline, and fenced after a surprise.
 
 A timeout is a data-integrity event: a late answer would be taken for the answer to the next question. After a timeout,
-an answer with something behind it, or a broken exchange, the channel is not trusted: it is drained until it has been
-quiet for longer than a late answer takes, the driver asks who is there, and only then does the next exchange go out.
+an answer that is not understood, bytes that nobody asked for, or a broken exchange, the channel is not trusted: it is
+drained until it has been quiet for longer than a late answer takes, the instrument is asked a question whose answer
+cannot be mistaken for another, and only then does the next exchange go out.
+
+What no client of a protocol without numbered answers can see is a copy of an answer that comes while the next question
+is already under way; on a serial line, where bytes trickle in, a question therefore waits for a short silence.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
-from drivers.errors import BadAnswer, LinkLost, NoAnswer
+from drivers.errors import BadAnswer, LinkLost, NoAnswer, Refused
+
+T = TypeVar("T")
 
 ANSWER_LIMIT_BYTES = 65_536
 DRAIN_LIMIT_S = 10.0
@@ -19,120 +27,185 @@ DRAIN_LIMIT_S = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """How long an answer may take, and how long silence must last before a late one is no longer expected."""
+    """How long things take on a line.
+
+    An answer may take `answer_s`; after a silence of `quiet_s` a late one is no longer expected; a question goes out
+    when the line has been silent for `gap_s`.
+    """
 
     answer_s: float = 2.0
     quiet_s: float = 1.0
+    gap_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """A question that changes nothing, and what raises unless its answer comes from the right instrument."""
+
+    question: bytes
+    check: Callable[[bytes], object]
 
 
 class LineExchange(asyncio.Protocol):
-    """A line-terminated dialogue with one instrument; give it to a transport, then `ask` and `tell`.
+    """A line-terminated dialogue with one instrument; give it to a transport, then `ask`.
 
     Concurrency: callers queue for the line. Cancelling an exchange leaves the channel untrusted, as a timeout does.
     """
 
-    def __init__(self, device: str, *, end: bytes = b"\n", pace: Pace | None = None) -> None:
+    def __init__(self, device: str, proof: Proof, *, end: bytes = b"\n", pace: Pace | None = None) -> None:
         self.device = device
+        self._proof = proof
         self._end = end
         self._pace = pace or Pace()
         self._turn = asyncio.Lock()
         self._received = bytearray()
+        self._heard_at_s = -math.inf
         self._waiter: asyncio.Future[None] | None = None
         self._transport: asyncio.Transport | None = None
-        self._lost: str = "not connected"
-        self._trusted = True
-        self._verify: Callable[[], Awaitable[None]] | None = None
+        self._lost = "not connected"
+        self._cut_ins = 0
+        self._doubts = 0  # surprises since the channel was last proved; trusted at 0
 
-    def verify_with(self, verify: Callable[[], Awaitable[None]]) -> None:
-        """Sets what proves, after a surprise, that questions and answers match again; it uses `ask_unfenced`."""
-        self._verify = verify
+    @property
+    def lost(self) -> bool:
+        """Whether the wire is closed; it stays closed."""
+        return bool(self._lost)
 
-    async def ask(self, command: bytes, *, answer_s: float | None = None) -> bytes:
-        """Sends `command` and a terminator; the answer without its terminator.
+    async def ask(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
+        """Sends `question` and a terminator; what `read` makes of the answer, given without its terminator.
 
-        Raises NoAnswer after `answer_s`, BadAnswer when more than one line came back, LinkLost.
+        Raises NoAnswer after `answer_s` (the pace's by default), BadAnswer when `read` raises ValueError, when more
+        than one line came back, or when something was said before the question, Refused when something cut in, and
+        LinkLost.
         """
         async with self._turn:
-            await self._ensure_trusted()
-            return await self.ask_unfenced(command, answer_s=answer_s)
+            await self._make_ready()
+            return await self._exchange(question, read, answer_s)
 
-    async def tell(self, command: bytes) -> None:
-        """Sends `command` and a terminator; the dialect gives no answer to it."""
+    async def order(self, command: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T | None:
+        """Sends a command, once, that moves or energises; as `ask`, but None when its answer is missing or garbled.
+
+        Nobody knows then whether it was carried out: read back, and decide. NoAnswer and BadAnswer are raised only
+        when the command was not sent.
+        """
+        cut_ins = self._cut_ins
         async with self._turn:
-            await self._ensure_trusted()
-            self._send(command)
+            await self._make_ready()
+            if self._cut_ins != cut_ins:
+                raise Refused(self.device, "not sent, the instrument is being made safe", sent=printable(command))
+            try:
+                return await self._exchange(command, read, answer_s)
+            except (NoAnswer, BadAnswer):
+                return None
 
-    async def ask_unfenced(self, command: bytes, *, answer_s: float | None = None) -> bytes:
-        """One exchange without the fence; only for what `verify_with` was given."""
-        deadline_s = self._pace.answer_s if answer_s is None else answer_s
-        if self._received:
-            stray = self._printable()
-            self._trusted = False
-            raise BadAnswer(self.device, "said something unasked", received=stray)
-        self._trusted = False  # until the whole answer is here
+    def cut_in(self, command: bytes) -> None:
+        """Sends `command` at once: for what makes an instrument safe.
+
+        The exchange under way ends with Refused, and orders that wait for their turn are not sent any more. What the
+        command answers is drained before the next exchange. Raises LinkLost.
+        """
+        self._cut_ins += 1
+        self._doubts += 1
         self._send(command)
-        try:
-            async with asyncio.timeout(deadline_s):
-                answer = await self._line()
-        except TimeoutError:
-            raise NoAnswer(
-                self.device, f"no answer within {deadline_s:g} s", sent=_printable(command), received=self._printable(),
-                remedy="Check that the instrument is on and its cable and address are right.",
-            ) from None  # fmt: skip
-        if self._received:
-            raise BadAnswer(
-                self.device, "more than one line came back", sent=_printable(command),
-                received=_printable(answer) + " then " + self._printable(),
-            )  # fmt: skip
-        self._trusted = True
-        return answer
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_exception(Refused(self.device, "cut short, the instrument is being made safe"))
 
     def distrust(self) -> None:
-        """Fences the channel, after an answer that the dialect does not allow."""
-        self._trusted = False
+        """Fences the channel: the next exchange goes out after draining and proof."""
+        self._doubts += 1
 
     def close(self) -> None:
         """Closes the wire; closing twice is harmless."""
+        self._lost = self._lost or "the connection was closed by this program"
         if self._transport is not None:
             self._transport.close()
 
-    async def _ensure_trusted(self) -> None:
-        if self._trusted:
-            return
+    async def _make_ready(self) -> None:
+        if self._doubts:
+            await self._prove()
+        else:
+            await self._listen_for_strays()
+
+    async def _exchange(self, question: bytes, read: Callable[[bytes], T], answer_s: float | None = None) -> T:
+        deadline_s = self._pace.answer_s if answer_s is None else answer_s
+        self._doubts += 1  # until the whole answer is here and understood
+        self._send(question)
+        try:
+            async with asyncio.timeout(deadline_s):
+                line = await self._line()
+        except TimeoutError:
+            raise NoAnswer(
+                self.device, f"no answer within {deadline_s:g} s", sent=printable(question), received=self._leftover(),
+                remedy="Check that the instrument is on, its cable and address, and the line terminator.",
+            ) from None  # fmt: skip
+        if self._received:
+            raise BadAnswer(
+                self.device, "more than one line came back", sent=printable(question),
+                received=f"{printable(line)} then {self._leftover()}",
+            )  # fmt: skip
+        try:
+            value = read(line)
+        except ValueError as problem:
+            raise BadAnswer(
+                self.device, f"an answer that is not understood: {problem}", sent=printable(question),
+                received=printable(line), remedy="Check the line settings and that nobody else uses this port.",
+            ) from problem  # fmt: skip
+        self._doubts -= 1
+        return value
+
+    async def _listen_for_strays(self) -> None:
+        """Waits until the line has been silent for the gap; raises BadAnswer when something was said unasked."""
+        if self._pace.gap_s:
+            silent_s = asyncio.get_running_loop().time() - self._heard_at_s
+            if silent_s < self._pace.gap_s:
+                await asyncio.sleep(self._pace.gap_s - silent_s)
+        if self._received:
+            self._doubts += 1
+            raise BadAnswer(
+                self.device, "said something unasked", received=self._leftover(),
+                remedy="Nothing was sent. Check that nobody else uses this port, and the terminator in the bench file.",
+            )  # fmt: skip
+
+    async def _prove(self) -> None:
+        """Drains the channel and proves that questions and answers match again."""
+        doubts = self._doubts
         await self._drain()
-        if self._verify is not None:
-            await self._verify()
-        self._trusted = True
+        await self._exchange(self._proof.question, self._proof.check)
+        self._doubts -= doubts
 
     async def _drain(self) -> None:
         """Throws away what comes until the line has been quiet for long enough."""
-        try:
-            async with asyncio.timeout(DRAIN_LIMIT_S):
-                while True:
-                    self._received.clear()
-                    try:
-                        async with asyncio.timeout(self._pace.quiet_s):
-                            await self._more()
-                    except TimeoutError:
-                        return
-        except TimeoutError:
-            raise BadAnswer(self.device, f"does not stop talking within {DRAIN_LIMIT_S:g} s") from None
+        loop = asyncio.get_running_loop()
+        deadline_s = loop.time() + DRAIN_LIMIT_S
+        while True:
+            self._received.clear()
+            try:
+                async with asyncio.timeout(self._pace.quiet_s):
+                    await self._more()
+            except TimeoutError:
+                return
+            if loop.time() > deadline_s:
+                raise BadAnswer(
+                    self.device, f"does not stop talking within {DRAIN_LIMIT_S:g} s", received=self._leftover(),
+                    remedy="Check the line settings, and that the instrument is not in a talk-only mode.",
+                )  # fmt: skip
 
     def _send(self, command: bytes) -> None:
         if self._transport is None or self._lost:
-            raise LinkLost(self.device, self._lost, sent=_printable(command))
+            raise LinkLost(self.device, self._lost, sent=printable(command))
         self._transport.write(command + self._end)
 
     async def _line(self) -> bytes:
         while (cut := self._received.find(self._end)) < 0:
             if len(self._received) > ANSWER_LIMIT_BYTES:
-                raise BadAnswer(self.device, "an answer without an end", received=self._printable())
+                raise BadAnswer(self.device, "an answer without an end", received=self._leftover())
             await self._more()
-        answer = bytes(self._received[:cut])
+        line = bytes(self._received[:cut])
         del self._received[: cut + len(self._end)]
-        return answer
+        return line
 
     async def _more(self) -> None:
+        """Waits for the next bytes; raises LinkLost."""
         if self._lost:
             raise LinkLost(self.device, self._lost)
         self._waiter = asyncio.get_running_loop().create_future()
@@ -141,8 +214,8 @@ class LineExchange(asyncio.Protocol):
         finally:
             self._waiter = None
 
-    def _printable(self) -> str:
-        return _printable(bytes(self._received))
+    def _leftover(self) -> str:
+        return printable(bytes(self._received)) if self._received else ""
 
     # asyncio.Protocol
 
@@ -155,17 +228,18 @@ class LineExchange(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Bytes from the instrument."""
         self._received += data
+        self._heard_at_s = asyncio.get_running_loop().time()
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_result(None)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The wire is closed; whoever waits learns it now."""
-        self._lost = f"the connection was closed ({exc})" if exc else "the connection was closed"
+        self._lost = self._lost or f"the connection was closed ({exc or 'by the other end'})"
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_exception(LinkLost(self.device, self._lost))
 
 
-def _printable(data: bytes) -> str:
+def printable(data: bytes) -> str:
     """Bytes as a technician can read them; long ones cut."""
     text = repr(data[:80])[1:]
     return text if len(data) <= 80 else f"{text}… ({len(data)} bytes)"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from drivers.values import FrameBlock
+from drivers.frame_block import FrameBlock
 
 
 class FrameLink(Protocol):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import os
 from collections.abc import Callable
-from typing import TypeVar
+from contextlib import ExitStack
+from typing import Protocol, TypeVar
 
 import serial
 
@@ -15,12 +16,23 @@ from drivers.transport.address import Address
 P = TypeVar("P", bound=asyncio.Protocol)
 
 
+class CharacterDevice(Protocol):
+    """An open serial port or one end of a pseudo-terminal."""
+
+    def fileno(self) -> int:
+        """Its descriptor."""
+
+    def close(self) -> None:
+        """Closes it."""
+
+
 async def open_serial(device: str, address: Address, factory: Callable[[], P]) -> P:
     """Opens the port for this process alone and joins `factory()` to it; raises CannotConnect.
 
     Options: baud (9600), bytesize (8), parity (N), stopbits (1), flow (none, rtscts or xonxoff).
     """
     flow = address.options.get("flow", "none")
+    await asyncio.sleep(0)  # a port that was just closed lets go of its lock in the next turn of the loop
     try:
         port = serial.Serial(
             address.path,
@@ -38,47 +50,81 @@ async def open_serial(device: str, address: Address, factory: Callable[[], P]) -
             device, f"cannot open {address}: {problem}",
             remedy="Check the path (ls -l /dev/serial/by-id), the cable, and that no other program has the port.",
         ) from problem  # fmt: skip
-    return await _join(port, factory())
-
-
-async def _join(port: serial.Serial, protocol: P) -> P:
-    """Joins the open port to `protocol` by asyncio's own pipe transports, one for each direction."""
-    loop = asyncio.get_running_loop()
-    writer, _ = await loop.connect_write_pipe(asyncio.BaseProtocol, os.fdopen(os.dup(port.fileno()), "wb", 0))
-    reader, _ = await loop.connect_read_pipe(lambda: _Incoming(protocol), port)
-    protocol.connection_made(SerialTransport(reader, writer))
+    protocol = factory()
+    await join_device(port, protocol)
     return protocol
 
 
-class _Incoming(asyncio.Protocol):
-    """Hands what arrives to the real protocol, whose transport is the pair."""
+async def join_device(device: CharacterDevice, protocol: asyncio.Protocol) -> DeviceTransport:
+    """Joins an open device to `protocol` by asyncio's own pipe transports, one for each direction.
 
-    def __init__(self, protocol: asyncio.Protocol) -> None:
-        self._protocol = protocol
+    The transport owns the device from now on, and closes it when it cannot be joined.
+    """
+    loop = asyncio.get_running_loop()
+    transport = DeviceTransport(protocol)
+    with ExitStack() as undo:
+        undo.callback(device.close)
+        twin = undo.enter_context(os.fdopen(os.dup(device.fileno()), "wb", 0))
+        writer, _ = await loop.connect_write_pipe(lambda: _Half(transport), twin)
+        undo.callback(writer.abort)
+        reader, _ = await loop.connect_read_pipe(lambda: _Half(transport), device)
+        undo.pop_all()
+    transport.begin(reader, writer)
+    return transport
+
+
+class _Half(asyncio.Protocol):
+    """One direction of a device."""
+
+    def __init__(self, whole: DeviceTransport) -> None:
+        self._whole = whole
 
     def data_received(self, data: bytes) -> None:
-        self._protocol.data_received(data)
+        self._whole.protocol.data_received(data)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._protocol.connection_lost(exc)
+        self._whole.end(exc)
 
 
-class SerialTransport(asyncio.Transport):
-    """Both directions of a character device as one transport."""
+class DeviceTransport(asyncio.Transport):
+    """Both directions of a character device as one transport; when one is gone, so is the other."""
 
-    def __init__(self, reader: asyncio.ReadTransport, writer: asyncio.WriteTransport) -> None:
+    def __init__(self, protocol: asyncio.Protocol) -> None:
         super().__init__()
+        self.protocol = protocol
+        self._reader: asyncio.ReadTransport | None = None
+        self._writer: asyncio.WriteTransport | None = None
+        self._ended = False
+
+    def begin(self, reader: asyncio.ReadTransport, writer: asyncio.WriteTransport) -> None:
+        """Takes both directions, and tells the protocol; part of `join_device`."""
         self._reader, self._writer = reader, writer
+        self.protocol.connection_made(self)
+
+    def end(self, exc: Exception | None) -> None:
+        """One direction is gone: closes the other, and tells the protocol once."""
+        self.close()
+        if not self._ended:
+            self._ended = True
+            self.protocol.connection_lost(exc)
 
     def write(self, data: bytes | bytearray | memoryview) -> None:
         """Sends `data`."""
-        self._writer.write(data)
+        if self._writer is not None:
+            self._writer.write(data)
 
     def is_closing(self) -> bool:
-        """Whether the port is closed or about to be."""
-        return self._reader.is_closing()
+        """Whether the device is closed or about to be."""
+        return self._reader is None or self._reader.is_closing()
 
     def close(self) -> None:
-        """Closes the port; closing twice is harmless."""
-        self._writer.abort()
-        self._reader.close()
+        """Closes the device; what the kernel has not taken yet is dropped. Closing twice is harmless."""
+        # asyncio's pipe transports do not take it well when they are closed twice.
+        if self._writer is not None and not self._writer.is_closing():
+            self._writer.abort()
+        if self._reader is not None and not self._reader.is_closing():
+            self._reader.close()
+
+    def abort(self) -> None:
+        """As `close`."""
+        self.close()

@@ -102,11 +102,17 @@ class WatlowF4T:
         was a command, and when the process value stands still while the set point moves; BadAnswer for no number.
         """
         async with self._turn:
-            target_c = await self._registers.number(LoopRegister.SET_POINT)
             block = await (self._registers.block() if self._block_reads else self._registers.block_singly())
+            target_c = await self._target_c(block)
             self._check_command(target_c, block)
             self._check_movement(block)
         return ChamberState(block.process_value, block.set_point_in_force, target_c)
+
+    async def _target_c(self, block: LoopBlock) -> float:
+        """The set point. It is not asked for while the one in force rests at the command: it would leave at once."""
+        if self._commanded_c is not None and abs(block.set_point_in_force - self._commanded_c) <= ARRIVED_WITHIN_C:
+            return self._commanded_c
+        return await self._registers.number(LoopRegister.SET_POINT)
 
     async def hold(self) -> None:
         """Makes the set point in force the set point, read back."""

@@ -279,7 +279,7 @@ def test_after_a_lost_connection_the_next_look_connects_and_identifies_again() -
             asked = len(chamber.requests)
             await driver.poll()
             registers = [int.from_bytes(request[8:10], "big") for request in chamber.requests[asked:]]
-            assert registers == [6730, 2774, 2776, 2782, 2810]
+            assert registers == [6730, 2774, 2776, 2810, 2782]
             chamber.drop_connections()
             await asyncio.sleep(1.0)
             with pytest.raises(LinkLost):

@@ -1,0 +1,71 @@
+"""From cumulative counts to a mean pulse rate (methods.md 1.7).
+
+A mean comes from the first and the last cumulative reading and the device's own clock at both; what lies between only
+decides whether it may be used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.analysis.rundata import Array, Counts, Integers
+
+LEAST_SHARE = 0.5  # of the latches must have come
+RATE_MARGIN = 1.05
+STANDSTILL_PERIODS = 5.0  # of the mean rate without a pulse: the converter's dead band
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """A mean net rate in pulse/s over `span_s` of device time; `problems` make it unusable."""
+
+    net_pps: float
+    span_s: float
+    problems: tuple[str, ...]
+
+
+def mean_rate(counts: Counts) -> Rate:
+    """The net rate between the first and the last latch; NaN when there are not two.
+
+    Problems: too_few_latches, counter_restarted, ambiguous_gap (a counter may have gone round unseen), impossible_rate
+    (more pulses than the converter can give, as after a reset), dead_band (no pulse for five times the mean period).
+    """
+    if len(counts.tick) < 2:
+        return Rate(float("nan"), 0.0, ("too_few_latches",))
+    seconds: Array = np.asarray(_steps(counts.tick, counts.tick_bits) * counts.tick_period_s, np.float64)
+    positive = _steps(counts.positive, counts.counter_bits)
+    negative = _steps(counts.negative, counts.counter_bits)
+    span_s = float(seconds.sum())
+    problems = []
+    if len(counts.tick) < LEAST_SHARE * (len(counts.tick) + counts.lost):
+        problems.append("too_few_latches")
+    if counts.restarts:
+        problems.append("counter_restarted")
+    if seconds.max() * counts.max_rate_pps >= 1 << counts.counter_bits:
+        problems.append("ambiguous_gap")
+    if max((positive / seconds).max(), (negative / seconds).max()) > RATE_MARGIN * counts.max_rate_pps:
+        problems.append("impossible_rate")
+    net = int(positive.sum()) - int(negative.sum())
+    if _stands_still(seconds, positive + negative, abs(net) / span_s):
+        problems.append("dead_band")
+    return Rate(net / span_s, span_s, tuple(problems))
+
+
+def _steps(cumulative: Integers, bits: int) -> Integers:
+    """Differences of a counter that wraps."""
+    return np.diff(cumulative) % (1 << bits)
+
+
+def _stands_still(seconds: Array, pulses: Integers, rate_pps: float) -> bool:
+    """Whether no pulse came for much longer than the mean rate lets expect, and for at least three latches."""
+    silent = np.concatenate(([0], np.where(pulses == 0, 1, 0), [0]))
+    begins, ends = np.flatnonzero(np.diff(silent) == 1), np.flatnonzero(np.diff(silent) == -1)
+    if not len(begins):
+        return False
+    clock = np.concatenate(([0.0], np.cumsum(seconds)))
+    longest = int(np.argmax(clock[ends] - clock[begins]))
+    if ends[longest] - begins[longest] < 3:
+        return False
+    return rate_pps == 0 or float(clock[ends[longest]] - clock[begins[longest]]) > STANDSTILL_PERIODS / rate_pps

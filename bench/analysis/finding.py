@@ -1,0 +1,118 @@
+"""A result that can be signed: value, unit, uncertainty with its budget, limits and verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+COVERAGE = 2
+UNLIMITED_DOF = 1000  # more are reported as unlimited
+Verdict = Literal["PASS", "FAIL", "INVALID"]
+
+
+@dataclass(frozen=True, slots=True)
+class BudgetLine:
+    """One source of uncertainty: `u` in the unit of the finding, `dof` None for unlimited.
+
+    Lines of several findings with the same `shared` are one and the same error and not independent. An `alias` is
+    something that the value contains and that this method cannot separate from it.
+    """
+
+    source: str
+    type: Literal["A", "B", "alias"]
+    u: float
+    dof: int | None = None
+    shared: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One result of one unit. `at` says under which conditions, `steps` from which steps of the run."""
+
+    id: str
+    uut: str
+    quantity: str
+    name: str
+    at: Mapping[str, Any]
+    value: float
+    unit: str
+    budget: tuple[BudgetLine, ...]
+    steps: tuple[str, ...]
+    limits: tuple[float | None, float | None] | None = None
+    verdict: Verdict | None = None
+    flags: tuple[str, ...] = ()
+
+    @property
+    def u(self) -> float:
+        """Combined standard uncertainty."""
+        return math.sqrt(sum(line.u**2 for line in self.budget))
+
+    @property
+    def dof(self) -> int | None:
+        """Effective degrees of freedom after Welch and Satterthwaite (JCGM 100, G.4); None for unlimited."""
+        limited = sum(line.u**4 / line.dof for line in self.budget if line.dof)
+        if limited == 0:
+            return None
+        dof = math.floor(self.u**4 / limited + 0.5)
+        return dof if dof <= UNLIMITED_DOF else None
+
+    @property
+    def marginal(self) -> bool:
+        """Whether a limit is closer than 2 u."""
+        sides = [side for side in self.limits or () if side is not None]
+        return any(abs(self.value - side) < 2 * self.u for side in sides)
+
+    def judged(self, low: float | None, high: float | None) -> Finding:
+        """The same finding with limits and, unless it is invalid, a verdict by simple acceptance."""
+        inside = (low is None or self.value >= low) and (high is None or self.value <= high)
+        verdict: Verdict = "INVALID" if self.verdict == "INVALID" else "PASS" if inside else "FAIL"
+        return replace(self, limits=(low, high), verdict=verdict)
+
+
+@dataclass(frozen=True, slots=True)
+class TemperatureModel:
+    """A polynomial of a quantity over temperature: in x = (T - centre) / scale, and in powers of T in °C."""
+
+    id: str
+    uut: str
+    quantity: str
+    unit: str
+    centre: float
+    scale: float
+    coefficients: tuple[float, ...]
+    u: tuple[float, ...]
+    correlation: tuple[tuple[float, ...], ...]
+    powers_of_t: tuple[float, ...]
+    residual_sd: float | None
+    dof: int
+    max_residual: float
+    valid_c: tuple[float, float]
+    dwells_used: int
+    dwells_left_out: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class UnitResult:
+    """Everything one method found of one unit; `flags` are those of the unit as a whole."""
+
+    place: str
+    uut: str
+    findings: tuple[Finding, ...]
+    models: tuple[TemperatureModel, ...]
+    flags: tuple[str, ...]
+
+    @property
+    def verdict(self) -> Literal["PASS", "FAIL", "INCOMPLETE"]:
+        """FAIL beats INCOMPLETE (something invalid, or nothing found) beats PASS."""
+        verdicts = {finding.verdict for finding in self.findings}
+        if "FAIL" in verdicts:
+            return "FAIL"
+        return "INCOMPLETE" if "INVALID" in verdicts or not self.findings else "PASS"
+
+
+def combined(lines: Sequence[BudgetLine]) -> tuple[BudgetLine, ...]:
+    """The lines of a budget that contribute, largest first; an alias is kept whatever it is worth."""
+    kept = [line for line in lines if line.u > 0 or line.type == "alias"]
+    return tuple(sorted(kept, key=lambda line: -line.u))

@@ -1,0 +1,95 @@
+"""What a method gets of a run: counts, angles and temperatures of the acquisitions, and what is known of the bench."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Integers = NDArray[np.int64]
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """One channel during one acquisition, a row for each latch that came whole; all (N,) and raw.
+
+    `tick` is the device's clock in `tick_period_s`, `positive` and `negative` are cumulative; they wrap at 2**bits.
+    `sequence` is unwrapped: a step above 1 is a gap. `lost` latches did not come whole, `restarts` is how often the
+    counter began anew. `max_rate_pps` is the fastest that the converter can pulse.
+    """
+
+    sequence: Integers
+    tick: Integers
+    positive: Integers
+    negative: Integers
+    tick_bits: int
+    counter_bits: int
+    tick_period_s: float
+    max_rate_pps: float
+    lost: int
+    restarts: int
+
+
+@dataclass(frozen=True, slots=True)
+class Acquisition:
+    """One acquisition: its step and the group of steps it belongs to, and what the bench did meanwhile.
+
+    `angle_deg` is what the head read back, `set_c` the chamber's set point; `counts` by channel; `temperatures_c` the
+    values of each named reading between `begin_s` and `end_s` of bench time.
+    """
+
+    step: str
+    group: str
+    loops: Mapping[str, float]
+    begin_s: float
+    end_s: float
+    angle_deg: float
+    set_c: float
+    counts: Mapping[str, Counts]
+    temperatures_c: Mapping[str, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class UnitUnderTest:
+    """One unit in its place."""
+
+    place: str
+    serial: str
+    channel: str
+    mount_angle_deg: float
+    temperature: str
+
+
+@dataclass(frozen=True, slots=True)
+class BenchRecord:
+    """What certificates and surveys say of the bench; every `u` is a standard uncertainty.
+
+    Angles in degrees. The input axis stands at `sense` x head angle + `offset_deg` + level above the horizontal.
+    `harmonics_u_deg` are those of the cosine and of the sine amplitude of harmonics 1, 2, … of the head's error.
+    `thermometers_u` gives offset (°C) and gain (on the temperature in °C) by the name of the reading.
+    """
+
+    gravity_mps2: float
+    gravity_u_mps2: float
+    sense: int
+    offset_deg: float
+    level_deg: float
+    level_u_deg: float
+    zero_u_deg: float
+    harmonics_u_deg: tuple[float, ...]
+    repeatability_u_deg: float
+    time_base_u: float
+    thermometers_u: Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class RunData:
+    """The acquisitions under one label, in the order of the run, and what is needed to reduce them."""
+
+    label: str
+    units: tuple[UnitUnderTest, ...]
+    acquisitions: tuple[Acquisition, ...]
+    bench: BenchRecord

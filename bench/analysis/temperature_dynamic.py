@@ -1,0 +1,243 @@
+"""Dynamic temperature characteristic: one position, the temperature ramped up and down (methods.md 6.3).
+
+A straight line through all data, and what departs from it: residuals, the loop between rising and falling temperature,
+the difference between cycles, jumps, and a model in which the output lags behind the thermometer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from bench.analysis.fit import Array, NotDetermined, fit_polynomial, least_squares
+from bench.analysis.jumps import find_jumps
+from bench.analysis.ramp import Leg, RampRecord, cut_into_legs
+
+RATE_SAMPLES = 21  # over which dT/dt is smoothed
+LEFT_BY_LAG = 0.2  # of the mean loop, when lag explains most of it
+
+
+@dataclass(frozen=True, slots=True)
+class RampLimits:
+    """What the verdict depends on, in µg; None is no limit.
+
+    A jump is a step of more than the threshold between `jump_window` samples on either side.
+    """
+
+    jump_threshold_ug: float = 60.0
+    jump_window: int = 8
+    residual_ug: float | None = None
+    repeatability_ug: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RampJump:
+    """A jump of the output at `temperature_c`; `size_ug` is after minus before in time."""
+
+    cycle: int
+    leg: str
+    temperature_c: float
+    size_ug: float
+
+
+@dataclass(frozen=True, slots=True)
+class LagModel:
+    """U = bias + slope T + rate dT/dt. A lag τ behind the thermometer gives a rate coefficient of -slope τ.
+
+    Next to a turn of the ramp, where the smoothing of dT/dt would look into the other leg, the model is neither fitted
+    nor judged: there dT/dt is already new while a lagging output still turns.
+    """
+
+    bias_v: float
+    slope_v_per_c: float
+    rate_v_s_per_c: float
+    max_residual_ug: float
+
+
+@dataclass(frozen=True, slots=True)
+class DynamicCharacteristic:
+    """The straight line U = bias + slope T over all data, and the departures from it in µg.
+
+    `hysteresis_ug` is None without a temperature passed on both legs of a cycle, `repeatability_ug` without a second
+    cycle, `lag` where the rate of temperature did not change. `excluded` counts rows by reason.
+    """
+
+    bias_v: float
+    slope_v_per_c: float
+    max_residual_ug: float
+    rms_residual_ug: float
+    hysteresis_ug: float | None
+    repeatability_ug: float | None
+    jumps: tuple[RampJump, ...]
+    lag: LagModel | None
+    verdict: str
+    flags: tuple[str, ...]
+    excluded: dict[str, int]
+
+
+def reduce_ramp(record: RampRecord, scale_v_per_g: float, limits: RampLimits) -> DynamicCharacteristic:
+    """Residuals, hysteresis, repeatability, jumps, lag model and verdict; `scale_v_per_g` is the scale factor K1.
+
+    All usable samples take part in all figures: a jump counts in the residual and in the loop as well. The verdict is
+    "pass", "fail", or "invalid" when a leg has lost more than half of its samples. Flags: `lag` when the lag model
+    removes most of the loop, `ill_conditioned` when there is none, `invalid`.
+
+    Raises NotDetermined without two different temperatures.
+    """
+    legs, excluded = cut_into_legs(record)
+    line = fit_polynomial(_joined(leg.temperature_c for leg in legs), _joined(leg.output_v for leg in legs), 1)
+    ug_per_v = 1e6 / scale_v_per_g
+    residuals_ug = [(leg.output_v - line.value(leg.temperature_c)) * ug_per_v for leg in legs]
+    at_degrees = _at_whole_degrees(legs, residuals_ug)
+    loops = _loops(at_degrees)
+    jumps = tuple(_jumps(legs, residuals_ug, limits))
+    max_residual_ug = line.max_residual * abs(ug_per_v)
+    repeatability_ug = _largest(_changes(at_degrees))
+    lag, loops_left = _lag_model(legs, ug_per_v)
+    flags = {
+        "lag": len(loops_left) > 0 and np.mean(loops_left) < LEFT_BY_LAG * np.mean(loops),
+        "ill_conditioned": lag is None,
+        "invalid": not all(leg.complete for leg in legs),
+    }
+    failed = (
+        bool(jumps)
+        or _exceeds(max_residual_ug, limits.residual_ug)
+        or _exceeds(repeatability_ug, limits.repeatability_ug)
+    )
+    return DynamicCharacteristic(
+        bias_v=float(line.powers[0]),
+        slope_v_per_c=float(line.powers[1]),
+        max_residual_ug=max_residual_ug,
+        rms_residual_ug=float(np.sqrt(np.mean(line.residuals**2)) * abs(ug_per_v)),
+        hysteresis_ug=_largest(loops),
+        repeatability_ug=repeatability_ug,
+        jumps=jumps,
+        lag=lag,
+        verdict="invalid" if flags["invalid"] else "fail" if failed else "pass",
+        flags=tuple(flag for flag, raised in flags.items() if raised),
+        excluded=excluded,
+    )
+
+
+def _joined(parts: Iterable[Array]) -> Array:
+    return np.concatenate([np.zeros(0), *parts])
+
+
+def _largest(differences_ug: Array) -> float | None:
+    return float(np.max(differences_ug)) if len(differences_ug) else None
+
+
+def _exceeds(value: float | None, limit: float | None) -> bool:
+    return value is not None and limit is not None and value > limit
+
+
+def _at_whole_degrees(legs: Sequence[Leg], residuals_ug: Sequence[Array]) -> dict[tuple[int, str], Array]:
+    """For each leg, by cycle and name, its residual at every whole degree of the record; NaN where it did not pass."""
+    temperature_c = _joined(leg.temperature_c for leg in legs)
+    degrees_c = np.arange(np.ceil(np.min(temperature_c)), np.floor(np.max(temperature_c)) + 1)
+    return {
+        (leg.cycle, leg.name): _passing(degrees_c, leg, residual_ug)
+        for leg, residual_ug in zip(legs, residuals_ug, strict=True)
+    }
+
+
+def _passing(degrees_c: Array, leg: Leg, residual_ug: Array) -> Array:
+    """The residual of a leg at each of `degrees_c`, by a straight line through the samples within ±0.5 °C of it.
+
+    Where samples are farther apart than that, the line goes through the next ones. One that would have to be extended
+    beyond its samples is none, and the value NaN.
+    """
+    known = np.flatnonzero(np.isfinite(residual_ug))
+    if len(known) < 2:
+        return np.full(len(degrees_c), np.nan)
+    order = known[np.argsort(leg.temperature_c[known])]
+    x, y = leg.temperature_c[order], residual_ug[order]
+    near_c = max(0.5, float(np.median(np.abs(np.diff(leg.temperature_c[known])))))
+    starts = np.searchsorted(x, degrees_c - near_c, "left")
+    ends = np.searchsorted(x, degrees_c + near_c, "right")
+    return np.array([
+        _line_at(degree_c, x[start:end], y[start:end])
+        for degree_c, start, end in zip(degrees_c, starts, ends, strict=True)
+    ])  # fmt: skip
+
+
+def _line_at(at: float, x: Array, y: Array) -> float:
+    """The least-squares line through y over ascending x, at a place between them; NaN elsewhere."""
+    if not len(x) or not x[0] <= at <= x[-1]:
+        return np.nan
+    away = x - x.mean()
+    spread = float(away @ away)
+    return float(y.mean() + (away @ y / spread * (at - x.mean()) if spread else 0.0))
+
+
+def _loops(at_degrees: dict[tuple[int, str], Array]) -> Array:
+    """|rising - falling| at all whole degrees that both legs of a cycle passed, all cycles together."""
+    return _finite(
+        np.abs(rising_ug - at_degrees[cycle, "down"])
+        for (cycle, leg), rising_ug in at_degrees.items()
+        if leg == "up" and (cycle, "down") in at_degrees
+    )
+
+
+def _changes(at_degrees: dict[tuple[int, str], Array]) -> Array:
+    """|cycle n - first cycle| of the same leg at all whole degrees, all later cycles together."""
+    first = {leg: cycle for cycle, leg in sorted(at_degrees, reverse=True)}
+    return _finite(
+        np.abs(residual_ug - at_degrees[first[leg], leg])
+        for (cycle, leg), residual_ug in at_degrees.items()
+        if cycle != first[leg]
+    )
+
+
+def _finite(parts: Iterable[Array]) -> Array:
+    joined = _joined(parts)
+    return joined[np.isfinite(joined)]
+
+
+def _jumps(legs: Sequence[Leg], residuals_ug: Sequence[Array], limits: RampLimits) -> Iterator[RampJump]:
+    """The jumps by leg and time; no leg knows its neighbours, so a turn of the ramp is not looked across."""
+    window, threshold_ug = limits.jump_window, limits.jump_threshold_ug
+    for leg, residual_ug in zip(legs, residuals_ug, strict=True):
+        for part in leg.stretches(longest_hole=window):
+            temperature_c = leg.temperature_c[part]
+            for jump in find_jumps(leg.time_s[part], residual_ug[part], threshold=threshold_ug, window=window):
+                at_c = (temperature_c[jump.after - 1] + temperature_c[jump.after]) / 2
+                yield RampJump(leg.cycle, leg.name, float(at_c), jump.size)
+
+
+def _lag_model(legs: Sequence[Leg], ug_per_v: float) -> tuple[LagModel | None, Array]:
+    """The lag model and what it leaves of the loops; None when the rate of temperature is the same throughout."""
+    designs = [np.stack([np.ones_like(leg.time_s), leg.temperature_c, _rates_c_per_s(leg)], axis=-1) for leg in legs]
+    design, output_v = np.concatenate(designs), _joined(leg.output_v for leg in legs)
+    known = np.isfinite(design[:, 2])
+    try:
+        fit = least_squares(design[known], output_v[known], names=("B0", "B1", "Bd"))
+    except NotDetermined:
+        return None, np.zeros(0)
+    pairs = zip(legs, designs, strict=True)
+    residuals_ug = [(leg.output_v - columns @ fit.coefficients) * ug_per_v for leg, columns in pairs]
+    largest_ug = float(np.max(np.abs(fit.residuals))) * abs(ug_per_v)
+    bias_v, slope_v_per_c, rate_v_s_per_c = (float(coefficient) for coefficient in fit.coefficients)
+    model = LagModel(bias_v, slope_v_per_c, rate_v_s_per_c, largest_ug)
+    return model, _loops(_at_whole_degrees(legs, residuals_ug))
+
+
+def _rates_c_per_s(leg: Leg) -> Array:
+    """dT/dt at each sample, the slope of a line through 21 samples around it, fewer in a leg of fewer than 40.
+
+    NaN where the samples around do not all belong to the leg.
+    """
+    rate_c_per_s = np.full(len(leg.time_s), np.nan)
+    for part in leg.stretches(longest_hole=RATE_SAMPLES // 2):
+        samples = min(RATE_SAMPLES, (part.stop - part.start) // 2 | 1)
+        if samples >= 3:
+            time_s, temperature_c = (
+                sliding_window_view(column[part], samples) for column in (leg.time_s, leg.temperature_c)
+            )
+            time_s = time_s - time_s.mean(axis=-1, keepdims=True)
+            slope = np.sum(time_s * temperature_c, axis=-1) / np.sum(time_s**2, axis=-1)
+            rate_c_per_s[part.start + samples // 2 : part.stop - samples // 2] = slope
+    return rate_c_per_s

@@ -1,0 +1,153 @@
+"""The one-axis tumble: bias, scale factor, misalignment and K2 from readings at known angles (methods.md 1.4 to 1.6).
+
+The model is E = c0 + K1 sin θ + (K1 d) cos θ + c2 sin² θ, θ the angle of the input axis above the horizontal, E in
+output units (V, mA or pulse/s). The four-point formulas are its special case at 0°, 90°, 180° and 270°. What a
+four-point tumble cannot separate stays in: K1 contains K3, c2 contains the asymmetry of a converter, d the zero error
+of the head.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.analysis.fit import Array, LinearFit, NotDetermined, least_squares
+
+FOUR_POINTS_DEG = (0.0, 90.0, 180.0, 270.0)
+TERMS = ("c0", "K1", "d·K1", "c2")
+
+
+@dataclass(frozen=True, slots=True)
+class Tumble:
+    """The solution of one tumble. Angles in rad; output units as the readings; g is local gravity."""
+
+    fit: LinearFit
+
+    @property
+    def c0(self) -> float:
+        """Bias in output units."""
+        return float(self.fit.coefficients[0])
+
+    @property
+    def k1(self) -> float:
+        """Scale factor, output units per g."""
+        return float(self.fit.coefficients[1])
+
+    @property
+    def c2(self) -> float:
+        """Square term, output units per g²."""
+        return float(self.fit.coefficients[3])
+
+    @property
+    def k0_g(self) -> float:
+        """Bias K0 = c0/K1, in g."""
+        return self.c0 / self.k1
+
+    @property
+    def k2_g_per_g2(self) -> float:
+        """Second-order coefficient K2 = c2/K1."""
+        return self.c2 / self.k1
+
+    @property
+    def misalignment_rad(self) -> float:
+        """Misalignment d of the input axis in the plane of the tumble."""
+        return float(self.fit.coefficients[2]) / self.k1
+
+    def covariance(self, reading_sd: float | None = None) -> Array:
+        """Covariance (4, 4) of K0 in g, K1 in output units per g, misalignment in rad, K2 in g/g².
+
+        `reading_sd` is the standard deviation of one reading in output units, as pooled over many tumbles; without it
+        the scatter of this tumble is taken, which is NaN when it has four readings only.
+        """
+        sd = self.fit.residual_sd if reading_sd is None else reading_sd
+        return self._jacobian() @ self.fit.unscaled_covariance @ self._jacobian().T * sd**2
+
+    def gain(self) -> Array:
+        """What one output unit more in each reading (n,) adds to K0, K1, misalignment and K2: (4, n)."""
+        return np.asarray(self._jacobian() @ self.fit.gain)
+
+    def _jacobian(self) -> Array:
+        """Derivatives of (K0, K1, misalignment, K2) to the fitted (c0, K1, d·K1, c2)."""
+        k1 = self.k1
+        return np.array([
+            [1 / k1, -self.k0_g / k1, 0, 0],
+            [0, 1, 0, 0],
+            [0, -self.misalignment_rad / k1, 1 / k1, 0],
+            [0, -self.k2_g_per_g2 / k1, 0, 1 / k1],
+        ])  # fmt: skip
+
+
+class IncompleteTumble(NotDetermined):
+    """The readings of a tumble do not determine its four terms; `missing_deg` are the positions without a reading."""
+
+    def __init__(self, cause: NotDetermined, missing_deg: Sequence[float]) -> None:
+        super().__init__(cause.names, rank=cause.rank, of=len(TERMS), condition=cause.condition)
+        self.missing_deg = tuple(missing_deg)
+        if missing_deg:
+            self.args = (f"{self}; no reading near {', '.join(f'{angle:g}°' for angle in missing_deg)}",)
+
+
+def solve_tumble(angle_rad: Array, reading: Array) -> Tumble:
+    """Least squares over `reading` (n,) in output units at the actual angles (n,) of the input axis above horizontal.
+
+    Raises IncompleteTumble when the angles do not determine the four terms; it names the terms and the positions.
+    """
+    sine, cosine = np.sin(angle_rad), np.cos(angle_rad)
+    design = np.stack([np.ones_like(sine), sine, cosine, sine**2], axis=-1)
+    try:
+        return Tumble(least_squares(design, reading, names=TERMS))
+    except NotDetermined as cause:
+        raise IncompleteTumble(cause, missing_positions_deg(np.degrees(angle_rad))) from None
+
+
+def missing_positions_deg(angle_deg: Array, wanted_deg: Sequence[float] = FOUR_POINTS_DEG) -> list[float]:
+    """Which of the positions `wanted_deg` have none of the angles within 45°, the half of the way to the next."""
+    return [wanted for wanted in wanted_deg if not np.any(np.abs(turn_between_deg(wanted, angle_deg)) < 45)]
+
+
+def turn_between_deg(start_deg: float, end_deg: Array) -> Array:
+    """The shorter turn from `start_deg` to `end_deg`, from -180 to 180."""
+    return np.mod(end_deg - start_deg + 180, 360) - 180
+
+
+@dataclass(frozen=True, slots=True)
+class Hysteresis:
+    """The largest |rising - falling|, in the unit of the values, at the set point `set_c`, and which two dwells."""
+
+    value: float
+    set_c: float
+    rising: int
+    falling: int
+
+
+def hysteresis(
+    value: Array,
+    temperature_c: Array,
+    set_c: Array,
+    *,
+    rising: NDArray[np.bool_],
+    cycle: NDArray[np.int_],
+    slope: Callable[[Array], Array],
+) -> Hysteresis | None:
+    """Compares dwells (n,) of one cycle at one set point, reached once by rising and once by falling temperature.
+
+    The two stood at slightly different temperatures: `slope`, the model's derivative at a temperature, brings them
+    together. None when no set point was visited in both ways.
+    """
+    visits: dict[tuple[int, float], tuple[list[int], list[int]]] = {}
+    for dwell, at in enumerate(zip(cycle.tolist(), set_c.round(6).tolist(), strict=True)):
+        up_and_down = visits.setdefault(at, ([], []))
+        up_and_down[0 if rising[dwell] else 1].append(dwell)
+    pairs = np.array([pair for up_and_down in visits.values() for pair in product(*up_and_down)], dtype=np.int_)
+    if not len(pairs):
+        return None
+    up, down = pairs.T
+    expected = slope((temperature_c[up] + temperature_c[down]) / 2) * (temperature_c[up] - temperature_c[down])
+    difference = np.abs(value[up] - value[down] - expected)
+    largest = int(np.argmax(difference))
+    i, j = int(up[largest]), int(down[largest])
+    return Hysteresis(float(difference[largest]), float(set_c[i]), i, j)

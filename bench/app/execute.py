@@ -1,0 +1,190 @@
+"""A prepared run from the first directory to the last line of its report."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from bench.analysis.rundata import Acquisition, UnitUnderTest
+from bench.app.devices import open_devices
+from bench.app.laboratory import Laboratory, make_laboratory, unit_files
+from bench.app.request import PreparedRun
+from bench.clock import Clock, Stopwatch, wall_utc
+from bench.engine.engine import Observer, Outcome
+from bench.errors import BenchError, StoreError
+from bench.loop import run as run_loop
+from bench.report.findings import Results
+from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, StoredRun
+from bench.runner import manifest
+from bench.runner.run import run_plan
+from bench.sequence.estimate import Estimate, estimate
+from bench.store.reader import RunReader
+from bench.store.runs import RunDirectory
+from bench.store.writer import RunWriter
+from drivers.can_counter.description import CounterOptions
+from drivers.values import Reading
+from simulators.truth import DwellAsMeasured, truth_record
+
+
+class RunObserver(Observer, Protocol):
+    """Whoever shows a run, from its directory to its results."""
+
+    def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
+        """The directory is made; the clock is that of the bench."""
+
+    def reading(self, name: str, reading: Reading) -> None:
+        """A channel has a new value."""
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """How a run ended: its directory, why it did not get to its end, and what was found."""
+
+    path: Path
+    outcome: Outcome
+    results: Results | None
+    bench_s: float
+    wall_s: float
+
+    @property
+    def problems(self) -> list[str]:
+        """Everything a person must know, the reason first."""
+        return [*self.outcome.problems, *(f"NOT MADE SAFE: {why}" for why in self.outcome.unsafe.values())]
+
+
+def execute(prepared: PreparedRun, observer: RunObserver) -> RunResult:
+    """Runs it; raises StoreError when there is no directory to run in. Everything else is in the result."""
+    bench = prepared.loaded.bench
+    units = unit_files(bench, prepared.request.uut_model) if bench.needs_simulators else {}
+    started, watch = wall_utc(), Stopwatch()
+    directory = RunDirectory.create(
+        prepared.request.runs, started, prepared.plan.name, "+".join(prepared.serials.values())
+    )
+    try:
+        record = manifest.opening(
+            directory.path.name,
+            prepared.plan,
+            bench,
+            prepared.serials,
+            prepared.seed,
+            prepared.request.operator,
+            started,
+        )
+        record["hashes"] = _keep_inputs(prepared, directory.path)
+        directory.write_json("manifest.json", record)
+
+        async def main() -> _Run:
+            laboratory = None
+            if bench.needs_simulators:
+                laboratory = make_laboratory(bench, units, prepared.seed, asyncio.get_running_loop().time)
+            return await _run(prepared, directory.path, laboratory, observer)
+
+        ran = run_loop(main(), prepared.speed)
+        return _finish(directory, record, ran, watch)
+    finally:
+        directory.release()
+
+
+@dataclass(frozen=True)
+class _Run:
+    outcome: Outcome
+    instruments: dict[str, Any]
+    laboratory: Laboratory | None
+    bench_s: float
+
+
+async def _run(prepared: PreparedRun, folder: Path, laboratory: Laboratory | None, observer: RunObserver) -> _Run:
+    bench = prepared.loaded.bench
+    clock = Clock(bench.simulation.start if bench.is_simulated else None)
+    expected = estimate(prepared.plan, bench)
+    writer = RunWriter(folder)
+    try:
+        writer.event("run_begins", utc=clock.utc().isoformat(), title=prepared.plan.sequence.title, seed=prepared.seed)
+        observer.run_begins(folder, expected, clock)
+        devices = open_devices(bench, laboratory)
+        outcome, identities = await run_plan(
+            prepared.plan,
+            bench,
+            devices,
+            writer,
+            observer,
+            observer.reading,
+            expected.of_phase(prepared.plan, "teardown"),
+        )
+        writer.event("run_ended", how=outcome.how)
+    except StoreError as problem:
+        outcome, identities = Outcome("error", [str(problem)]), {}
+    finally:
+        try:
+            writer.close()
+        except StoreError as problem:
+            outcome.how = "error"
+            if str(problem) not in outcome.problems:
+                outcome.problems.append(str(problem))
+    return _Run(outcome, manifest.instruments(bench, identities), laboratory, clock.monotonic())
+
+
+def _keep_inputs(prepared: PreparedRun, folder: Path) -> dict[str, str]:
+    """Copies what the run depends on into its directory, with hashes."""
+    copies = {SEQUENCE_COPY: prepared.plan.document.text, BENCH_COPY: prepared.loaded.document.text}
+    for entry in prepared.loaded.bench.devices.values():
+        if isinstance(entry.options, CounterOptions):
+            copies[entry.options.dbc.name] = entry.options.dbc.read_text(encoding="utf-8", errors="replace")
+    for name, text in copies.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return {name: manifest.file_hash(folder / name) for name in copies}
+
+
+def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: Stopwatch) -> RunResult:
+    """Reduces, writes results, truth and report, and the manifest last."""
+    outcome, path = ran.outcome, directory.path
+    directory.use_reserve()
+    results = None
+    record |= {"state": outcome.how, "instruments": ran.instruments, "bench_s": ran.bench_s}
+    try:
+        with RunReader(path) as reader:
+            record["digest"] = reader.digest()
+            stored = StoredRun(path, record, reader)
+            results = stored.evaluate()
+            record["verdict"] = results.verdict
+            if ran.laboratory is not None:
+                directory.write_json("truth.json", truth_record(ran.laboratory.world, _dwells(stored)))
+                record["hashes"]["truth.json"] = manifest.file_hash(path / "truth.json")
+        directory.write_json("results.json", results.to_json())
+    except BenchError as problem:
+        outcome.problems.append(str(problem))
+        outcome.how = record["state"] = "error"
+        record["verdict"] = "ERROR"
+    record |= {
+        "problems": outcome.problems,
+        "unsafe": outcome.unsafe,
+        "ended": wall_utc().isoformat(timespec="seconds"),
+        "wall_s": watch.elapsed_s(),
+    }
+    directory.write_json("manifest.json", record)
+    return RunResult(path, outcome, results, ran.bench_s, watch.elapsed_s())
+
+
+def _dwells(stored: StoredRun) -> list[DwellAsMeasured]:
+    """The dwells of a run as the truth wants to know them: when, how warm, at which angles."""
+    found = []
+    for label in dict.fromkeys(entry.data for entry in stored.sequence.results):
+        data = stored.data(label)
+        groups: dict[str, list[Acquisition]] = {}
+        for acquisition in data.acquisitions:
+            groups.setdefault(acquisition.group, []).append(acquisition)
+        found += [_dwell(label, unit, group, members) for unit in data.units for group, members in groups.items()]
+    return found
+
+
+def _dwell(label: str, unit: UnitUnderTest, group: str, members: Sequence[Acquisition]) -> DwellAsMeasured:
+    return DwellAsMeasured(
+        key=f"{label}/{unit.place}@{group.partition('/')[2]}",
+        place=unit.place,
+        at_s=sum(member.begin_s + member.end_s for member in members) / (2 * len(members)),
+        temperature_c=sum(float(member.temperatures_c[unit.temperature].mean()) for member in members) / len(members),
+        head_deg=tuple(member.angle_deg for member in members),
+    )

@@ -1,0 +1,69 @@
+"""Looks at the instruments of a bench without running anything."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+
+from bench.app.devices import open_devices
+from bench.app.laboratory import make_laboratory, unit_files
+from bench.app.request import load_bench_named
+from bench.config.models import BenchFile
+from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
+from bench.loop import run as run_loop
+from drivers.capabilities import Device
+from drivers.errors import DriverError
+
+LOOK_S = 30.0
+
+
+@dataclass(frozen=True)
+class Look:
+    """What one instrument said."""
+
+    role: str
+    driver: str
+    connection: str
+    said: str
+    problem: bool
+
+    def line(self) -> str:
+        """For a terminal."""
+        return f"{self.role:<10} {self.driver:<18} {self.connection:<44} {self.said}"
+
+
+def look_at_devices(name: str | None, *, simulate: bool = False) -> list[Look]:
+    """Connects to every instrument of a bench, identifies it and reads it once; a failed one says why."""
+    bench = load_bench_named(name, simulate=simulate).bench
+
+    async def main() -> list[Look]:
+        laboratory = None
+        if bench.needs_simulators:
+            host_s = asyncio.get_running_loop().time
+            laboratory = make_laboratory(bench, unit_files(bench, None), bench.simulation.seed, host_s)
+        devices = open_devices(bench, laboratory)
+        return list(await asyncio.gather(*(_look(bench, role, device) for role, device in devices.items())))
+
+    return run_loop(main(), AS_FAST_AS_POSSIBLE if bench.is_simulated else REAL_TIME)
+
+
+async def _look(bench: BenchFile, role: str, device: Device) -> Look:
+    entry = bench.devices[role]
+    problem = False
+    try:
+        async with asyncio.timeout(LOOK_S), device:
+            identity = await device.identify()
+            await asyncio.sleep(1.5 * entry.description.reports_every_s)
+            readings = await device.poll()
+        who = " ".join(filter(None, (identity.maker, identity.model, identity.serial, identity.firmware)))
+        stated = "" if identity.verified else f" (serial stated, not verified; {identity.fingerprint})"
+        units = entry.description.channels_of(entry.options)
+        values = ", ".join(
+            f"{key} {found[-1].value:.5g} {units.get(key, '')}" for key, found in readings.items() if found
+        )
+        said = f"{who}{stated}; {values}" if values else f"{who}{stated}"
+    except DriverError as error:
+        said, problem = str(error), True
+    except TimeoutError:
+        said, problem = f"no answer within {LOOK_S:g} s", True
+    return Look(role, entry.driver, str(entry.connection), said, problem)

@@ -1,0 +1,183 @@
+"""From a bench file to the simulated laboratory behind its wires.
+
+The laboratory's own errors are drawn by the seed: what a certificate bounds with sd = U / k of the certificate, the
+rest as the bench file's `simulation:` says. Each draw has a stream of its own.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from bench.config.load import load_file
+from bench.config.models import BenchFile, DeviceEntry, PlaceEntry
+from bench.errors import InputError
+from bench.loop import BenchLoop
+from bench.report.rundata import bench_record
+from drivers.can_counter import wire as counter_wire
+from drivers.can_counter.description import CounterOptions
+from drivers.dbc import Dbc
+from drivers.transport.address import Address
+from drivers.transport.frames import FrameLink
+from drivers.transport.memory import Line, join
+from drivers.transport.wires import RealWires
+from simulators.aerotech_ensemble import SimulatedEnsemble
+from simulators.can_counter import CounterSettings, SimulatedCounter
+from simulators.faults import FaultPlan
+from simulators.keithley_6220 import SimulatedKeithley
+from simulators.motion import AxisErrors
+from simulators.scpi_supply import SimulatedSupply
+from simulators.serve import Instrument, protocol_factory
+from simulators.thermal import ChamberPhysics
+from simulators.unit_file import UnitFile, stream
+from simulators.watlow_f4t import SimulatedF4T
+from simulators.world import Fixture, PlaceSettings, World, WorldSettings
+
+P = TypeVar("P", bound=asyncio.Protocol)
+TCP = Line(latency_s=0.001)
+SERIAL_LATENCY_S = 0.002
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """A world, the instruments in it by role, and the counters' frame links by role."""
+
+    world: World
+    instruments: Mapping[str, Instrument]
+    counters: Mapping[str, SimulatedCounter]
+
+
+def unit_files(bench: BenchFile, override: Path | None) -> dict[str, UnitFile]:
+    """The truth of the unit in each place; `override` takes the place of all of them. InputError."""
+    missing = [name for name in bench.places if name not in bench.simulation.units and override is None]
+    if missing:
+        raise InputError(f"no simulated unit for place '{missing[0]}': add it to simulation.units of the bench file")
+    return {name: load_file(override or bench.simulation.units[name], UnitFile) for name in bench.places}
+
+
+def make_laboratory(
+    bench: BenchFile, units: Mapping[str, UnitFile], seed: int, host_s: Callable[[], float]
+) -> Laboratory:
+    """The laboratory of one run."""
+    world = World(world_settings(bench, units, seed), host_s)
+    instruments: dict[str, Instrument] = {}
+    counters: dict[str, SimulatedCounter] = {}
+    for role, entry in bench.devices.items():
+        faults = FaultPlan({f.kind: f.at for f in bench.simulation.faults if f.device == role}, world.now)
+        if isinstance(entry.options, CounterOptions):
+            counters[role] = SimulatedCounter(world, _counter_settings(bench, role, entry.options), faults)
+        else:
+            instruments[role] = _instrument(role, entry, world, faults)
+    return Laboratory(world, instruments, counters)
+
+
+def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -> WorldSettings:
+    """The laboratory's errors as drawn for one run."""
+    stated, simulation = bench_record(bench), bench.simulation
+
+    def draw(sd: float, *path: str) -> float:
+        return float(sd * stream(seed, "bench", *path).standard_normal())
+
+    def place(name: str, entry: PlaceEntry) -> PlaceSettings:
+        offset_u, gain_u = stated.thermometers_u.get(entry.temperature, (0.0, 0.0))
+        return PlaceSettings(
+            unit=units[name],
+            channel=entry.channel,
+            supply=entry.supply,
+            mount_angle_deg=entry.mount_angle,
+            thermometer_offset_c=draw(offset_u, entry.temperature, "offset"),
+            thermometer_gain=draw(gain_u, entry.temperature, "gain"),
+        )
+
+    harmonics = enumerate(stated.harmonics_u_deg, start=1)
+    amplitudes = [[draw(u, "head", str(order), shape) for shape in ("cosine", "sine")] for order, u in harmonics]
+    return WorldSettings(
+        seed=seed,
+        gravity_mps2=stated.gravity_mps2 + draw(stated.gravity_u_mps2, "gravity"),
+        host_clock=draw(simulation.host_clock, "host clock"),
+        device_clock=draw(stated.time_base_u, "counter", "time base"),
+        axis=AxisErrors(
+            zero_deg=draw(stated.zero_u_deg, "head", "zero"),
+            cosines=tuple(cosine for cosine, _ in amplitudes),
+            sines=tuple(sine for _, sine in amplitudes),
+            backlash_deg=simulation.head.backlash / 3600,
+            repeatability_deg=stated.repeatability_u_deg,
+        ),
+        axis_acceleration_dps2=simulation.head.acceleration,
+        level_deg=stated.level_deg + draw(stated.level_u_deg, "level"),
+        fixture=Fixture(stated.sense, stated.offset_deg),
+        chamber=ChamberPhysics(
+            start_c=simulation.chamber.start,
+            natural_period_s=simulation.chamber.natural_period,
+            damping=simulation.chamber.damping,
+            limit_cycle_c=simulation.chamber.limit_cycle,
+            limit_cycle_period_s=simulation.chamber.limit_cycle_period,
+        ),
+        thermometer_lag_s=simulation.thermometer.lag,
+        thermometer_noise_c=simulation.thermometer.noise,
+        places={name: place(name, entry) for name, entry in bench.places.items()},
+    )
+
+
+def _counter_settings(bench: BenchFile, role: str, options: CounterOptions) -> CounterSettings:
+    dbc = Dbc(options.dbc.read_text(encoding="utf-8", errors="replace"))
+    channels = {name: channel.model_dump() for name, channel in options.channels.items()}
+    form = counter_wire.counter_format(dbc, options.latch.model_dump(), options.latch.tick_period, channels)
+    readings = {
+        bench.readings[place.temperature].channel: name
+        for name, place in bench.places.items()
+        if bench.readings[place.temperature].device == role
+    }
+    return CounterSettings(dbc, form, options.period, readings)
+
+
+def _instrument(role: str, entry: DeviceEntry, world: World, faults: FaultPlan) -> Instrument:
+    """The simulator of a dialect, with the identity and settings that the bench file states."""
+    options: Any = entry.options  # validated by the driver's own model
+    pin = entry.identity
+    match entry.driver:
+        case "watlow_f4t":
+            return SimulatedF4T(
+                world, faults, unit_id=options.unit_id, loop=options.loop, word_order=options.word_order
+            )
+        case "aerotech_ensemble":
+            return SimulatedEnsemble(world, faults, axis=options.axis)
+        case "scpi_supply":
+            return SimulatedSupply(
+                world, faults, name=role, model=pin.model or "SIM-PSU", serial=pin.serial or "SIM-PSU-01"
+            )
+        case "keithley_6220":
+            return SimulatedKeithley(world, faults, serial=pin.serial or "SIM-6220-01", terminator=options.terminator)
+        case _:
+            raise InputError(f"there is no simulator for '{entry.driver}'; '{role}' needs a real connection")
+
+
+class BenchWires:
+    """Joins what the bench file marks as simulated to the laboratory, in memory; everything else to real wires."""
+
+    def __init__(self, bench: BenchFile, laboratory: Laboratory | None) -> None:
+        self._laboratory, self._real = laboratory, RealWires()
+        loop = asyncio.get_running_loop()
+        for role, entry in bench.devices.items():
+            address = entry.connection
+            if laboratory is not None and address.simulated and address.scheme == "tcp" and isinstance(loop, BenchLoop):
+                factory = protocol_factory(laboratory.instruments[role])
+                loop.serve_in_memory(address.host, address.port, factory, TCP)
+
+    async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
+        """Joins `factory()` to a TCP connection or a serial line."""
+        if self._laboratory is None or not address.simulated or address.scheme == "tcp":
+            return await self._real.stream(device, address, factory)
+        line = Line.serial(address.option("baud", 9600), SERIAL_LATENCY_S)
+        protocol = factory()
+        join(protocol, protocol_factory(self._laboratory.instruments[device])(), line, str(address))
+        return protocol
+
+    async def frames(self, device: str, address: Address) -> FrameLink:
+        """An open CAN channel."""
+        if self._laboratory is not None and address.simulated:
+            return self._laboratory.counters[device]
+        return await self._real.frames(device, address)

@@ -1,0 +1,109 @@
+"""What a person asks of a run, and the plan and bench it comes to; everything is checked before anything opens."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from bench.config.bench import LoadedBench, load_bench
+from bench.config.load import find
+from bench.errors import InputError
+from bench.sequence.check import check
+from bench.sequence.load import load_plan
+from bench.sequence.plan import Plan
+from drivers.suggest import did_you_mean
+
+DEFAULT_BENCH = "simulated"
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """A run as asked for on a command line; None leaves the choice to the files."""
+
+    sequence: str
+    bench: str | None = None
+    simulate: bool = False
+    speed: str | None = None
+    preset: str | None = None
+    settings: tuple[str, ...] = ()
+    uut_model: Path | None = None
+    seed: int | None = None
+    units: tuple[str, ...] = ()
+    operator: str = ""
+    runs: Path = Path("runs")
+    attended: bool = False
+
+
+@dataclass(frozen=True)
+class PreparedRun:
+    """A run whose files fit together: what it does, on what, how fast, and on which units by place."""
+
+    request: RunRequest
+    plan: Plan
+    loaded: LoadedBench
+    speed: float
+    serials: Mapping[str, str]
+    seed: int
+
+
+def load_bench_named(name: str | None, *, simulate: bool = False) -> LoadedBench:
+    """The bench file of a name or path, every wire simulated when asked."""
+    loaded = load_bench(find(name or DEFAULT_BENCH, "config"))
+    return replace(loaded, bench=loaded.bench.all_simulated()) if simulate else loaded
+
+
+def prepare(request: RunRequest) -> PreparedRun:
+    """Reads and checks everything; InputError says what does not fit."""
+    plan = load_plan(find(request.sequence, "sequences"), preset=request.preset, settings=request.settings)
+    loaded = load_bench_named(request.bench, simulate=request.simulate)
+    check(plan, loaded.bench)
+    speed = _speed(request, loaded)
+    if not loaded.bench.is_simulated and not request.attended:
+        raise InputError(
+            f"{loaded.document.path}: this bench has real connections; somebody must stay with it. "
+            "Say so with --attended, or simulate every instrument with --simulate."
+        )
+    seed = loaded.bench.simulation.seed if request.seed is None else request.seed
+    return PreparedRun(request, plan, loaded, speed, _serials(request, loaded), seed)
+
+
+def _speed(request: RunRequest, loaded: LoadedBench) -> float:
+    """Bench seconds a second: as fast as possible on a simulated bench, else real time."""
+    from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME  # asyncio, which checking a sequence does not need
+
+    simulated = loaded.bench.is_simulated
+    if request.speed is None:
+        return AS_FAST_AS_POSSIBLE if simulated else REAL_TIME
+    try:
+        speed = AS_FAST_AS_POSSIBLE if request.speed == "max" else float(request.speed)
+    except ValueError:
+        speed = math.nan
+    if not speed > 0:
+        raise InputError(f"--speed {request.speed}: expected max, or a number above 0 such as 60")
+    if speed != REAL_TIME and not simulated:
+        raise InputError(f"--speed {request.speed}: this bench has real connections, which run at speed 1 only")
+    return speed
+
+
+def _serials(request: RunRequest, loaded: LoadedBench) -> dict[str, str]:
+    """The serial number of the unit in each place: `--uut PLACE=SERIAL`, or `--uut SERIAL` with a single place."""
+    places = loaded.bench.places
+    serials: dict[str, str] = {}
+    for given in request.units:
+        place, equals, serial = given.partition("=")
+        if not equals:
+            if len(places) > 1:
+                raise InputError(f"--uut {given}: the bench has places {', '.join(places)}; write --uut PLACE=SERIAL")
+            place, serial = next(iter(places)), given
+        if place not in places:
+            raise InputError(f"--uut {given}: the bench has no place '{place}'{did_you_mean(place, places)}")
+        if not serial.strip() or not serial.isprintable() or len(serial) > 64:
+            raise InputError(f"--uut {given}: expected a serial number of up to 64 printable characters")
+        serials[place] = serial.strip()
+    if serials:
+        return {place: serials[place] for place in places if place in serials}
+    if not loaded.bench.is_simulated:
+        raise InputError("a run with real connections needs to know its units: --uut PLACE=SERIAL")
+    return {place: f"SIM-{place.upper()}" for place in places}

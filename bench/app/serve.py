@@ -1,0 +1,74 @@
+"""`bench simulate`: the other end of every local wire of a bench file, in real time."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from collections.abc import Callable
+from contextlib import AsyncExitStack
+from pathlib import Path
+
+from bench.app.laboratory import Laboratory, make_laboratory, unit_files
+from bench.app.request import load_bench_named
+from bench.config.models import BenchFile
+from bench.errors import BenchError, InputError
+from bench.loop import REAL_TIME
+from bench.loop import run as run_loop
+from drivers.transport.address import Address
+from simulators.pty import serve_pty
+from simulators.serve import protocol_factory
+from simulators.slcan_adapter import SimulatedAdapter
+
+
+def serve_bench(name: str, seed: int | None, say: Callable[[str], object]) -> None:
+    """Serves until SIGINT or SIGTERM; `say` gets a line for each address that is served, then `ready`.
+
+    Raises InputError when the file has no local address, BenchError when one is taken.
+    """
+    bench = load_bench_named(name).bench
+    units = unit_files(bench, None)
+    if not any(entry.connection.is_local for entry in bench.devices.values()):
+        raise InputError(f"{name}: no device is at a loopback address or a pty, so there is nothing to simulate")
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        laboratory = make_laboratory(bench, units, bench.simulation.seed if seed is None else seed, loop.time)
+        stopped = asyncio.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, stopped.set)
+        async with AsyncExitStack() as stack:
+            for line in await open_servers(bench, laboratory, stack):
+                say(line)
+            say("ready")
+            await stopped.wait()
+
+    run_loop(main(), REAL_TIME)
+
+
+async def open_servers(bench: BenchFile, laboratory: Laboratory, stack: AsyncExitStack) -> list[str]:
+    """Serves every local address of a bench until `stack` closes; a line for each. Raises BenchError."""
+    lines = []
+    for role, entry in bench.devices.items():
+        if not entry.connection.is_local:
+            continue
+        try:
+            await _serve(role, entry.connection, laboratory, stack)
+        except OSError as problem:
+            raise BenchError(
+                f"{role}: {entry.connection} cannot be served ({problem}); is another simulation running?"
+            ) from problem
+        lines.append(f"{role:<10} {entry.driver:<18} {entry.connection}")
+    return lines
+
+
+async def _serve(role: str, address: Address, laboratory: Laboratory, stack: AsyncExitStack) -> None:
+    if role in laboratory.counters:
+        counter = laboratory.counters[role]
+        await stack.enter_async_context(serve_pty(Path(address.path), lambda: SimulatedAdapter(counter)))
+        return
+    factory = protocol_factory(laboratory.instruments[role])
+    if address.scheme == "serial":
+        await stack.enter_async_context(serve_pty(Path(address.path), factory))
+        return
+    server = await asyncio.get_running_loop().create_server(factory, address.host, address.port)
+    await stack.enter_async_context(server)

@@ -1,0 +1,48 @@
+"""devices, simulate: what is done with the instruments of a bench."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from bench.cli.exits import BENCH_ERROR
+from bench.cli.running import BenchOption, Simulate
+
+group = typer.Typer(help="Look at the instruments of a bench.", invoke_without_command=True, rich_markup_mode=None)
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands."""
+    app.add_typer(group, name="devices")
+    app.command()(simulate)
+
+
+@group.callback()
+def devices_of(context: typer.Context, bench: BenchOption = None, simulate: Simulate = False) -> None:
+    """Connect to every instrument of a bench, identify it, and show its readings."""
+    if context.invoked_subcommand is None:
+        list_devices(bench, simulate)
+
+
+@group.command("list")
+def list_devices(bench: BenchOption = None, simulate: Simulate = False) -> None:
+    """Connect to every instrument of a bench, identify it, and show its readings."""
+    from bench.app.inspect import look_at_devices
+
+    looks = look_at_devices(bench, simulate=simulate)
+    for look in looks:
+        sys.stdout.write(look.line() + "\n")
+    if any(look.problem for look in looks):
+        raise typer.Exit(BENCH_ERROR)
+
+
+def simulate(
+    bench: Annotated[str, typer.Option("--bench", metavar="FILE", help="The bench whose instruments to simulate.")],
+    seed: Annotated[int | None, typer.Option(help="Seed of the simulation.")] = None,
+) -> None:
+    """Serve the other end of every loopback and pty address of a bench file, in real time, until Ctrl-C."""
+    from bench.app.serve import serve_bench
+
+    serve_bench(bench, seed, lambda line: sys.stderr.write(line + "\n"))

@@ -1,0 +1,1 @@
+"""Bench files: YAML documents, strictly read, into models."""

@@ -1,0 +1,84 @@
+"""A bench file whose parts fit together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from bench.config.document import Document, Place, read_document
+from bench.config.load import load
+from bench.config.models import BenchFile, PlaceEntry, ReadingEntry
+from bench.errors import InputError
+from drivers.suggest import did_you_mean
+
+
+@dataclass(frozen=True)
+class LoadedBench:
+    """A bench and the document it was read from."""
+
+    document: Document
+    bench: BenchFile
+
+
+def load_bench(path: Path) -> LoadedBench:
+    """The bench in a file; InputError lists every problem with its place."""
+    document = read_document(path)
+    bench = load(document, BenchFile)
+    found = [f"{document.where(place)}: {problem}" for place, problem in misfits(bench)]
+    if found:
+        raise InputError(*found)
+    return LoadedBench(document, bench)
+
+
+def load_kept_bench(path: Path) -> BenchFile:
+    """The bench file that a run has kept: it fitted when the run began, and the files it names may be gone."""
+    return load(read_document(path), BenchFile, files_needed=False)
+
+
+def misfits(bench: BenchFile) -> Iterator[tuple[Place, str]]:
+    """Names in one part of the file that another part does not have, each with its place."""
+    for name, reading in bench.readings.items():
+        yield from _reading(bench, name, reading)
+    for name, place in bench.places.items():
+        yield from _place(bench, name, place)
+    for name in bench.simulation.units:
+        if name not in bench.places:
+            problem = f"there is no place '{name}'{did_you_mean(name, bench.places)}"
+            yield ("simulation", "units", name), problem
+    for index, fault in enumerate(bench.simulation.faults):
+        if fault.device not in bench.devices:
+            problem = f"there is no device '{fault.device}'{did_you_mean(fault.device, bench.devices)}"
+            yield ("simulation", "faults", index, "device"), problem
+
+
+def _reading(bench: BenchFile, name: str, reading: ReadingEntry) -> Iterator[tuple[Place, str]]:
+    place: Place = ("readings", name, "from")
+    device = bench.devices.get(reading.device)
+    if device is None:
+        yield place, f"there is no device '{reading.device}'{did_you_mean(reading.device, bench.devices)}"
+        return
+    channels = device.description.channels_of(device.options)
+    if reading.channel not in channels:
+        yield place, f"{reading.device} has no channel '{reading.channel}'{did_you_mean(reading.channel, channels)}"
+    elif channels[reading.channel] != "°C":
+        yield place, f"{reading.from_} is in {channels[reading.channel]}; a named reading is a temperature in °C"
+    if name in bench.devices:
+        yield ("readings", name), f"'{name}' is a device already; a reading needs a name of its own"
+
+
+def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[tuple[Place, str]]:
+    where: Place = ("places", name)
+    counters = [entry.options for entry in bench.devices.values() if "pulse_counter" in entry.description.capabilities]
+    channels = [channel for options in counters for channel in getattr(options, "channels", {})]
+    if place.channel not in channels:
+        yield (*where, "channel"), f"no counter has a channel '{place.channel}'{did_you_mean(place.channel, channels)}"
+    if place.temperature not in bench.readings:
+        yield (
+            (*where, "temperature"),
+            f"there is no reading '{place.temperature}'{did_you_mean(place.temperature, bench.readings)}",
+        )
+    supply = bench.devices.get(place.supply)
+    if supply is None or "power_supply" not in supply.description.capabilities:
+        supplies = [key for key, entry in bench.devices.items() if "power_supply" in entry.description.capabilities]
+        yield (*where, "supply"), f"'{place.supply}' is not a power supply{did_you_mean(place.supply, supplies)}"

@@ -1,0 +1,199 @@
+"""YAML 1.2 documents, strictly: a small safe subset, and the place of every value.
+
+Refused are files above 256 KiB, text that is not UTF-8, anchors, aliases, tags, merge keys, second documents, duplicate
+keys, nesting beyond 20 and more than 20 000 nodes; all of it on the stream of parser events, before anything is built.
+Plain scalars are null, true, false, decimal integers and decimal floats; everything else is text, so `on`, `010`,
+`1_000`, `1:30` and dates stay what was written.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML, events
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from bench.errors import InputError
+
+SIZE_LIMIT_BYTES = 256 * 1024
+DEPTH_LIMIT = 20
+NODE_LIMIT = 20_000
+SCALAR_LIMIT = 4096
+_DEEP = f"is nested more than {DEPTH_LIMIT} deep"
+
+_INTEGER = re.compile(r"-?(0|[1-9]\d{0,17})", re.ASCII)
+_FLOAT = re.compile(r"-?(0|[1-9]\d*)(\.\d+)?([eE][+-]?\d{1,3})?", re.ASCII)
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
+_TOO_DEEP = re.compile(rf"(?:[\[{{]\s*){{{DEPTH_LIMIT + 1}}}")  # seen at once, where the parser would labour
+_WORDS: dict[str, Any] = {"": None, "~": None, "null": None, "true": True, "false": False}
+
+Place = tuple[str | int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A place in a file; both numbers begin at 1."""
+
+    line: int
+    column: int
+
+
+@dataclass(frozen=True)
+class Document:
+    """A file's value (dict, list, str, int, float, bool, None), its text, and where each part of it stands."""
+
+    path: Path
+    text: str
+    value: Any
+    marks: dict[Place, Mark]
+
+    def where(self, place: Place) -> str:
+        """`file:line:column` of a part, or of the nearest part around it."""
+        for length in range(len(place), -1, -1):
+            if mark := self.marks.get(place[:length]):
+                return f"{self.path}:{mark.line}:{mark.column}"
+        return f"{self.path}:1:1"
+
+
+def read_document(path: Path) -> Document:
+    """The document in a file; InputError says what is wrong with it and where."""
+    return parse_document(read_text(path), path)
+
+
+def read_text(path: Path) -> str:
+    """A file's text; InputError when there is none, it is too long, or it is not UTF-8."""
+    try:
+        if not path.is_file():
+            raise InputError(f"{path}: there is no such file")
+        size = path.stat().st_size
+        if size > SIZE_LIMIT_BYTES:
+            raise InputError(f"{path}: has {size} bytes, at most {SIZE_LIMIT_BYTES} are read; is it the right file?")
+        return path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as problem:
+        line = problem.object.count(b"\n", 0, problem.start) + 1
+        raise InputError(f"{path}:{line}:1: is not UTF-8 text; save it as UTF-8") from None
+    except (OSError, ValueError) as problem:
+        raise InputError(f"{path}: cannot be read ({problem})") from None
+
+
+def parse_document(text: str, path: Path) -> Document:
+    """The document that `text` spells; `path` is only for messages."""
+    if deep := _TOO_DEEP.search(text):
+        line = text.count("\n", 0, deep.start()) + 1
+        raise InputError(f"{path}:{line}:{deep.start() - text.rfind(chr(10), 0, deep.start())}: {_DEEP}")
+    builder = _Builder(path)
+    try:
+        value = builder.build(YAML(typ="safe", pure=True).parse(text))
+    except MarkedYAMLError as problem:
+        mark = problem.problem_mark or problem.context_mark
+        at = f"{mark.line + 1}:{mark.column + 1}" if mark is not None else "1:1"
+        raise InputError(f"{path}:{at}: is not YAML: {problem.problem or problem.context}") from None
+    except (YAMLError, ValueError) as problem:
+        raise InputError(f"{path}:1:1: is not YAML: {str(problem).splitlines()[0]}") from None
+    return Document(path, text, value, builder.marks)
+
+
+class _Builder:
+    """Values from parser events, without recursion."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._nodes = 0
+        self.marks: dict[Place, Mark] = {}
+
+    def build(self, stream: Iterator[Any]) -> Any:
+        documents = 0
+        root: Any = None
+        open_nodes: list[_Node] = []
+        for event in stream:
+            if isinstance(event, events.DocumentStartEvent):
+                documents += 1
+                if documents > 1:
+                    self._refuse(event, "a second document begins; one file holds one")
+            elif isinstance(event, (events.MappingEndEvent, events.SequenceEndEvent)):
+                open_nodes.pop()
+            elif isinstance(event, events.NodeEvent):
+                value = self._node(event, open_nodes)
+                if not open_nodes:
+                    root = value
+                    self.marks.setdefault((), _mark(event))
+                else:
+                    open_nodes[-1].add(value, event, self)
+                if isinstance(value, (dict, list)):
+                    open_nodes.append(_Node(value, open_nodes[-1].place_of_last if open_nodes else ()))
+        return root
+
+    def _node(self, event: Any, open_nodes: list[_Node]) -> Any:
+        """The value that an event begins, after every limit."""
+        self._nodes += 1
+        if self._nodes > NODE_LIMIT:
+            self._refuse(event, f"has more than {NODE_LIMIT} values")
+        if isinstance(event, events.AliasEvent) or event.anchor:
+            self._refuse(event, "anchors (&) and aliases (*) are not part of this language; repeat the value")
+        if event.tag:
+            self._refuse(event, "tags (!) are not part of this language; put text in quotes")
+        if isinstance(event, events.ScalarEvent):
+            return self._scalar(event)
+        if len(open_nodes) >= DEPTH_LIMIT:
+            self._refuse(event, _DEEP)
+        return {} if isinstance(event, events.MappingStartEvent) else []
+
+    def _scalar(self, event: Any) -> Any:
+        text = event.value
+        if len(text) > SCALAR_LIMIT:
+            self._refuse(event, f"is longer than {SCALAR_LIMIT} characters")
+        if _CONTROL.search(text):
+            self._refuse(event, "contains a control character")
+        if event.style:
+            return text
+        if text in _WORDS:
+            return _WORDS[text]
+        if _INTEGER.fullmatch(text):
+            return int(text)
+        return float(text) if _FLOAT.fullmatch(text) else text
+
+    def _refuse(self, event: Any, problem: str) -> None:
+        mark = _mark(event)
+        raise InputError(f"{self._path}:{mark.line}:{mark.column}: {problem}")
+
+    def add_key(self, key: Any, event: Any, node: _Node) -> None:
+        """Checks a key; a duplicate is refused with both places."""
+        if not isinstance(key, str):
+            self._refuse(event, f"a key must be text, found {type(key).__name__}; put it in quotes")
+        if key == "<<":
+            self._refuse(event, "merge keys (<<) are not part of this language; repeat the values")
+        if key in node.value:
+            before = self.marks[(*node.place, key)]
+            self._refuse(event, f"the key '{key}' stands twice; it is already in line {before.line}")
+
+
+class _Node:
+    """A mapping or a list that is being filled."""
+
+    def __init__(self, value: Any, place: Place) -> None:
+        self.value, self.place = value, place
+        self._key: str | None = None
+        self.place_of_last = place
+
+    def add(self, value: Any, event: Any, builder: _Builder) -> None:
+        """Takes the next key, value or item."""
+        if isinstance(self.value, list):
+            self.place_of_last = (*self.place, len(self.value))
+            self.value.append(value)
+            builder.marks[self.place_of_last] = _mark(event)
+        elif self._key is None:
+            builder.add_key(value, event, self)
+            self._key = str(value)
+            self.place_of_last = (*self.place, self._key)
+            builder.marks[self.place_of_last] = _mark(event)
+        else:
+            self.value[self._key] = value
+            self._key = None
+
+
+def _mark(event: Any) -> Mark:
+    return Mark(event.start_mark.line + 1, event.start_mark.column + 1)

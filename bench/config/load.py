@@ -1,0 +1,93 @@
+"""Documents into models, with every problem at its place; and where files are looked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from bench.config.document import Document, Place, read_document
+from bench.errors import InputError
+from drivers.suggest import did_you_mean
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+Kind = Literal["sequences", "config"]
+_SUFFIX = ".yaml"
+
+
+def load(document: Document, model: type[ModelT], **context: Any) -> ModelT:
+    """The model of a document; InputError has a `file:line:column: what` for each problem.
+
+    Validators find the document's folder and what `context` gives in their context.
+    """
+    try:
+        return model.model_validate(document.value, context={"folder": document.path.parent, **context})
+    except ValidationError as error:
+        raise InputError(*dict.fromkeys(problems(document, error.errors(include_url=False)))) from None
+
+
+def load_file(path: Path, model: type[ModelT]) -> ModelT:
+    """The model of a file."""
+    return load(read_document(path), model)
+
+
+def problems(document: Document, errors: list[ErrorDetails], prefix: Place = ()) -> Iterator[str]:
+    """A line for each of pydantic's errors, in the order of the file."""
+    found = []
+    for error in errors:
+        place, missing = _place(document.value, (*prefix, *error["loc"]))
+        what = f"'{missing}': {error['msg']}" if missing else error["msg"]
+        name = place[-1] if place and not missing else ""
+        mark = document.marks.get(place) or document.marks.get(())
+        order = (mark.line, mark.column) if mark else (0, 0)
+        found.append((order, f"{document.where(place)}: {f'{name}: ' if isinstance(name, str) and name else ''}{what}"))
+    return (text for _, text in sorted(found))
+
+
+def _place(value: Any, location: Place) -> tuple[Place, str]:
+    """The part of the document that an error's location means, and the key that is missing there.
+
+    Locations also hold names that no document has, such as the alternatives of a union; they are passed over.
+    """
+    place: list[str | int] = []
+    for index, part in enumerate(location):
+        if _has(value, part):
+            value = value[part]
+            place.append(part)
+        elif index == len(location) - 1 and isinstance(value, Mapping) and isinstance(part, str):
+            return tuple(place), part
+    return tuple(place), ""
+
+
+def _has(value: Any, part: str | int) -> bool:
+    if isinstance(value, Mapping):
+        return part in value
+    return isinstance(value, list) and isinstance(part, int) and part < len(value)
+
+
+def find(name: str, kind: Kind) -> Path:
+    """A sequence or a bench file: the path itself, then `./sequences` or `./config`, then what is shipped."""
+    given = Path(name)
+    folders = [Path(kind), *_shipped(kind)]
+    candidates = [given] + [folder / name for folder in folders if given.name == name]
+    for candidate in candidates:
+        for path in (candidate, candidate.with_name(candidate.name + _SUFFIX)):
+            if path.is_file():
+                return path
+    if given.name != name or given.suffix == _SUFFIX:
+        raise InputError(f"{name}: there is no such file")
+    known = sorted({path.stem for folder in folders if folder.is_dir() for path in folder.glob(f"*{_SUFFIX}")})
+
+    raise InputError(
+        f"{name}: there is no such {'sequence' if kind == 'sequences' else 'bench'}{did_you_mean(name, known)}"
+    )
+
+
+def _shipped(kind: Kind) -> list[Path]:
+    """Where the files of this distribution are: in the wheel, or in the source tree around the package."""
+    package = Path(str(files("bench")))
+    return [package / "shipped" / kind, package.parent / kind]

@@ -1,0 +1,331 @@
+"""What a bench file says: the site, the instruments and their limits, the fixture, the places for units."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+from zoneinfo import ZoneInfo
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    Field,
+    ModelWrapValidatorHandler,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from drivers.description import DriverDescription, IdentityPin, known_drivers
+from drivers.fields import (
+    Amperes,
+    Arcseconds,
+    Celsius,
+    Degrees,
+    FileBeside,
+    InUnit,
+    PositiveCelsius,
+    PositiveSeconds,
+    Ratio,
+    Seconds,
+    StrictModel,
+    inner_errors,
+)
+from drivers.suggest import did_you_mean
+from drivers.transport.address import Address, AddressError
+
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+Text = Annotated[str, Field(min_length=1, max_length=200)]
+CoverageFactor = Annotated[float, Field(gt=0, le=4)]
+
+
+def _address(raw: object) -> Address:
+    if isinstance(raw, Address):
+        return raw
+    try:
+        return Address.parse(str(raw))
+    except AddressError as problem:
+        raise PydanticCustomError("address", "{problem}", {"problem": str(problem)}) from None
+
+
+def _zone(name: str) -> str:
+    try:
+        ZoneInfo(name)
+    except (KeyError, ValueError, OSError):
+        raise ValueError(f"'{name}' is not a time zone; expected one like Europe/Berlin or UTC") from None
+    return name
+
+
+class Gravity(StrictModel):
+    """Local gravity in m/s², its expanded uncertainty, and where it comes from."""
+
+    value: Annotated[float, InUnit("m/s²", at_least=9.7, at_most=9.9)]
+    U: Annotated[float, InUnit("m/s²", at_least=0)]
+    k: CoverageFactor = 2.0
+    origin: Literal["measured", "model"]
+
+
+class Site(StrictModel):
+    """Where the bench stands."""
+
+    latitude: Annotated[float, InUnit("°", at_least=-90, at_most=90)]
+    height: Annotated[float, InUnit("m", at_least=-500, at_most=9000)]
+    gravity: Gravity
+    time_zone: Annotated[str, AfterValidator(_zone)] = "UTC"
+
+
+class Calibration(StrictModel):
+    """A certificate; `U` holds expanded uncertainties, under the names that the driver or the reading gives them."""
+
+    certificate: Text
+    laboratory: Text
+    date: dt.date
+    due: dt.date
+    k: CoverageFactor = 2.0
+    U: Any = Field(default_factory=dict)
+
+
+class DeviceEntry(StrictModel):
+    """One instrument; the blocks options, limits, safe and calibration.U are the driver's own models."""
+
+    driver: str
+    connection: Annotated[Address, BeforeValidator(_address)]
+    options: Any = Field(default_factory=dict)
+    identity: IdentityPin = IdentityPin()
+    limits: Any = Field(default_factory=dict)
+    safe: Any = Field(default_factory=dict)
+    calibration: Calibration | None = None
+
+    @property
+    def description(self) -> DriverDescription:
+        """What is known of the driver."""
+        return known_drivers()[self.driver]
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _by_driver(cls, data: Any, handler: ModelWrapValidatorHandler[Any], info: ValidationInfo) -> Any:
+        entry: DeviceEntry = handler(data)
+        description = known_drivers().get(entry.driver)
+        if description is None:
+            problem = f"there is no driver '{entry.driver}'{did_you_mean(entry.driver, known_drivers())}"
+            raise _custom(cls, ("driver",), problem)
+        scheme = entry.connection.scheme
+        if scheme not in description.schemes:
+            problem = f"{entry.driver} is reached by {' or '.join(sorted(description.schemes))}, not by {scheme}"
+            raise _custom(cls, ("connection",), problem)
+        details: list[InitErrorDetails] = []
+        blocks = {"options": description.options, "limits": description.limits, "safe": description.safe}
+        resolved = {name: _block(model, getattr(entry, name), (name,), info, details) for name, model in blocks.items()}
+        if entry.calibration is not None:
+            place = ("calibration", "U")
+            U = _block(description.uncertainty, entry.calibration.U, place, info, details)  # noqa: N806  the symbol
+            resolved["calibration"] = entry.calibration.model_copy(update={"U": U})
+        if details:
+            raise ValidationError.from_exception_data(cls.__name__, details)
+        return entry.model_copy(update=resolved)
+
+
+def _block(
+    model: type[BaseModel], raw: Any, place: tuple[str, ...], info: ValidationInfo, details: list[InitErrorDetails]
+) -> BaseModel | None:
+    try:
+        return model.model_validate(raw, context=info.context)
+    except ValidationError as error:
+        details.extend(inner_errors(error, place))
+        return None
+
+
+def _custom(model: type[BaseModel], place: tuple[str, ...], problem: str) -> ValidationError:
+    kind = PydanticCustomError("bench", "{problem}", {"problem": problem})
+    return ValidationError.from_exception_data(model.__name__, [InitErrorDetails(type=kind, loc=place, input=None)])
+
+
+class TemperatureWindow(StrictModel):
+    """What a reading may be."""
+
+    min: Celsius
+    max: Celsius
+
+
+class ThermometerUncertainty(StrictModel):
+    """Expanded: an offset, and a gain error on the temperature in °C."""
+
+    offset: PositiveCelsius | Literal[0] = 0
+    gain: Annotated[Ratio, InUnit("", at_least=0)] = 0.0
+
+
+class ThermometerCalibration(Calibration):
+    """The certificate of a thermometer."""
+
+    U: ThermometerUncertainty = ThermometerUncertainty()
+
+
+class ReadingEntry(StrictModel):
+    """A named reading: `DEVICE.CHANNEL`."""
+
+    from_: Annotated[str, Field(alias="from", pattern=r"^[a-z][a-z0-9_]*\.[\w.]+$")]
+    limits: TemperatureWindow | None = None
+    stale_after: PositiveSeconds = 10.0
+    calibration: ThermometerCalibration | None = None
+
+    @property
+    def device(self) -> str:
+        """The role of the device."""
+        return self.from_.partition(".")[0]
+
+    @property
+    def channel(self) -> str:
+        """The device's name for the reading."""
+        return self.from_.partition(".")[2]
+
+
+Direction = Literal["level", "up", "down"]
+
+
+class InputAxis(StrictModel):
+    """How the input axis lies in the fixture at two angles of the head."""
+
+    at_0: Direction
+    at_90: Direction
+
+    @model_validator(mode="after")
+    def _turns_in_the_vertical_plane(self) -> InputAxis:
+        if (self.at_0 == "level") == (self.at_90 == "level"):
+            raise ValueError(
+                "of at_0 and at_90 one is level and the other up or down: the axis turns in a vertical plane"
+            )
+        return self
+
+    @property
+    def sense(self) -> int:
+        """+1 where the axis rises as the head angle does, at the angle where it is level."""
+        rises = self.at_90 == "up" if self.at_0 == "level" else self.at_0 == "down"
+        return 1 if rises else -1
+
+    @property
+    def offset_deg(self) -> float:
+        """The angle of the axis above the horizontal at head angle 0."""
+        return {"level": 0.0, "up": 90.0, "down": -90.0}[self.at_0]
+
+
+class Level(StrictModel):
+    """How far from level the fixture is when the head says it is level."""
+
+    value: Annotated[float, InUnit("arcsec")]
+    U: Arcseconds
+    k: CoverageFactor = 2.0
+    date: dt.date
+
+
+class FixtureEntry(StrictModel):
+    """What holds the units on the head."""
+
+    serial: Text
+    input_axis: InputAxis
+    level: Level
+
+
+class CurrentWindow(StrictModel):
+    """What a unit may draw while its supply is on."""
+
+    min: Amperes
+    max: Amperes
+
+
+class PlaceEntry(StrictModel):
+    """A place for a unit under test: how it lies, what counts it, what warms and feeds it."""
+
+    channel: str
+    type: Text = "accelerometer channel"
+    mount_angle: Degrees = 0.0
+    temperature: Name
+    supply: Name
+    supply_current: CurrentWindow | None = None
+
+
+class Monitor(StrictModel):
+    """How often the devices are asked for their readings, the whole run long."""
+
+    period: PositiveSeconds = 1.0
+
+
+class ChamberSimulation(StrictModel):
+    """How the simulated chamber behaves."""
+
+    start: Celsius = 20.0
+    natural_period: PositiveSeconds = 360.0
+    damping: Annotated[Ratio, InUnit("", above=0, at_most=5)] = 0.5
+    limit_cycle: Annotated[float, InUnit("°C", at_least=0)] = 0.2
+    limit_cycle_period: PositiveSeconds = 90.0
+
+
+class HeadSimulation(StrictModel):
+    """How the simulated head behaves."""
+
+    backlash: Arcseconds = 1.0
+    acceleration: Annotated[float, InUnit("°/s²", above=0)] = 40.0
+
+
+class ThermometerSimulation(StrictModel):
+    """How the simulated thermometers at the units behave."""
+
+    noise: Annotated[float, InUnit("°C", at_least=0)] = 0.005
+    lag: PositiveSeconds = 20.0
+
+
+class FaultSimulation(StrictModel):
+    """An instrument that breaks on purpose."""
+
+    device: Name
+    kind: Literal["silent", "cut", "frozen", "stuck"]
+    at: Seconds
+
+
+class Simulation(StrictModel):
+    """What no certificate states; the errors that certificates bound are drawn from them with sd = U / k."""
+
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+    start: dt.datetime = dt.datetime.fromisoformat("2026-01-01T00:00:00+00:00")
+    units: Mapping[Name, Annotated[Path, FileBeside()]] = {}
+    ambient: Celsius = 22.0
+    chamber: ChamberSimulation = ChamberSimulation()
+    head: HeadSimulation = HeadSimulation()
+    thermometer: ThermometerSimulation = ThermometerSimulation()
+    host_clock: Annotated[Ratio, InUnit("", at_least=0)] = 20e-6
+    faults: tuple[FaultSimulation, ...] = ()
+
+
+class BenchFile(StrictModel):
+    """One `config/*.yaml`: a bench."""
+
+    schema_: Literal["itb-bench/1"] = Field(alias="schema")
+    title: Text
+    site: Site
+    devices: Annotated[Mapping[Name, DeviceEntry], Field(min_length=1)]
+    readings: Mapping[Name, ReadingEntry] = {}
+    fixture: FixtureEntry
+    places: Annotated[Mapping[Name, PlaceEntry], Field(min_length=1)]
+    monitor: Monitor = Monitor()
+    simulation: Simulation = Simulation()
+
+    def all_simulated(self) -> BenchFile:
+        """The same bench with the simulator at the other end of every wire."""
+        devices = {
+            name: entry.model_copy(update={"connection": entry.connection.as_simulated()})
+            for name, entry in self.devices.items()
+        }
+        return self.model_copy(update={"devices": devices})
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether no instrument is real."""
+        return all(entry.connection.simulated for entry in self.devices.values())
+
+    @property
+    def needs_simulators(self) -> bool:
+        """Whether any instrument is simulated."""
+        return any(entry.connection.simulated for entry in self.devices.values())

@@ -1,0 +1,1 @@
+"""What is written for people and for other programs, from recorded data and the results of the analysis."""

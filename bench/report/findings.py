@@ -1,0 +1,129 @@
+"""From a stored run to `results.json`: the methods its sequence asks for, judged by its limits."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, Literal
+
+from bench.analysis.finding import COVERAGE, BudgetLine, Finding, TemperatureModel, UnitResult
+from bench.analysis.rundata import RunData
+from bench.sequence.check import limits_in
+from bench.sequence.methods import known_methods
+from bench.sequence.model import ResultEntry, SequenceFile
+
+SCHEMA = "itb-results/1"
+Verdict = Literal["PASS", "FAIL", "ERROR", "ABORTED", "INCOMPLETE"]
+_ENDED = {"error": "ERROR", "aborted": "ABORTED", "interrupted": "INCOMPLETE", "running": "INCOMPLETE"}
+
+
+@dataclass(frozen=True)
+class Results:
+    """Everything found in a run, and the verdict on it."""
+
+    title: str
+    verdict: Verdict
+    units: tuple[UnitResult, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of `results.json`."""
+        return {
+            "schema": SCHEMA,
+            "title": self.title,
+            "verdict": self.verdict,
+            "units": [
+                {"place": unit.place, "uut": unit.uut, "verdict": unit.verdict, "flags": list(unit.flags)}
+                for unit in self.units
+            ],
+            "findings": [_finding(finding) for unit in self.units for finding in unit.findings],
+            "models": [_model(model) for unit in self.units for model in unit.models],
+        }
+
+
+def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str) -> Results:
+    """The results of a run that ended in `state`; what it holds is reduced even when it did not get to its end.
+
+    `data` gives the acquisitions under a label.
+    """
+    units: list[UnitResult] = []
+    for entry in sequence.results:
+        method = known_methods()[entry.method]
+        settings = method.settings.model_validate(entry.settings).model_dump()
+        module, _, function = method.target.partition(":")
+        reduce = getattr(import_module(module), function)
+        found: Sequence[UnitResult] = reduce(data(entry.data), settings)
+        units += [_judged(unit, entry, method.quantities) for unit in found]
+    return Results(sequence.title, _verdict(units, sequence, state), tuple(units))
+
+
+def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str]) -> UnitResult:
+    limits = {name: limits_in(limit, quantities[name]) for name, limit in entry.limits.items()}
+    findings = [
+        finding.judged(*limits[finding.quantity]) if finding.quantity in limits else finding
+        for finding in unit.findings
+    ]
+    return dataclasses.replace(unit, findings=tuple(findings))
+
+
+def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str) -> Verdict:
+    ended = _ENDED.get(state)
+    if ended == "ERROR":
+        return "ERROR"
+    if ended == "ABORTED":
+        return "ABORTED"
+    verdicts = {unit.verdict for unit in units}
+    if ended or "INCOMPLETE" in verdicts or (sequence.results and not units):
+        return "INCOMPLETE"
+    return "FAIL" if "FAIL" in verdicts else "PASS"
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    low, high = finding.limits or (None, None)
+    limits = {key: side for key, side in (("min", low), ("max", high)) if side is not None}
+    return {
+        "id": finding.id,
+        "uut": finding.uut,
+        "quantity": finding.quantity,
+        "name": finding.name,
+        "at": dict(finding.at),
+        "value": finding.value,
+        "unit": finding.unit,
+        "u": finding.u,
+        "k": COVERAGE,
+        "expanded": COVERAGE * finding.u,
+        "dof": finding.dof,
+        "limits": limits or None,
+        "verdict": finding.verdict,
+        "marginal": finding.marginal,
+        "flags": list(finding.flags),
+        "budget": [_line(line) for line in finding.budget],
+        "steps": list(finding.steps),
+    }
+
+
+def _line(line: BudgetLine) -> dict[str, Any]:
+    return {"source": line.source, "type": line.type, "u": line.u, "dof": line.dof, "shared": line.shared}
+
+
+def _model(model: TemperatureModel) -> dict[str, Any]:
+    return {
+        "id": model.id,
+        "uut": model.uut,
+        "quantity": model.quantity,
+        "unit": model.unit,
+        "form": "sum of c[i] · x^i, x = (T - centre) / scale, T the indicated temperature in °C",
+        "centre": model.centre,
+        "scale": model.scale,
+        "coefficients": list(model.coefficients),
+        "u": list(model.u),
+        "correlation": [list(row) for row in model.correlation],
+        "powers_of_T": list(model.powers_of_t),
+        "residual_sd": model.residual_sd,
+        "dof": model.dof,
+        "max_residual": model.max_residual,
+        "valid_c": list(model.valid_c),
+        "dwells_used": model.dwells_used,
+        "dwells_left_out": list(model.dwells_left_out),
+    }

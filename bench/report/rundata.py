@@ -1,0 +1,155 @@
+"""From a stored run to what a method reduces: the journal says what was done, the frames what was counted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.analysis.rundata import Acquisition, BenchRecord, Counts, RunData, UnitUnderTest
+from bench.config.models import BenchFile
+from bench.errors import StoreError
+from bench.store.reader import Event, RunReader, Series
+from drivers.can_counter import wire
+from drivers.can_counter.description import CounterOptions
+from drivers.dbc import Dbc, DbcError
+from drivers.frame_block import FrameBlock
+
+ARCSEC_DEG = 1 / 3600
+
+
+def run_data(reader: RunReader, bench: BenchFile, serials: Mapping[str, str], label: str) -> RunData:
+    """The acquisitions under a label, of the units in their places; StoreError when the run does not hold them."""
+    units = tuple(
+        UnitUnderTest(
+            place, serial, bench.places[place].channel, bench.places[place].mount_angle, bench.places[place].temperature
+        )
+        for place, serial in serials.items()
+    )
+    decoders = {
+        role: _Decoder(entry.options, reader.folder)
+        for role, entry in bench.devices.items()
+        if isinstance(entry.options, CounterOptions)
+    }
+    temperatures = {unit.temperature: reader.series(unit.temperature) for unit in units}
+    frames = reader.frames_by_step()
+    acquisitions = tuple(
+        _acquisition(event, state, frames.get(event.step, {}), decoders, temperatures)
+        for event, state in _acquired(reader, label)
+    )
+    return RunData(label, units, acquisitions, bench_record(bench))
+
+
+def _acquired(reader: RunReader, label: str) -> Iterator[tuple[Event, Mapping[str, float]]]:
+    """Finished acquisitions under a label, each with the angle and set point in force."""
+    state = {"angle_deg": 0.0, "set_point_c": float("nan")}
+    for event in reader.events("step_ended"):
+        state.update({key: float(event.data[key]) for key in state if key in event.data})
+        if event.data.get("label") == label:
+            yield event, dict(state)
+
+
+def _acquisition(
+    event: Event,
+    state: Mapping[str, float],
+    frames: Mapping[str, FrameBlock],
+    decoders: Mapping[str, _Decoder],
+    temperatures: Mapping[str, Series],
+) -> Acquisition:
+    counts: dict[str, Counts] = {}
+    for role, decoder in decoders.items():
+        counts.update(decoder.counts(frames.get(role, FrameBlock.empty())))
+    parts = event.step.split("/")
+    begin_s, end_s = float(event.data["begin_s"]), float(event.data["end_s"])
+    return Acquisition(
+        step=event.step,
+        group="/".join(parts[:-2]) if len(parts) > 2 else parts[0],
+        loops=_loops(parts),
+        begin_s=begin_s,
+        end_s=end_s,
+        angle_deg=state["angle_deg"],
+        set_c=state["set_point_c"],
+        counts=counts,
+        temperatures_c={name: series.between(begin_s, end_s).values for name, series in temperatures.items()},
+    )
+
+
+def _loops(parts: list[str]) -> dict[str, float]:
+    """The numbers that loop variables had, from a step's id."""
+    found = {}
+    for part in parts:
+        name, equals, value = part.partition("=")
+        if equals:
+            try:
+                found[name] = float(value.partition("#")[0])
+            except ValueError:
+                continue
+    return found
+
+
+class _Decoder:
+    """Frames of one counter into counts, by the DBC kept in the run."""
+
+    def __init__(self, options: CounterOptions, folder: Path) -> None:
+        self._options = options
+        path = folder / options.dbc.name
+        try:
+            channels = {name: channel.model_dump() for name, channel in options.channels.items()}
+            dbc = Dbc(path.read_text(encoding="utf-8", errors="replace"))
+            self._format = wire.counter_format(dbc, options.latch.model_dump(), options.latch.tick_period, channels)
+        except (OSError, DbcError) as problem:
+            raise StoreError(f"{path}: the frames of this run cannot be decoded ({problem})") from problem
+
+    def counts(self, block: FrameBlock) -> dict[str, Counts]:
+        found = {}
+        for name in self._options.channels:
+            raw = wire.decode_counts(self._format, name, block)
+            found[name] = Counts(
+                sequence=raw.sequence,
+                tick=raw.tick,
+                positive=raw.positive,
+                negative=raw.negative,
+                tick_bits=raw.tick_bits,
+                counter_bits=raw.counter_bits,
+                tick_period_s=self._options.latch.tick_period,
+                max_rate_pps=self._options.max_rate,
+                lost=raw.lost,
+                restarts=raw.restarts,
+            )
+        return found
+
+
+def bench_record(bench: BenchFile) -> BenchRecord:
+    """What the certificates and surveys of a bench file say, as standard uncertainties u = U / k."""
+    head = _uncertainties(bench, "positioner")
+    counter = _uncertainties(bench, "pulse_counter")
+    gravity, level = bench.site.gravity, bench.fixture.level
+    thermometers = {
+        name: (reading.calibration.U.offset / reading.calibration.k, reading.calibration.U.gain / reading.calibration.k)
+        for name, reading in bench.readings.items()
+        if reading.calibration is not None
+    }
+    return BenchRecord(
+        gravity_mps2=gravity.value,
+        gravity_u_mps2=gravity.U / gravity.k,
+        sense=bench.fixture.input_axis.sense,
+        offset_deg=bench.fixture.input_axis.offset_deg,
+        level_deg=level.value * ARCSEC_DEG,
+        level_u_deg=level.U / level.k * ARCSEC_DEG,
+        zero_u_deg=float(head.get("zero", 0.0)) * ARCSEC_DEG,
+        harmonics_u_deg=tuple(np.array(head.get("harmonics", ())) * ARCSEC_DEG),
+        repeatability_u_deg=float(head.get("repeatability", 0.0)) * ARCSEC_DEG,
+        time_base_u=float(counter.get("time_base", 0.0)),
+        thermometers_u=thermometers,
+    )
+
+
+def _uncertainties(bench: BenchFile, capability: str) -> dict[str, Any]:
+    """The calibrated uncertainties of the first device with a capability, each divided by its k."""
+    for entry in bench.devices.values():
+        if capability in entry.description.capabilities and entry.calibration is not None:
+            stated = entry.calibration.U.model_dump()
+            return {name: np.array(U) / entry.calibration.k for name, U in stated.items() if U is not None}
+    return {}

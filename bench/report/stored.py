@@ -1,0 +1,57 @@
+"""A run directory as something to reduce and to report, finished or not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from bench.analysis.rundata import RunData
+from bench.config.bench import load_kept_bench
+from bench.errors import StoreError
+from bench.report.findings import Results, evaluate
+from bench.report.rundata import run_data
+from bench.sequence.load import load_sequence
+from bench.store.reader import RunReader
+from bench.store.runs import summary
+
+SEQUENCE_COPY, BENCH_COPY = "sequence.yaml", "bench.yaml"
+
+
+class StoredRun:
+    """A run's manifest, its kept files and its data together; raises InputError or StoreError for what is missing."""
+
+    def __init__(self, folder: Path, manifest: Mapping[str, Any], reader: RunReader) -> None:
+        self.folder, self.manifest, self.reader = folder, manifest, reader
+        self.bench = load_kept_bench(folder / BENCH_COPY)
+        self.document, self.sequence = load_sequence(folder / SEQUENCE_COPY)
+        self.serials = {unit["place"]: unit["uut"] for unit in manifest["units"]}
+        self._data: dict[str, RunData] = {}
+
+    @property
+    def began(self) -> datetime:
+        """The UTC instant at which bench time began."""
+        event = next(self.reader.events("run_begins"), None)
+        return datetime.fromisoformat(event.data["utc"] if event else self.manifest["started"])
+
+    def data(self, label: str) -> RunData:
+        """What was acquired under a label."""
+        if label not in self._data:
+            self._data[label] = run_data(self.reader, self.bench, self.serials, label)
+        return self._data[label]
+
+    def evaluate(self) -> Results:
+        """The findings of the methods that the sequence asks for."""
+        return evaluate(self.sequence, self.data, str(self.manifest["state"]))
+
+
+@contextmanager
+def open_run(folder: Path) -> Iterator[StoredRun]:
+    """A run directory to read, whatever state it is in; an interrupted run holds what was acknowledged."""
+    found = summary(folder)
+    if not found.manifest:
+        raise StoreError(f"{folder}: has no readable manifest; the run ended before it began")
+    with RunReader(folder) as reader:
+        yield StoredRun(folder, {**found.manifest, "state": found.state}, reader)

@@ -1,0 +1,140 @@
+"""A record of a case: one CSV file with a header line, comma separated, blank where something is missing."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.errors import InputError
+from drivers.suggest import did_you_mean
+
+SIZE_LIMIT_BYTES = 256 * 2**20
+TRUTHS = {"1": True, "true": True, "0": False, "false": False, "": False}
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """The columns of one file as text; `text` is the whole of it, to find the line of a bad cell."""
+
+    file: str
+    columns: dict[str, tuple[str, ...]]
+    text: str
+
+    def numbers(self, column: str) -> NDArray[np.float64]:
+        """A column (n,) of numbers; NaN where there is none. Raises InputError at what is not a number."""
+        try:
+            return np.array([_number(text) for text in self.columns[column]], dtype=np.float64)
+        except ValueError:
+            row = next(i for i, text in enumerate(self.columns[column]) if not _is_number(text))
+            self._refuse(column, row, "a number")
+
+    def whole_numbers(self, column: str) -> NDArray[np.float64]:
+        """A column (n,) of whole numbers, as floats; NaN where there is none."""
+        values = self.numbers(column)
+        broken = np.flatnonzero(np.isfinite(values) & (values != np.round(values)))
+        if len(broken):
+            self._refuse(column, int(broken[0]), "a whole number")
+        return values
+
+    def words(self, column: str, known: Sequence[str]) -> NDArray[np.str_]:
+        """A column (n,) of `known` words; empty where there is none."""
+        words = [text.strip().lower() for text in self.columns[column]]
+        for row in np.flatnonzero(~np.isin(words, [*known, ""])):
+            self._refuse(column, int(row), " or ".join(known))
+        return np.array(words, dtype=np.str_)
+
+    def truths(self, column: str) -> NDArray[np.bool_]:
+        """A column (n,) of 1 or true, 0 or false; a blank is false."""
+        words = [text.strip().lower() for text in self.columns[column]]
+        for row, word in enumerate(words):
+            if word not in TRUTHS:
+                self._refuse(column, row, "1, 0, true or false")
+        return np.array([TRUTHS[word] for word in words], dtype=np.bool_)
+
+    def _refuse(self, column: str, row: int, expected: str) -> NoReturn:
+        text = self.columns[column][row]
+        raise InputError(
+            f"{self.file}: line {_line_of_row(self.text, row)}, column {column}: '{text[:40]}' is not {expected}; "
+            "correct it, or leave the cell blank if it is missing"
+        )
+
+
+def read_table(path: Path, columns: Sequence[str]) -> Table:
+    """Reads `columns` of a CSV file in UTF-8; other columns and empty lines are passed over.
+
+    Raises InputError, with the line, when the file is too large, not UTF-8, not a table or lacks a column.
+    """
+    text = read_text(path, SIZE_LIMIT_BYTES)
+    reader = _reader(text)
+    try:
+        header = [name.strip() for name in next(reader, [])]
+        rows = [row for row in reader if row]
+    except csv.Error as problem:
+        raise InputError(f"{path.name}: line {reader.line_num}: {problem}") from None
+    if set(map(len, rows)) - {len(header)}:
+        ragged, row = next((i, row) for i, row in enumerate(rows) if len(row) != len(header))
+        line = _line_of_row(text, ragged)
+        raise InputError(f"{path.name}: line {line}: {len(row)} cells, but the header has {len(header)}")
+    for name in columns:
+        if header.count(name) != 1:
+            what = (
+                f"more than one column '{name}'"
+                if name in header
+                else f"no column '{name}'" + did_you_mean(name, header)
+            )
+            raise InputError(f"{path.name}: line 1: there is {what}")
+    by_column = list(zip(*rows, strict=True)) or [()] * len(header)
+    return Table(path.name, {name: by_column[header.index(name)] for name in columns}, text)
+
+
+def read_text(path: Path, limit_bytes: int) -> str:
+    """The text of a file in UTF-8, with or without a byte order mark. Raises InputError."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(limit_bytes + 1)
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read: {problem.strerror}") from None
+    if len(data) > limit_bytes:
+        raise InputError(
+            f"{path.name}: larger than {limit_bytes / 2**20:g} MiB; split it, or leave out what is not needed"
+        )
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as problem:
+        line = data.count(b"\n", 0, problem.start) + 1
+        raise InputError(f"{path.name}: line {line}: not UTF-8; save the file in that encoding") from None
+
+
+def _reader(text: str) -> Any:  # the standard library does not name the type
+    return csv.reader(io.StringIO(text, newline=""), strict=True)
+
+
+def _line_of_row(text: str, row: int) -> int:
+    """The line on which a row ends; rows are counted from 0 behind the header, without empty ones."""
+    reader = _reader(text)
+    next(reader)
+    filled = (reader.line_num for cells in reader if cells)
+    return int(next(islice(filled, row, None)))
+
+
+def _number(text: str) -> float:
+    """Raises ValueError; an underscore between digits is a slip of the pen here, not Python."""
+    if "_" in text:
+        raise ValueError(text)
+    return float(text.strip() or "nan")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        _number(text)
+    except ValueError:
+        return False
+    return True

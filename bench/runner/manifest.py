@@ -1,0 +1,91 @@
+"""What a run says of itself: who, what, when, on which instruments, with which files and programs."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+from collections.abc import Mapping
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from bench.config.models import BenchFile
+from bench.sequence.plan import Plan
+from bench.sequence.values import in_words
+from drivers.values import Identity
+
+SCHEMA = "itb-manifest/1"
+_PROGRAMS = ("inertial-test-bench", "numpy", "scipy", "pydantic", "pymodbus", "python-can", "cantools", "pyserial")
+
+
+def opening(
+    run_id: str, plan: Plan, bench: BenchFile, serials: Mapping[str, str], seed: int, operator: str, started: datetime
+) -> dict[str, Any]:
+    """The manifest of a run that begins."""
+    return {
+        "schema": SCHEMA,
+        "run": run_id,
+        "state": "running",
+        "verdict": None,
+        "title": plan.sequence.title,
+        "sequence": plan.name,
+        "bench": bench.title,
+        "operator": operator,
+        "started": started.isoformat(timespec="seconds"),
+        "ended": None,
+        "wall_s": None,
+        "bench_s": None,
+        "preset": plan.preset,
+        "parameters": {name: in_words(value) for name, value in plan.parameters.items()},
+        "seed": seed,
+        "simulated": [role for role, entry in bench.devices.items() if entry.connection.simulated],
+        "units": [_unit(bench, place, serial) for place, serial in serials.items()],
+        "instruments": {},
+        "hashes": {},
+        "software": {name: version(name) for name in _PROGRAMS},
+        "host": {"name": platform.node(), "python": platform.python_version(), "system": platform.platform()},
+        "process": os.getpid(),
+        "problems": [],
+    }
+
+
+def _unit(bench: BenchFile, place: str, serial: str) -> dict[str, Any]:
+    entry = bench.places[place]
+    return {
+        "place": place,
+        "uut": serial,
+        "type": entry.type,
+        "channel": entry.channel,
+        "mount_angle_deg": entry.mount_angle,
+        "supply": entry.supply,
+    }
+
+
+def instruments(bench: BenchFile, identities: Mapping[str, Identity]) -> dict[str, Any]:
+    """Identity and calibration of every instrument."""
+    return {role: _instrument(bench, role, identities.get(role)) for role in bench.devices}
+
+
+def _instrument(bench: BenchFile, role: str, identity: Identity | None) -> dict[str, Any]:
+    entry = bench.devices[role]
+    found = identity or Identity(verified=False)
+    calibration = entry.calibration
+    return {
+        "driver": entry.driver,
+        "connection": str(entry.connection),
+        "simulated": entry.connection.simulated,
+        "maker": found.maker,
+        "model": found.model,
+        "serial": found.serial,
+        "serial_verified": found.verified,
+        "firmware": found.firmware,
+        "fingerprint": found.fingerprint,
+        "calibration": calibration.model_dump(mode="json", exclude={"U"}) if calibration is not None else None,
+    }
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file, with its name for the method."""
+    return "sha256:" + hashlib.sha256(path.read_bytes()).hexdigest()

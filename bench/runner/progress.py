@@ -1,0 +1,116 @@
+"""Shows a run on a terminal: step, bar, bench time, time to go, live readings. Where there is no terminal, lines."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
+from rich.text import Text
+
+from bench.clock import Clock, Stopwatch
+from bench.report.text import duration
+from bench.sequence.estimate import Estimate
+from bench.sequence.plan import Plan, PlannedStep
+from drivers.values import Reading
+
+LINE_EVERY_SHARE = 0.1  # of the run, where there is no terminal
+
+
+class TerminalProgress:
+    """What a person sees on stderr while a run goes on.
+
+    Lifetime: a context manager around the run. The display is drawn by a thread of its own from the values kept here,
+    so that telling it something costs the run next to nothing.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self._steps = len(plan)
+        self._console = Console(stderr=True)
+        self._watch = Stopwatch()
+        self._begins_s: list[float] = []
+        self._total_s = 1.0
+        self.readings: dict[str, Reading] = {}
+        self._next_line = LINE_EVERY_SHARE
+        columns: tuple[ProgressColumn, ...] = (
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            TaskProgressColumn(),
+            _Said(self.times),
+            _Said(self.live),
+        )
+        self._progress = Progress(*columns, console=self._console, transient=True, refresh_per_second=5)
+        self._task = self._progress.add_task("opening the bench", total=1.0)
+        self.now_s = 0.0
+
+    def __enter__(self) -> Self:
+        """Begins to draw."""
+        if self._console.is_terminal:
+            self._progress.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        """Clears what was drawn."""
+        self._progress.stop()
+
+    def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
+        """The directory is made; the clock is that of the bench."""
+        begins_s = 0.0
+        for takes_s in expected.steps_s:
+            self._begins_s.append(begins_s)
+            begins_s += takes_s
+        self._total_s = max(begins_s, 1.0)
+        self._progress.update(self._task, total=self._total_s)
+        self.notice(f"run {path}, about {duration(self._total_s)} of bench time, from {clock.utc():%Y-%m-%d %H:%M} UTC")
+
+    def step_begins(self, planned: PlannedStep, index: int) -> None:
+        """A step of the plan begins."""
+        expected_s = self._begins_s[index] if index < len(self._begins_s) else self._total_s
+        self._progress.update(self._task, completed=expected_s, description=f"{index + 1}/{self._steps} {planned.id}")
+        share = expected_s / self._total_s
+        if not self._console.is_terminal and share >= self._next_line:
+            self._next_line = share + LINE_EVERY_SHARE
+            self.notice(f"{share:4.0%}  {planned.id}")
+
+    def step_ended(self, planned: PlannedStep, index: int) -> None:
+        """A step is done."""
+        if index + 1 < len(self._begins_s):
+            self._progress.update(self._task, completed=self._begins_s[index + 1])
+
+    def reading(self, name: str, reading: Reading) -> None:
+        """A channel has a new value."""
+        self.readings[name] = reading
+        self.now_s = reading.at_s
+
+    def notice(self, text: str) -> None:
+        """Something a person should see now."""
+        if self._console.is_terminal:
+            self._console.print(Text(text))
+        else:
+            sys.stderr.write(text + "\n")
+
+    def times(self) -> str:
+        """Bench time gone by, and real time to go by the pace so far."""
+        done = self._progress.tasks[self._task].completed / self._total_s
+        elapsed_s = self._watch.elapsed_s()
+        to_go = duration(elapsed_s * (1 - done) / done) if done > 0.01 else "?"
+        return f"bench {duration(self.now_s)}, {to_go} to go"
+
+    def live(self) -> str:
+        """The newest readings."""
+        shown = [f"{name} {reading.value:.4g}" for name, reading in list(self.readings.items())[:5]]
+        return "  ".join(shown)
+
+
+class _Said(ProgressColumn):
+    """A column that asks for its text each time it is drawn."""
+
+    def __init__(self, say: Callable[[], str]) -> None:
+        super().__init__()
+        self._say = say
+
+    def render(self, task: Task) -> Text:
+        return Text(self._say())

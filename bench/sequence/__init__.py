@@ -1,0 +1,1 @@
+"""Sequences: YAML into a checked plan. Everything here is pure; nothing is opened, nothing moves."""

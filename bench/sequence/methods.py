@@ -1,0 +1,66 @@
+"""What a sequence may ask of the test methods, known without importing their arithmetic.
+
+The entry-point group `inertial_test_bench.methods` finds descriptions, a plug-in's too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import entry_points
+from typing import Annotated
+
+from pydantic import BaseModel, Field
+
+from drivers.fields import StrictModel
+
+ENTRY_POINTS = "inertial_test_bench.methods"
+
+
+@dataclass(frozen=True)
+class MethodDescription:
+    """A method as a sequence sees it.
+
+    `settings` validates its settings; `quantities` are the results that limits may name, with their units;
+    `target` is "module:function", which turns a run's data into findings.
+    """
+
+    name: str
+    title: str
+    target: str
+    settings: type[BaseModel]
+    quantities: Mapping[str, str]
+
+
+class TemperatureTumbleSettings(StrictModel):
+    """Settings of the static temperature tumble."""
+
+    degree: Annotated[int, Field(ge=1, le=4)] = 4
+
+
+TEMPERATURE_TUMBLE = MethodDescription(
+    name="temperature_tumble",
+    title="Static temperature tumble (method M4a)",
+    target="bench.analysis.temperature_tumble:reduce",
+    settings=TemperatureTumbleSettings,
+    quantities={
+        "K0": "g",
+        "K1": "pulse/s/g",
+        "K1_si": "pulse/s/(m/s²)",
+        "K2": "g/g²",
+        "misalignment": "rad",
+        "K0/temperature_coefficient": "g/°C",
+        "K1/temperature_coefficient": "1/°C",
+        "K0/hysteresis": "g",
+        "K1/hysteresis": "1",
+        "K0/model_residual": "g",
+        "K1/model_residual": "1",
+    },
+)
+
+
+@lru_cache(maxsize=1)
+def known_methods() -> Mapping[str, MethodDescription]:
+    """Every installed method by name."""
+    return {point.name: point.load() for point in entry_points(group=ENTRY_POINTS)}

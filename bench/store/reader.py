@@ -1,0 +1,120 @@
+"""Reads a run back, finished or not."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sqlite3
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.errors import StoreError
+from bench.store import database
+from drivers.frame_block import FrameBlock
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A row of the journal."""
+
+    seq: int
+    at_s: float
+    kind: str
+    step: str
+    data: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """One channel over the run: `at_s` (N,) bench time and `values` (N,) in `unit`."""
+
+    name: str
+    unit: str
+    at_s: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+    def between(self, begin_s: float, end_s: float) -> Series:
+        """The part from `begin_s` to `end_s`, both included."""
+        low, high = np.searchsorted(self.at_s, [begin_s, end_s + 1e-9])
+        return Series(self.name, self.unit, self.at_s[low:high], self.values[low:high])
+
+
+class RunReader:
+    """The data of one run directory. A context manager; raises StoreError for what cannot be read."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._database = database.open_to_read(folder / database.FILE_NAME)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._database.close()
+
+    def _rows(self, query: str, *values: object) -> Iterator[tuple[Any, ...]]:
+        try:
+            yield from self._database.execute(query, values)
+        except sqlite3.Error as problem:
+            raise StoreError(f"{self.folder}: cannot be read ({problem})") from problem
+
+    def events(self, *kinds: str) -> Iterator[Event]:
+        """The journal in order; only these kinds when some are given."""
+        for seq, at_s, kind, step, data in self._rows("SELECT seq, at_s, kind, step, data FROM journal ORDER BY seq"):
+            if not kinds or kind in kinds:
+                yield Event(seq, at_s, kind, step, json.loads(data))
+
+    def blocks(self, step: str | None = None) -> Iterator[tuple[str, str, FrameBlock]]:
+        """(stream, step, frames) in order; only those of one step when it is given."""
+        where = "" if step is None else "WHERE step = ?"
+        values = () if step is None else (step,)
+        query = f"SELECT stream, step, frames, crc, data FROM block {where} ORDER BY seq"  # noqa: S608  no input in it
+        for stream, of_step, frames, crc, data in self._rows(query, *values):
+            yield stream, of_step, database.unpack(data, frames, crc)
+
+    def frames_by_step(self) -> dict[str, dict[str, FrameBlock]]:
+        """All frames of each step, by step and stream."""
+        collected: dict[str, dict[str, list[FrameBlock]]] = {}
+        for stream, step, block in self.blocks():
+            collected.setdefault(step, {}).setdefault(stream, []).append(block)
+        return {
+            step: {stream: FrameBlock.joined(blocks) for stream, blocks in streams.items()}
+            for step, streams in collected.items()
+        }
+
+    def channels(self) -> dict[str, str]:
+        """Names and units of the channels that were read."""
+        return dict(self._rows("SELECT name, unit FROM channel ORDER BY id"))
+
+    def series(self, name: str) -> Series:
+        """One channel over the whole run; empty when it was never read."""
+        rows = list(
+            self._rows(
+                "SELECT reading.at_s, value FROM reading JOIN channel ON channel.id = channel "
+                "WHERE name = ? ORDER BY reading.seq",
+                name,
+            )
+        )
+        table = np.array(rows, np.float64).reshape(-1, 2)
+        return Series(name, self.channels().get(name, ""), table[:, 0].copy(), table[:, 1].copy())
+
+    def digest(self) -> str:
+        """SHA-256 over the journal, the frames and the readings; equal for equal runs, however they were compressed."""
+        total = hashlib.sha256()
+        for row in self._rows("SELECT seq, at_s, kind, step, data FROM journal ORDER BY seq"):
+            total.update(repr(row).encode())
+        for stream, step, block in self.blocks():
+            total.update(repr((stream, step, len(block))).encode())
+            for column in (np.rint(block.at_s * 1e9).astype("<i8"), block.ids.astype("<u4"), block.dlc, block.data):
+                total.update(np.ascontiguousarray(column).tobytes())
+        query = (
+            "SELECT name, reading.at_s, value FROM reading JOIN channel ON channel.id = channel ORDER BY reading.seq"
+        )
+        for row in self._rows(query):
+            total.update(repr(row).encode())
+        return total.hexdigest()

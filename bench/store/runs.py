@@ -1,0 +1,173 @@
+"""Run directories: how they are made, named, found, locked, and what they say of themselves."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from bench.errors import InputError, StoreError
+
+MANIFEST = "manifest.json"
+LOCK = "run.lock"
+RESERVE = "reserve.bin"
+RESERVE_BYTES = 4 * 1024 * 1024
+_UNSAFE = re.compile(r"[^A-Za-z0-9.-]+")
+
+
+class RunDirectory:
+    """The directory of one run while it is being written.
+
+    Lifetime: `create` to `release`. The lock is held all the while; a directory that says *running* and whose lock is
+    free was interrupted. A reserve is kept on the disk, so that the last words can be written when it is full.
+    """
+
+    def __init__(self, path: Path, lock: int) -> None:
+        self.path = path
+        self._lock = lock
+
+    @classmethod
+    def create(cls, runs: Path, started: datetime, sequence: str, units: str) -> RunDirectory:
+        """A new directory `<UTC>_<sequence>_<units>[_n]`; raises StoreError."""
+        name = "_".join((started.strftime("%Y%m%dT%H%M%SZ"), _plain(sequence), _plain(units)))
+        try:
+            runs.mkdir(parents=True, exist_ok=True)
+            path = _exclusively_made(runs, name)
+            lock = os.open(path / LOCK, os.O_CREAT | os.O_RDWR, 0o644)
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            reserve = os.open(path / RESERVE, os.O_CREAT | os.O_WRONLY, 0o644)
+            try:
+                os.posix_fallocate(reserve, 0, RESERVE_BYTES)
+            finally:
+                os.close(reserve)
+        except OSError as problem:
+            raise StoreError(f"{runs}: a run directory cannot be made ({problem})") from problem
+        return cls(path, lock)
+
+    def write_json(self, name: str, value: Any) -> None:
+        """A JSON file of the run, durable and whole when this returns."""
+        write_whole(self.path / name, json_text(value).encode())
+
+    def use_reserve(self) -> None:
+        """Gives the reserve back to the disk, for the last words."""
+        (self.path / RESERVE).unlink(missing_ok=True)
+
+    def release(self) -> None:
+        """The run is over; releasing twice is harmless."""
+        with contextlib.suppress(OSError):
+            self.use_reserve()
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
+
+
+def _exclusively_made(runs: Path, name: str) -> Path:
+    for attempt in range(1, 1000):
+        path = runs / (name if attempt == 1 else f"{name}_{attempt}")
+        with contextlib.suppress(FileExistsError):
+            path.mkdir()
+            return path
+    raise StoreError(f"{runs}: too many runs are called {name}")
+
+
+def _plain(text: str) -> str:
+    return _UNSAFE.sub("-", text).strip("-.")[:60] or "x"
+
+
+def json_text(value: Any) -> str:
+    """JSON as this project writes it: readable, UTF-8, without NaN."""
+    return json.dumps(value, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Replaces a file so that after a crash there is the old or the new one, never a part; raises StoreError."""
+    draft = path.with_name(path.name + ".draft")
+    try:
+        with draft.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        draft.replace(path)
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+    except OSError as problem:
+        with contextlib.suppress(OSError):
+            draft.unlink(missing_ok=True)
+        raise StoreError(f"{path}: cannot be written ({problem})") from problem
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """What a run directory says of itself; `state` is running, interrupted, or how the run ended."""
+
+    path: Path
+    state: str
+    manifest: Mapping[str, Any]
+
+    @property
+    def id(self) -> str:
+        """The name of the directory."""
+        return self.path.name
+
+
+def list_runs(runs: Path) -> Iterator[RunSummary]:
+    """The runs below a directory, oldest first; what is not a run is passed over."""
+    if runs.is_dir():
+        for path in sorted(runs.iterdir()):
+            if (path / MANIFEST).is_file() or (path / LOCK).is_file():
+                yield summary(path)
+
+
+def summary(path: Path) -> RunSummary:
+    """The summary of one run directory; a missing or damaged manifest is a state too."""
+    try:
+        manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
+        state = str(manifest["state"])
+    except (OSError, ValueError, TypeError, KeyError):
+        return RunSummary(path, "running" if _is_locked(path) else "damaged", {})
+    if state == "running" and not _is_locked(path):
+        state = "interrupted"
+    return RunSummary(path, state, manifest)
+
+
+def _is_locked(path: Path) -> bool:
+    try:
+        lock = os.open(path / LOCK, os.O_RDWR)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    else:
+        return False
+    finally:
+        os.close(lock)
+
+
+def find_run(name: str, runs: Path) -> Path:
+    """The run that a path, an id, a unique beginning of an id, or `last` names; raises InputError."""
+    given = Path(name)
+    if (given / MANIFEST).is_file() or (given / LOCK).is_file():
+        return given
+    known = [run.path for run in list_runs(runs)]
+    if name == "last":
+        if not known:
+            raise InputError(f"{runs}: there is no run yet")
+        return known[-1]
+    matches = [path for path in known if path.name == name] or [path for path in known if path.name.startswith(name)]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        raise InputError(f"'{name}' could be any of {', '.join(path.name for path in matches[:5])}")
+    raise InputError(f"{runs}: there is no run '{name}'; 'bench runs' lists them")

@@ -1,0 +1,165 @@
+"""Writes a run: everything goes through one thread into one SQLite file, in the order it was given."""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import json
+import sqlite3
+import threading
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from bench.errors import StoreError
+from bench.loop import BenchLoop
+from bench.store import database
+from drivers.frame_block import FrameBlock
+from drivers.values import Reading
+
+GROUP_S = 1.0  # what is given is durable at the latest so much real time later
+WAITING_LIMIT = 50_000  # rows that may wait for the disk; more means that it is too slow
+SLOW_DISK_S = 30.0
+
+_INSERT = {
+    "journal": "INSERT INTO journal VALUES (?, ?, ?, ?, ?)",
+    "block": "INSERT INTO block VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+    "channel": "INSERT INTO channel VALUES (?, ?, ?)",
+    "reading": "INSERT INTO reading VALUES (?, ?, ?, ?)",
+}
+Row = tuple[Any, ...]
+
+
+class RunWriter:
+    """Appends to a run. `event`, `frames` and `readings` return at once; `commit` returns when all of it is durable.
+
+    Lifetime: from the directory's making to `close`. Concurrency: called from the loop's thread; one thread of its own
+    owns the database. After a failed write nothing is acknowledged any more: every later call raises StoreError.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._database = database.create(folder / database.FILE_NAME)
+        self._changed = threading.Condition()
+        self._rows: list[tuple[str, Row | tuple[int, str, str, FrameBlock]]] = []
+        self._tickets: list[concurrent.futures.Future[None]] = []
+        self._closing = False
+        self._failure: StoreError | None = None
+        self._numbers = dict.fromkeys(_INSERT, 0)
+        self._channels: dict[str, int] = {}
+        self._thread = threading.Thread(target=self._write_for_ever, name="run store", daemon=True)
+        self._thread.start()
+
+    def event(self, kind: str, step: str = "", **data: Any) -> None:
+        """A row of the journal: what happened now, in which step, with what data; alike for runs that are alike."""
+        at_s = asyncio.get_running_loop().time()
+        text = json.dumps(data, ensure_ascii=False, sort_keys=True, allow_nan=False)
+        self._put("journal", (at_s, kind, step, text))
+
+    def frames(self, stream: str, step: str, block: FrameBlock) -> None:
+        """Raw frames of a device during a step."""
+        self._put("block", (stream, step, block))
+
+    def readings(self, name: str, unit: str, readings: Sequence[Reading]) -> None:
+        """Values of one channel."""
+        channel = self._channels.get(name)
+        if channel is None:
+            channel = self._channels[name] = len(self._channels) + 1
+            self._put("channel", (name, unit))
+        for at_s, value in readings:
+            self._put("reading", (at_s, channel, value))
+
+    async def commit(self) -> None:
+        """Returns when everything given so far is on the disk; raises StoreError when it cannot be."""
+        ticket: concurrent.futures.Future[None] = concurrent.futures.Future()
+        with self._changed:
+            self._raise_failure()
+            self._tickets.append(ticket)
+            self._changed.notify_all()
+        loop = asyncio.get_running_loop()
+        await (loop.admit(ticket) if isinstance(loop, BenchLoop) else asyncio.wrap_future(ticket))
+
+    def close(self) -> None:
+        """Writes what is left and closes the file; raises StoreError when that fails. Closing twice is harmless."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self._thread.join()
+        self._raise_failure()
+
+    def _put(self, table: str, row: tuple[Any, ...]) -> None:
+        with self._changed:
+            self._raise_failure()
+            if len(self._rows) > WAITING_LIMIT:
+                self._changed.notify_all()
+                if not self._changed.wait_for(lambda: len(self._rows) <= WAITING_LIMIT, SLOW_DISK_S):
+                    raise StoreError(f"the disk has not taken data for {SLOW_DISK_S:g} s; is it failing, or full?")
+            self._numbers[table] += 1
+            self._rows.append((table, (self._numbers[table], *row)))
+
+    def _raise_failure(self) -> None:
+        if self._failure is not None:
+            raise StoreError(str(self._failure))
+
+    # The thread
+
+    def _write_for_ever(self) -> None:
+        closing = False
+        while not closing:
+            with self._changed:
+                self._changed.wait_for(lambda: bool(self._tickets) or self._closing or self._crowded(), GROUP_S)
+                rows, self._rows = self._rows, []
+                tickets, self._tickets = self._tickets, []
+                closing = self._closing
+                self._changed.notify_all()
+            self._write(rows, tickets)
+        self._close_database()
+
+    def _crowded(self) -> bool:
+        return len(self._rows) > WAITING_LIMIT // 2
+
+    def _write(self, rows: Sequence[tuple[str, Row]], tickets: Sequence[concurrent.futures.Future[None]]) -> None:
+        """One transaction; the tickets are answered when it is durable, or with why it is not."""
+        if self._failure is None and rows:
+            try:
+                self._insert(rows)
+            except (sqlite3.Error, OSError) as problem:
+                failure = StoreError(
+                    f"the run store cannot write ({problem}). Free space on the disk of the run directory; "
+                    "everything up to the last completed step is kept."
+                )
+                with self._changed:
+                    self._failure = failure
+        for ticket in tickets:
+            if self._failure is not None:
+                ticket.set_exception(StoreError(str(self._failure)))
+            else:
+                ticket.set_result(None)
+
+    def _insert(self, rows: Sequence[tuple[str, Row]]) -> None:
+        by_table: Mapping[str, list[Row]] = {table: [] for table in _INSERT}
+        for table, row in rows:
+            by_table[table].append(_packed(row) if table == "block" else row)
+        self._database.execute("BEGIN IMMEDIATE")
+        try:
+            for table, values in by_table.items():
+                if values:
+                    self._database.executemany(_INSERT[table], values)
+            self._database.execute("COMMIT")
+        except BaseException:
+            if self._database.in_transaction:
+                self._database.execute("ROLLBACK")
+            raise
+
+    def _close_database(self) -> None:
+        try:
+            if self._failure is None:
+                self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            self._database.close()
+        except sqlite3.Error as problem:
+            self._failure = self._failure or StoreError(f"the run store cannot be closed ({problem})")
+
+
+def _packed(row: Row) -> Row:
+    number, stream, step, block = row
+    data, crc = database.pack(block)
+    return (number, stream, step, len(block), float(block.at_s[0]), float(block.at_s[-1]), crc, data)

@@ -1,0 +1,1 @@
+"""Positioning axes behind an Aerotech Ensemble controller, over its ASCII port."""

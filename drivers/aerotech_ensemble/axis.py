@@ -1,0 +1,157 @@
+"""The conversation about one axis with an Ensemble controller: questions, commands, and what its answers mean."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import TypeVar
+
+from drivers.aerotech_ensemble import wire
+from drivers.aerotech_ensemble.wire import AxisStatus, Outcome, Reply
+from drivers.errors import InstrumentFault, Refused, WrongIdentity
+from drivers.transport.address import Address
+from drivers.transport.dialogue import Dialogue
+from drivers.transport.exchange import Pace, Proof
+from drivers.transport.wires import Wires
+from drivers.values import Reading
+
+T = TypeVar("T")
+
+ANSWER_S = 2.0
+NOT_TOLD = "not told"
+
+
+class EnsembleAxis:
+    """One axis of a controller.
+
+    Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
+    """
+
+    def __init__(self, device: str, wires: Wires, address: Address, name: str) -> None:
+        self._device, self._name = device, name
+        self._fingerprint = ""
+        proof = Proof(wire.ask_fingerprint(name).encode(), self._recognise)
+        self._dialogue = Dialogue(device, wires, address, proof, pace=Pace(ANSWER_S))
+
+    async def open(self) -> None:
+        """Connects and takes the fingerprint; raises CannotConnect, or WrongIdentity when it is not the first one."""
+        await self._dialogue.open()
+        await self._do_not_wait()
+
+    async def reopen(self) -> None:
+        """Connects again if the wire was lost; else nothing."""
+        if await self._dialogue.reopen():
+            await self._do_not_wait()
+
+    def close(self) -> None:
+        """Closes the wire; closing twice is harmless."""
+        self._dialogue.close()
+
+    async def fingerprint(self) -> str:
+        """What tells this axis from others, asked anew; raises WrongIdentity when it has changed."""
+        await self._dialogue.line.ask(wire.ask_fingerprint(self._name).encode(), self._recognise)
+        return f"{wire.FINGERPRINT_PARAMETER} {self._fingerprint}"
+
+    async def angle(self) -> Reading:
+        """The encoder's angle (°)."""
+        angle_deg = await self._ask(wire.ask_feedback(self._name), wire.read_angle)
+        return Reading(asyncio.get_running_loop().time(), angle_deg)
+
+    async def status(self) -> AxisStatus:
+        """The status bits."""
+        return await self._ask(wire.ask_status(self._name), wire.read_status)
+
+    async def check_faults(self, sent: str = "") -> None:
+        """Raises InstrumentFault with the names of the faults there are; `sent` is the command that met them."""
+        faults = await self._ask(wire.ask_fault(self._name), wire.read_fault)
+        if faults:
+            raise InstrumentFault(
+                self._device, f"axis {self._name} has a fault: {wire.name_faults(faults)}", sent=sent,
+                received=f"AXISFAULT {int(faults):#x}",
+                remedy="Remove the cause, acknowledge the fault at the controller (FAULTACK), then run again.",
+            )  # fmt: skip
+
+    async def enable(self) -> None:
+        """Energises the motor; raises Refused unless the status says so afterwards."""
+        command = wire.enable(self._name)
+        await self._order(command)
+        if AxisStatus.ENABLED not in await self.status():
+            raise Refused(
+                self._device, f"axis {self._name} stays disabled", sent=command,
+                remedy="Check the emergency stop and the amplifier, then run again.",
+            )  # fmt: skip
+
+    async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
+        """Sends the axis to an angle, once.
+
+        Returns when the controller has accepted the move, or has done it, or within `answer_s` when the answer is
+        missing: the feedback decides. Raises Refused, InstrumentFault.
+        """
+        await self._order(wire.move_absolute(self._name, angle_deg, rate_dps), answer_s=answer_s)
+
+    async def abort(self) -> None:
+        """Lets the axis decelerate and hold."""
+        await self._order(wire.abort(self._name))
+
+    def abort_at_once(self) -> None:
+        """As `abort`, before anything else that is to be said; raises LinkLost."""
+        self._dialogue.line.cut_in(wire.abort(self._name).encode())
+
+    async def _do_not_wait(self) -> None:
+        """Has moves answered when they are accepted.
+
+        A controller that does not know this answers them when they are done; a move's deadline allows for that.
+        """
+        try:
+            await self._dialogue.line.order(wire.NO_WAIT.encode(), wire.read_reply)
+        except BaseException:
+            self.close()
+            raise
+
+    async def _ask(self, question: str, read: Callable[[str], T]) -> T:
+        """What `read` makes of the data of an answer; raises Refused when there is none."""
+
+        def read_data(line: bytes) -> T | Reply:
+            reply = wire.read_reply(line)
+            return read(reply.data) if reply.outcome is Outcome.DONE else reply
+
+        answer = await self._dialogue.line.ask(question.encode(), read_data)
+        if isinstance(answer, Reply):
+            raise self._refusal(question, answer)
+        return answer
+
+    async def _order(self, command: str, *, answer_s: float = ANSWER_S) -> None:
+        """Sends a command once; raises InstrumentFault or Refused when the answer says that it was not carried out."""
+        reply = await self._dialogue.line.order(command.encode(), wire.read_reply, answer_s=answer_s)
+        # A controller may stop waiting for a move ($) that goes on.
+        if reply is not None and reply.outcome not in (Outcome.DONE, Outcome.TIMEOUT):
+            await self.check_faults(command)
+            raise self._refusal(command, reply)
+
+    def _refusal(self, sent: str, reply: Reply) -> Refused:
+        words = {
+            Outcome.INVALID: "the controller refused a command as invalid",
+            Outcome.FAULT: "the controller could not carry out a command",
+            Outcome.TIMEOUT: "a command timed out inside the controller",
+        }
+        return Refused(
+            self._device, words[reply.outcome], sent=sent, received=str(reply),
+            remedy="Look at the controller's own messages, and check the axis name in the bench file.",
+        )  # fmt: skip
+
+    def _recognise(self, line: bytes) -> None:
+        """Compares the fingerprint with that of the first time; a controller may refuse to tell it."""
+        reply = wire.read_reply(line)
+        if reply.outcome is Outcome.DONE and reply.data:
+            found = reply.data
+        elif reply.outcome is Outcome.INVALID and not reply.data:
+            found = NOT_TOLD
+        else:
+            raise ValueError("not a parameter of an axis")
+        if self._fingerprint not in ("", found):
+            raise WrongIdentity(
+                self._device, f"{wire.FINGERPRINT_PARAMETER} of axis {self._name} is {found}, it was "
+                f"{self._fingerprint}", received=str(reply),
+                remedy="Another controller, or another parameter file, is at this address.",
+            )  # fmt: skip
+        self._fingerprint = found

@@ -1,0 +1,202 @@
+"""An indexing head on an Aerotech Ensemble: goes to angles, from a stated side, and proves that it stands there."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from typing import Self
+
+from drivers.aerotech_ensemble.axis import ANSWER_S, EnsembleAxis
+from drivers.aerotech_ensemble.description import EnsembleLimits, EnsembleOptions
+from drivers.aerotech_ensemble.wire import AxisStatus
+from drivers.capabilities import Approach
+from drivers.description import Nothing, Setup
+from drivers.errors import BeyondLimit, InstrumentFault, NotSettled, Refused
+from drivers.transport.dialogue import safe_in_time
+from drivers.values import Identity, Reading
+
+ARCSEC_PER_DEG = 3600
+ASTRAY_BANDS = 10  # a standing axis this many bands off its target was moved by somebody else
+_SIDES: Mapping[Approach, int] = {"direct": 0, "from_below": -1, "from_above": 1}
+
+
+class AerotechEnsemble:
+    """One axis; a Positioner.
+
+    It never homes the axis and never acknowledges a fault: both are for a person at the controller. A move is sent
+    once; when its answer is missing, the feedback decides what has become of it.
+
+    Concurrency: a new move, `stop` and `make_safe` end the move under way, which then raises Refused.
+    """
+
+    def __init__(self, setup: Setup[EnsembleOptions, EnsembleLimits, Nothing]) -> None:
+        self.name = setup.name
+        self._stated = setup.identity
+        self._options, self._limits = setup.options, setup.limits
+        self._axis = EnsembleAxis(setup.name, setup.wires, setup.address, setup.options.axis)
+        self._band_deg = setup.options.settle.band / ARCSEC_PER_DEG
+        self._order = 0  # counts moves and stops, so that a move knows when it is no longer wanted
+        self._standing_at_deg: float | None = None
+
+    async def __aenter__(self) -> Self:
+        """Connects and takes the fingerprint; BeyondLimit when the rate of the options is above that of the limits."""
+        if self._options.rate > self._limits.rate.max:
+            raise BeyondLimit(
+                self.name, f"the rate {self._options.rate:g} °/s is above the limit of {self._limits.rate.max:g} °/s",
+                remedy="Correct options.rate or limits.rate in the bench file.",
+            )  # fmt: skip
+        await self._axis.open()
+        return self
+
+    async def __aexit__(self, *exc: object) -> None:
+        """Closes the connection; the axis stays as it is."""
+        self._axis.close()
+
+    async def identify(self) -> Identity:
+        """The names as the bench file states them, since the wire tells none; the fingerprint is what it does tell.
+
+        Raises WrongIdentity when the fingerprint has changed.
+        """
+        fingerprint = await self._axis.fingerprint()
+        return Identity(
+            maker=self._stated.maker or "Aerotech", model=self._stated.model or "Ensemble",
+            serial=self._stated.serial or "", firmware=self._stated.firmware or "", verified=False,
+            fingerprint=fingerprint,
+        )  # fmt: skip
+
+    async def poll(self) -> Mapping[str, Sequence[Reading]]:
+        """The angle; InstrumentFault when the axis has a fault, or does not stand where it was sent."""
+        reading = await self._axis.angle()
+        await self._axis.check_faults()
+        target_deg = self._standing_at_deg
+        if target_deg is not None and abs(reading.value - target_deg) > ASTRAY_BANDS * self._band_deg:
+            raise InstrumentFault(
+                self.name, f"the axis stands at {reading.value:.5f}°, it was sent to {target_deg:.5f}°",
+                remedy="Look for who else moves it: a joystick, another program, a hand.",
+            )  # fmt: skip
+        return {"angle": [reading]}
+
+    async def angle(self) -> Reading:
+        """The encoder's angle now (°)."""
+        return await self._axis.angle()
+
+    async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
+        """Goes to `angle_deg` and stands there; the angle read back after `settle_s` more.
+
+        `from_below` and `from_above` begin at least `approach_distance` on that side, also when the axis stands at
+        the angle already, so that every visit is approached alike. Raises BeyondLimit before anything is sent;
+        Refused or InstrumentFault from the controller; NotSettled when the axis does not come to stand in its band.
+        """
+        begin_deg = angle_deg + _SIDES[approach] * self._options.approach_distance
+        self._check_angle("the angle", angle_deg)
+        self._check_angle(f"the angle where the approach to {angle_deg:g}° begins,", begin_deg)
+        order = self._new_order()
+        await self._make_ready()
+        start_deg = (await self._axis.angle()).value
+        if (start_deg - begin_deg) * _SIDES[approach] < 0:
+            await self._go(order, begin_deg, hold_s=0.0)
+        await self._go(order, angle_deg, hold_s=self._options.settle.hold)
+        await asyncio.sleep(settle_s)
+        reading = await self._axis.angle()
+        self._check_wanted(order)
+        if abs(reading.value - angle_deg) > self._band_deg:
+            raise self._not_settled(angle_deg, reading, f"left its band within {settle_s:g} s")
+        self._standing_at_deg = angle_deg
+        return reading
+
+    async def stop(self) -> None:
+        """Decelerates and holds; returns when the axis no longer moves."""
+        self._new_order()
+        await self._axis.abort()
+        await self._come_to_rest()
+
+    async def make_safe(self) -> None:
+        """Stops the axis where it is, within 5 s: no homing, no move, and the servo stays as it is.
+
+        Proved by the status. Raises NoAnswer when it cannot be proved; CannotConnect, WrongIdentity after a lost wire.
+        """
+        self._new_order()
+        async with safe_in_time(self.name):
+            await self._axis.reopen()
+            self._axis.abort_at_once()
+            await self._come_to_rest()
+
+    def _check_angle(self, what: str, angle_deg: float) -> None:
+        allowed = self._limits.angle
+        if not allowed.min <= angle_deg <= allowed.max:
+            raise BeyondLimit(
+                self.name, f"{what} {angle_deg:g}° is outside {allowed.min:g}° to {allowed.max:g}°",
+                remedy="Nothing was sent. Correct the sequence, or limits.angle in the bench file.",
+            )  # fmt: skip
+
+    async def _make_ready(self) -> None:
+        """Enables the axis if need be; raises InstrumentFault when it has a fault or has not been homed."""
+        await self._axis.check_faults()
+        status = await self._axis.status()
+        if AxisStatus.HOMED not in status:
+            raise InstrumentFault(
+                self.name, "the axis has not been homed, so its angles mean nothing",
+                remedy="Home it at the controller, where you can see it move.",
+            )  # fmt: skip
+        if AxisStatus.ENABLED not in status:
+            await self._axis.enable()
+
+    async def _go(self, order: int, target_deg: float, *, hold_s: float) -> None:
+        """Sends the axis to an angle, once, and returns when it has stood there for `hold_s`."""
+        options = self._options
+        start_deg = (await self._axis.angle()).value
+        travel_s = abs(target_deg - start_deg) / options.rate + options.rate / options.acceleration
+        deadline_s = asyncio.get_running_loop().time() + travel_s + options.settle.give_up
+        self._check_wanted(order)
+        await self._axis.start_move(target_deg, options.rate, answer_s=travel_s + ANSWER_S)
+        await self._stand(order, target_deg, hold_s, deadline_s)
+
+    async def _stand(self, order: int, target_deg: float, hold_s: float, deadline_s: float) -> None:
+        """Returns when the axis has stood within its band of the target for `hold_s`."""
+        since_s: float | None = None
+        while True:
+            status, reading = await self._axis.status(), await self._axis.angle()
+            await self._axis.check_faults()
+            self._check_wanted(order)
+            if AxisStatus.ENABLED not in status:
+                raise InstrumentFault(
+                    self.name, f"the axis was disabled on its way to {target_deg:g}°",
+                    remedy="Look for who disabled it, then run again.",
+                )  # fmt: skip
+            at_rest = AxisStatus.IN_POSITION in status and AxisStatus.MOVING not in status
+            if not at_rest or abs(reading.value - target_deg) > self._band_deg:
+                since_s = None
+            elif since_s is None:
+                since_s = reading.at_s
+            if since_s is not None and reading.at_s - since_s >= hold_s:
+                return
+            if reading.at_s >= deadline_s:
+                raise self._not_settled(target_deg, reading, "is at rest" if at_rest else "is not at rest")
+            await asyncio.sleep(self._options.poll)
+
+    async def _come_to_rest(self) -> None:
+        """Returns when the axis no longer moves; raises NotSettled."""
+        loop = asyncio.get_running_loop()
+        deadline_s = loop.time() + self._options.settle.give_up
+        while AxisStatus.MOVING in await self._axis.status():
+            if loop.time() >= deadline_s:
+                raise NotSettled(self.name, "the axis still moves after a stop", remedy="Press the emergency stop.")
+            await asyncio.sleep(self._options.poll)
+
+    def _new_order(self) -> int:
+        """Ends what is under way: it finds itself no longer wanted."""
+        self._order += 1
+        self._standing_at_deg = None
+        return self._order
+
+    def _check_wanted(self, order: int) -> None:
+        if order != self._order:
+            raise Refused(self.name, "the move was ended by another command")
+
+    def _not_settled(self, target_deg: float, reading: Reading, state: str) -> NotSettled:
+        off_arcsec = (reading.value - target_deg) * ARCSEC_PER_DEG
+        return NotSettled(
+            self.name, f"the axis {state}, {off_arcsec:+.2f} arcsec off {target_deg:g}°, band "
+            f"±{self._options.settle.band:g} arcsec", received=f"{reading.value:.6f}°",
+            remedy="Check for a blocked or unbalanced axis, and settle.band in the bench file.",
+        )  # fmt: skip

@@ -1,0 +1,209 @@
+"""Aerotech Ensemble ASCII lines in both directions, without their line ends.
+
+A command is a line; its answer is one character that says how it went, and data. Wire facts are those that drivers of
+others agree on (the Tango server tiagocoutinho/aerotech, ESRF's BLISS, EPICS motorAerotech): no maker's manual was
+read. `PFBK X` and `PFBK(X)` are the same question; the first is what we send.
+"""
+
+from __future__ import annotations
+
+import re
+from enum import Enum, IntFlag
+from typing import NamedTuple
+
+NO_WAIT = "WAIT MODE NOWAIT"  # a move is answered when it is accepted, not when it is done (BLISS, EPICS)
+FINGERPRINT_PARAMETER = "CountsPerUnit"  # EPICS and BLISS read it by number, the Tango server reads others by name
+
+
+class Outcome(Enum):
+    """The first character of an answer."""
+
+    DONE = "%"
+    INVALID = "!"
+    FAULT = "#"
+    TIMEOUT = "$"
+
+
+class Reply(NamedTuple):
+    """An answer: how the command went, and the data of a question."""
+
+    outcome: Outcome
+    data: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.outcome.value}{self.data}"
+
+
+class AxisStatus(IntFlag):
+    """Bits of AXISSTATUS that are used here."""
+
+    ENABLED = 1 << 0
+    HOMED = 1 << 1
+    IN_POSITION = 1 << 2
+    MOVING = 1 << 3
+    ACCELERATING = 1 << 4
+    DECELERATING = 1 << 5
+    HOMING = 1 << 14
+
+
+class AxisFault(IntFlag):
+    """Bits of AXISFAULT; they stay until they are acknowledged."""
+
+    POSITION_ERROR = 1 << 0
+    OVER_CURRENT = 1 << 1
+    POSITIVE_HARDWARE_LIMIT = 1 << 2
+    NEGATIVE_HARDWARE_LIMIT = 1 << 3
+    POSITIVE_SOFTWARE_LIMIT = 1 << 4
+    NEGATIVE_SOFTWARE_LIMIT = 1 << 5
+    AMPLIFIER = 1 << 6
+    FEEDBACK = 1 << 7
+    VELOCITY_FEEDBACK = 1 << 8
+    HALL_SENSOR = 1 << 9
+    VELOCITY_COMMAND = 1 << 10
+    EMERGENCY_STOP = 1 << 11
+    VELOCITY_ERROR = 1 << 12
+    EXTERNAL = 1 << 15
+    MOTOR_TEMPERATURE = 1 << 17
+    AMPLIFIER_TEMPERATURE = 1 << 18
+    ENCODER = 1 << 19
+    LINK_LOST = 1 << 20
+    MARKER = 1 << 23
+
+
+# What a driver sends, and how it reads the answers
+
+
+def enable(axis: str) -> str:
+    """Closes the servo loop: energises the motor."""
+    return f"ENABLE {axis}"
+
+
+def move_absolute(axis: str, angle_deg: float, rate_dps: float) -> str:
+    """Goes to an angle at a rate."""
+    return f"MOVEABS {axis} {_decimal(angle_deg)} F{_decimal(rate_dps).removesuffix('.0')}"
+
+
+def abort(axis: str) -> str:
+    """Decelerates and holds."""
+    return f"ABORT {axis}"
+
+
+def ask_feedback(axis: str) -> str:
+    """Where the encoder is, °."""
+    return f"PFBK {axis}"
+
+
+def ask_status(axis: str) -> str:
+    """The AxisStatus bits."""
+    return f"AXISSTATUS {axis}"
+
+
+def ask_fault(axis: str) -> str:
+    """The AxisFault bits."""
+    return f"AXISFAULT {axis}"
+
+
+def ask_fingerprint(axis: str) -> str:
+    """A parameter of the axis that nothing else answers alike."""
+    return f"GETPARM({axis}, {FINGERPRINT_PARAMETER})"
+
+
+def read_reply(line: bytes) -> Reply:
+    """An answer; ValueError when it does not begin as answers do."""
+    text = line.decode("ascii")
+    return Reply(Outcome(text[:1]), text[1:])
+
+
+_ANGLE = re.compile(r"[+-]?\d+(?:[.,]\d*)?(?:[eE][+-]?\d+)?", re.ASCII)
+_INTEGER = re.compile(r"[+-]?\d{1,10}", re.ASCII)
+
+
+def read_angle(data: str) -> float:
+    """An angle, °; ValueError.
+
+    A decimal comma is taken as such: controllers on a localised system send one, and since the answer is one number
+    without grouping, a single comma can mean nothing else.
+    """
+    if not _ANGLE.fullmatch(data):
+        raise ValueError(f"'{data}' is not an angle")
+    return float(data.replace(",", "."))
+
+
+def read_status(data: str) -> AxisStatus:
+    """The AxisStatus bits out of a signed 32-bit number; ValueError."""
+    return AxisStatus(_bits(data) & _ALL_STATUS)
+
+
+def read_fault(data: str) -> AxisFault:
+    """The AxisFault bits out of a signed 32-bit number, unknown ones too; ValueError."""
+    return AxisFault(_bits(data))
+
+
+_ALL_STATUS = sum(AxisStatus)
+
+
+def _bits(data: str) -> int:
+    if not _INTEGER.fullmatch(data) or not -(1 << 31) <= int(data) < 1 << 32:
+        raise ValueError(f"'{data}' is not a 32-bit number")
+    return int(data) & 0xFFFF_FFFF
+
+
+def name_faults(faults: AxisFault) -> str:
+    """Faults in words, like "emergency stop, over current"; unknown bits by number."""
+    names = [(fault.name or "").lower().replace("_", " ") for fault in AxisFault if fault in faults]
+    unknown = int(faults) & ~sum(AxisFault)
+    names += [f"bit {bit}" for bit in range(32) if unknown >> bit & 1]
+    return ", ".join(names)
+
+
+def _decimal(value: float) -> str:
+    """A plain decimal with up to six digits after the point: 1e-6° is 0.004 arcsec; never -0."""
+    whole, _, digits = f"{round(value, 6) + 0.0:.6f}".partition(".")
+    return f"{whole}.{digits.rstrip('0') or '0'}"
+
+
+# What a simulator reads and says
+
+
+class Command(NamedTuple):
+    """A command as a controller reads it: its word and its arguments, in capitals."""
+
+    word: str
+    arguments: tuple[str, ...]
+
+
+class Move(NamedTuple):
+    """The arguments of MOVEABS; without a rate the controller uses its default."""
+
+    axis: str
+    angle_deg: float
+    rate_dps: float | None
+
+
+_MOVE = re.compile(r"(\w+) ([+-]?[\d.]+)(?: (?:\1)?F ?([\d.]+))?", re.ASCII)
+
+
+def parse_command(line: bytes) -> Command:
+    """A line with its word, and its arguments whether they are in parentheses or follow after a space; ValueError."""
+    words = re.findall(r"[^\s(),]+", line.decode("ascii").upper())
+    if not words:
+        raise ValueError("an empty line")
+    return Command(words[0], tuple(words[1:]))
+
+
+def parse_move(arguments: tuple[str, ...]) -> Move:
+    """The arguments of MOVEABS, like X 90.0 F5; ValueError."""
+    match = _MOVE.fullmatch(" ".join(arguments))
+    if match is None:
+        raise ValueError("not an axis, an angle and a rate")
+    return Move(match[1], float(match[2]), None if match[3] is None else float(match[3]))
+
+
+def render(reply: Reply) -> bytes:
+    """An answer as the controller sends it, with its line end."""
+    return f"{reply}\n".encode("ascii")
+
+
+def signed(bits: int) -> str:
+    """32 bits as the controller writes them: a signed number."""
+    return str(bits - (1 << 32) if bits >> 31 else bits)

@@ -1,0 +1,1 @@
+"""Free-running pulse counters that send CAN frames described by a DBC."""

@@ -1,0 +1,178 @@
+"""Counter frames in both directions: blocks of frames ⇄ latches, counts and temperatures.
+
+Frames of one latch carry its sequence number. Lost frames are seen by it and counted, never guessed; what comes twice
+or out of order is dropped and counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.dbc import Dbc, Message, Signal
+from drivers.frame_block import FrameBlock
+
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A signal and the message that carries it."""
+
+    message: Message
+    signal: Signal
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelFormat:
+    """One pair of counters."""
+
+    positive: Field
+    negative: Field
+    sequence: Field
+
+
+@dataclass(frozen=True, slots=True)
+class CounterFormat:
+    """A counter's frames: the latch, the channels by name, and the readings in °C by `Message.Signal`."""
+
+    tick: Field
+    tick_period_s: float
+    sequence: Field
+    boot_count: Field | None
+    channels: Mapping[str, ChannelFormat]
+    temperatures: Mapping[str, Field]
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """One channel as the wire gave it, a row for each latch whose frames all came.
+
+    `sequence` (N,) is unwrapped, so a step above 1 is a gap; `tick`, `positive`, `negative` (N,) are raw and wrap at
+    `2**bits` of their field; `host_s` (N,) is the arrival of the latch. `lost` counts latches that did not come whole,
+    `dropped` frames that came twice or late, `restarts` changes of the boot counter.
+    """
+
+    sequence: Integers
+    tick: Integers
+    positive: Integers
+    negative: Integers
+    host_s: NDArray[np.float64]
+    tick_bits: int
+    counter_bits: int
+    lost: int
+    dropped: int
+    restarts: int
+
+
+def counter_format(
+    dbc: Dbc, latch: Mapping[str, str | None], tick_period_s: float, channels: Mapping[str, Mapping[str, str]]
+) -> CounterFormat:
+    """Binds names to the DBC; DbcError names what it does not have."""
+
+    def field(dotted: str | None) -> Field:
+        return Field(*dbc.field(dotted or ""))
+
+    temperatures = {
+        f"{message.name}.{signal.name}": Field(message, signal)
+        for message in dbc.messages.values()
+        for signal in message.signals.values()
+        if signal.unit == "°C"
+    }
+    bound = {
+        name: ChannelFormat(field(entry["positive"]), field(entry["negative"]), field(entry["sequence"]))
+        for name, entry in channels.items()
+    }
+    boot = latch.get("boot_count")
+    return CounterFormat(
+        tick=field(latch["tick"]),
+        tick_period_s=tick_period_s,
+        sequence=field(latch["sequence"]),
+        boot_count=field(boot) if boot else None,
+        channels=bound,
+        temperatures=temperatures,
+    )
+
+
+def decode_counts(form: CounterFormat, channel: str, block: FrameBlock) -> Counts:
+    """The counts of one channel in a block, paired with their latches."""
+    pair = form.channels[channel]
+    latch_rows, latch_sequence, latch_dropped = _in_order(form.sequence, block, None)
+    origin = int(latch_sequence[0]) if len(latch_sequence) else None
+    axis_rows, axis_sequence, axis_dropped = _in_order(pair.sequence, block, origin)
+    sequence, of_latch, of_axis = np.intersect1d(latch_sequence, axis_sequence, return_indices=True)
+    latch, axis = block.data[latch_rows[of_latch]], block.data[axis_rows[of_axis]]
+    boots = form.boot_count.signal.raw(block.data[latch_rows]) if form.boot_count else np.empty(0, np.int64)
+    expected = int(latch_sequence[-1] - latch_sequence[0]) + 1 if len(latch_sequence) else 0
+    return Counts(
+        sequence=sequence,
+        tick=form.tick.signal.raw(latch),
+        positive=pair.positive.signal.raw(axis),
+        negative=pair.negative.signal.raw(axis),
+        host_s=block.at_s[latch_rows[of_latch]],
+        tick_bits=form.tick.signal.length,
+        counter_bits=pair.positive.signal.length,
+        lost=expected - len(sequence),
+        dropped=latch_dropped + axis_dropped,
+        restarts=int(np.count_nonzero(np.diff(boots))),
+    )
+
+
+def latches(form: CounterFormat, block: FrameBlock) -> tuple[Integers, NDArray[np.float64]]:
+    """Raw sequence numbers of the latches in a block, and when they arrived."""
+    rows = form.sequence.message.rows(block)
+    return form.sequence.signal.raw(block.data[rows]), block.at_s[rows]
+
+
+def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Readings in a block by channel name: arrival times and values in °C."""
+    found = {}
+    for name, field in form.temperatures.items():
+        rows = field.message.rows(block)
+        if len(rows):
+            found[name] = (block.at_s[rows], field.signal.physical(block.data[rows]))
+    return found
+
+
+def _in_order(field: Field, block: FrameBlock, near: int | None) -> tuple[NDArray[np.intp], Integers, int]:
+    """Rows of a message whose sequence number goes up, those numbers unwrapped, and how many rows were dropped.
+
+    A step of half the range or more is a step back. `near` is a number that the first one is unwrapped next to.
+    """
+    rows = field.message.rows(block)
+    modulus = 1 << field.signal.length
+    raw = field.signal.raw(block.data[rows])
+    if not len(raw):
+        return rows, raw, 0
+    start = int(raw[0])
+    if near is not None:
+        start = near + (start - near + modulus // 2) % modulus - modulus // 2
+    steps = np.diff(raw, prepend=raw[0]) % modulus
+    backward = steps >= modulus // 2
+    unwrapped = start + np.cumsum(np.where(backward, steps - modulus, steps))
+    ahead = np.maximum.accumulate(unwrapped)
+    fresh = np.ones(len(raw), dtype=bool)
+    fresh[1:] = unwrapped[1:] > ahead[:-1]
+    return rows[fresh], unwrapped[fresh], int(np.count_nonzero(~fresh))
+
+
+def encode_frames(dbc: Dbc, at_s: NDArray[np.float64], values: Mapping[str, Mapping[str, Integers]]) -> FrameBlock:
+    """Frames as a counter sends them: for each instant of `at_s` (N,) one of each message, in order of id.
+
+    `values` gives (N,) integers by message and signal name; signals not named are 0.
+    """
+    messages = sorted((dbc.message(name) for name in values), key=lambda message: message.id)
+    words = np.zeros((len(at_s), len(messages)), np.uint64)
+    for column, message in enumerate(messages):
+        for name, integers in values[message.name].items():
+            words[:, column] |= message.signal(name).bits(integers)
+    shape = words.shape
+    return FrameBlock(
+        ids=np.broadcast_to(np.array([message.id for message in messages], np.uint32), shape).ravel(),
+        at_s=at_s.repeat(len(messages)),
+        dlc=np.broadcast_to(np.array([message.length for message in messages], np.uint8), shape).ravel(),
+        data=words.astype("<u8", copy=False).view(np.uint8).reshape(-1, 8),
+    )

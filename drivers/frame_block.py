@@ -1,0 +1,47 @@
+"""CAN frames as blocks of arrays: what counters give and what is stored."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+EXTENDED = 1 << 31  # set in the id of a frame with a 29-bit identifier, as SocketCAN does
+
+
+@dataclass(frozen=True, slots=True)
+class FrameBlock:
+    """CAN frames in order of arrival.
+
+    `ids` (N,) uint32 (29-bit ones with EXTENDED set), `at_s` (N,) float64 loop time of arrival, `dlc` (N,) uint8,
+    `data` (N, 8) uint8, zero past dlc.
+    """
+
+    ids: NDArray[np.uint32]
+    at_s: NDArray[np.float64]
+    dlc: NDArray[np.uint8]
+    data: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @classmethod
+    def joined(cls, blocks: Sequence[FrameBlock]) -> FrameBlock:
+        """Blocks one after the other as one."""
+        if len(blocks) == 1:
+            return blocks[0]
+        if not blocks:
+            return cls.empty()
+        return cls(
+            np.concatenate([block.ids for block in blocks]),
+            np.concatenate([block.at_s for block in blocks]),
+            np.concatenate([block.dlc for block in blocks]),
+            np.concatenate([block.data for block in blocks]),
+        )
+
+    @classmethod
+    def empty(cls) -> FrameBlock:
+        """A block without frames."""
+        return cls(np.empty(0, np.uint32), np.empty(0, np.float64), np.empty(0, np.uint8), np.empty((0, 8), np.uint8))

@@ -1,0 +1,64 @@
+"""What a bench file says of a Keithley 6220 or 6221."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import AfterValidator, model_validator
+from pydantic_core import PydanticCustomError
+
+from drivers.description import DriverDescription
+from drivers.fields import Amperes, InUnit, StrictModel
+from drivers.keithley_6220.wire import COMPLIANCE_MAX_V, COMPLIANCE_MIN_V, RANGES_A, Terminator
+
+
+def _known_range(range_a: float) -> float:
+    for known_a in RANGES_A:
+        if abs(range_a - known_a) < 1e-6 * known_a:
+            return known_a
+    message = f"is {range_a:g} A, expected one of 2 nA to 20 mA in decades, or 100 mA"
+    raise PydanticCustomError("range", "{problem}", {"problem": message})
+
+
+class KeithleyOptions(StrictModel):
+    """How the source is used.
+
+    `range` is fixed for all levels. `compliance` is the most that a sequence may ask for. `terminator` ends lines in
+    both directions and must be the one in the instrument's communication menu: on RS-232 it acts on a CR; a 6221 over
+    TCP wants `lf`.
+    """
+
+    range: Annotated[float, InUnit("A", above=0), AfterValidator(_known_range)]
+    compliance: Annotated[float, InUnit("V", at_least=COMPLIANCE_MIN_V, at_most=COMPLIANCE_MAX_V)]
+    terminator: Terminator = "cr"
+
+
+class LevelRange(StrictModel):
+    """From `min` to `max`, both allowed."""
+
+    min: Amperes
+    max: Amperes
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.min >= self.max:
+            raise PydanticCustomError("range", "{problem}", {"problem": f"min {self.min:g} A is not below max"})
+        return self
+
+
+class KeithleyLimits(StrictModel):
+    """What the bench allows the source, for the sake of the coil on it."""
+
+    current: LevelRange
+
+
+DESCRIPTION = DriverDescription(
+    name="keithley_6220",
+    title="precision current source Keithley 6220 or 6221",
+    capabilities=frozenset({"current_source"}),
+    schemes=frozenset({"serial", "tcp"}),
+    target="drivers.keithley_6220.driver:Keithley6220",
+    options=KeithleyOptions,
+    limits=KeithleyLimits,
+    channels={"current": "A"},
+)

@@ -1,0 +1,102 @@
+"""Keithley 6220 headers and answers, and what is to be sent next to reach a setting.
+
+Facts from the Reference Manual (622x-901) and the specification; the errors and register bits too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntFlag
+from typing import Literal
+
+from drivers import scpi
+
+Terminator = Literal["cr", "lf", "crlf"]
+TERMINATORS: Mapping[Terminator, bytes] = {"cr": b"\r", "lf": b"\n", "crlf": b"\r\n"}
+
+# Headers as a simulator matches them
+LEVEL = "[SOURce:]CURRent[:LEVel][:IMMediate][:AMPLitude]"
+RANGE = "[SOURce:]CURRent:RANGe"
+AUTO_RANGE = "[SOURce:]CURRent:RANGe:AUTO"
+COMPLIANCE = "[SOURce:]CURRent:COMPliance"
+OUTPUT = "OUTPut[:STATe]"
+CONDITION = "STATus:MEASurement:CONDition"
+
+STATE_QUERY = b":SOUR:CURR:RANG?;:SOUR:CURR:RANG:AUTO?;:SOUR:CURR?;:SOUR:CURR:COMP?;:OUTP?;:STAT:MEAS:COND?"
+ZERO = ":SOUR:CURR 0"
+ON, OFF = ":OUTP ON", ":OUTP OFF"
+
+RANGES_A = (2e-9, 20e-9, 200e-9, 2e-6, 20e-6, 200e-6, 2e-3, 20e-3, 100e-3)
+OVER_RANGE = 1.05  # a range can be set to 5 % more than its name
+COMPLIANCE_MIN_V, COMPLIANCE_MAX_V, COMPLIANCE_STEP_V = 0.1, 105.0, 0.01
+
+
+class Condition(IntFlag):
+    """Bits of the measurement condition register that are used here."""
+
+    INTERLOCK = 1 << 1
+    OVER_TEMPERATURE = 1 << 2
+    COMPLIANCE = 1 << 3
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What an output is to do: in which range, at which level and compliance, and whether it is on."""
+
+    range_a: float
+    level_a: float
+    compliance_v: float
+    output: bool
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """What a source is set to, and what it says of itself."""
+
+    setting: Setting
+    auto_range: bool
+    condition: Condition
+
+
+def step_a(range_a: float) -> float:
+    """What a level is rounded to in a range: the specification has 100 nA at 2 mA, 1 µA at 20 mA, 10 µA at 100 mA."""
+    return range_a * (1e-4 if range_a == RANGES_A[-1] else 5e-5)
+
+
+def read_state(line: bytes) -> State:
+    """The answer to STATE_QUERY; ValueError."""
+    range_, auto, level, compliance, output, condition = scpi.answers(line, 6)
+    setting = Setting(scpi.number(range_), scpi.number(level), scpi.number(compliance), scpi.boolean(output))
+    return State(setting, scpi.boolean(auto), Condition(scpi.integer(condition) & sum(Condition)))
+
+
+def next_step(now: State, wanted: Setting) -> str:
+    """The next command on the way to a setting, "" when it is reached.
+
+    The range changes at 0 A with the output off, the polarity through 0 A; compliance and level come before the output
+    goes on, and it goes off at 0 A.
+    """
+    has = now.setting
+    if not wanted.output:
+        return _step_off(has)
+    if now.auto_range:
+        return ":SOUR:CURR:RANG:AUTO 0"
+    if abs(has.range_a - wanted.range_a) > 0.01 * wanted.range_a:
+        return _step_off(has) or f":SOUR:CURR:RANG {scpi.spell(wanted.range_a)}"
+    if abs(has.compliance_v - wanted.compliance_v) > 0.51 * COMPLIANCE_STEP_V:
+        return f":SOUR:CURR:COMP {scpi.spell(wanted.compliance_v)}"
+    if not same_level(has.level_a, wanted):
+        return ZERO if has.level_a * wanted.level_a < 0 else f":SOUR:CURR {scpi.spell(wanted.level_a)}"
+    return "" if has.output else ON
+
+
+def same_level(level_a: float, wanted: Setting) -> bool:
+    """Whether a level is the wanted one, rounded as the range rounds it."""
+    return abs(level_a - wanted.level_a) <= 0.51 * step_a(wanted.range_a)
+
+
+def _step_off(has: Setting) -> str:
+    if has.level_a != 0:
+        return ZERO
+    return OFF if has.output else ""

@@ -1,0 +1,131 @@
+"""The parts of SCPI that instruments share: headers, messages, numbers and the error queue; no I/O.
+
+After IEEE 488.2 and SCPI-1999. Drivers read answers with it, simulators read messages with it.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from typing import NamedTuple
+
+from drivers.values import Identity
+
+NOT_A_NUMBER = 9.9e37  # SCPI-1999 7.2.1: 9.9E37 stands for infinity, 9.91E37 for not a number
+NO_ERROR = 0
+
+_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
+_ERROR = re.compile(r'([+-]?\d{1,6}),\s*"((?:[^"]|"")*)"', re.ASCII)
+_MNEMONIC = re.compile(r"(\[?:?)([A-Za-z]+)(:?\]?)", re.ASCII)
+
+
+class ErrorEntry(NamedTuple):
+    """One entry of an instrument's error queue; code 0 says that the queue is empty."""
+
+    code: int
+    text: str
+
+    def __str__(self) -> str:
+        return f'{self.code},"{self.text}"'
+
+
+class Command(NamedTuple):
+    """One command or query of a message: its whole header in capitals, from the root, and its argument."""
+
+    header: str
+    argument: str
+
+
+def number(text: str) -> float:
+    """A finite decimal number; ValueError for anything else, also for SCPI's infinity and not-a-number."""
+    if not _NUMBER.fullmatch(text):
+        raise ValueError(f"'{text}' is not a number")
+    value = float(text)
+    if not abs(value) < NOT_A_NUMBER:
+        raise ValueError(f"{text} stands for overflow or no reading")
+    return value
+
+
+def boolean(text: str) -> bool:
+    """What an instrument answers to a question about a switch: 0 or 1; ValueError for anything else."""
+    if text not in ("0", "1"):
+        raise ValueError(f"'{text}' is neither 0 nor 1")
+    return text == "1"
+
+
+def integer(text: str) -> int:
+    """A register: a whole number without a point; ValueError for anything else."""
+    if not re.fullmatch(r"[+-]?\d{1,10}", text, re.ASCII):
+        raise ValueError(f"'{text}' is not a whole number")
+    return int(text)
+
+
+def spell(value: float) -> str:
+    """A number as it is sent: six significant digits, more than any setting here resolves."""
+    return f"{value:.6G}"
+
+
+def answers(line: bytes, count: int) -> list[str]:
+    """The answers to `count` queries of one message, which come joined by semicolons; ValueError."""
+    found = [part.strip(" ") for part in line.decode("ascii").split(";")]
+    if len(found) != count:
+        raise ValueError(f"{len(found)} answers to {count} questions")
+    return found
+
+
+def error_entry(line: bytes) -> ErrorEntry:
+    """An answer to SYST:ERR?, like `-113,"Undefined header"`; ValueError."""
+    match = _ERROR.fullmatch(line.decode("ascii"))
+    if match is None:
+        raise ValueError("not an entry of an error queue")
+    return ErrorEntry(int(match[1]), match[2].replace('""', '"'))
+
+
+def identity(line: bytes) -> Identity:
+    """An answer to *IDN?: maker, model, serial number, firmware; ValueError."""
+    fields = [field.strip() for field in line.decode("ascii").split(",", 3)]
+    if len(fields) != 4 or not all(fields[:3]):
+        raise ValueError("not maker,model,serial,firmware")
+    maker, model, serial, firmware = fields
+    return Identity(maker=maker, model=model, serial=serial, firmware=firmware)
+
+
+@lru_cache(maxsize=256)
+def commands(message: str) -> tuple[Command, ...]:
+    """The commands of a message, split at semicolons outside quotes.
+
+    A header without a leading colon continues in the group of the one before it; common commands (`*CLS`) leave the
+    group as it is.
+    """
+    found: list[Command] = []
+    group = ""
+    for unit in re.findall(r'(?:[^;"]|"[^"]*"?)+', message):
+        header, _, argument = unit.strip().partition(" ")
+        header = header.upper()
+        if not header:
+            continue
+        if header.lstrip(":").startswith("*"):
+            header = header.lstrip(":")
+        else:
+            header = header.removeprefix(":") if header.startswith(":") else group + header
+            group = header[: header.rfind(":") + 1]
+        found.append(Command(header, argument.strip()))
+    return tuple(found)
+
+
+@lru_cache(maxsize=256)
+def header(spelled: str) -> re.Pattern[str]:
+    """What matches a header, in capitals, written as manuals write it: `[SOURce:]CURRent:COMPliance`.
+
+    Each word may be given whole or as its capitals; what is in brackets may be left out; a `?` makes a query.
+    """
+
+    def word(match: re.Match[str]) -> str:
+        before, mnemonic, after = match.groups()
+        short = "".join(letter for letter in mnemonic if letter.isupper())
+        rest = mnemonic.upper().removeprefix(short)
+        either = f"{short}(?:{rest})?" if rest else short
+        return f"{before.replace('[', '(?:')}{either}{after.replace(']', ')?')}"
+
+    body = spelled.removesuffix("?")
+    return re.compile(_MNEMONIC.sub(word, body).replace("*", r"\*") + (r"\?" if spelled.endswith("?") else ""))

@@ -1,0 +1,1 @@
+"""Laboratory power supplies that keep to the common core of SCPI."""

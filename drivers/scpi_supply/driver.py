@@ -1,0 +1,129 @@
+"""A laboratory power supply: sets, reads back, watches that it stays as it was set."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Self
+
+from drivers.description import Nothing, Setup
+from drivers.errors import BeyondLimit, InstrumentFault, Refused
+from drivers.scpi_supply import wire
+from drivers.scpi_supply.description import SupplyLimits
+from drivers.scpi_supply.wire import Setting, State
+from drivers.transport.dialogue import safe_in_time
+from drivers.transport.scpi import ScpiLink
+from drivers.values import Identity, Reading, SourceReading
+
+
+class ScpiSupply:
+    """One output; a Source of volts.
+
+    Every command is sent once and what it did is read back. Every look compares the settings with those last made:
+    a second master is a fault, not a discussion.
+
+    Concurrency: a new `set` and `make_safe` end the `set` under way, which then raises Refused.
+    """
+
+    def __init__(self, setup: Setup[Nothing, SupplyLimits, Nothing]) -> None:
+        self.name = setup.name
+        self._limits = setup.limits
+        self._link = ScpiLink(setup)
+        self._order = 0  # counts settings, so that one under way knows when it is no longer wanted
+        self._made: Setting | None = None  # the setting that was made and read back
+
+    async def __aenter__(self) -> Self:
+        """Connects and identifies; raises CannotConnect or WrongIdentity."""
+        await self._link.open()
+        return self
+
+    async def __aexit__(self, *exc: object) -> None:
+        """Closes the wire; the output stays as it is."""
+        self._link.close()
+
+    async def identify(self) -> Identity:
+        """Who is there, by *IDN?; raises WrongIdentity."""
+        return await self._link.identify()
+
+    async def poll(self) -> Mapping[str, Sequence[Reading]]:
+        """Voltage and current as measured; InstrumentFault when the supply is no longer set as it was."""
+        state = await self._state()
+        self._compare(state.setting)
+        now_s = asyncio.get_running_loop().time()
+        return {"voltage": [Reading(now_s, state.voltage_v)], "current": [Reading(now_s, state.current_a)]}
+
+    async def read(self) -> SourceReading:
+        """Voltage, current and output as the supply says."""
+        state = await self._state()
+        return SourceReading(state.voltage_v, state.current_a, state.setting.output)
+
+    async def set(self, level: float, *, limit: float, output: bool) -> None:
+        """Sets the current limit (A) and the level (V), reads both back, then switches the output on.
+
+        With `output` False only switches off; level and limit stay. Raises BeyondLimit before anything is sent, Refused
+        when the supply does not take a setting.
+        """
+        if output:
+            self._check_limits(level, limit)
+        order = self._new_order()
+        now = (await self._state()).setting
+        await self._reach(order, now, Setting(level, limit, True) if output else replace(now, output=False))
+
+    async def make_safe(self) -> None:
+        """Switches the output off within 5 s, proved by reading back.
+
+        Raises NoAnswer or Refused when it cannot be proved; CannotConnect, WrongIdentity after a lost wire.
+        """
+        order = self._new_order()
+        async with safe_in_time(self.name):
+            await self._link.reopen()
+            self._link.cut_in(wire.OFF)
+            now = (await self._state()).setting
+            await self._reach(order, now, replace(now, output=False))
+
+    async def _reach(self, order: int, now: Setting, wanted: Setting) -> None:
+        """Sends one command after the other until the supply says that it is set as wanted."""
+        sent = ""
+        while step := wire.next_step(now, wanted):
+            if order != self._order:
+                raise Refused(self.name, "the setting was ended by another command", sent=sent)
+            if step == sent:
+                raise Refused(
+                    self.name, "a setting was not carried out", sent=sent, received=_in_words(now),
+                    remedy="Look at the supply: is it locked, tripped, or limited below this setting?",
+                )  # fmt: skip
+            await self._link.write(step)
+            sent, now = step, (await self._state()).setting
+        self._made = now
+
+    async def _state(self) -> State:
+        return await self._link.ask(wire.STATE_QUERY, wire.read_state)
+
+    def _check_limits(self, level_v: float, limit_a: float) -> None:
+        for what, value, most, unit in (
+            ("the level", level_v, self._limits.voltage.max, "V"),
+            ("the current limit", limit_a, self._limits.current.max, "A"),
+        ):
+            if not 0 <= value <= most:
+                raise BeyondLimit(
+                    self.name, f"{what} {value:g} {unit} is outside 0 {unit} to {most:g} {unit}",
+                    remedy="Nothing was sent. Correct the sequence, or the limits in the bench file.",
+                )  # fmt: skip
+
+    def _compare(self, now: Setting) -> None:
+        if self._made is not None and wire.next_step(now, self._made):
+            raise InstrumentFault(
+                self.name, f"the supply was set to {_in_words(self._made)}", received=_in_words(now),
+                remedy="Look for a trip, a power failure, or who else sets it.",
+            )  # fmt: skip
+
+    def _new_order(self) -> int:
+        """Ends what is under way: it finds itself no longer wanted."""
+        self._order += 1
+        self._made = None
+        return self._order
+
+
+def _in_words(setting: Setting) -> str:
+    return f"{setting.level_v:g} V, limit {setting.limit_a:g} A, output {'on' if setting.output else 'off'}"

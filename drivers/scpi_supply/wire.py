@@ -1,0 +1,62 @@
+"""The few SCPI headers that laboratory supplies share, and what is to be sent next to reach a setting.
+
+After the SCPI-1999 instrument class for power supplies; no maker's own commands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers import scpi
+
+# Headers as a simulator matches them
+VOLTAGE = "[SOURce:]VOLTage[:LEVel][:IMMediate][:AMPLitude]"
+CURRENT = "[SOURce:]CURRent[:LEVel][:IMMediate][:AMPLitude]"
+OUTPUT = "OUTPut[:STATe]"
+MEASURE_VOLTAGE = "MEASure[:SCALar]:VOLTage[:DC]"
+MEASURE_CURRENT = "MEASure[:SCALar]:CURRent[:DC]"
+
+STATE_QUERY = b"MEAS:VOLT?;:MEAS:CURR?;:OUTP?;:VOLT?;:CURR?"
+OFF = "OUTP OFF"
+
+LEVEL_WITHIN_V = 0.001  # finer than any unit needs, not finer than a supply resolves
+LIMIT_WITHIN_A = 0.001
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What an output is to do: its level, its current limit, and whether it is on."""
+
+    level_v: float
+    limit_a: float
+    output: bool
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """What a supply measures, and what it is set to."""
+
+    voltage_v: float
+    current_a: float
+    setting: Setting
+
+
+def read_state(line: bytes) -> State:
+    """The answer to STATE_QUERY; ValueError."""
+    voltage, current, output, level, limit = scpi.answers(line, 5)
+    setting = Setting(scpi.number(level), scpi.number(limit), scpi.boolean(output))
+    return State(scpi.number(voltage), scpi.number(current), setting)
+
+
+def next_step(now: Setting, wanted: Setting) -> str:
+    """The next command on the way from one setting to another, "" when it is reached.
+
+    Limit and level come before the output goes on.
+    """
+    if abs(now.limit_a - wanted.limit_a) > LIMIT_WITHIN_A:
+        return f"CURR {scpi.spell(wanted.limit_a)}"
+    if abs(now.level_v - wanted.level_v) > LEVEL_WITHIN_V:
+        return f"VOLT {scpi.spell(wanted.level_v)}"
+    if now.output != wanted.output:
+        return "OUTP ON" if wanted.output else OFF
+    return ""

@@ -1,0 +1,100 @@
+"""The conversation with a SCPI instrument: identified, its error queue drained after each write, opened again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from drivers import scpi
+from drivers.description import Setup, check_identity
+from drivers.errors import Refused, WrongIdentity
+from drivers.transport.dialogue import Dialogue
+from drivers.transport.exchange import Proof
+from drivers.values import Identity
+
+T = TypeVar("T")
+
+IDENTITY_QUERY = b"*IDN?"
+ERROR_QUERY = b":SYST:ERR?"
+ERRORS_AT_MOST = 32
+
+
+class ScpiLink:
+    """The line to one SCPI instrument.
+
+    Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
+    """
+
+    def __init__(self, setup: Setup[Any, Any, Any], *, end: bytes = b"\n") -> None:
+        self._device, self._pin = setup.name, setup.identity
+        self._identity: Identity | None = None
+        proof = Proof(IDENTITY_QUERY, self._recognise)
+        self._dialogue = Dialogue(setup.name, setup.wires, setup.address, proof, end=end)
+
+    async def open(self) -> None:
+        """Connects, identifies, and empties the error queue; raises CannotConnect or WrongIdentity."""
+        await self._dialogue.open()
+        await self._forget_errors()
+
+    async def reopen(self) -> None:
+        """Connects and identifies again if the wire was lost; else nothing."""
+        if await self._dialogue.reopen():
+            await self._forget_errors()
+
+    def close(self) -> None:
+        """Closes the wire; closing twice is harmless."""
+        self._dialogue.close()
+
+    async def identify(self) -> Identity:
+        """Who is there now; raises WrongIdentity when it is not who was there before."""
+        return await self.ask(IDENTITY_QUERY, self._recognise)
+
+    async def ask(self, question: bytes, read: Callable[[bytes], T]) -> T:
+        """One question; see LineExchange.ask."""
+        return await self._dialogue.line.ask(question, read)
+
+    async def write(self, commands: str) -> None:
+        """Sends commands in one message, once; raises Refused with every error that they left in the queue.
+
+        Returns as well when the answer is missing or garbled: what the caller reads back decides.
+        """
+        entry = await self._dialogue.line.order(commands.encode() + b";" + ERROR_QUERY, scpi.error_entry)
+        if entry is not None and (errors := await self._errors_from(entry)):
+            raise Refused(
+                self._device, "the instrument refused a command", sent=commands, received="; ".join(errors),
+                remedy="Look at its display, and check the levels and limits in the sequence and the bench file.",
+            )  # fmt: skip
+
+    def cut_in(self, commands: str) -> None:
+        """Sends commands at once, before anything else; see LineExchange.cut_in."""
+        self._dialogue.line.cut_in(commands.encode())
+
+    async def _forget_errors(self) -> None:
+        """Empties the error queue of what others left there."""
+        try:
+            await self._errors_from(await self.ask(ERROR_QUERY, scpi.error_entry))
+        except BaseException:
+            self.close()
+            raise
+
+    async def _errors_from(self, entry: scpi.ErrorEntry) -> list[str]:
+        """Every entry of the error queue, from `entry` on; the queue is empty after it."""
+        errors: list[str] = []
+        while entry.code != scpi.NO_ERROR:
+            errors.append(str(entry))
+            if len(errors) == ERRORS_AT_MOST:
+                raise Refused(self._device, "its error queue does not become empty", received=errors[-1])
+            entry = await self.ask(ERROR_QUERY, scpi.error_entry)
+        return errors
+
+    def _recognise(self, line: bytes) -> Identity:
+        """Reads an identity and compares it with the bench file and with who was there before."""
+        found = scpi.identity(line)
+        check_identity(self._device, self._pin, found)
+        if self._identity not in (None, found):
+            raise WrongIdentity(
+                self._device, "another instrument has taken its place",
+                received=line.decode("ascii"), remedy="Put the right instrument back on this port and run again.",
+            )  # fmt: skip
+        self._identity = found
+        return found

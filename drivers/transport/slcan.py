@@ -1,0 +1,100 @@
+r"""The serial-line CAN protocol of LAWICEL adapters (`t1008112233…\r`), a block at a time, both directions.
+
+Hexadecimal is turned by tables over whole blocks of equally long lines, never frame by frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.frame_block import EXTENDED, FrameBlock
+
+BITRATES = {
+    10_000: b"S0", 20_000: b"S1", 50_000: b"S2", 100_000: b"S3", 125_000: b"S4", 250_000: b"S5", 500_000: b"S6",
+    800_000: b"S7", 1_000_000: b"S8",
+}  # fmt: skip
+END = b"\r"
+REFUSED = b"\a"
+CLOSE, OPEN = b"C", b"O"
+
+_NIBBLES = np.full(256, 255, np.uint8)
+for _index, _digit in enumerate(b"0123456789ABCDEF"):
+    _NIBBLES[_digit] = _index
+for _index, _digit in enumerate(b"abcdef", start=10):
+    _NIBBLES[_digit] = _index
+_DIGITS = np.frombuffer(b"0123456789ABCDEF", np.uint8)
+_ID_DIGITS = {ord("t"): 3, ord("T"): 8}
+
+
+def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:
+    """The frames in `data`, what is left of an unfinished line, and how many lines were not frames.
+
+    All frames get the arrival time `at_s`. Acknowledgements (empty lines, `z`, `Z`) are neither frames nor errors.
+    """
+    cut = data.rfind(END) + 1
+    whole, rest = data[:cut], data[cut:]
+    characters = np.frombuffer(whole, np.uint8)
+    ends = np.flatnonzero(characters == END[0])
+    starts = np.concatenate(([0], ends[:-1] + 1)) if len(ends) else ends
+    lengths = ends - starts
+    order: list[NDArray[np.intp]] = []
+    blocks: list[FrameBlock] = []
+    for length in np.unique(lengths):
+        rows = np.flatnonzero(lengths == length)
+        lines = characters[starts[rows, None] + np.arange(length)]
+        for kind, id_digits in _ID_DIGITS.items():
+            good, block = _frames(lines, kind, id_digits, at_s)
+            order.append(rows[good])
+            blocks.append(block)
+    position = np.concatenate(order) if order else np.empty(0, np.intp)
+    heads = characters[starts[lengths > 0]]
+    spoken = np.count_nonzero(lengths > 0) - np.count_nonzero(np.isin(heads, [ord("z"), ord("Z")]))
+    found, order_of_lines = FrameBlock.joined(blocks), np.argsort(position, kind="stable")
+    ordered = FrameBlock(
+        found.ids[order_of_lines], found.at_s[order_of_lines], found.dlc[order_of_lines], found.data[order_of_lines]
+    )
+    return ordered, rest, int(spoken - len(position))
+
+
+def _frames(lines: NDArray[np.uint8], kind: int, id_digits: int, at_s: float) -> tuple[NDArray[np.bool_], FrameBlock]:
+    """Which of equally long lines are frames of one kind, and those frames."""
+    length = lines.shape[1]
+    digits = length - 2 - id_digits
+    if digits < 0 or digits > 16 or digits % 2:
+        return np.zeros(len(lines), dtype=bool), FrameBlock.empty()
+    nibbles = _NIBBLES[lines[:, 1:]]
+    good = (lines[:, 0] == kind) & (nibbles < 16).all(axis=1) & (nibbles[:, id_digits] == digits // 2)
+    nibbles = nibbles[good]
+    weights = 16 ** np.arange(id_digits - 1, -1, -1, dtype=np.uint32)
+    payload = nibbles[:, id_digits + 1 :]
+    frame_bytes = np.zeros((len(nibbles), 8), np.uint8)
+    frame_bytes[:, : digits // 2] = payload[:, 0::2] << 4 | payload[:, 1::2]
+    ids = (nibbles[:, :id_digits].astype(np.uint32) * weights).sum(axis=1, dtype=np.uint32)
+    if id_digits == _ID_DIGITS[ord("T")]:
+        ids |= np.uint32(EXTENDED)
+    count = len(nibbles)
+    return good, FrameBlock(ids, np.full(count, at_s), np.full(count, digits // 2, np.uint8), frame_bytes)
+
+
+def render(block: FrameBlock) -> bytes:
+    """Lines as an adapter sends them, in the order of the block."""
+    lines: list[bytes] = [b""] * len(block)
+    for extended in (False, True):
+        for length in range(9):
+            rows = np.flatnonzero(((block.ids >= EXTENDED) == extended) & (block.dlc == length))
+            if not len(rows):
+                continue
+            id_digits = 8 if extended else 3
+            shifts = np.arange(4 * (id_digits - 1), -1, -4, dtype=np.uint32)
+            text = np.empty((len(rows), 1 + id_digits + 1 + 2 * length + 1), np.uint8)
+            text[:, 0] = ord("T") if extended else ord("t")
+            text[:, 1 : 1 + id_digits] = _DIGITS[((block.ids[rows, None] & ~np.uint32(EXTENDED)) >> shifts) & 15]
+            text[:, 1 + id_digits] = _DIGITS[length]
+            payload = block.data[rows, :length]
+            text[:, 2 + id_digits : -1 : 2] = _DIGITS[payload >> 4]
+            text[:, 3 + id_digits : -1 : 2] = _DIGITS[payload & 15]
+            text[:, -1] = END[0]
+            for row, line in zip(rows.tolist(), text, strict=True):
+                lines[row] = line.tobytes()
+    return b"".join(lines)

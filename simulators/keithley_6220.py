@@ -1,0 +1,144 @@
+"""A Keithley 6220 with a resistor on it: range, level, compliance, interlock and error queue."""
+
+from __future__ import annotations
+
+from drivers.keithley_6220 import wire
+from drivers.keithley_6220.wire import Condition, Terminator
+from simulators.faults import FaultPlan
+from simulators.scpi import (
+    OUT_OF_RANGE,
+    SETTINGS_CONFLICT,
+    Handler,
+    Interpreter,
+    LineSession,
+    Refusal,
+    setting,
+    switch,
+)
+from simulators.world import World
+
+_LEVEL_MAX_A = wire.OVER_RANGE * wire.RANGES_A[-1]
+
+
+class SimulatedKeithley:
+    """A source in front of `load_ohm`; it acts on a line when the terminator of its menu is there.
+
+    `interlock_closed` is the contact at its rear, `hot` its thermal switch. `stuck`: settings are accepted and not
+    carried out. It measures nothing that could be `frozen`.
+    """
+
+    def __init__(
+        self, world: World, faults: FaultPlan, *, serial: str = "SIM-6220-01", load_ohm: float = 100.0,
+        terminator: Terminator = "cr",
+    ) -> None:  # fmt: skip
+        self.faults = faults
+        self.load_ohm = load_ohm
+        self.hot = False
+        self.range_a, self.auto_range = wire.RANGES_A[-1], True
+        self.level_a, self.compliance_v, self.output = 0.0, 10.0, False
+        self._world = world
+        self._interlock_closed = True
+        self._end = wire.TERMINATORS[terminator]
+        identity = f"KEITHLEY INSTRUMENTS INC.,MODEL 6220,{serial},D04  /700x"
+        self._interpreter = Interpreter(identity, self._commands(), separator="; ")
+
+    def session(self) -> LineSession:
+        """A new connection."""
+        return LineSession(self._interpreter.execute, end=self._end, answer_end=self._end)
+
+    @property
+    def current_a(self) -> float:
+        """What really flows: the level, or what the compliance drives through the load."""
+        if not self.output:
+            return 0.0
+        most_a = self.compliance_v / self.load_ohm
+        return max(-most_a, min(self.level_a, most_a))
+
+    @property
+    def interlock_closed(self) -> bool:
+        """Whether the contact at the rear is closed."""
+        return self._interlock_closed
+
+    @interlock_closed.setter
+    def interlock_closed(self, closed: bool) -> None:
+        self._interlock_closed = closed
+        if not closed:
+            self._put_output(False)
+
+    def restart(self) -> None:
+        """The mains fail for a moment: everything is as when it was switched on."""
+        self._reset()
+        self._interpreter.power_on()
+
+    def _commands(self) -> dict[str, Handler]:
+        return {
+            wire.LEVEL: self._unless_stuck(self._set_level),
+            f"{wire.LEVEL}?": lambda _: f"{self.level_a:.6E}",
+            wire.RANGE: self._unless_stuck(self._set_range),
+            f"{wire.RANGE}?": lambda _: f"{self.range_a:.6E}",
+            wire.AUTO_RANGE: self._unless_stuck(self._set_auto_range),
+            f"{wire.AUTO_RANGE}?": lambda _: str(int(self.auto_range)),
+            wire.COMPLIANCE: self._unless_stuck(self._set_compliance),
+            f"{wire.COMPLIANCE}?": lambda _: f"{self.compliance_v:.6E}",
+            wire.OUTPUT: self._unless_stuck(self._switch),
+            f"{wire.OUTPUT}?": lambda _: str(int(self.output)),
+            f"{wire.CONDITION}?": lambda _: str(int(self._condition())),
+            "*RST": lambda _: self._reset(),
+        }
+
+    def _unless_stuck(self, handler: Handler) -> Handler:
+        return lambda argument: None if self.faults.active("stuck") else handler(argument)
+
+    def _set_level(self, argument: str) -> None:
+        level_a = setting(argument, -_LEVEL_MAX_A, _LEVEL_MAX_A)
+        if self.auto_range:
+            self.range_a = _range_for(level_a)
+        if abs(level_a) > wire.OVER_RANGE * self.range_a:
+            raise Refusal(OUT_OF_RANGE)
+        step_a = wire.step_a(self.range_a)
+        self.level_a = round(level_a / step_a) * step_a
+
+    def _set_range(self, argument: str) -> None:
+        range_a = _range_for(setting(argument, -_LEVEL_MAX_A, _LEVEL_MAX_A))
+        if abs(self.level_a) > wire.OVER_RANGE * range_a:
+            raise Refusal(SETTINGS_CONFLICT)
+        self.range_a, self.auto_range = range_a, False
+
+    def _set_auto_range(self, argument: str) -> None:
+        self.auto_range = switch(argument)
+        if self.auto_range:
+            self.range_a = _range_for(self.level_a)
+
+    def _set_compliance(self, argument: str) -> None:
+        compliance_v = setting(argument, wire.COMPLIANCE_MIN_V, wire.COMPLIANCE_MAX_V)
+        self.compliance_v = round(compliance_v / wire.COMPLIANCE_STEP_V) * wire.COMPLIANCE_STEP_V
+
+    def _switch(self, argument: str) -> None:
+        on = switch(argument)
+        if on and not self.interlock_closed:
+            raise Refusal(SETTINGS_CONFLICT)
+        self._put_output(on)
+
+    def _put_output(self, on: bool) -> None:
+        self._world.before_change()
+        self.output = on
+
+    def _condition(self) -> Condition:
+        condition = Condition(0)
+        if not self.interlock_closed:
+            condition |= Condition.INTERLOCK
+        if self.hot:
+            condition |= Condition.OVER_TEMPERATURE
+        if self.output and abs(self.level_a) * self.load_ohm > self.compliance_v:
+            condition |= Condition.COMPLIANCE
+        return condition
+
+    def _reset(self) -> None:
+        self.level_a, self.compliance_v = 0.0, 10.0
+        self.range_a, self.auto_range = wire.RANGES_A[-1], True
+        self._put_output(False)
+
+
+def _range_for(level_a: float) -> float:
+    """The smallest range that takes a level."""
+    return next(range_a for range_a in wire.RANGES_A if abs(level_a) <= wire.OVER_RANGE * range_a)

@@ -1,0 +1,48 @@
+"""A pseudo-terminal with a simulated instrument at its other end: a serial port without a cable, in real time."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import tty
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from drivers.transport.serial import join_device
+
+TERMINALS = "/dev/pts/"
+
+
+@asynccontextmanager
+async def serve_pty(path: Path, factory: Callable[[], asyncio.Protocol]) -> AsyncIterator[Path]:
+    """Makes `path` a link to a new pseudo-terminal that `factory()` answers; gone at exit.
+
+    A link that an earlier run left there is replaced; FileExistsError when anything else is there.
+    """
+    near, far = os.openpty()
+    try:
+        # Held open, so that clients may come and go; raw, so that bytes pass as they are.
+        tty.setraw(far)
+        transport = await join_device(os.fdopen(near, "r+b", buffering=0), factory())
+        try:
+            _link(path, os.ttyname(far))
+            yield path
+        finally:
+            _unlink(path, os.ttyname(far))
+            transport.close()
+    finally:
+        os.close(far)
+
+
+def _link(path: Path, terminal: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_symlink() and os.readlink(path).startswith(TERMINALS):
+        path.unlink()
+    path.symlink_to(terminal)
+
+
+def _unlink(path: Path, terminal: str) -> None:
+    """Removes our link, not one that somebody else has put in its place."""
+    if path.is_symlink() and os.readlink(path) == terminal:
+        path.unlink()

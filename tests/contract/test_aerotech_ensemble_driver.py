@@ -1,0 +1,609 @@
+"""The driver of the Aerotech Ensemble against the simulated one, in virtual time."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from bench.loop import AS_FAST_AS_POSSIBLE, run
+from drivers.aerotech_ensemble.description import DESCRIPTION, EnsembleLimits, EnsembleOptions, EnsembleUncertainty
+from drivers.aerotech_ensemble.driver import AerotechEnsemble
+from drivers.aerotech_ensemble.wire import AxisFault
+from drivers.capabilities import Approach, Positioner
+from drivers.description import IdentityPin, Nothing, Setup, known_drivers, make_driver
+from drivers.errors import (
+    BadAnswer,
+    BeyondLimit,
+    CannotConnect,
+    InstrumentFault,
+    LinkLost,
+    NoAnswer,
+    NotSettled,
+    Refused,
+    WrongIdentity,
+)
+from drivers.transport.address import Address
+from simulators.aerotech_ensemble import SimulatedEnsemble
+from simulators.faults import FaultPlan
+from simulators.world import World, WorldSettings
+from tests.support.lines import TappedWire
+
+OPTIONS = {"axis": "X", "rate": "20 °/s", "settle": {"band": "1 arcsec", "hold": "1 s"}}
+LIMITS = {"angle": {"min": "-5°", "max": "365°"}, "rate": {"max": "30 °/s"}}
+
+
+class Head:
+    """A simulated head behind a tapped wire, and what drivers for it are made from."""
+
+    def __init__(self, **settings: Any) -> None:
+        loop = asyncio.get_running_loop()
+        self.faults = FaultPlan(now_s=loop.time)
+        self.world = World(WorldSettings(seed=1, gravity_mps2=9.8), loop.time)
+        self.controller = SimulatedEnsemble(self.world, self.faults, **settings)
+        self.wire = TappedWire(self.controller)
+
+    def driver(self, **options: Any) -> AerotechEnsemble:
+        setup = Setup(
+            name="head", address=Address.parse("tcp://127.0.0.1:8000"), wires=self.wire,
+            options=EnsembleOptions.model_validate(OPTIONS | options), limits=EnsembleLimits.model_validate(LIMITS),
+            safe=Nothing(), identity=IdentityPin(serial="SIM-HEAD-01"),
+        )  # fmt: skip
+        driver = make_driver(DESCRIPTION, setup)
+        assert isinstance(driver, AerotechEnsemble)
+        return driver
+
+    @property
+    def angle_deg(self) -> float:
+        return self.world.axis.encoder_deg(self.world.now())
+
+    @property
+    def moving(self) -> bool:
+        return self.world.axis.moving(self.world.now())
+
+    def moves(self) -> list[str]:
+        return [line.decode().split()[2] for line in self.wire.requests if line.startswith(b"MOVEABS")]
+
+
+def with_head(use: Callable[[Head], Awaitable[None]], **settings: Any) -> None:
+    async def main() -> None:
+        await use(Head(**settings))
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
+def with_driver(use: Callable[[Head, AerotechEnsemble], Awaitable[None]], **settings: Any) -> None:
+    async def main(head: Head) -> None:
+        async with head.driver() as driver:
+            await use(head, driver)
+
+    with_head(main, **settings)
+
+
+def now_s() -> float:
+    return asyncio.get_running_loop().time()
+
+
+# The bench file
+
+
+def test_it_is_installed_under_its_name() -> None:
+    assert known_drivers()["aerotech_ensemble"] is DESCRIPTION
+    options = EnsembleOptions.model_validate(OPTIONS)
+    assert DESCRIPTION.channels_of(options) == {"angle": "°"}
+    assert (options.settle.give_up, options.approach_distance, options.acceleration, options.poll) == (30, 2, 40, 0.1)
+    certificate = {"zero": "10 arcsec", "harmonics": ["2 arcsec", "1 arcsec"], "repeatability": "0.2 arcsec"}
+    assert EnsembleUncertainty.model_validate(certificate).harmonics == (2.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("model", "data", "problem"),
+    [
+        (EnsembleOptions, OPTIONS | {"axis": "X Y"}, "pattern"),
+        (EnsembleOptions, OPTIONS | {"rate": "20 °"}, "expected a quantity in °/s"),
+        (EnsembleOptions, OPTIONS | {"settle": {"band": "0 arcsec", "hold": "1 s"}}, "more than 0"),
+        (EnsembleOptions, OPTIONS | {"settel": {}}, "did you mean 'settle'"),
+        (EnsembleLimits, LIMITS | {"angle": {"min": "5°", "max": "-5°"}}, "min 5° is not below max"),
+        (EnsembleLimits, {"angle": LIMITS["angle"]}, "missing"),
+    ],
+)
+def test_a_wrong_bench_file_is_told_what_is_wrong(model: Any, data: Any, problem: str) -> None:
+    with pytest.raises(ValidationError, match=problem):
+        model.model_validate(data)
+
+
+# Connecting
+
+
+def test_it_identifies_itself_by_what_the_wire_can_tell() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        assert isinstance(driver, Positioner)
+        identity = await driver.identify()
+        assert (identity.maker, identity.model, identity.serial) == ("Aerotech", "Ensemble", "SIM-HEAD-01")
+        assert not identity.verified
+        assert identity.fingerprint == "CountsPerUnit 1000000"
+        assert head.wire.requests == [
+            b"GETPARM(X, CountsPerUnit)\n", b"WAIT MODE NOWAIT\n", b"GETPARM(X, CountsPerUnit)\n",
+        ]  # fmt: skip
+        assert not head.controller.enabled
+
+    with_driver(use)
+
+
+def test_a_controller_that_does_not_tell_its_parameters_can_be_used() -> None:
+    async def use(head: Head) -> None:
+        head.wire.alter = lambda request, answer: b"!\n" if b"GETPARM" in request else answer
+        async with head.driver() as driver:
+            assert (await driver.identify()).fingerprint == "CountsPerUnit not told"
+            assert (await driver.move_to(10, approach="direct", settle_s=0)).value == 10
+
+    with_head(use)
+
+
+def test_another_controller_in_its_place_is_refused() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        head.wire.alter = lambda _request, answer: answer.replace(b"1000000", b"3600")
+        with pytest.raises(WrongIdentity, match=r"CountsPerUnit of axis X is 3600, it was 1000000; received %3600"):
+            await driver.identify()
+
+    with_driver(use)
+
+
+@pytest.mark.parametrize("answer", [b"#\n", b"%\n", b"hello\n", b"!?\n"])
+def test_what_is_no_ensemble_is_not_connected(answer: bytes) -> None:
+    async def use(head: Head) -> None:
+        head.wire.alter = lambda _request, _answer: answer
+        with pytest.raises(BadAnswer, match="sent 'GETPARM"):
+            await head.driver().__aenter__()
+
+    with_head(use)
+
+
+def test_nobody_there() -> None:
+    async def use(head: Head) -> None:
+        head.wire.broken = True
+        with pytest.raises(CannotConnect):
+            await head.driver().__aenter__()
+
+    with_head(use)
+
+
+def test_a_connection_that_ends_while_it_is_set_up_is_closed() -> None:
+    async def use(head: Head) -> None:
+        def hang_up(request: bytes) -> bool:
+            if b"WAIT" in request:
+                head.wire.drop()
+            return False
+
+        head.wire.lose = hang_up
+        with pytest.raises(LinkLost):
+            await head.driver().__aenter__()
+
+    with_head(use)
+
+
+def test_a_rate_above_the_limit_is_refused_before_connecting() -> None:
+    async def use(head: Head) -> None:
+        with pytest.raises(BeyondLimit, match="the rate 31 °/s is above the limit of 30 °/s"):
+            await head.driver(rate="31 °/s").__aenter__()
+        assert head.wire.connections == []
+
+    with_head(use)
+
+
+# Moving
+
+
+def test_a_move_enables_goes_settles_and_reads_back() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        start_s = now_s()
+        reading = await driver.move_to(40, approach="direct", settle_s=3)
+        assert reading.value == 40
+        assert head.controller.enabled
+        travel_s = 40 / 20 + 20 / 40
+        assert now_s() - start_s == pytest.approx(travel_s + 1 + 3, abs=0.25)
+        assert reading.at_s == pytest.approx(now_s())
+        assert head.wire.count(b"ENABLE") == 1
+        assert b"MOVEABS X 40.0 F20\n" in head.wire.requests
+        await driver.move_to(50, approach="direct", settle_s=0)
+        assert head.wire.count(b"ENABLE") == 1
+        assert (await driver.angle()).value == 50
+        assert [reading.value for reading in (await driver.poll())["angle"]] == [50]
+
+    with_driver(use)
+
+
+@pytest.mark.parametrize(
+    ("start_deg", "approach", "moves"),
+    [
+        (0, "direct", ["30.0"]),
+        (0, "from_below", ["30.0"]),
+        (28, "from_below", ["30.0"]),
+        (28.5, "from_below", ["28.0", "30.0"]),
+        (30, "from_below", ["28.0", "30.0"]),
+        (60, "from_below", ["28.0", "30.0"]),
+        (60, "from_above", ["30.0"]),
+        (31.5, "from_above", ["32.0", "30.0"]),
+        (30, "from_above", ["32.0", "30.0"]),
+        (0, "from_above", ["32.0", "30.0"]),
+        (30, "direct", ["30.0"]),
+    ],
+)
+def test_every_visit_is_approached_alike(start_deg: float, approach: Approach, moves: list[str]) -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        await driver.move_to(start_deg, approach="direct", settle_s=0)
+        head.wire.requests.clear()
+        await driver.move_to(30, approach=approach, settle_s=0)
+        assert head.moves() == moves
+        assert head.angle_deg == 30
+
+    with_driver(use)
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "approach", "problem"),
+    [
+        (366, "direct", r"the angle 366° is outside -5° to 365°"),
+        (-5.001, "direct", r"the angle -5\.001° is outside"),
+        (-4, "from_below", r"where the approach to -4° begins, -6° is outside"),
+        (364, "from_above", r"where the approach to 364° begins, 366° is outside"),
+    ],
+)
+def test_beyond_the_limits_nothing_is_sent(angle_deg: float, approach: Approach, problem: str) -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        sent = len(head.wire.requests)
+        with pytest.raises(BeyondLimit, match=problem):
+            await driver.move_to(angle_deg, approach=approach, settle_s=0)
+        assert len(head.wire.requests) == sent
+        await driver.move_to(-5, approach="direct", settle_s=0)
+
+    with_driver(use)
+
+
+def test_the_answer_to_a_move_may_come_when_it_is_done() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        def later(request: bytes, answer: bytes) -> bytes:
+            if not request.startswith(b"MOVEABS"):
+                return answer
+            transport = head.wire.connections[-1].transport
+            assert transport is not None
+            asyncio.get_running_loop().call_later(18.5, transport.write, answer)
+            return b""
+
+        head.wire.alter = later
+        assert (await driver.move_to(360, approach="direct", settle_s=0)).value == 360
+        assert head.wire.count(b"GETPARM") == 1  # the answer was in time
+
+    with_driver(use)
+
+
+@pytest.mark.parametrize("answer", [b"", b"$\n", b"%%\n?\n"], ids=["none", "timed out inside", "garbled"])
+def test_a_move_whose_answer_is_missing_is_sent_once_and_decided_by_the_feedback(answer: bytes) -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        head.wire.alter = lambda request, good: answer if request.startswith(b"MOVEABS") else good
+        assert (await driver.move_to(10, approach="direct", settle_s=0)).value == 10
+        assert head.moves() == ["10.0"]
+
+    with_driver(use)
+
+
+def test_a_move_that_never_reached_the_controller_is_not_repeated() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        head.wire.lose = lambda request: request.startswith(b"MOVEABS")
+        with pytest.raises(NotSettled, match=r"the axis is at rest, -36000\.00 arcsec off 10°, band ±1 arcsec"):
+            await driver.move_to(10, approach="direct", settle_s=0)
+        assert head.moves() == ["10.0"]
+
+    with_driver(use)
+
+
+def test_an_axis_that_does_not_start_is_not_settled_in_time() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        head.faults.begin("stuck")
+        start_s = now_s()
+        with pytest.raises(NotSettled, match="is at rest"):
+            await driver.move_to(40, approach="direct", settle_s=0)
+        assert now_s() - start_s == pytest.approx(40 / 20 + 20 / 40 + 30, abs=0.5)
+
+    with_driver(use)
+
+
+def test_a_feedback_that_stands_still_is_not_settled() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        head.faults.begin("frozen")
+        with pytest.raises(NotSettled, match=r"received 0\.000000°"):
+            await driver.move_to(40, approach="direct", settle_s=0)
+
+    with_driver(use)
+
+
+def test_an_axis_that_stops_short_is_not_settled() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        asyncio.get_running_loop().call_later(1.0, head.world.stop)
+        with pytest.raises(NotSettled, match="is at rest"):
+            await driver.move_to(40, approach="direct", settle_s=0)
+
+    with_driver(use)
+
+
+def test_an_axis_that_never_comes_to_rest_is_not_settled() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        head.controller.enabled = True
+        head.wire.alter = lambda request, answer: b"%11\n" if request.startswith(b"AXISSTATUS") else answer
+        with pytest.raises(NotSettled, match="is not at rest"):
+            await driver.move_to(40, approach="direct", settle_s=0)
+        with pytest.raises(NotSettled, match="still moves after a stop"):
+            await driver.stop()
+
+    with_driver(use)
+
+
+def test_the_hold_begins_again_when_the_axis_leaves_its_band() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        reads = [b"%10.000100\n"] * 8 + [b"%10.000400\n"] + [b"%9.999900\n"] * 50
+
+        def shaky(request: bytes, answer: bytes) -> bytes:
+            return reads.pop(0) if request.startswith(b"PFBK") and not head.moving and head.moves() else answer
+
+        head.wire.alter = shaky
+        start_s = now_s()
+        reading = await driver.move_to(10, approach="direct", settle_s=0)
+        assert reading.value == 9.9999
+        assert now_s() - start_s == pytest.approx(10 / 20 + 0.5 + 0.9 + 1.0, abs=0.25)
+
+    with_driver(use)
+
+
+def test_an_axis_that_leaves_its_band_while_it_settles_is_not_settled() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        asyncio.get_running_loop().call_later(8.0, head.world.move, 10.01, 1.0)
+        with pytest.raises(NotSettled, match=r"left its band within 10 s, \+36\.00 arcsec off 10°"):
+            await driver.move_to(10, approach="direct", settle_s=10)
+
+    with_driver(use)
+
+
+def test_an_axis_that_was_not_homed_is_not_moved() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        with pytest.raises(InstrumentFault, match=r"has not been homed.*Home it at the controller"):
+            await driver.move_to(10, approach="direct", settle_s=0)
+        assert head.moves() == []
+        assert not head.controller.enabled
+
+    with_driver(use, homed=False)
+
+
+def test_an_axis_that_cannot_be_enabled_is_refused() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        head.wire.lose = lambda request: request.startswith(b"ENABLE")
+        with pytest.raises(Refused, match="stays disabled; sent ENABLE X"):
+            await driver.move_to(10, approach="direct", settle_s=0)
+        assert head.wire.count(b"ENABLE") == 1
+
+    with_driver(use)
+
+
+def test_a_controller_that_refuses_a_command_is_quoted() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        head.wire.alter = lambda request, answer: b"!\n" if request.startswith(b"MOVEABS") else answer
+        with pytest.raises(Refused, match=r"as invalid; sent MOVEABS X 10\.0 F20; received !"):
+            await driver.move_to(10, approach="direct", settle_s=0)
+
+    with_driver(use)
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"), [(b"!\n", "as invalid"), (b"$\n", "timed out"), (b"#\n", "not carry out")]
+)
+def test_a_question_without_an_answer_is_refused(answer: bytes, words: str) -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        head.wire.alter = lambda _request, _answer: answer
+        with pytest.raises(Refused, match=f"{words}.*sent PFBK X"):
+            await driver.angle()
+
+    with_driver(use)
+
+
+def test_a_garbled_angle_is_an_error() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        head.wire.alter = lambda _request, _answer: b"%1.2.3\n"
+        with pytest.raises(BadAnswer, match=r"'1\.2\.3' is not an angle; sent 'PFBK X'; received '%1\.2\.3'"):
+            await driver.angle()
+
+    with_driver(use)
+
+
+# Faults
+
+
+def test_a_fault_is_named_and_never_acknowledged() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        await driver.move_to(10, approach="direct", settle_s=0)
+        head.controller.trip(AxisFault.EMERGENCY_STOP | AxisFault.OVER_CURRENT)
+        words = "has a fault: over current, emergency stop; received AXISFAULT 0x802.*FAULTACK"
+        with pytest.raises(InstrumentFault, match=words):
+            await driver.poll()
+        with pytest.raises(InstrumentFault, match=words):
+            await driver.move_to(20, approach="direct", settle_s=0)
+        assert head.moves() == ["10.0"]
+        assert head.wire.count(b"FAULTACK") == 0
+
+    with_driver(use)
+
+
+def test_a_fault_during_a_move_ends_it() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        asyncio.get_running_loop().call_later(1.0, head.controller.trip, AxisFault.POSITION_ERROR)
+        with pytest.raises(InstrumentFault, match="position error"):
+            await driver.move_to(40, approach="direct", settle_s=0)
+        assert now_s() < 1.3
+
+    with_driver(use)
+
+
+def test_a_move_beyond_the_controllers_own_limits_is_its_fault() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        with pytest.raises(InstrumentFault, match=r"positive software limit; sent MOVEABS X 100\.0 F20"):
+            await driver.move_to(100, approach="direct", settle_s=0)
+
+    with_driver(use, software_limits_deg=(-90.0, 90.0))
+
+
+def test_an_axis_that_is_disabled_during_a_move_is_a_fault() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        asyncio.get_running_loop().call_later(1.0, head.controller.execute, b"DISABLE X")
+        with pytest.raises(InstrumentFault, match="was disabled on its way to 40°"):
+            await driver.move_to(40, approach="direct", settle_s=0)
+
+    with_driver(use)
+
+
+def test_somebody_else_moving_the_axis_is_a_fault_within_one_poll() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        await driver.poll()  # nothing is expected of it yet
+        await driver.move_to(10, approach="direct", settle_s=0)
+        head.controller.execute(b"MOVEABS X 10.001 F5")
+        await driver.poll()  # within ten bands
+        head.controller.execute(b"MOVEABS X 12.0 F5")
+        await asyncio.sleep(1)
+        with pytest.raises(InstrumentFault, match=r"stands at 12\.00000°, it was sent to 10\.00000°.*who else"):
+            await driver.poll()
+        await driver.stop()
+        await driver.poll()
+
+    with_driver(use)
+
+
+# Stopping and the safe state
+
+
+@pytest.mark.parametrize("ending", ["stop", "make_safe"])
+def test_stopping_ends_the_move_under_way(ending: str) -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        move = asyncio.create_task(driver.move_to(100, approach="from_above", settle_s=0))
+        await asyncio.sleep(2.05)
+        await getattr(driver, ending)()
+        assert not head.moving
+        stood_deg = head.angle_deg
+        with pytest.raises(Refused, match=r"ended by another command|cut short"):
+            await move
+        await asyncio.sleep(10)
+        assert head.angle_deg == stood_deg
+        assert head.moves() == ["102.0"]
+        assert head.controller.enabled
+
+    with_driver(use)
+
+
+def test_making_safe_stops_at_once_while_a_question_is_under_way() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        move = asyncio.create_task(driver.move_to(300, approach="direct", settle_s=0))
+        await asyncio.sleep(1)
+        head.wire.mute(b"PFBK")
+        await asyncio.sleep(1)
+        start_s, before_deg = now_s(), head.angle_deg
+        await driver.make_safe()
+        assert now_s() - start_s < 5
+        assert head.angle_deg - before_deg < 0.1
+        with pytest.raises(Refused, match="cut short"):
+            await move
+
+    with_driver(use)
+
+
+def test_making_safe_is_idempotent_and_legal_in_any_state() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        await driver.make_safe()
+        head.controller.trip(AxisFault.ENCODER)
+        await driver.make_safe()
+        await driver.make_safe()
+        assert head.moves() == []
+        assert head.wire.count(b"HOME") == 0
+
+    with_driver(use)
+
+
+def test_making_safe_connects_and_identifies_again() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        await driver.stop()
+        head.controller.execute(b"ENABLE X")
+        head.controller.execute(b"MOVEABS X 300.0 F20")
+        head.wire.drop()
+        await asyncio.sleep(1)
+        with pytest.raises(LinkLost):
+            await driver.angle()
+        assert head.moving
+        await driver.make_safe()
+        assert not head.moving
+        assert len(head.wire.connections) == 2
+        await driver.angle()
+
+    with_driver(use)
+
+
+def test_making_safe_before_it_was_ever_connected() -> None:
+    async def use(head: Head) -> None:
+        driver = head.driver()
+        head.controller.execute(b"ENABLE X")
+        head.controller.execute(b"MOVEABS X 300.0 F20")
+        await driver.make_safe()
+        assert not head.moving
+        await driver.__aexit__()
+
+    with_head(use)
+
+
+def test_what_cannot_be_made_safe_says_so_in_time() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        head.faults.begin("silent")
+        start_s = now_s()
+        with pytest.raises(NoAnswer):
+            await driver.make_safe()
+        assert now_s() - start_s <= 5
+        head.wire.drop()
+        head.wire.broken = True
+        await asyncio.sleep(0.1)
+        with pytest.raises(CannotConnect):
+            await driver.make_safe()
+
+    with_driver(use)
+
+
+def test_an_axis_that_does_not_stop_is_not_proved_safe() -> None:
+    async def use(head: Head, driver: AerotechEnsemble) -> None:
+        head.wire.alter = lambda request, answer: b"%11\n" if request.startswith(b"AXISSTATUS") else answer
+        start_s = now_s()
+        with pytest.raises(NoAnswer, match="is not proved safe within 5 s"):
+            await driver.make_safe()
+        assert now_s() - start_s == pytest.approx(5)
+
+    with_driver(use)
+
+
+async def work(driver: AerotechEnsemble) -> None:
+    async with driver:
+        await driver.move_to(40, approach="from_above", settle_s=1)
+        for _ in range(200):
+            await driver.poll()
+            await asyncio.sleep(1)
+
+
+@pytest.mark.parametrize("tens", range(20))
+def test_silence_is_reported_within_a_deadline_whenever_it_begins(tens: int) -> None:
+    for silent_from in range(10 * tens + 1, 10 * tens + 11):
+
+        async def use(head: Head, silent_from: int = silent_from) -> None:
+            silent_at_s: list[float] = []
+
+            def lose(_request: bytes) -> bool:
+                if len(head.wire.requests) >= silent_from:
+                    silent_at_s.append(now_s())
+                return bool(silent_at_s)
+
+            head.wire.lose = lose
+            with pytest.raises(NoAnswer):
+                await work(head.driver())
+            assert now_s() - silent_at_s[0] < 10
+
+        with_head(use)

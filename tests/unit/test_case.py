@@ -1,0 +1,260 @@
+import json
+import os
+
+import numpy as np
+import pytest
+
+from bench.errors import InputError
+from bench.report import table
+from bench.report.case import reduce_case
+from bench.report.table import read_table
+from tests.support.m4_cases import static_columns, write_case
+
+TILT = {"K1_V_per_g": 1.13, "B0_V": 3.2e-4, "B1_V_per_C": 1.4e-5, "K0_nominal_V": 5e-4}
+TUMBLE_HEADER = "cycle,leg,dwell,T_set_C,T_meas_C,pos_deg,rep,U_V,valid"
+RAMP_HEADER = "cycle,leg,t_s,T_C,U_V"
+
+
+def case(folder, *, csv="T_C,U_V\n20,0.1\n", sub="tilt", record="tilt", settings=TILT, **replaced):
+    (folder / "data.csv").write_bytes(csv.encode() if isinstance(csv, str) else csv)
+    content = {
+        "schema": "itb-case/1",
+        "method": "M4",
+        "sub": sub,
+        "site": {"lat_deg": 34.25, "h_m": 420},
+        "settings": settings,
+        "records": {record: "data.csv"},
+    }
+    path = folder / "case.json"
+    path.write_text(json.dumps(content | replaced))
+    return path
+
+
+def refusal(path):
+    with pytest.raises(InputError) as caught:
+        reduce_case(path)
+    return str(caught.value)
+
+
+def test_result_has_the_keys_of_the_static_method(tmp_path):
+    columns, _ = static_columns(np.random.default_rng(1), bias_v=[1e-4, 1e-5], scale_v_per_g=[1.13])
+    result = reduce_case(write_case(tmp_path, "static", {"degree": 2}, columns))
+    assert list(result) == ["method", "sub", "points", "K0", "K1", "flags", "rejected"]
+    assert list(result["points"][0]) == [
+        "T_C", "T_set_C", "leg", "cycle", "dwell", "K0_V", "K1_V_per_g", "K2_V_per_g2", "delta_rad",
+    ]  # fmt: skip
+    for key in ("K0", "K1"):
+        assert list(result[key]) == [
+            "poly", "linear", "u_linear", "max_resid", "max_resid_linear", "hysteresis_max", "hysteresis_at_C",
+        ]  # fmt: skip
+    assert json.loads(json.dumps(result, allow_nan=False)) == result
+
+
+def test_result_has_the_keys_of_the_dynamic_method(tmp_path):
+    rows = [f"1,{leg},{i + 100 * n},{20 + i * s},{1e-5 * i}" for n, (leg, s) in enumerate(LEGS) for i in range(50)]
+    path = case(tmp_path, sub="dynamic", record="ramp", csv="\n".join([RAMP_HEADER, *rows]), settings={"K1_V_per_g": 1})
+    result = reduce_case(path)
+    assert list(result) == [
+        "method", "sub", "B0_V", "B1_V_per_C", "max_resid_ug", "rms_resid_ug", "hysteresis_max_ug",
+        "repeatability_max_ug", "jumps", "lag_model", "verdict", "flags", "rejected",
+    ]  # fmt: skip
+    assert list(result["lag_model"]) == ["B0_V", "B1_V_per_C", "Bd_V_s_per_C", "max_resid_ug"]
+    assert json.loads(json.dumps(result, allow_nan=False)) == result
+
+
+LEGS = [("up", 1), ("down", -1)]
+
+
+def test_result_has_the_keys_of_the_tilt_method(tmp_path):
+    result = reduce_case(case(tmp_path))
+    assert list(result) == [
+        "method", "sub", "raw_span_deg", "comp_span_deg", "raw_mean_deg", "comp_mean_deg", "flags", "rejected",
+    ]  # fmt: skip
+
+
+def test_what_cannot_be_known_is_null(tmp_path):
+    rows = [
+        f"1,up,{i},{t},{t},{p},1,{np.sin(np.radians(p))},1" for i, t in enumerate((20, 40)) for p in range(0, 360, 90)
+    ]
+    path = case(tmp_path, sub="static", record="tumble", csv="\n".join([TUMBLE_HEADER, *rows]), settings={"degree": 1})
+    result = reduce_case(path)
+    assert result["flags"] == []
+    assert result["K0"]["u_linear"] == [None, None]  # two dwells leave no degree of freedom
+    assert (result["K0"]["hysteresis_max"], result["K0"]["hysteresis_at_C"]) == (None, None)
+
+
+def test_no_complete_dwell_leaves_nothing_but_flags(tmp_path):
+    rows = ["1,up,4,20,20,0,1,0.1,1", "1,up,4,20,20,90,1,1.1,0", "1,up,4,20,20,180,1,0.1,1", ",,,,,,,,"]
+    path = case(tmp_path, sub="static", record="tumble", csv="\n".join([TUMBLE_HEADER, *rows]), settings={"degree": 4})
+    result = reduce_case(path)
+    assert result["points"] == []
+    assert result["flags"] == [
+        "dwell 4 incomplete: 90", "dwell 4 incomplete: 270", "K0:too_few_temperatures", "K1:too_few_temperatures",
+    ]  # fmt: skip
+    assert result["K1"]["poly"] == []
+    assert result["K1"]["linear"] is None
+    assert result["rejected"] == {"missing": 1, "invalid": 1, "thermometer": 0, "duplicate": 0}
+
+
+def test_a_record_without_a_usable_row(tmp_path):
+    path = case(tmp_path, sub="static", record="tumble", csv=TUMBLE_HEADER, settings={})
+    assert reduce_case(path)["flags"] == ["K0:too_few_temperatures", "K1:too_few_temperatures"]
+    path = case(tmp_path, sub="dynamic", record="ramp", csv=RAMP_HEADER + "\n1,up,,,\n", settings={"K1_V_per_g": 1})
+    assert refusal(path) == (
+        "case.json: the record does not suffice (data.csv): power 0 and power 1 are not determined by these readings "
+        "(rank 0 of 2, condition number inf)"
+    )
+
+
+def test_a_dwell_with_most_readings_missing_is_invalid(tmp_path):
+    rows = [
+        f"1,up,{d},{20 * d},{20 * d},{p},{r},{np.sin(np.radians(p))},{int(d != 1 or r == 1)}"
+        for d in (0, 1, 2) for p in range(0, 360, 90) for r in (1, 2, 3)
+    ]  # fmt: skip
+    path = case(tmp_path, sub="static", record="tumble", csv="\n".join([TUMBLE_HEADER, *rows]), settings={"degree": 1})
+    result = reduce_case(path)
+    assert result["flags"] == ["dwell 1 invalid"]
+    assert [point["dwell"] for point in result["points"]] == [0, 2]
+
+
+def test_a_broken_thermometer_spoils_its_reading_only(tmp_path):
+    rows = [
+        f"1,up,0,20,{850 if (p, r) == (90, 2) else 20.5},{p},{r},{np.sin(np.radians(p))},1"
+        for p in (0, 90, 180, 270) for r in (1, 2)
+    ]  # fmt: skip
+    path = case(tmp_path, sub="static", record="tumble", csv="\n".join([TUMBLE_HEADER, *rows]), settings={"degree": 1})
+    result = reduce_case(path)
+    assert result["points"][0]["T_C"] == 20.5
+    assert result["rejected"]["thermometer"] == 1
+
+
+def test_positions_are_named_as_the_record_names_them(tmp_path):
+    def rows(angles):
+        return [f"1,up,{d},{d},{d},{a},1,{np.sin(np.radians(a))},1" for d, angle in enumerate(angles) for a in angle]
+
+    full = (1, 91, 181, 271)
+    path = case(
+        tmp_path, sub="static", record="tumble", settings={"degree": 1},
+        csv="\n".join([TUMBLE_HEADER, *rows([full, full, (1, 91, 271)])]),
+    )  # fmt: skip
+    assert reduce_case(path)["flags"] == ["dwell 2 incomplete: 181"]
+    near = [(359.99, 90.02, 180.01, 269.97), (0.01, 90.0, 180.02), (0.02, 89.99, 180.0, 270.01)]
+    path = case(
+        tmp_path, sub="static", record="tumble", settings={"degree": 1}, csv="\n".join([TUMBLE_HEADER, *rows(near)])
+    )  # fmt: skip
+    result = reduce_case(path)
+    assert result["flags"] == ["dwell 1 incomplete: 270"]
+    assert result["points"][0]["K1_V_per_g"] == pytest.approx(1, rel=1e-12)
+
+
+@pytest.mark.parametrize("encode", [lambda t: "\ufeff" + t, lambda t: t.replace("\n", "\r\n"), lambda t: t + "\n\n"])
+def test_bom_crlf_and_empty_lines_are_read(tmp_path, encode):
+    expected = reduce_case(case(tmp_path))
+    assert (
+        reduce_case(case(tmp_path, csv=encode('T_C, "extra", U_V \n20,"a,b",0.1\n'.replace(', "', ',"')))) == expected
+    )
+
+
+@pytest.mark.parametrize(
+    ("csv", "message"),
+    [
+        ("T_C,U_V\n20,0.1\n21,abc\n", "data.csv: line 3, column U_V: 'abc' is not a number; "),
+        ("T_C,U_V\r\n\r\n20,1_0\r\n", "data.csv: line 3, column U_V: '1_0' is not a number; "),
+        ("T_C,U_V\n20,0.1,7\n", "data.csv: line 2: 3 cells, but the header has 2"),
+        ("T_C,U_V\n20\n", "data.csv: line 2: 1 cells, but the header has 2"),
+        ('T_C,U_V\n20,"0.1\n', "data.csv: line 2: unexpected end of data"),
+        ("T_C,Uv\n20,0.1\n", "data.csv: line 1: there is no column 'U_V'"),
+        ("T_C,U_V,T_C\n20,0.1,1\n", "data.csv: line 1: there is more than one column 'T_C'"),
+        ("", "data.csv: line 1: there is no column 'T_C'; none is known here"),
+        (b"T_C,U_V\n20,0.1\n2\xb0,0.1\n", "data.csv: line 3: not UTF-8; save the file in that encoding"),
+    ],
+)
+def test_a_bad_table_is_refused_where_it_is_bad(tmp_path, csv, message):
+    assert refusal(case(tmp_path, csv=csv)).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("1.5,up,0,20,20,0,1,0.1,1", "line 2, column cycle: '1.5' is not a whole number"),
+        ("1,sideways,0,20,20,0,1,0.1,1", "line 2, column leg: 'sideways' is not up or down"),
+        ("1,up,0,20,20,0,1,0.1,maybe", "line 2, column valid: 'maybe' is not 1, 0, true or false"),
+    ],
+)
+def test_a_bad_cell_of_a_tumble_is_refused(tmp_path, row, message):
+    path = case(tmp_path, sub="static", record="tumble", csv=f"{TUMBLE_HEADER}\n{row}\n", settings={})
+    assert refusal(path).startswith(f"data.csv: {message}; correct it, or leave the cell blank")
+
+
+def test_words_may_be_written_large_and_truths_in_words(tmp_path):
+    csv = "a,b\nUP, True\n,false\nDown,\n 1 ,\n"
+    (tmp_path / "t.csv").write_text(csv)
+    columns = read_table(tmp_path / "t.csv", ["a", "b"])
+    assert columns.truths("b").tolist() == [True, False, False, False]
+    assert columns.words("a", ("up", "down", "1")).tolist() == ["up", "", "down", "1"]
+
+
+@pytest.mark.parametrize(
+    ("replaced", "message"),
+    [
+        ({"schema": "itb-case/2"}, "case.json: schema: Input should be 'itb-case/1'"),
+        ({"method": "M9"}, "case.json: there is no reduction of 'M9' 'tilt'; known: M4 static, M4 dynamic, M4 tilt"),
+        ({"records": {}}, "case.json: records: 'tilt' is missing; M4 tilt needs it"),
+        ({"records": {"tilt": "none.csv"}}, "case.json: records.tilt: there is no file 'none.csv' beside this one"),
+        ({"records": {"tilt": "../x.csv"}}, "case.json: records.tilt: '../x.csv' leaves the folder of this file"),
+        ({"records": {"tilt": "/etc/passwd"}}, "case.json: records.tilt: '/etc/passwd' leaves the folder of this file"),
+        ({"records": {"tilt": "x" * 5000}}, "case.json: records: [Errno "),
+        ({"settings": TILT | {"K1_V_per_g": 0}}, "case.json: settings.K1_V_per_g: Value error, is 0"),
+        ({"settings": TILT | {"B0_V": "four"}}, "case.json: settings.B0_V: Input should be a valid number"),
+        ({"settings": {"K1_V_per_g": 1}}, "case.json: settings.B0_V: Field required; B1_V_per_C: Field required"),
+        ({"settings": TILT | {"B0_V": float("inf")}}, "case.json: settings.B0_V: Input should be a finite number"),
+    ],
+)
+def test_a_bad_case_is_refused(tmp_path, replaced, message):
+    assert refusal(case(tmp_path, **replaced)).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ('{"schema": }', "case.json: line 1, column 12: Expecting value"),
+        ("[" * 100_000, "case.json: nested too deeply"),
+        ('{"schema": ' + "1" * 5000 + "}", "case.json: nested too deeply, or a number with too many digits"),
+        ("[]", "case.json: Input should be a valid dictionary"),
+    ],
+)
+def test_a_case_that_is_no_case_is_refused(tmp_path, content, message):
+    (tmp_path / "case.json").write_text(content)
+    assert refusal(tmp_path / "case.json").startswith(message)
+
+
+def test_a_link_out_of_the_folder_is_refused(tmp_path):
+    outside = tmp_path / "outside.csv"
+    outside.write_text("T_C,U_V\n20,0.1\n")
+    folder = tmp_path / "case"
+    folder.mkdir()
+    (folder / "link.csv").symlink_to(outside)
+    assert "leaves the folder" in refusal(case(folder, records={"tilt": "link.csv"}))
+    (folder / "loop.csv").symlink_to("loop.csv")
+    assert refusal(case(folder, records={"tilt": "loop.csv"})).startswith("case.json: records: ")
+
+
+def test_a_record_in_a_folder_below_is_read(tmp_path):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "t.csv").write_text("T_C,U_V\n20,0.1\n")
+    assert reduce_case(case(tmp_path, records={"tilt": "data/t.csv"}))["rejected"]["missing"] == 0
+
+
+def test_what_is_no_file_is_refused(tmp_path):
+    assert refusal(tmp_path / "none.json").endswith("none.json: cannot be read: No such file or directory")
+    assert "cannot be read" in refusal(tmp_path)
+    os.mkfifo(tmp_path / "pipe.csv")
+    assert "there is no file 'pipe.csv'" in refusal(case(tmp_path, records={"tilt": "pipe.csv"}))
+
+
+def test_a_file_that_is_too_large_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(table, "SIZE_LIMIT_BYTES", 2**20)
+    path = case(tmp_path, csv="T_C,U_V\n" + "20,0.1\n" * 160_000)
+    assert refusal(path).startswith("data.csv: larger than 1 MiB")
+    (tmp_path / "case.json").write_text(" " * 2**21)
+    assert refusal(path).startswith("case.json: larger than 1 MiB")

@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+
+from bench.analysis.ramp import RampRecord, cut_into_legs
+from bench.analysis.thermometer import broken_at_rest, broken_on_a_ramp
+
+NAN = np.nan
+
+
+def record(*rows):
+    cycle, leg, time_s, temperature_c, output_v = zip(*rows, strict=True)
+    return RampRecord(
+        cycle=np.array(cycle, dtype=float),
+        leg=np.array(leg),
+        time_s=np.array(time_s, dtype=float),
+        temperature_c=np.array(temperature_c, dtype=float),
+        output_v=np.array(output_v, dtype=float),
+    )
+
+
+def test_rows_in_any_order_become_legs_in_order():
+    legs, excluded = cut_into_legs(
+        record(
+            (2, "up", 9, 20, 9), (1, "down", 7, 21, 7), (1, "up", 2, 21, 2), (1, "up", 1, 20, 1), (1, "down", 6, 22, 6)
+        )
+    )  # fmt: skip
+    assert [(leg.cycle, leg.name, leg.output_v.tolist()) for leg in legs] == [
+        (1, "up", [1, 2]),
+        (1, "down", [6, 7]),
+        (2, "up", [9]),
+    ]
+    assert excluded == {"missing": 0, "duplicate": 0, "thermometer": 0}
+
+
+def test_legs_may_each_start_their_own_clock():
+    legs, _ = cut_into_legs(record((1, "up", 0, 20, 1), (1, "down", 0, 21, 3), (1, "up", 1, 21, 2)))
+    assert [leg.output_v.tolist() for leg in legs] == [[1, 2], [3]]
+
+
+def test_what_is_missing_or_double_is_left_out_and_counted():
+    legs, excluded = cut_into_legs(
+        record(
+            (1, "up", 1, 20, 1),
+            (1, "up", 2, NAN, 2),
+            (1, "up", 3, 21, NAN),
+            (1, "up", NAN, 21, 4),
+            (1, "", 5, 21, 5),
+            (NAN, "up", 6, 21, 6),
+            (1, "up", 7, 21, 7),
+            (1, "up", 7, 21, 70),
+            (1, "up", 8, 21, np.inf),
+        )
+    )
+    assert [leg.output_v.tolist() for leg in legs] == [[1, 7]]
+    assert excluded == {"missing": 6, "duplicate": 1, "thermometer": 0}
+
+
+def test_the_first_good_row_of_a_time_is_kept():
+    legs, _ = cut_into_legs(record((1, "up", 1, 20, NAN), (1, "up", 1, 20, 5), (1, "up", 1, 20, 6)))
+    assert legs[0].output_v.tolist() == [5]
+    assert legs[0].complete
+
+
+@pytest.mark.parametrize(("good", "complete"), [(5, True), (4, False), (0, False)])
+def test_a_leg_that_lost_more_than_half_is_not_complete(good, complete):
+    rows = [(1, "up", i, 20, i if i < good else NAN) for i in range(10)]
+    legs, _ = cut_into_legs(record(*rows))
+    assert [leg.complete for leg in legs] == [complete]
+
+
+def test_no_rows_are_no_legs():
+    assert cut_into_legs(record((NAN, "", NAN, NAN, NAN))) == ([], {"missing": 1, "duplicate": 0, "thermometer": 0})
+
+
+def test_a_hole_in_time_parts_a_leg():
+    times = [0, 10, 20, 30, 100, 110, 120]
+    legs, _ = cut_into_legs(record(*((1, "up", t, 20, t) for t in times)))
+    assert [times[part] for part in legs[0].stretches(longest_hole=6)] == [[0, 10, 20, 30], [100, 110, 120]]
+    assert [times[part] for part in legs[0].stretches(longest_hole=7)] == [times]
+
+
+@pytest.mark.parametrize("samples", [0, 1])
+def test_a_leg_without_intervals_is_one_stretch(samples):
+    rows = [(1, "up", 0, 20, 1 if samples else NAN)]
+    legs, _ = cut_into_legs(record(*rows))
+    assert [part.stop - part.start for part in legs[0].stretches(longest_hole=3)] == [samples]
+
+
+RAMP = np.linspace(20, 30, 21)
+
+
+@pytest.mark.parametrize(
+    ("broken", "value"), [([5], 26.0 + 5), ([0], 10.0), ([20], 850.0), ([3, 4], -242.0), ([0, 1], 850.0), ([], 0.0)]
+)
+def test_a_temperature_that_jumps_on_a_ramp_is_broken(broken, value):
+    temperature_c = RAMP.copy()
+    temperature_c[broken] = value
+    assert np.flatnonzero(broken_on_a_ramp(temperature_c)).tolist() == broken
+
+
+def test_an_open_sensor_is_broken_for_as_long_as_it_is_open():
+    temperature_c = RAMP.copy()
+    temperature_c[4:15] = 850.0
+    assert np.flatnonzero(broken_on_a_ramp(temperature_c)).tolist() == list(range(4, 15))
+    assert broken_on_a_ramp(np.full(5, 850.0)).all()
+    assert broken_at_rest(np.full(5, -242.0)).all()
+
+
+def test_a_steep_and_coarse_ramp_is_not_broken():
+    assert not broken_on_a_ramp(np.arange(-40.0, 80.0, 4.9)).any()
+
+
+def test_a_temperature_far_from_its_dwell_is_broken():
+    assert broken_at_rest(np.array([20.1, 20.0, 26.0, 19.9, 14.5])).tolist() == [False, False, True, False, True]
+    assert broken_at_rest(np.zeros(0)).tolist() == []

@@ -1,0 +1,195 @@
+import numpy as np
+import pytest
+
+from bench.analysis.tumble import (
+    IncompleteTumble,
+    hysteresis,
+    missing_positions_deg,
+    solve_tumble,
+)
+
+FOUR = np.radians([0.0, 90, 180, 270])
+THERE_AND_BACK = np.radians([0.0, 90, 180, 270, 270, 180, 90, 0])
+
+
+def accelerometer(angle_rad, *, k0=1e-3, k1=1.13, k2=2e-5, k3=0.0, kip=0.0, d=1e-3):
+    """Output in V of the model equation of methods.md 1.4."""
+    a, a_p = np.sin(angle_rad), np.cos(angle_rad)
+    along = a + d * a_p
+    return k1 * (k0 + along + k2 * along**2 + k3 * along**3 + kip * along * a_p)
+
+
+def test_four_points_are_the_four_point_formulas():
+    e0, e90, e180, e270 = reading = np.array([1.7e-3, 1.1313, -0.6e-3, -1.1287])
+    tumble = solve_tumble(FOUR, reading)
+    c0, k1 = (e0 + e180) / 2, (e90 - e270) / 2
+    assert tumble.c0 == pytest.approx(c0, abs=1e-15)
+    assert tumble.k1 == pytest.approx(k1, rel=1e-15)
+    assert tumble.c2 == pytest.approx((e90 + e270) / 2 - c0, abs=1e-15)
+    assert tumble.misalignment_rad == pytest.approx((e0 - e180) / (2 * k1), rel=1e-12)
+    assert tumble.k0_g == pytest.approx(c0 / k1, rel=1e-12)
+    assert tumble.k2_g_per_g2 == pytest.approx(((e90 + e270) / 2 - c0) / k1, rel=1e-12)
+
+
+def test_the_mean_of_four_readings_is_not_the_bias():
+    reading = accelerometer(FOUR, k0=1e-3, k1=1.0, k2=2e-5, d=0)
+    assert np.mean(reading) - 1e-3 == pytest.approx(2e-5 / 2, rel=1e-9)
+    assert solve_tumble(FOUR, reading).c0 == pytest.approx(1e-3, abs=1e-15)
+
+
+def test_what_four_points_cannot_separate():
+    tumble = solve_tumble(FOUR, accelerometer(FOUR, k3=-3e-5, kip=5e-6, d=1e-3))
+    # Figures of methods.md section 12: the misalignment enters in second order.
+    assert tumble.k0_g - 1e-3 == pytest.approx(0, abs=0.06e-6)
+    assert tumble.k1 / 1.13 - 1 == pytest.approx(-30.08e-6, abs=0.5e-6)
+    assert tumble.k2_g_per_g2 - 2e-5 == pytest.approx(0, abs=0.06e-6)
+    assert tumble.misalignment_rad - 1e-3 == pytest.approx(0, abs=0.1e-6)
+
+
+def test_a_zero_error_of_the_head_goes_into_the_misalignment():
+    error_rad = 1e-3
+    tumble = solve_tumble(FOUR, accelerometer(FOUR + error_rad, d=0, k2=0))
+    assert tumble.k0_g == pytest.approx(1e-3, abs=0.01e-6)
+    assert tumble.k1 / 1.13 - 1 == pytest.approx(-(error_rad**2) / 2, rel=1e-3)
+    assert tumble.misalignment_rad == pytest.approx(error_rad, rel=1e-6)
+
+
+@pytest.mark.parametrize("offset_deg", [1.0, -0.3, 17.0])
+def test_actual_angles_make_an_offset_of_the_head_harmless(offset_deg):
+    angle_rad = THERE_AND_BACK + np.radians(offset_deg)
+    sine, cosine = np.sin(angle_rad), np.cos(angle_rad)
+    tumble = solve_tumble(angle_rad, 1e-3 + 1.13 * sine + 2e-3 * cosine + 3e-5 * sine**2)
+    assert (tumble.c0, tumble.k1, tumble.c2) == pytest.approx((1e-3, 1.13, 3e-5), abs=1e-14)
+    assert tumble.misalignment_rad == pytest.approx(2e-3 / 1.13, rel=1e-12)
+
+
+def test_there_and_back_cancels_a_linear_drift():
+    drift = 1e-6 * np.arange(8)
+    tumble = solve_tumble(THERE_AND_BACK, accelerometer(THERE_AND_BACK, d=0) + drift)
+    assert tumble.c0 == pytest.approx(1.13e-3 + 1e-6 * 3.5, abs=1e-12)
+    assert tumble.k1 == pytest.approx(1.13, rel=1e-12)
+
+
+def test_condition_number_is_the_published_one():
+    assert solve_tumble(FOUR, accelerometer(FOUR)).fit.condition == pytest.approx(2.4, abs=0.05)
+
+
+def test_standard_errors_are_the_published_ones():
+    tumble = solve_tumble(FOUR, accelerometer(FOUR, k0=0, k1=1.0, k2=0, d=0))
+    k0, k1, d, k2 = np.sqrt(np.diag(tumble.covariance(reading_sd=1.0)))
+    assert (k0, k1, d, k2) == pytest.approx((0.71, 0.71, 0.71, 1.0), abs=0.005)
+
+
+def test_uncertainty_is_propagated_through_the_ratios():
+    rng = np.random.default_rng(1)
+    clean = accelerometer(THERE_AND_BACK, k0=0.3, k2=0.2, d=0.4)  # large, so that the ratios matter
+    tumbles = [solve_tumble(THERE_AND_BACK, clean + 1e-3 * rng.standard_normal(8)) for _ in range(4000)]
+    found = np.array([(t.k0_g, t.k1, t.misalignment_rad, t.k2_g_per_g2) for t in tumbles])
+    expected = solve_tumble(THERE_AND_BACK, clean).covariance(reading_sd=1e-3)
+    assert np.cov(found.T) == pytest.approx(expected, rel=0.1, abs=3e-8)
+    own = np.mean([t.covariance() for t in tumbles], axis=0)
+    assert np.diag(own) == pytest.approx(np.diag(expected), rel=0.1)
+
+
+def test_gain_is_the_derivative_to_each_reading():
+    reading = accelerometer(THERE_AND_BACK, k0=0.3, k2=0.2, d=0.4)
+
+    def results(values):
+        tumble = solve_tumble(THERE_AND_BACK, values)
+        return np.array([tumble.k0_g, tumble.k1, tumble.misalignment_rad, tumble.k2_g_per_g2])
+
+    step = 1e-6
+    steps = [(results(reading + step * one) - results(reading - step * one)) / (2 * step) for one in np.eye(8)]
+    assert solve_tumble(THERE_AND_BACK, reading).gain() == pytest.approx(np.array(steps).T, abs=1e-9)
+
+
+def test_four_readings_have_no_scatter_of_their_own():
+    assert np.isnan(solve_tumble(FOUR, accelerometer(FOUR)).covariance()).all()
+
+
+@pytest.mark.parametrize(
+    ("angles_deg", "missing", "terms"),
+    [
+        ([0, 90, 180, 0], (270,), ("K1", "c2")),
+        ([0, 90, 270, 90], (180,), ("c0", "d·K1", "c2")),
+        ([90, 180, 270, 450], (0,), ("c0", "d·K1", "c2")),
+        ([], (0, 90, 180, 270), ("c0", "K1", "d·K1", "c2")),
+    ],
+)
+def test_a_missing_position_is_named(angles_deg, missing, terms):
+    with pytest.raises(IncompleteTumble) as caught:
+        solve_tumble(np.radians(angles_deg), np.ones(len(angles_deg)))
+    assert caught.value.missing_deg == missing
+    assert caught.value.names == terms
+    assert f"no reading near {missing[0]}°" in str(caught.value)
+
+
+def test_positions_far_off_may_still_not_suffice():
+    with pytest.raises(IncompleteTumble, match="condition number") as caught:
+        solve_tumble(np.radians([44.99, 45.01, 224.99, 225.01]), np.ones(4))
+    assert caught.value.missing_deg == ()
+
+
+def test_four_readings_close_together_are_no_tumble():
+    with pytest.raises(IncompleteTumble, match="condition number"):
+        solve_tumble(np.radians([10.0, 11, 12, 13]), np.ones(4))
+
+
+def test_positions_count_around_the_turn():
+    assert missing_positions_deg(np.array([-91.0, 359.9, 450.0])) == [180]
+    assert missing_positions_deg(np.array([])) == [0, 90, 180, 270]
+
+
+def dwells(*rows):
+    """Columns for `hysteresis` out of (cycle, rising, set_c, temperature_c, value)."""
+    cycle, rising, set_c, temperature_c, value = zip(*rows, strict=True)
+    return {
+        "value": np.array(value, dtype=float),
+        "temperature_c": np.array(temperature_c, dtype=float),
+        "set_c": np.array(set_c, dtype=float),
+        "rising": np.array(rising, dtype=bool),
+        "cycle": np.array(cycle),
+    }
+
+
+def no_slope(temperature_c):
+    return np.zeros_like(temperature_c)
+
+
+def test_hysteresis_is_the_largest_difference_and_says_where():
+    found = hysteresis(
+        **dwells((1, True, 0, 0, 5.0), (1, True, 10, 10, 7.0), (1, False, 10, 10, 8.5), (1, False, 0, 0, 5.4)),
+        slope=no_slope,
+    )
+    assert found is not None
+    assert (found.value, found.set_c, found.rising, found.falling) == (1.5, 10.0, 1, 2)
+
+
+def test_hysteresis_compares_at_one_temperature():
+    found = hysteresis(
+        **dwells((1, True, 10, 10.3, 3.0 + 0.2 * 10.3), (1, False, 10, 9.8, 3.5 + 0.2 * 9.8)),
+        slope=lambda temperature_c: np.full_like(temperature_c, 0.2),
+    )
+    assert found is not None
+    assert found.value == pytest.approx(0.5, rel=1e-12)
+
+
+def test_every_visit_of_a_set_point_is_compared():
+    found = hysteresis(
+        **dwells((1, True, 20, 20, 0.0), (1, False, 20, 20, 1.0), (1, True, 20, 20, 3.5)), slope=no_slope
+    )
+    assert found is not None
+    assert (found.value, found.rising) == (2.5, 2)
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [(1, True, 20, 20, 0.0), (2, False, 20, 20, 9.0)],
+        [(1, True, 20, 20, 0.0), (1, True, 20, 20, 9.0)],
+        [(1, True, 20, 20, 0.0), (1, False, 30, 20, 9.0)],
+    ],
+    ids=["other cycle", "same leg", "other set point"],
+)
+def test_what_is_not_one_temperature_both_ways_is_not_compared(rows):
+    assert hysteresis(**dwells(*rows), slope=no_slope) is None

@@ -1,0 +1,213 @@
+"""Lines of a Keithley 6220 typed by hand, in both directions, and the simulated source that speaks them."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.keithley_6220 import wire
+from drivers.keithley_6220.wire import Condition, Setting, State
+from simulators.faults import FaultPlan
+from simulators.keithley_6220 import SimulatedKeithley
+from simulators.world import World, WorldSettings
+
+
+def a_source(**settings: object) -> SimulatedKeithley:
+    world = World(WorldSettings(seed=1, gravity_mps2=9.8), lambda: 0.0)
+    return SimulatedKeithley(world, FaultPlan(), **settings)  # type: ignore[arg-type]  # a test's own settings
+
+
+@pytest.fixture
+def source() -> SimulatedKeithley:
+    return a_source()
+
+
+def talk(source: SimulatedKeithley, *lines: bytes) -> list[bytes]:
+    session = source.session()
+    return [session.feed(line + b"\r") for line in lines]
+
+
+# The driver's side
+
+
+def test_the_question_for_the_state_is_one_message() -> None:
+    assert wire.STATE_QUERY == (
+        b":SOUR:CURR:RANG?;:SOUR:CURR:RANG:AUTO?;:SOUR:CURR?;:SOUR:CURR:COMP?;:OUTP?;:STAT:MEAS:COND?"
+    )
+
+
+def test_the_state_is_read() -> None:
+    line = b"2.000000E-02; 0; -1.200000E-03; 1.000000E+01; 1; 8"
+    assert wire.read_state(line) == State(Setting(0.02, -0.0012, 10.0, True), False, Condition.COMPLIANCE)
+    line = b"2E-02;1;0;10;0;38"  # bits 1 and 2, and reading-ready, which says nothing here
+    assert wire.read_state(line).condition == Condition.INTERLOCK | Condition.OVER_TEMPERATURE
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"2E-02;0;1.2E-03;10;1",
+        b"2E-02;0;9.9E37;10;1;0",
+        b"2E-02;0;1.2E-03;10;on;0",
+        b"2E-02;0;1.2E-03;10;1;8.0",
+        b"KEITHLEY INSTRUMENTS INC.,MODEL 6220,1,A02",
+    ],
+)
+def test_anything_else_is_refused(line: bytes) -> None:
+    with pytest.raises(ValueError, match=r"answers|overflow|neither|whole"):
+        wire.read_state(line)
+
+
+WANTED = Setting(0.02, 0.0012, 10.0, True)
+
+
+@pytest.mark.parametrize(
+    ("range_a", "auto", "level_a", "compliance_v", "output", "command"),
+    [
+        (0.1, False, 0.05, 10.0, True, ":SOUR:CURR 0"),
+        (0.1, False, 0.0, 10.0, True, ":OUTP OFF"),
+        (0.1, False, 0.05, 10.0, False, ":SOUR:CURR 0"),
+        (0.1, False, 0.0, 10.0, False, ":SOUR:CURR:RANG 0.02"),
+        (0.02, True, 0.05, 10.0, True, ":SOUR:CURR:RANG:AUTO 0"),
+        (0.02, False, 0.0, 9.99, False, ":SOUR:CURR:COMP 10"),
+        (0.02, False, 0.0, 10.0, False, ":SOUR:CURR 0.0012"),
+        (0.02, False, -0.0012, 10.0, True, ":SOUR:CURR 0"),
+        (0.02, False, 0.0005, 10.0, True, ":SOUR:CURR 0.0012"),
+        (0.02, False, 0.0012, 10.0, False, ":OUTP ON"),
+        (0.02, False, 0.0012005, 10.004, True, ""),
+        (0.02, False, 0.001201, 10.0, True, ":SOUR:CURR 0.0012"),
+    ],
+)
+def test_the_next_command_leads_to_the_setting(
+    range_a: float, auto: bool, level_a: float, compliance_v: float, output: bool, command: str
+) -> None:
+    now = State(Setting(range_a, level_a, compliance_v, output), auto, Condition(0))
+    assert wire.next_step(now, WANTED) == command
+
+
+@pytest.mark.parametrize(
+    ("level_a", "output", "command"),
+    [(0.0012, True, ":SOUR:CURR 0"), (0.0, True, ":OUTP OFF"), (0.0012, False, ":SOUR:CURR 0"), (0.0, False, "")],
+)
+def test_it_goes_off_at_zero(level_a: float, output: bool, command: str) -> None:
+    now = State(Setting(0.02, level_a, 10.0, output), False, Condition(0))
+    assert wire.next_step(now, Setting(0.02, 0.0, 10.0, False)) == command
+
+
+@pytest.mark.parametrize(("range_a", "step_a"), [(0.002, 100e-9), (0.02, 1e-6), (0.1, 10e-6)])
+def test_a_level_is_rounded_as_the_specification_says(range_a: float, step_a: float) -> None:
+    assert wire.step_a(range_a) == pytest.approx(step_a)
+
+
+levels_a = st.floats(-0.1, 0.1)
+
+
+@given(was=levels_a, range_a=st.sampled_from(wire.RANGES_A), output=st.booleans(), auto=st.booleans(), data=st.data())
+def test_on_the_way_to_any_setting_range_and_polarity_change_at_zero(
+    was: float, range_a: float, output: bool, auto: bool, data: st.DataObject
+) -> None:
+    source = a_source()
+    source.level_a, source.range_a, source.auto_range = max(-range_a, min(was, range_a)), range_a, auto
+    source.output = output
+    wanted_range_a = data.draw(st.sampled_from(wire.RANGES_A))
+    level_a = data.draw(st.floats(-1.05 * wanted_range_a, 1.05 * wanted_range_a))
+    wanted = Setting(wanted_range_a, level_a, data.draw(st.floats(0.1, 105)), True)
+    sent = 0
+    while step := wire.next_step(wire.read_state(talk(source, wire.STATE_QUERY)[0].strip()), wanted):
+        before_a, was_on, range_before_a = source.level_a, source.output, source.range_a
+        talk(source, step.encode())
+        assert before_a * source.level_a >= 0
+        if source.range_a != range_before_a:
+            assert (before_a, was_on) == (0, False)
+        if was_on and not source.output:
+            assert before_a == 0
+        sent += 1
+        assert sent <= 7
+    assert source.output
+    assert source.level_a == pytest.approx(level_a, abs=0.51 * wire.step_a(wanted_range_a))
+    assert talk(source, b"SYST:ERR?") == [b'0,"No error"\r']
+
+
+# The simulator's side
+
+
+def test_a_session_with_a_source(source: SimulatedKeithley) -> None:
+    assert talk(source, b"*IDN?", b":SOUR:CURR:RANG 0.02;:SOUR:CURR 0.0012;:SOUR:CURR:COMP 10;:OUTP ON") == [
+        b"KEITHLEY INSTRUMENTS INC.,MODEL 6220,SIM-6220-01,D04  /700x\r", b"",
+    ]  # fmt: skip
+    assert talk(source, b"SOURce:CURRent:RANGe?", b"CURR?;:OUTP?", b"SOUR:CURR:COMP?", b"SYST:ERR?") == [
+        b"2.000000E-02\r", b"1.200000E-03; 1\r", b"1.000000E+01\r", b'0,"No error"\r',
+    ]  # fmt: skip
+    assert source.current_a == pytest.approx(0.0012)
+    assert talk(source, b"*RST", b"OUTP?;:CURR?;:CURR:RANG:AUTO?") == [b"", b"0; 0.000000E+00; 1\r"]
+    assert source.current_a == 0
+
+
+@pytest.mark.parametrize(
+    ("terminator", "silent", "heard", "answer"),
+    [
+        ("cr", b"OUTP?\n", b"OUTP?\r", b"0\r"),
+        ("lf", b"OUTP?\r", b"OUTP?\n", b"0\n"),
+        ("crlf", b"OUTP?\r", b"OUTP?\r\n", b"0\r\n"),
+    ],
+)
+def test_it_acts_on_its_own_terminator_only(terminator: str, silent: bytes, heard: bytes, answer: bytes) -> None:
+    assert a_source(terminator=terminator).session().feed(silent) == b""
+    assert a_source(terminator=terminator).session().feed(heard) == answer
+
+
+@pytest.mark.parametrize(
+    ("lines", "entry"),
+    [
+        ([b"CURR 0.2"], b'-222,"Data out of range"'),
+        ([b"CURR:RANG 0.002", b"CURR 0.0022"], b'-222,"Data out of range"'),
+        ([b"CURR 0.02", b"CURR:RANG 0.002"], b'-221,"Settings conflict"'),
+        ([b"CURR:COMP 106"], b'-222,"Data out of range"'),
+        ([b"CURR twelve"], b'-104,"Data type error"'),
+        ([b"CURR:LIMIT 1"], b'-113,"Undefined header"'),
+    ],
+)
+def test_what_a_source_refuses_is_in_its_error_queue(
+    source: SimulatedKeithley, lines: list[bytes], entry: bytes
+) -> None:
+    talk(source, *lines)
+    assert talk(source, b"STAT:QUE?", b"SYST:ERR?") == [entry + b"\r", b'0,"No error"\r']
+
+
+def test_a_range_takes_five_per_cent_more_and_rounds_to_its_step(source: SimulatedKeithley) -> None:
+    talk(source, b"CURR:RANG 0.002;:CURR 0.0021")
+    assert talk(source, b"CURR?") == [b"2.100000E-03\r"]
+    talk(source, b"CURR 0.00123456")
+    assert talk(source, b"CURR?") == [b"1.234600E-03\r"]
+
+
+def test_auto_range_follows_the_level(source: SimulatedKeithley) -> None:
+    talk(source, b"CURR 0.0012")
+    assert talk(source, b"CURR:RANG?;RANG:AUTO?") == [b"2.000000E-03; 1\r"]
+    talk(source, b"CURR:RANG 0.1", b"CURR:RANG:AUTO 1")
+    assert talk(source, b"CURR:RANG?") == [b"2.000000E-03\r"]
+
+
+def test_an_open_load_is_in_compliance(source: SimulatedKeithley) -> None:
+    talk(source, b"CURR 0.01;:CURR:COMP 2;:OUTP ON")
+    assert talk(source, b"STAT:MEAS:COND?") == [b"0\r"]
+    source.load_ohm = 1000
+    assert talk(source, b"STAT:MEAS:COND?") == [b"8\r"]
+    assert source.current_a == pytest.approx(0.002)
+
+
+def test_an_open_interlock_forces_the_output_off_and_keeps_it_off(source: SimulatedKeithley) -> None:
+    talk(source, b"CURR 0.01;:OUTP ON")
+    source.interlock_closed = False
+    assert talk(source, b"OUTP?;:STAT:MEAS:COND?") == [b"0; 2\r"]
+    assert talk(source, b"OUTP ON", b"SYST:ERR?", b"OUTP?") == [b"", b'-221,"Settings conflict"\r', b"0\r"]
+    source.interlock_closed = True
+    source.hot = True
+    assert talk(source, b"OUTP ON", b"OUTP?;:STAT:MEAS:COND?") == [b"", b"1; 4\r"]
+
+
+def test_restarts_and_faults(source: SimulatedKeithley) -> None:
+    talk(source, b"*CLS;:CURR 0.01;:OUTP ON")
+    source.faults.begin("stuck")
+    assert talk(source, b"CURR 0;:OUTP OFF", b"CURR?;:OUTP?;*ESR?") == [b"", b"1.000000E-02; 1; 0\r"]
+    source.restart()
+    assert talk(source, b"CURR?;:OUTP?;*ESR?") == [b"0.000000E+00; 0; 128\r"]
