@@ -62,7 +62,8 @@ class DynamicCharacteristic:
     """The straight line U = bias + slope T over all data, and the departures from it in µg.
 
     `hysteresis_ug` is None without a temperature passed on both legs of a cycle, `repeatability_ug` without a second
-    cycle, `lag` where the rate of temperature did not change. `excluded` counts rows by reason.
+    cycle, `lag` where the rate of temperature did not change. `is_lag`: the lag model removes most of the loop, which
+    then is no hysteresis. `excluded` counts rows by reason.
     """
 
     bias_v: float
@@ -73,6 +74,7 @@ class DynamicCharacteristic:
     repeatability_ug: float | None
     jumps: tuple[RampJump, ...]
     lag: LagModel | None
+    is_lag: bool
     verdict: str
     flags: tuple[str, ...]
     excluded: dict[str, int]
@@ -82,8 +84,8 @@ def reduce_ramp(record: RampRecord, scale_v_per_g: float, limits: RampLimits) ->
     """Residuals, hysteresis, repeatability, jumps, lag model and verdict; `scale_v_per_g` is the scale factor K1.
 
     All usable samples take part in all figures: a jump counts in the residual and in the loop as well. The verdict is
-    "pass", "fail", or "invalid" when a leg has lost more than half of its samples. Flags: `lag` when the lag model
-    removes most of the loop, `ill_conditioned` when there is none, `invalid`.
+    "pass", "fail", or "invalid" when a leg has lost more than half of its samples. Flags: `ill_conditioned` when there
+    is no lag model, `invalid`.
 
     Raises NotDetermined without two different temperatures.
     """
@@ -98,7 +100,6 @@ def reduce_ramp(record: RampRecord, scale_v_per_g: float, limits: RampLimits) ->
     repeatability_ug = _largest(_changes(at_degrees))
     lag, loops_left = _lag_model(legs, ug_per_v)
     flags = {
-        "lag": len(loops_left) > 0 and np.mean(loops_left) < LEFT_BY_LAG * np.mean(loops),
         "ill_conditioned": lag is None,
         "invalid": not all(leg.complete for leg in legs),
     }
@@ -116,6 +117,7 @@ def reduce_ramp(record: RampRecord, scale_v_per_g: float, limits: RampLimits) ->
         repeatability_ug=repeatability_ug,
         jumps=jumps,
         lag=lag,
+        is_lag=len(loops_left) > 0 and bool(np.mean(loops_left) < LEFT_BY_LAG * np.mean(loops)),
         verdict="invalid" if flags["invalid"] else "fail" if failed else "pass",
         flags=tuple(flag for flag, raised in flags.items() if raised),
         excluded=excluded,

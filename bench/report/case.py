@@ -232,6 +232,7 @@ def _dynamic(case: _Case) -> dict[str, Any]:
         },
         "verdict": found.verdict,
         "flags": found.flags,
+        "notes": ["the loop is a lag behind the thermometer, not hysteresis"] if found.is_lag else [],
         "rejected": found.excluded,
     }  # fmt: skip
 

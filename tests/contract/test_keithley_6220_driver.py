@@ -1,82 +1,23 @@
 """The driver of the Keithley 6220 against the simulated one, over a serial line in virtual time."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
 from pydantic import ValidationError
 
-from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.capabilities import Source
-from drivers.description import IdentityPin, Nothing, Setup, known_drivers, make_driver
+from drivers.description import known_drivers
 from drivers.errors import (
     BeyondLimit,
-    CannotConnect,
-    InstrumentFault,
     NoAnswer,
     Refused,
     WrongIdentity,
 )
 from drivers.keithley_6220.description import DESCRIPTION, KeithleyLimits, KeithleyOptions
 from drivers.keithley_6220.driver import Keithley6220
-from drivers.transport.address import Address
-from drivers.transport.memory import Line
 from drivers.values import SourceReading
-from simulators.faults import FaultPlan
-from simulators.keithley_6220 import SimulatedKeithley
-from simulators.world import World, WorldSettings
-from tests.support.lines import TappedWire
-
-OPTIONS = {"range": "20 mA", "compliance": "10 V"}
-LIMITS = {"current": {"min": "-20 mA", "max": "20 mA"}}
-
-
-class Source6220:
-    """A simulated source behind a tapped serial line, and what drivers for it are made from."""
-
-    def __init__(self, address: str = "serial:///dev/ttyUSB0?baud=19200", **settings: Any) -> None:
-        loop = asyncio.get_running_loop()
-        self.faults = FaultPlan(now_s=loop.time)
-        world = World(WorldSettings(seed=1, gravity_mps2=9.8), loop.time)
-        self.instrument = SimulatedKeithley(world, self.faults, **settings)
-        self.wire = TappedWire(self.instrument, Line.serial(19200))
-        self._address = Address.parse(address)
-
-    def driver(self, **options: Any) -> Keithley6220:
-        setup = Setup(
-            name="source", address=self._address, wires=self.wire,
-            options=KeithleyOptions.model_validate(OPTIONS | options), limits=KeithleyLimits.model_validate(LIMITS),
-            safe=Nothing(), identity=IdentityPin(model="MODEL 6220", serial="SIM-6220-01"),
-        )  # fmt: skip
-        driver = make_driver(DESCRIPTION, setup)
-        assert isinstance(driver, Keithley6220)
-        return driver
-
-    def commands(self) -> list[bytes]:
-        """What was sent that is no question."""
-        heads = [line.partition(b";:SYST")[0].strip() for line in self.wire.requests]
-        return [head for head in heads if b"?" not in head]
-
-
-def with_source(use: Callable[[Source6220], Awaitable[None]], **settings: Any) -> None:
-    async def main() -> None:
-        await use(Source6220(**settings))
-
-    run(main(), AS_FAST_AS_POSSIBLE)
-
-
-def with_driver(use: Callable[[Source6220, Keithley6220], Awaitable[None]], **settings: Any) -> None:
-    async def main(source: Source6220) -> None:
-        async with source.driver() as driver:
-            await use(source, driver)
-
-    with_source(main, **settings)
-
-
-def now_s() -> float:
-    return asyncio.get_running_loop().time()
-
+from tests.support.source import OPTIONS, Source6220, now_s, with_driver, with_source
 
 # The bench file and connecting
 
@@ -274,158 +215,14 @@ def test_errors_of_the_instrument_are_quoted_until_its_queue_is_empty() -> None:
     with_driver(use)
 
 
-# Faults
-
-
-def test_an_open_load_is_a_fault_when_it_is_energised() -> None:
+def test_a_second_setting_ends_the_first() -> None:
     async def use(source: Source6220, driver: Keithley6220) -> None:
-        with pytest.raises(InstrumentFault, match=r"in compliance: the load does not take the current.*Check the load"):
-            await driver.set(0.0012, limit=5, output=True)
-        with pytest.raises(InstrumentFault, match="in compliance"):
-            await driver.poll()
-        await driver.make_safe()
+        first = asyncio.create_task(driver.set(0.0012, limit=5, output=True))
+        await asyncio.sleep(0.005)
+        await driver.set(0.0014, limit=5, output=True)
+        with pytest.raises(Refused, match="ended by another command"):
+            await first
+        assert (await driver.read()).current_a == 0.0014
         await driver.poll()
-
-    with_driver(use, load_ohm=1e9)
-
-
-def test_a_load_that_opens_later_is_a_fault_within_one_poll() -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        await driver.set(0.0012, limit=5, output=True)
-        await driver.poll()
-        source.instrument.load_ohm = 1e9
-        for _ in range(2):
-            with pytest.raises(InstrumentFault, match=r"in compliance.*measurement condition 8"):
-                await driver.poll()
-
-    with_driver(use)
-
-
-def test_an_open_interlock_keeps_it_off() -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        source.instrument.interlock_closed = False
-        await driver.poll()  # nothing is to flow
-        with pytest.raises(InstrumentFault, match=r"its interlock is open.*Close the interlock"):
-            await driver.set(0.0012, limit=5, output=True)
-        assert source.commands() == []
-
-    with_driver(use)
-
-
-def test_an_interlock_that_opens_later_is_a_fault_within_one_poll() -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        await driver.set(0.0012, limit=5, output=True)
-        source.instrument.interlock_closed = False
-        with pytest.raises(InstrumentFault, match="its interlock is open"):
-            await driver.poll()
-
-    with_driver(use)
-
-
-def test_over_temperature_is_a_fault_always() -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        source.instrument.hot = True
-        with pytest.raises(InstrumentFault, match=r"too hot.*cool down"):
-            await driver.poll()
-
-    with_driver(use)
-
-
-@pytest.mark.parametrize("line", [b":SOUR:CURR 0.002\r", b":SOUR:CURR:COMP 9\r", b":OUTP OFF\r", b"*RST\r"])
-def test_a_second_master_is_a_fault_within_one_poll(line: bytes) -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        await driver.set(0.0012, limit=5, output=True)
-        source.instrument.session().feed(line)
-        with pytest.raises(InstrumentFault, match=r"was set to 0.0012 A in the 0.02 A range.*who else sets it"):
-            await driver.poll()
-
-    with_driver(use)
-
-
-# The safe state
-
-
-def test_making_safe_goes_to_zero_then_off_and_proves_it() -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        await driver.set(0.0012, limit=5, output=True)
-        source.wire.requests.clear()
-        await driver.make_safe()
-        assert source.wire.requests[0] == b":SOUR:CURR 0;:OUTP OFF\r"
-        assert (source.instrument.level_a, source.instrument.output) == (0, False)
-        await driver.make_safe()
-        await driver.poll()
-        source.instrument.session().feed(b":OUTP ON\r")
-        with pytest.raises(InstrumentFault, match=r"output off; received .* output on"):
-            await driver.poll()
-
-    with_driver(use)
-
-
-def test_making_safe_is_at_once_though_a_question_is_not_answered() -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        await driver.set(0.0012, limit=5, output=True)
-        source.wire.mute(b"COND")
-        poll = asyncio.create_task(driver.poll())
-        await asyncio.sleep(0.5)
-        start_s = now_s()
-        safe = asyncio.create_task(driver.make_safe())
-        await asyncio.sleep(0.05)
-        assert source.instrument.current_a == 0
-        source.wire.alter = lambda _request, answer: answer
-        await safe
-        assert now_s() - start_s < 5
-        with pytest.raises(Refused, match="cut short"):
-            await poll
-
-    with_driver(use)
-
-
-@pytest.mark.parametrize("requests", range(1, 12))
-@pytest.mark.parametrize("later_s", [0.0, 0.01, 0.03, 0.06, 0.09])
-def test_making_safe_ends_a_setting_wherever_it_is(requests: int, later_s: float) -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        opened = len(source.wire.requests)
-        setting = asyncio.create_task(driver.set(0.0012, limit=5, output=True))
-        await source.wire.heard(opened + requests)
-        await asyncio.sleep(later_s)
-        await driver.make_safe()
-        await asyncio.gather(setting, return_exceptions=True)
-        assert (source.instrument.level_a, source.instrument.output) == (0, False)
-        safe = source.wire.requests.index(b":SOUR:CURR 0;:OUTP OFF\r")
-        assert not [request for request in source.wire.requests[safe:] if b"OUTP ON" in request]
-
-    with_driver(use)
-
-
-def test_making_safe_connects_and_identifies_again() -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        await driver.set(0.0012, limit=5, output=True)
-        source.wire.drop()
-        await asyncio.sleep(0.1)
-        start_s = now_s()
-        await driver.make_safe()
-        assert source.instrument.current_a == 0
-        assert now_s() - start_s < 5
-        assert len(source.wire.connections) == 2
-
-    with_driver(use)
-
-
-def test_what_cannot_be_made_safe_says_so_in_time() -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        await driver.set(0.0012, limit=5, output=True)
-        source.faults.begin("stuck")
-        with pytest.raises(Refused, match="not carried out; sent :SOUR:CURR 0"):
-            await driver.make_safe()
-        source.faults.begin("silent")
-        start_s = now_s()
-        with pytest.raises(NoAnswer):
-            await driver.make_safe()
-        assert now_s() - start_s <= 5
-        source.wire.drop()
-        source.wire.broken = True
-        await asyncio.sleep(0.1)
-        with pytest.raises(CannotConnect):
-            await driver.make_safe()
 
     with_driver(use)

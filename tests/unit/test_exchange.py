@@ -1,94 +1,26 @@
 """The fence around a line dialogue: no answer is ever taken for the answer to another question."""
 
 import asyncio
-import random
-from collections.abc import Awaitable, Callable
 
 import pytest
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.errors import BadAnswer, DriverError, LinkLost, NoAnswer, Refused, WrongIdentity
-from drivers.transport.exchange import ANSWER_LIMIT_BYTES, LineExchange, Pace, Proof, printable
-from drivers.transport.memory import Line, join, open_memory_stream
-
-PACE = Pace(answer_s=2.0, quiet_s=1.0, gap_s=0.02)
-WHO, NAME = b"who?", b"the oracle"
-LINE = Line(latency_s=0.001)
-
-
-def truth(question: int) -> int:
-    return question * 1000 + 7
-
-
-def read_value(line: bytes) -> int:
-    text = line.decode("ascii")
-    if not text.isdigit():
-        raise ValueError("not a number")
-    return int(text)
-
-
-def check_name(line: bytes) -> None:
-    if line != NAME:
-        raise WrongIdentity("oracle", "is another", received=printable(line))
-
-
-class Oracle(asyncio.Protocol):
-    """Answers `n` with truth(n) and `who?` with its name, unless `play` is there to answer instead."""
-
-    def __init__(self, play: Callable[["Oracle", bytes, bytes], None] | None = None) -> None:
-        self._play = play or (lambda oracle, _question, answer: oracle.say(answer))
-        self._rest = b""
-        self.heard: list[bytes] = []
-        self.transport: asyncio.Transport
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport)
-        self.transport = transport
-
-    def data_received(self, data: bytes) -> None:
-        *questions, self._rest = (self._rest + data).split(b"\n")
-        for question in questions:
-            self.heard.append(question)
-            answer = NAME if question == WHO else str(truth(int(question))).encode() if question.isdigit() else b""
-            self._play(self, question, answer + b"\n")
-
-    def say(self, data: bytes, after_s: float = 0.0) -> None:
-        asyncio.get_running_loop().call_later(after_s, self.transport.write, data)
-
-
-Play = Callable[[Oracle, bytes, bytes], None]
-
-
-def talk(use: Callable[[LineExchange, Oracle], Awaitable[None]], play: Play | None = None, pace: Pace = PACE) -> None:
-    """Runs `use` in virtual time on an exchange with an oracle."""
-
-    async def main() -> None:
-        line, oracle = LineExchange("oracle", Proof(WHO, check_name), pace=pace), Oracle(play)
-        join(line, oracle, LINE, "oracle")
-        await use(line, oracle)
-
-    run(main(), AS_FAST_AS_POSSIBLE)
-
-
-def once(question: bytes, act: Callable[[Oracle, bytes], None]) -> Play:
-    """Plays `act` for the first time that a question comes, and the truth otherwise."""
-
-    def play(oracle: Oracle, asked: bytes, answer: bytes) -> None:
-        if asked == question and oracle.heard.count(question) == 1:
-            act(oracle, answer)
-        else:
-            oracle.say(answer)
-
-    return play
-
-
-async def value(line: LineExchange, question: int) -> int:
-    return await line.ask(str(question).encode(), read_value)
-
-
-def now_s() -> float:
-    return asyncio.get_running_loop().time()
-
+from drivers.transport.exchange import ANSWER_LIMIT_BYTES, LineExchange, Pace, Proof
+from drivers.transport.memory import join
+from tests.support.oracle import (
+    LINE,
+    PACE,
+    WHO,
+    Oracle,
+    check_name,
+    now_s,
+    once,
+    read_value,
+    talk,
+    truth,
+    value,
+)
 
 # Good exchanges
 
@@ -379,112 +311,3 @@ def test_an_answer_that_comes_as_something_cuts_in_does_not_lift_the_fence() -> 
             oracle.say(answer)
 
     talk(use, play, Pace())
-
-
-# A campaign of faults, with a naive client as control
-
-
-def late(oracle: Oracle, answer: bytes, draw: random.Random) -> None:
-    oracle.say(answer, after_s=draw.uniform(PACE.answer_s + 0.01, PACE.answer_s + PACE.quiet_s - 0.01))
-
-
-def lost(oracle: Oracle, answer: bytes, draw: random.Random) -> None:
-    pass
-
-
-def partial(oracle: Oracle, answer: bytes, draw: random.Random) -> None:
-    oracle.say(answer[: draw.randrange(len(answer))])
-
-
-def garbage(oracle: Oracle, answer: bytes, draw: random.Random) -> None:
-    oracle.say(draw.randbytes(draw.randrange(1, 20)).translate(None, b"0123456789\n") + b"?\n")
-
-
-def duplicate(oracle: Oracle, answer: bytes, draw: random.Random) -> None:
-    oracle.say(answer)
-    oracle.say(answer, after_s=draw.uniform(0, PACE.gap_s * 0.9))
-
-
-def echo(oracle: Oracle, answer: bytes, draw: random.Random) -> None:
-    oracle.say(oracle.heard[-1] + b"\n" + answer)
-
-
-def error_text(oracle: Oracle, answer: bytes, draw: random.Random) -> None:
-    oracle.say(b"ERR 5\n")
-
-
-FAULTS = [late, lost, partial, garbage, duplicate, echo, error_text]
-REQUESTS = 5000
-
-
-def faulty(draw: random.Random, injected: list[str], *, also_proofs: bool = False) -> Play:
-    def play(oracle: Oracle, question: bytes, answer: bytes) -> None:
-        if draw.random() < 0.2 and (also_proofs or question != WHO):
-            fault = draw.choice(FAULTS)
-            injected.append(fault.__name__)
-            fault(oracle, answer, draw)
-        else:
-            oracle.say(answer)
-
-    return play
-
-
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_of_a_thousand_faults_every_one_is_reported_and_no_value_is_wrong(seed: int) -> None:
-    injected: list[str] = []
-    wrong, errors = [], []
-
-    async def use(line: LineExchange, oracle: Oracle) -> None:
-        for question in range(REQUESTS):
-            try:
-                found = await value(line, question)
-            except DriverError as problem:
-                errors.append(problem)
-            else:
-                if found != truth(question):
-                    wrong.append(question)
-
-    talk(use, faulty(random.Random(seed), injected))
-    assert wrong == []
-    assert len(injected) > 900
-    assert set(injected) == {fault.__name__ for fault in FAULTS}
-    assert len(errors) in (len(injected), len(injected) - 1)  # a duplicate after the last question is seen by nobody
-
-
-def test_no_value_is_wrong_when_the_proofs_fail_too() -> None:
-    injected: list[str] = []
-    wrong, right = [], []
-
-    async def use(line: LineExchange, oracle: Oracle) -> None:
-        for question in range(REQUESTS):
-            try:
-                found = await value(line, question)
-            except DriverError:
-                continue
-            (right if found == truth(question) else wrong).append(question)
-
-    talk(use, faulty(random.Random(4), injected, also_proofs=True))
-    assert wrong == []
-    assert len(right) > 0.7 * REQUESTS
-    assert len(injected) > 1000
-
-
-def test_a_client_without_a_fence_stores_wrong_values() -> None:
-    wrong: list[int] = []
-
-    async def main() -> None:
-        play = faulty(random.Random(1), [])
-        reader, writer = open_memory_stream(lambda: Oracle(play), LINE, "oracle")
-        for question in range(REQUESTS):
-            writer.write(b"%d\n" % question)
-            try:
-                async with asyncio.timeout(PACE.answer_s):
-                    found = read_value((await reader.readline()).rstrip(b"\n"))
-            except (TimeoutError, ValueError):
-                continue
-            if found != truth(question):
-                wrong.append(question)
-        writer.close()
-
-    run(main(), AS_FAST_AS_POSSIBLE)
-    assert len(wrong) > REQUESTS / 2
