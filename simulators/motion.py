@@ -83,11 +83,13 @@ class Axis:
         self._move = Move(0.0, 0.0, 0.0, 1.0, acceleration_dps2)
         self._from_above = False
         self._scatter_deg = 0.0
+        self._rest_deg: float | None = None  # where it truly stands at rest, once somebody asked
 
     def start(self, at_s: float, target_deg: float, rate_dps: float) -> None:
         """Begins a move to `target_deg`; the world has caught up to `at_s` before."""
         origin = self._move.angle_at(at_s)
         self._move = Move(at_s, origin, target_deg - origin, rate_dps, self._acceleration)
+        self._rest_deg = None
         if target_deg != origin:
             self._from_above = target_deg < origin
             self._scatter_deg = self._errors.repeatability_deg * float(self._draws.standard_normal())
@@ -95,6 +97,7 @@ class Axis:
     def stop(self, at_s: float) -> None:
         """Stands still where it is now."""
         self._move = Move(at_s, self._move.angle_at(at_s), 0.0, 1.0, self._acceleration)
+        self._rest_deg = None
 
     def moving(self, at_s: float) -> bool:
         """Whether a move is under way."""
@@ -110,8 +113,13 @@ class Axis:
 
     def true_deg(self, at_s: Angles) -> Angles:
         """Where the axis really is."""
-        angle = self._move.angle_deg(at_s) if self.moving(float(at_s[0])) else np.full_like(at_s, self.target_deg())
-        return angle + self._error_deg(angle)
+        if self.moving(float(at_s[0])):
+            angle = self._move.angle_deg(at_s)
+            return angle + self._error_deg(angle)
+        if self._rest_deg is None:
+            target = np.array([self.target_deg()])
+            self._rest_deg = float(target[0] + self._error_deg(target)[0])
+        return np.full_like(at_s, self._rest_deg)
 
     def _error_deg(self, angle_deg: Angles) -> Angles:
         errors, turn = self._errors, np.radians(angle_deg)

@@ -24,6 +24,7 @@ Matrix = NDArray[np.float64]
 _AIR, _AIR_RATE, _CYCLE, _CYCLE_RATE, _SET_POINT, _SET_POINT_RATE = range(6)
 _FIRST_UNIT = 6
 _PER_UNIT = 4  # case, sensor, thermometer, heating
+PROPAGATORS_KEPT = 4096
 _STEPS_PER_S = 1000  # intervals are whole milliseconds, so that a few matrices serve a whole night
 
 
@@ -53,7 +54,7 @@ class Thermal:
 
     def __init__(self, chamber: ChamberPhysics, units: tuple[UnitPhysics, ...], cycle_phase_rad: float) -> None:
         self._units = units
-        self._system = _system(chamber, units)
+        self._doublings = [np.asarray(expm(_system(chamber, units) / _STEPS_PER_S), np.float64)]
         self._propagators: dict[int, Matrix] = {}
         self._ticks = 0
         self._ramp_end_s = 0.0
@@ -123,12 +124,25 @@ class Thermal:
         return float((self._state[first] - self._state[first + 1]) / self._units[unit].sensor_s)
 
     def _propagator(self, ticks: int) -> Matrix:
+        """The matrix over `ticks` milliseconds: the product of those over powers of two, which are made by squaring."""
         found = self._propagators.get(ticks)
         if found is None:
-            if len(self._propagators) > 4096:
+            if len(self._propagators) > PROPAGATORS_KEPT:
                 self._propagators.clear()
-            found = self._propagators[ticks] = np.asarray(expm(self._system * (ticks / _STEPS_PER_S)))
+            found = self._propagators[ticks] = _power(self._doublings, ticks)
         return found
+
+
+def _power(doublings: list[Matrix], ticks: int) -> Matrix:
+    product: Matrix | None = None
+    for bit in range(ticks.bit_length()):
+        if bit == len(doublings):
+            doublings.append(doublings[-1] @ doublings[-1])
+        if ticks >> bit & 1:
+            product = doublings[bit] if product is None else doublings[bit] @ product
+    if product is None:
+        raise ValueError("no time passes")
+    return product
 
 
 @lru_cache(maxsize=8)

@@ -37,8 +37,8 @@ from simulators.watlow_f4t import SimulatedF4T
 from simulators.world import Fixture, PlaceSettings, World, WorldSettings
 
 P = TypeVar("P", bound=asyncio.Protocol)
-TCP = Line(latency_s=0.001)
-SERIAL_LATENCY_S = 0.002
+TCP = Line(latency_s=0.002)
+SERIAL_LATENCY_S = 0.004
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,7 @@ def enable(axis: str) -> str:
 
 
 def move_absolute(axis: str, angle_deg: float, rate_dps: float) -> str:
-    """Goes to an angle at a rate."""
+    """Goes to an angle at a rate; drivers of others write the rate as F5 or, for axis X alone, as XF5."""
     return f"MOVEABS {axis} {_decimal(angle_deg)} F{_decimal(rate_dps).removesuffix('.0')}"
 
 

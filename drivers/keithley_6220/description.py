@@ -24,8 +24,8 @@ class KeithleyOptions(StrictModel):
     """How the source is used.
 
     `range` is fixed for all levels. `compliance` is the most that a sequence may ask for. `terminator` ends lines in
-    both directions and must be the one in the instrument's communication menu: on RS-232 it acts on a CR; a 6221 over
-    TCP wants `lf`.
+    both directions and must be the one in the instrument's communication menu: on RS-232 it acts on a CR; over TCP
+    (6221) `lf` is usual.
     """
 
     range: Annotated[float, InUnit("A", above=0), AfterValidator(_known_range)]

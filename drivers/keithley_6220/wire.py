@@ -1,6 +1,6 @@
 """Keithley 6220 headers and answers, and what is to be sent next to reach a setting.
 
-Facts from the Reference Manual (622x-901) and the specification; the errors and register bits too.
+Facts from the reference manual and the specification of the 6220/6221.
 """
 
 from __future__ import annotations
@@ -84,16 +84,16 @@ def next_step(now: State, wanted: Setting) -> str:
         return ":SOUR:CURR:RANG:AUTO 0"
     if abs(has.range_a - wanted.range_a) > 0.01 * wanted.range_a:
         return _step_off(has) or f":SOUR:CURR:RANG {scpi.spell(wanted.range_a)}"
-    if abs(has.compliance_v - wanted.compliance_v) > 0.51 * COMPLIANCE_STEP_V:
+    if not _took(has.compliance_v, wanted.compliance_v, COMPLIANCE_STEP_V):
         return f":SOUR:CURR:COMP {scpi.spell(wanted.compliance_v)}"
-    if not same_level(has.level_a, wanted):
+    if not _took(has.level_a, wanted.level_a, step_a(wanted.range_a)):
         return ZERO if has.level_a * wanted.level_a < 0 else f":SOUR:CURR {scpi.spell(wanted.level_a)}"
     return "" if has.output else ON
 
 
-def same_level(level_a: float, wanted: Setting) -> bool:
-    """Whether a level is the wanted one, rounded as the range rounds it."""
-    return abs(level_a - wanted.level_a) <= 0.51 * step_a(wanted.range_a)
+def _took(has: float, wanted: float, step: float) -> bool:
+    """Whether an instrument has what it was sent, rounded to its step."""
+    return abs(has - float(scpi.spell(wanted))) <= 0.51 * step
 
 
 def _step_off(has: Setting) -> str:

@@ -1,7 +1,7 @@
 """A pair of joined transports inside one event loop: the in-process twin of a TCP connection or a serial line.
 
-Bytes arrive in order after a latency and, with a baud rate, no faster than the line would carry them. Everything runs
-on the loop's timers, so it is exact in virtual time.
+Bytes arrive in order and, with a baud rate, no faster than the line would carry them. Everything runs on the loop's
+timers, so it is exact in virtual time.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ BITS_PER_BYTE = 10  # start, eight data bits, stop
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """What a wire does to bytes: how long they travel, and how long each takes to send."""
+    """What a wire does to bytes: how long they travel there and back again, and how long each takes to send.
+
+    All of the latency is put on the way back, which nobody can tell from a question that travels as long as its answer.
+    """
 
     latency_s: float = 0.0
     byte_s: float = 0.0
@@ -58,9 +61,13 @@ class MemoryTransport(asyncio.Transport):
         self._send(None)
 
     def _send(self, data: bytes | None) -> None:
-        sent_at = max(self._loop.time(), self._free_at) + len(data or b"") * self._line.byte_s
-        self._free_at = sent_at
-        self._loop.call_at(sent_at + self._line.latency_s, self._peer.receive, data)
+        now = self._loop.time()
+        self._free_at = max(now, self._free_at) + len(data or b"") * self._line.byte_s
+        arrives_at = self._free_at + self._line.latency_s
+        if arrives_at > now:
+            self._loop.call_at(arrives_at, self._peer.receive, data)
+        else:
+            self._peer.receive(data)
 
     def receive(self, data: bytes | None) -> None:
         """Bytes that arrived from the other end; None is its end of file."""
@@ -133,7 +140,7 @@ class MemoryTransport(asyncio.Transport):
 def join(client: asyncio.Protocol, server: asyncio.Protocol, line: Line, address: object) -> MemoryTransport:
     """Joins two protocols; returns the client's transport. Both have had `connection_made` when it returns."""
     loop = asyncio.get_running_loop()
-    near = MemoryTransport(loop, line, ("memory", "client"), address)
+    near = MemoryTransport(loop, Line(0.0, line.byte_s), ("memory", "client"), address)
     far = MemoryTransport(loop, line, address, ("memory", "client"))
     near.attach(client, far)
     far.attach(server, near)

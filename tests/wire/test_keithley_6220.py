@@ -123,7 +123,7 @@ def test_on_the_way_to_any_setting_range_and_polarity_change_at_zero(
         sent += 1
         assert sent <= 7
     assert source.output
-    assert source.level_a == pytest.approx(level_a, abs=0.51 * wire.step_a(wanted_range_a))
+    assert source.level_a == pytest.approx(level_a, abs=0.6 * wire.step_a(wanted_range_a))
     assert talk(source, b"SYST:ERR?") == [b'0,"No error"\r']
 
 
@@ -211,3 +211,11 @@ def test_restarts_and_faults(source: SimulatedKeithley) -> None:
     assert talk(source, b"CURR 0;:OUTP OFF", b"CURR?;:OUTP?;*ESR?") == [b"", b"1.000000E-02; 1; 0\r"]
     source.restart()
     assert talk(source, b"CURR?;:OUTP?;*ESR?") == [b"0.000000E+00; 0; 128\r"]
+
+
+def test_a_setting_is_compared_as_it_was_sent() -> None:
+    source = a_source()
+    talk(source, b"CURR:RANG 0.02;:CURR:COMP 100.915;:OUTP ON")
+    state = wire.read_state(talk(source, wire.STATE_QUERY)[0].strip())
+    assert state.setting.compliance_v == pytest.approx(100.92)
+    assert wire.next_step(state, Setting(0.02, 0.0, 100.91489474311184, True)) == ""
