@@ -8,13 +8,14 @@ had.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from simulators.world import SimulatedUnit, World
+from simulators.uut import UnitTruth
+from simulators.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,37 +47,37 @@ def truth_record(world: World, dwells: Sequence[DwellAsMeasured]) -> dict[str, A
             },
         },
         "units": {name: asdict(unit.truth) for name, unit in sorted(world.units.items())},
-        "dwells": {dwell.key: dict(dwell_truth(world, dwell)) for dwell in dwells},
+        "dwells": {dwell.key: _dwell(world, dwell) for dwell in dwells},
     }
 
 
-def dwell_truth(world: World, dwell: DwellAsMeasured) -> Mapping[str, float]:
-    """True K0 (g), K1 (pulse/s/g), K1_si (pulse/s per m/s²), K2 (g/g²) and misalignment (rad) of one dwell."""
-    unit = world.units[dwell.place]
-    angle = np.radians(
-        world.settings.fixture.sense * np.array(dwell.head_deg)
-        + world.settings.fixture.offset_deg
-        + unit.settings.mount_angle_deg
-    )
-    sine, cosine = np.sin(angle), np.cos(angle)
-    rate = _noiseless_rate(world, unit, dwell, angle)
-    design = np.stack([np.ones_like(sine), sine, cosine, sine**2], axis=-1)
-    c0, k1, cosine_term, c2 = np.linalg.lstsq(design, rate, rcond=None)[0].tolist()
-    return {
-        "K0": c0 / k1,
-        "K1": k1,
-        "K1_si": k1 / world.settings.gravity_mps2,
-        "K2": c2 / k1,
-        "misalignment": cosine_term / k1,
-    }
-
-
-def _noiseless_rate(
-    world: World, unit: SimulatedUnit, dwell: DwellAsMeasured, angle: np.ndarray[Any, np.dtype[np.float64]]
-) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _dwell(world: World, dwell: DwellAsMeasured) -> dict[str, Any]:
+    """The state of a unit in the middle of a dwell, and its constants then."""
+    unit, settings = world.units[dwell.place], world.settings
     true_s = world.true_time(dwell.at_s)
     times, _, hysteresis = (np.array(column) for column in zip(*unit.history, strict=True))
-    extra_g = float(np.interp(true_s, times, hysteresis)) + unit.slow_bias_g(np.array([true_s]))
-    force = (np.sin(angle), np.cos(angle), np.zeros_like(angle))
-    temperature = np.full_like(angle, dwell.temperature_c)
-    return unit.truth.rate_pps(unit.truth.current_a(force, temperature, np.broadcast_to(extra_g, angle.shape)))
+    drifted_g = float(np.interp(true_s, times, hysteresis)) + float(unit.slow_bias_g(np.array([true_s]))[0])
+    axis_deg = tuple(
+        settings.fixture.sense * head_deg + settings.fixture.offset_deg + unit.settings.mount_angle_deg
+        for head_deg in dwell.head_deg
+    )
+    constants = channel_constants(unit.truth, settings.gravity_mps2, axis_deg, dwell.temperature_c, drifted_g)
+    return {"temperature_c": dwell.temperature_c, "drifted_g": drifted_g, "axis_deg": axis_deg, **constants}
+
+
+def channel_constants(
+    truth: UnitTruth, gravity_mps2: float, axis_deg: Sequence[float], temperature_c: float, drifted_g: float
+) -> dict[str, float]:
+    """True K0 (g), K1 (pulse/s/g), K1_si (pulse/s per m/s²), K2 (g/g²) and misalignment (rad) of a channel.
+
+    `axis_deg` are the ideal angles of the input axis above the horizontal, `drifted_g` what hysteresis, drift and
+    warm-up add to the bias.
+    """
+    angle = np.radians(np.array(axis_deg))
+    sine, cosine = np.sin(angle), np.cos(angle)
+    force = (sine, cosine, np.zeros_like(angle))
+    current = truth.current_a(force, np.full_like(angle, temperature_c), np.full_like(angle, drifted_g))
+    design = np.stack([np.ones_like(sine), sine, cosine, sine**2], axis=-1)
+    solution: list[float] = np.linalg.lstsq(design, truth.rate_pps(current), rcond=None)[0].tolist()
+    c0, k1, cosine_term, c2 = solution
+    return {"K0": c0 / k1, "K1": k1, "K1_si": k1 / gravity_mps2, "K2": c2 / k1, "misalignment": cosine_term / k1}

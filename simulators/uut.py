@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from simulators.unit_file import Draw, Polynomial, UnitFile, stream
 
 Array = NDArray[np.float64]
-INSTABILITY_S = 30.0  # correlation time of the slow wander of the bias
+INSTABILITY_S = 10.0  # correlation time of the slow wander of the bias
 _CONVERTER_REFERENCE_C = 25.0
 
 

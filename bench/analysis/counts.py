@@ -12,6 +12,7 @@ import numpy as np
 
 from bench.analysis.rundata import Array, Counts, Integers
 
+RESOLUTION_COUNTS = 0.408  # 1/sqrt(6): standard deviation of a count between two unsynchronised edges
 LEAST_SHARE = 0.5  # of the latches must have come
 RATE_MARGIN = 1.05
 STANDSTILL_PERIODS = 5.0  # of the mean rate without a pulse: the converter's dead band

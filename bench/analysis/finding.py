@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 COVERAGE = 2
+NEGLIGIBLE = 1e-4  # of the largest line of a budget: 1e-8 of its variance
 UNLIMITED_DOF = 1000  # more are reported as unlimited
 Verdict = Literal["PASS", "FAIL", "INVALID"]
 
@@ -82,7 +83,7 @@ class TemperatureModel:
     centre: float
     scale: float
     coefficients: tuple[float, ...]
-    u: tuple[float, ...]
+    u: tuple[float, ...] | None
     correlation: tuple[tuple[float, ...], ...]
     powers_of_t: tuple[float, ...]
     residual_sd: float | None
@@ -95,24 +96,29 @@ class TemperatureModel:
 
 @dataclass(frozen=True, slots=True)
 class UnitResult:
-    """Everything one method found of one unit; `flags` are those of the unit as a whole."""
+    """Everything one method found of one unit.
+
+    `left_out` names the parts that could not be reduced, `flags` are those of the unit as a whole.
+    """
 
     place: str
     uut: str
     findings: tuple[Finding, ...]
     models: tuple[TemperatureModel, ...]
+    left_out: tuple[str, ...]
     flags: tuple[str, ...]
 
     @property
     def verdict(self) -> Literal["PASS", "FAIL", "INCOMPLETE"]:
-        """FAIL beats INCOMPLETE (something invalid, or nothing found) beats PASS."""
+        """INCOMPLETE when something is left out, invalid, or nothing found (methods.md 1.10); else by the limits."""
         verdicts = {finding.verdict for finding in self.findings}
-        if "FAIL" in verdicts:
-            return "FAIL"
-        return "INCOMPLETE" if "INVALID" in verdicts or not self.findings else "PASS"
+        if self.left_out or "INVALID" in verdicts or not self.findings:
+            return "INCOMPLETE"
+        return "FAIL" if "FAIL" in verdicts else "PASS"
 
 
 def combined(lines: Sequence[BudgetLine]) -> tuple[BudgetLine, ...]:
     """The lines of a budget that contribute, largest first; an alias is kept whatever it is worth."""
-    kept = [line for line in lines if line.u > 0 or line.type == "alias"]
+    least = NEGLIGIBLE * max((line.u for line in lines), default=0.0)
+    kept = [line for line in lines if line.u > least or line.type == "alias"]
     return tuple(sorted(kept, key=lambda line: -line.u))

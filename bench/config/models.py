@@ -28,7 +28,6 @@ from drivers.fields import (
     Degrees,
     FileBeside,
     InUnit,
-    PositiveCelsius,
     PositiveSeconds,
     Ratio,
     Seconds,
@@ -154,7 +153,7 @@ class TemperatureWindow(StrictModel):
 class ThermometerUncertainty(StrictModel):
     """Expanded: an offset, and a gain error on the temperature in °C."""
 
-    offset: PositiveCelsius | Literal[0] = 0
+    offset: Annotated[float, InUnit("°C", at_least=0)] = 0.0
     gain: Annotated[Ratio, InUnit("", at_least=0)] = 0.0
 
 
@@ -248,9 +247,10 @@ class PlaceEntry(StrictModel):
 
 
 class Monitor(StrictModel):
-    """How often the devices are asked for their readings, the whole run long."""
+    """How often devices are asked, the whole run long: those behind named readings, and all others."""
 
     period: PositiveSeconds = 1.0
+    devices: PositiveSeconds = 5.0
 
 
 class ChamberSimulation(StrictModel):

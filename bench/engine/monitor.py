@@ -18,7 +18,6 @@ from drivers.errors import DriverError
 from drivers.values import Reading
 
 KEPT_S = 4 * 3600.0
-IDLE_PERIOD_S = 10.0  # for devices that no named reading and no window asks for
 WINDOW_GRACE_S = 2.0  # after switching a supply, before its current is judged
 
 
@@ -93,10 +92,8 @@ class Monitor:
         return np.array([reading for reading in channel.values if reading.at_s >= begin_s])
 
     def _period_s(self, role: str) -> float:
-        entry = self._bench.devices[role]
-        asked = role in self.windows or "thermal_chamber" in entry.description.capabilities
-        asked = asked or any(reading.device == role for reading in self._bench.readings.values())
-        return self._bench.monitor.period if asked else max(IDLE_PERIOD_S, self._bench.monitor.period)
+        named = any(reading.device == role for reading in self._bench.readings.values())
+        return self._bench.monitor.period if named else self._bench.monitor.devices
 
     async def _watch(self, role: str) -> None:
         period_s, device = self._period_s(role), self._rig.devices[role]

@@ -117,7 +117,7 @@ def _model(model: TemperatureModel) -> dict[str, Any]:
         "centre": model.centre,
         "scale": model.scale,
         "coefficients": list(model.coefficients),
-        "u": list(model.u),
+        "u": list(model.u) if model.u is not None else None,
         "correlation": [list(row) for row in model.correlation],
         "powers_of_T": list(model.powers_of_t),
         "residual_sd": model.residual_sd,

@@ -40,8 +40,13 @@ def estimate(plan: Plan, bench: BenchFile) -> Estimate:
         (getattr(entry.options, "period", 1.0) for entry in bench.devices.values()
          if "pulse_counter" in entry.description.capabilities), default=1.0,
     )  # fmt: skip
-    channels = sum(len(entry.description.channels_of(entry.options)) for entry in bench.devices.values())
-    readings = sum(steps_s) / bench.monitor.period * channels
+    named = {reading.device for reading in bench.readings.values()}
+    per_s = sum(
+        len(entry.description.channels_of(entry.options))
+        / (bench.monitor.period if role in named else bench.monitor.devices)
+        for role, entry in bench.devices.items()
+    )
+    readings = sum(steps_s) * per_s
     size = counting_s / period_s * STORED_BYTES_PER_LATCH + readings * STORED_BYTES_PER_READING
     return Estimate(steps_s, int(size) + 100_000)
 

@@ -87,6 +87,10 @@ class RunReader:
             for step, streams in collected.items()
         }
 
+    def frame_count(self) -> int:
+        """How many frames were recorded."""
+        return int(next(self._rows("SELECT COALESCE(SUM(frames), 0) FROM block"))[0])
+
     def channels(self) -> dict[str, str]:
         """Names and units of the channels that were read."""
         return dict(self._rows("SELECT name, unit FROM channel ORDER BY id"))

@@ -1,0 +1,138 @@
+"""A dwell of a temperature tumble: the acquisitions at one temperature, solved as a tumble (methods.md 6.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
+from bench.analysis.rundata import Acquisition, Array, BenchRecord, RunData, UnitUnderTest
+from bench.analysis.tumble import IncompleteTumble, Tumble, solve_tumble
+
+QUANTITIES = ("K0", "K1", "misalignment", "K2")
+
+
+@dataclass(frozen=True, slots=True)
+class Dwell:
+    """One temperature of one unit: the readings used, and their solution.
+
+    `rates_pps` (n,) were read at the head's angles `head_rad` (n,). `gain` (4, n) turns errors of the readings, in
+    pulse/s, into errors of K0, K1, misalignment and K2; `turn` (n,) is the derivative of a reading to its angle, in
+    pulse/s/rad.
+    """
+
+    number: int
+    group: str
+    cycle: int
+    rising: bool
+    set_c: float
+    temperature_c: float
+    tumble: Tumble
+    rates_pps: Array
+    head_rad: Array
+    gain: Array
+    turn: Array
+    resolution_pps: float
+    steps: tuple[str, ...]
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """The four quantities."""
+        solved = self.tumble
+        found = (solved.k0_g, solved.k1, solved.misalignment_rad, solved.k2_g_per_g2)
+        return dict(zip(QUANTITIES, found, strict=True))
+
+    @property
+    def path(self) -> str:
+        """The loops around it: `cycle=1/temperature=20`."""
+        return self.group.partition("/")[2]
+
+
+@dataclass(frozen=True, slots=True)
+class SolvedDwells:
+    """The dwells of one unit; `left_out` are the paths of those that could not be solved, `flags` say why."""
+
+    dwells: tuple[Dwell, ...]
+    left_out: tuple[str, ...]
+    flags: tuple[str, ...]
+
+
+def solve_dwells(data: RunData, unit: UnitUnderTest) -> SolvedDwells:
+    """Solves every group of acquisitions of a run for one unit, in order of measurement."""
+    groups: dict[str, list[Acquisition]] = {}
+    for acquisition in data.acquisitions:
+        groups.setdefault(acquisition.group, []).append(acquisition)
+    rising = _rising([acquisitions[0].set_c for acquisitions in groups.values()])
+    dwells: list[Dwell] = []
+    left_out: list[str] = []
+    flags: list[str] = []
+    for number, (group, acquisitions) in enumerate(groups.items()):
+        used, rates = _usable(acquisitions, unit, flags)
+        try:
+            dwells.append(_solved(number, rising[number], used, rates, unit, data.bench))
+        except IncompleteTumble as problem:
+            missing = ", ".join(f"{position:g}" for position in problem.missing_deg) or "ill_conditioned"
+            flags.append(f"dwell {number} incomplete: {missing}")
+            left_out.append(group.partition("/")[2])
+    return SolvedDwells(tuple(dwells), tuple(left_out), tuple(flags))
+
+
+def _usable(
+    acquisitions: Sequence[Acquisition], unit: UnitUnderTest, flags: list[str]
+) -> tuple[list[Acquisition], list[float]]:
+    """The acquisitions whose rate and temperature can be used, and their rates; the others are flagged."""
+    used, rates = [], []
+    for acquisition in acquisitions:
+        rate = mean_rate(acquisition.counts[unit.channel])
+        problems = list(rate.problems)
+        if not len(acquisition.temperatures_c[unit.temperature]):
+            problems.append("no_temperature")
+        flags += [f"{acquisition.step}: {problem}" for problem in problems]
+        if not problems:
+            used.append(acquisition)
+            rates.append(rate.net_pps)
+    return used, rates
+
+
+def _solved(
+    number: int,
+    rising: bool,
+    used: Sequence[Acquisition],
+    rates: Sequence[float],
+    unit: UnitUnderTest,
+    bench: BenchRecord,
+) -> Dwell:
+    """The solution of one dwell; raises IncompleteTumble."""
+    head_deg = np.array([acquisition.angle_deg for acquisition in used])
+    angle = np.radians(bench.sense * head_deg + bench.offset_deg + unit.mount_angle_deg + bench.level_deg)
+    tumble = solve_tumble(angle, np.array(rates))
+    sine, cosine = np.sin(angle), np.cos(angle)
+    gate_s = np.mean([acquisition.end_s - acquisition.begin_s for acquisition in used])
+    return Dwell(
+        number=number,
+        group=used[0].group,
+        cycle=int(used[0].loops.get("cycle", 1)),
+        rising=rising,
+        set_c=used[0].set_c,
+        temperature_c=float(np.mean([acquisition.temperatures_c[unit.temperature].mean() for acquisition in used])),
+        tumble=tumble,
+        rates_pps=np.array(rates),
+        head_rad=np.radians(head_deg),
+        gain=tumble.gain(),
+        turn=tumble.k1 * (cosine - tumble.misalignment_rad * sine + 2 * tumble.k2_g_per_g2 * sine * cosine),
+        resolution_pps=float(RESOLUTION_COUNTS / gate_s),
+        steps=tuple(acquisition.step for acquisition in used),
+    )
+
+
+def _rising(set_points: Sequence[float]) -> list[bool]:
+    """Whether each dwell was reached by rising temperature; the first takes the direction of its departure."""
+    steps = np.diff(np.array(set_points))
+    rising = []
+    for index in range(len(set_points)):
+        before, after = steps[:index], steps[index:]
+        deciding = [*before[before != 0][-1:], *after[after != 0][:1], 1.0][0]
+        rising.append(bool(deciding > 0))
+    return rising

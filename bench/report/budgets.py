@@ -1,0 +1,100 @@
+"""Uncertainty budgets as tables: of one finding, and of a quantity at all dwells side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from bench.analysis.finding import COVERAGE, BudgetLine, Finding, UnitResult
+from bench.report.text import SHOWN, decimals
+from bench.report.words import name_of, quantity_in_words, unit_of, where
+
+
+@dataclass(frozen=True)
+class BudgetRow:
+    """A source of uncertainty; an alias has no `u`."""
+
+    source: str
+    type: str
+    u: str
+    share: str
+    dof: str
+    shared: str
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The budget of one finding."""
+
+    quantity: str
+    name: str
+    where: str
+    unit: str
+    rows: tuple[BudgetRow, ...]
+    u: str
+    expanded: str
+    dof: str
+
+
+@dataclass(frozen=True)
+class BudgetsOfDwells:
+    """The budgets of a quantity at all dwells: for each the u by source, the combined u, and its dof."""
+
+    title: str
+    unit: str
+    sources: tuple[str, ...]
+    rows: tuple[tuple[str, tuple[str, ...], str, str], ...]
+
+
+def budget(finding: Finding, dwells: Mapping[str, int]) -> Budget:
+    """The budget of a finding in the unit it is shown in."""
+    factor, unit = SHOWN.get(finding.quantity, (1.0, finding.unit))
+    digits = decimals(finding.u * factor) + 1
+    return Budget(
+        quantity=quantity_in_words(finding.quantity),
+        name=name_of(finding),
+        where=where(finding.at, dwells),
+        unit=unit,
+        rows=tuple(_budget_row(line, finding, factor, digits) for line in finding.budget),
+        u=f"{finding.u * factor:.{digits}f}",
+        expanded=f"{COVERAGE * finding.u * factor:.{decimals(COVERAGE * finding.u * factor)}f}",
+        dof=_dof(finding.dof),
+    )
+
+
+def _budget_row(line: BudgetLine, finding: Finding, factor: float, digits: int) -> BudgetRow:
+    if line.type == "alias":
+        return BudgetRow(line.source, "alias", "", "", "", "")
+    share = 100 * line.u**2 / finding.u**2
+    return BudgetRow(
+        source=line.source,
+        type=line.type,
+        u=_small(line.u * factor, digits),
+        share=_small(share, 1),
+        dof=_dof(line.dof),
+        shared=line.shared or "",
+    )
+
+
+def _small(value: float, digits: int) -> str:
+    """A number with `digits` decimals; one that would be shown as nought is said to be less than the last digit."""
+    least = 10.0**-digits
+    return f"< {least:.{digits}f}" if 0 < value < least / 2 else f"{value:.{digits}f}"
+
+
+def _dof(dof: int | None) -> str:
+    return "∞" if dof is None else str(dof)
+
+
+def budgets_of_dwells(unit: UnitResult, quantity: str) -> BudgetsOfDwells:
+    """The budgets of one quantity side by side."""
+    found = [finding for finding in unit.findings if finding.quantity == quantity and "dwell" in finding.at]
+    factor = SHOWN.get(quantity, (1.0, ""))[0]
+    digits = decimals(min(finding.u for finding in found) * factor) + 1
+    sources = tuple(dict.fromkeys(line.source for each in found for line in each.budget if line.type != "alias"))
+    rows = []
+    for finding in found:
+        of_source = {line.source: _small(line.u * factor, digits) for line in finding.budget}
+        cells = tuple(of_source.get(source, "–") for source in sources)
+        rows.append((str(finding.at["dwell"]), cells, f"{finding.u * factor:.{digits}f}", _dof(finding.dof)))
+    return BudgetsOfDwells(quantity_in_words(quantity), unit_of(found[0]), sources, tuple(rows))

@@ -1,0 +1,170 @@
+"""The course of a run: its temperatures over time, its phases, and when it measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import cycle
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from bench.analysis.rundata import Acquisition
+from bench.report.plots import Plot
+from bench.report.stored import StoredRun
+from bench.report.svg import new_figure, rendered
+from bench.store.reader import Event, Series
+
+Array = NDArray[np.float64]
+
+BINS = 1000  # over the width of the page; more cannot be told apart
+MOST_NUMBERS = 60  # of dwells; more cannot be read
+INCIDENTS = ("fault", "problem", "operator")
+PHASES = {"steps": "#dbeafe", "": "white"}
+CHAMBER: dict[str, tuple[str, dict[str, Any]]] = {
+    "set_point": ("set point", {"color": "#111111", "linestyle": (0, (4, 2)), "linewidth": 0.8}),
+    "process_value": ("air", {"color": "#7aa6d6", "linewidth": 0.9}),
+}
+UNITS = ("#b45309", "#4d7c0f", "#7e22ce", "#be185d")
+
+
+@dataclass(frozen=True)
+class Span:
+    """A part of the run from `begin_s` to `end_s` of bench time."""
+
+    name: str
+    begin_s: float
+    end_s: float
+
+
+@dataclass(frozen=True)
+class Course:
+    """What the journal says of when things happened; `incident_s` is when the run left its plan."""
+
+    began_s: float
+    ended_s: float
+    phases: tuple[Span, ...]
+    dwells: tuple[Span, ...]
+    acquisitions: tuple[Span, ...]
+    incident_s: float | None
+
+
+def envelope(at_s: Array, values: Array, bins: int = BINS) -> tuple[Array, Array]:
+    """A series (n,) as the smallest and the largest value of each of `bins` equal times; a gap in time is a NaN.
+
+    What is narrower than a bin keeps its height. A series that is short enough is given back as it is.
+    """
+    if len(at_s) <= 2 * bins:
+        return at_s, values
+    edges_s = np.linspace(at_s[0], at_s[-1], bins + 1)
+    starts = np.searchsorted(at_s, edges_s[:-1])
+    filled = np.diff(starts, append=len(at_s)) > 0
+    extremes = np.full((bins, 2), np.nan)
+    extremes[filled, 0] = np.minimum.reduceat(values, starts[filled])
+    extremes[filled, 1] = np.maximum.reduceat(values, starts[filled])
+    middle_s = (edges_s[:-1] + edges_s[1:]) / 2
+    return np.repeat(middle_s, 2), extremes.ravel()
+
+
+def course_of(run: StoredRun, acquisitions: Sequence[Acquisition]) -> Course:
+    """The course of a run, whatever state it is in."""
+    events = list(run.reader.events())
+    began_s, ended_s = (events[0].at_s, events[-1].at_s) if events else (0.0, 0.0)
+    begins: dict[str, float] = {}
+    for event in events:
+        if event.kind in ("step_begins", "made_safe"):
+            begins.setdefault(_phase(event), event.at_s)
+    limits_s = [*begins.values(), ended_s]
+    groups: dict[str, list[Acquisition]] = {}
+    for acquisition in acquisitions:
+        groups.setdefault(acquisition.group, []).append(acquisition)
+    return Course(
+        began_s=began_s,
+        ended_s=ended_s,
+        phases=tuple(map(Span, begins, limits_s[:-1], limits_s[1:])),
+        dwells=tuple(
+            Span(str(number), members[0].begin_s, members[-1].end_s) for number, members in enumerate(groups.values())
+        ),
+        acquisitions=tuple(Span(each.step, each.begin_s, each.end_s) for each in acquisitions),
+        incident_s=next((event.at_s for event in events if event.kind in INCIDENTS), None),
+    )
+
+
+def _phase(event: Event) -> str:
+    """What a strip over the run calls the phase that an event is in; a wait before the first measurement warms up."""
+    phase, _, step = event.step.partition("/")
+    return "warm-up" if phase == "setup" and step.startswith("wait") else phase
+
+
+def course_plot(run: StoredRun, course: Course) -> Plot | None:
+    """The temperatures over the time of the run; None when none was recorded."""
+    lines = [line for line in _lines(run) if len(line.series.at_s)]
+    if not lines:
+        return None
+    unit, unit_s = ("h", 3600.0) if course.ended_s - course.began_s > 2 * 3600 else ("min", 60.0)
+    figure = new_figure(3.5)
+    strip, axes = figure.subplots(2, 1, sharex=True, height_ratios=[1, 10])
+    figure.subplots_adjust(left=0.075, right=0.985, top=0.98, bottom=0.19, hspace=0.05)
+    for line in lines:
+        at_s, values = envelope(line.series.at_s, line.series.values)
+        axes.plot((at_s - course.began_s) / unit_s, values, label=line.name, **line.style)
+    _draw_phases(strip, course, unit_s)
+    _draw_measuring(axes, course, unit_s)
+    axes.set(xlabel=f"time since the run began / {unit}", ylabel="temperature / °C")
+    axes.set_xlim(0, (course.ended_s - course.began_s) / unit_s)
+    figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=6)
+    title = "Course of the run"
+    caption = (
+        "On top the phases of the run and the dwells by their numbers. Shaded: the dwells while they were measured; the "
+        "ticks at the lower edge are the single acquisitions."
+    )
+    return Plot(title, rendered(figure, "course", title), caption)
+
+
+@dataclass(frozen=True)
+class _Line:
+    name: str
+    series: Series
+    style: dict[str, Any]
+
+
+def _lines(run: StoredRun) -> Iterator[_Line]:
+    """Set points behind the air of the chambers, and that behind the units."""
+    for role, entry in run.bench.devices.items():
+        if "thermal_chamber" in entry.description.capabilities:
+            for channel, unit in sorted(entry.description.channels_of(entry.options).items(), reverse=True):
+                if unit == "°C":
+                    name, style = CHAMBER.get(channel, (channel.replace("_", " "), {}))
+                    yield _Line(f"{role}: {name}", run.reader.series(f"{role}.{channel}"), style)
+    thermometers = dict.fromkeys(run.bench.places[place].temperature for place in run.serials)
+    for name, colour in zip(thermometers, cycle(UNITS)):  # noqa: B905  the colours go round
+        yield _Line(name.replace("_", " "), run.reader.series(name), {"color": colour})
+
+
+def _draw_phases(strip: Axes, course: Course, unit_s: float) -> None:
+    """Blocks with their names where these fit, above them the numbers of the dwells."""
+    strip.set_axis_off()
+    total_s = course.ended_s - course.began_s
+    for phase in course.phases:
+        begin, width = (phase.begin_s - course.began_s) / unit_s, (phase.end_s - phase.begin_s) / unit_s
+        strip.axvspan(begin, begin + width, ymax=0.45, color=PHASES.get(phase.name, "#e5e7eb"), linewidth=0)
+        if phase.end_s - phase.begin_s > 0.06 * total_s and phase.name != "steps":
+            strip.text(begin + width / 2, 0.22, phase.name, ha="center", va="center", fontsize=6)
+    step = 1 + len(course.dwells) // MOST_NUMBERS
+    for dwell in course.dwells[::step]:
+        middle = ((dwell.begin_s + dwell.end_s) / 2 - course.began_s) / unit_s
+        strip.text(middle, 0.6, dwell.name, ha="center", va="bottom", fontsize=6.5)
+
+
+def _draw_measuring(axes: Axes, course: Course, unit_s: float) -> None:
+    """Dwells, acquisitions, and when the run left its plan."""
+    for dwell in course.dwells:
+        begin, end = ((at_s - course.began_s) / unit_s for at_s in (dwell.begin_s, dwell.end_s))
+        axes.axvspan(begin, end, color="#93c5fd", alpha=0.5, linewidth=0.3)
+    ticks = [((each.begin_s + each.end_s) / 2 - course.began_s) / unit_s for each in course.acquisitions]
+    axes.plot(ticks, [0.015] * len(ticks), "|", color="#333333", markersize=5, transform=axes.get_xaxis_transform())
+    if course.incident_s is not None:
+        at = (course.incident_s - course.began_s) / unit_s
+        axes.axvline(at, color="#b42318", linestyle=":", label="the run left its plan")

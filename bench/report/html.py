@@ -1,0 +1,121 @@
+"""The page of a run: its data, rendered by a template."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import matplotlib
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from bench.analysis.finding import COVERAGE, UnitResult
+from bench.analysis.rundata import RunData
+from bench.report import page, tables
+from bench.report.budgets import Budget, BudgetsOfDwells, budget, budgets_of_dwells
+from bench.report.course import course_of, course_plot
+from bench.report.findings import Results
+from bench.report.plots import Plot, unit_plots
+from bench.report.stored import BENCH_COPY, StoredRun
+from bench.report.svg import STYLE
+from bench.report.words import flag_in_words
+
+TEMPLATE = "report.html.j2"
+MOST_NOTES = 12  # at the top of the page; the others unfold
+
+
+@dataclass(frozen=True)
+class UnitSection:
+    """What the page shows of one unit by one method; `name` is its own in the page."""
+
+    name: str
+    result: UnitResult
+    verdicts: tuple[tables.Row, ...]
+    plots: tuple[Plot, ...]
+    dwells: tables.DwellTable | None
+    over_run: tuple[tables.Row, ...]
+    models: tuple[tables.ModelTable, ...]
+    budgets: tuple[Budget, ...]
+    budgets_of_dwells: tuple[BudgetsOfDwells, ...]
+
+
+def render(run: StoredRun, results: Results | None, not_evaluated: str) -> str:
+    """The whole page; without results `not_evaluated` says why. Equal runs give equal pages, wall-clock facts apart."""
+    data = _data(run) if results is not None else []
+    instruments = page.instruments(run)
+    verdict = results.verdict if results is not None else run.manifest["verdict"] or "INCOMPLETE"
+    with matplotlib.rc_context(STYLE):
+        acquisitions = [acquisition for part in data for acquisition in part.acquisitions]
+        course = course_plot(run, course_of(run, acquisitions))
+        sections = list(_sections(run, results)) if results is not None else []
+    return _environment().get_template(TEMPLATE).render(
+        run=run,
+        manifest=run.manifest,
+        verdict=verdict,
+        simulated=page.simulated(run.manifest, list(run.bench.devices)),
+        problems=list(page.problems(run, not_evaluated, verdict)),
+        notes=[*page.past_due(instruments), *_flags(results)],
+        most_notes=MOST_NOTES,
+        times=page.times(run),
+        site=page.site(run),
+        instruments=instruments,
+        course=course,
+        sections=sections,
+        provenance=page.provenance(run, data),
+        documents=_documents(run),
+        coverage=COVERAGE,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=1)
+def _environment() -> Environment:
+    return Environment(
+        loader=PackageLoader("bench.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def _data(run: StoredRun) -> list[RunData]:
+    """What was acquired under the labels that the sequence evaluates."""
+    return [run.data(label) for label in dict.fromkeys(entry.data for entry in run.sequence.results)]
+
+
+def _sections(run: StoredRun, results: Results) -> Iterator[UnitSection]:
+    """A section for each unit and method; every method gives one result for each unit."""
+    entries = [entry for entry in run.sequence.results for _ in run.serials]
+    for number, (entry, unit) in enumerate(zip(entries, results.units, strict=True)):
+        yield _section(unit, f"{unit.place}{number}", list(entry.limits))
+
+
+def _section(unit: UnitResult, name: str, limited: Sequence[str]) -> UnitSection:
+    dwells = tables.at_dwells(unit)
+    first = next(iter(dwells.values()), {})
+    numbers = tables.dwell_numbers(unit)
+    return UnitSection(
+        name=name,
+        result=unit,
+        verdicts=tuple(tables.verdict_rows(unit, limited)),
+        plots=tuple(unit_plots(unit, name)),
+        dwells=tables.dwell_table(unit),
+        over_run=tuple(tables.over_run_rows(unit)),
+        models=tuple(map(tables.model_table, unit.models)),
+        budgets=tuple(budget(finding, numbers) for finding in [*first.values(), *tables.over_run(unit)]),
+        budgets_of_dwells=tuple(budgets_of_dwells(unit, quantity) for quantity in first) if len(dwells) > 1 else (),
+    )
+
+
+def _flags(results: Results | None) -> Iterator[str]:
+    """The flags of the units in words."""
+    units = results.units if results is not None else ()
+    for unit in units:
+        for flag in unit.flags:
+            yield f"{unit.uut}: {flag_in_words(flag)}" if len(units) > 1 else flag_in_words(flag)
+
+
+def _documents(run: StoredRun) -> list[tuple[str, str]]:
+    """The files that a run has kept, as they were."""
+    bench = (run.folder / BENCH_COPY).read_text(encoding="utf-8", errors="replace")
+    return [("sequence", run.document.text), ("bench file", bench)]

@@ -1,0 +1,206 @@
+"""What the page says of a run besides its results: how it went, where, on which instruments, from which files."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from zoneinfo import ZoneInfo
+
+from bench.analysis.rundata import RunData
+from bench.config.models import Calibration
+from bench.report.stored import StoredRun
+from bench.report.text import duration
+from bench.report.words import ENDINGS
+from bench.sequence.methods import known_methods
+
+Facts = list[tuple[str, str]]
+"""Pairs of what is told and what is to be told of it."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A calibration certificate, judged at the day of the run."""
+
+    number: str
+    laboratory: str
+    date: str
+    due: str
+    is_past_due: bool
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """A device of the bench, or a named reading of one that is calibrated on its own."""
+
+    role: str
+    driver: str
+    name: str
+    serial: str
+    is_stated: bool
+    firmware: str
+    fingerprint: str
+    connection: str
+    certificate: Certificate | None
+
+
+def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
+    """What a person must know first, in the order of its weight; empty when all went well."""
+    manifest = run.manifest
+    for device, why in manifest.get("unsafe", {}).items():
+        yield f"{device} WAS NOT MADE SAFE: {why}"
+    yield from manifest["problems"]
+    if manifest["state"] != "completed":
+        yield f"The run did not get to its end. {ENDINGS[manifest['state']]}"
+        yield from (f"Not finished: step {step}." for step in _unfinished(run))
+    if not_evaluated and not_evaluated not in manifest["problems"]:
+        yield f"The data could not be evaluated: {not_evaluated}"
+    if manifest["verdict"] not in (None, verdict):
+        yield f"The run was closed with the verdict {manifest['verdict']}; evaluated anew it is {verdict}."
+
+
+def _unfinished(run: StoredRun) -> list[str]:
+    """Steps that began and did not end."""
+    began: dict[str, None] = {}
+    for event in run.reader.events("step_begins", "step_ended"):
+        if event.kind == "step_begins":
+            began[event.step] = None
+        else:
+            began.pop(event.step, None)
+    return list(began)
+
+
+def past_due(instruments: Sequence[Instrument]) -> Iterator[str]:
+    """A sentence for each calibration that was not valid any more."""
+    for instrument in instruments:
+        if instrument.certificate is not None and instrument.certificate.is_past_due:
+            yield f"{instrument.role}: its calibration was due on {instrument.certificate.due}, before this run."
+
+
+def simulated(manifest: Mapping[str, Any], roles: Sequence[str]) -> str:
+    """Which instruments were simulated; empty when all were real."""
+    found = [role for role in roles if role in manifest["simulated"]]
+    if not found:
+        return ""
+    return "every instrument" if len(found) == len(roles) else ", ".join(found)
+
+
+def times(run: StoredRun) -> Facts:
+    """When the run was, and how long it took."""
+    manifest, zone = run.manifest, run.bench.site.time_zone
+    bench_s = manifest["bench_s"]
+    if bench_s is None:
+        at_s = [event.at_s for event in run.reader.events()]
+        bench_s = at_s[-1] - at_s[0] if at_s else 0.0
+    wall_s = manifest["wall_s"]
+    facts = [
+        ("Operator", manifest["operator"] or "not stated"),
+        ("Started", _instant(manifest["started"], zone)),
+        ("Ended", _instant(manifest["ended"], zone)),
+        ("Duration", f"{duration(bench_s)} of bench time" + (f", {duration(wall_s)} of wall time" if wall_s else "")),
+    ]
+    if manifest["simulated"]:
+        facts.append(("Bench time begins", _instant(run.began.isoformat(), zone)))
+    return facts
+
+
+def _instant(text: str | None, zone: str) -> str:
+    """An instant in UTC and where the bench stands."""
+    if text is None:
+        return "not recorded"
+    utc = dt.datetime.fromisoformat(text).astimezone(dt.UTC)
+    there = utc.astimezone(ZoneInfo(zone))
+    local = f"{there:%H:%M:%S}" if there.date() == utc.date() else f"{there:%Y-%m-%d %H:%M:%S}"
+    return f"{utc:%Y-%m-%d %H:%M:%S} UTC" + ("" if zone == "UTC" else f" ({local} {zone})")
+
+
+def site(run: StoredRun) -> Facts:
+    """The bench, where it stands, and the fixture."""
+    bench = run.bench
+    g, level, axis = bench.site.gravity, bench.fixture.level, bench.fixture.input_axis
+    return [
+        ("Bench", bench.title),
+        ("Latitude, height", f"{bench.site.latitude:g}°, {bench.site.height:g} m"),
+        ("Local gravity g", f"{g.value:.5f} m/s² ± {g.U:.5f} m/s² (k = {g.k:g}), {g.origin}"),
+        ("Fixture", bench.fixture.serial),
+        ("Input axis", f"{axis.at_0} at head angle 0°, {axis.at_90} at 90°"),
+        ("Level of the fixture", f"{level.value:g} ± {level.U:g} arcsec (k = {level.k:g}), of {level.date}"),
+    ]
+
+
+def instruments(run: StoredRun) -> list[Instrument]:
+    """Every device as it identified itself, then the readings with a certificate of their own."""
+    identities = dict(run.manifest["instruments"])
+    for event in run.reader.events("identified"):
+        identities.setdefault(event.data["device"], event.data)
+    day = run.began.date()
+    found = []
+    for role, entry in run.bench.devices.items():
+        identity = identities.get(role, {})
+        connection = entry.connection.as_simulated() if role in run.manifest["simulated"] else entry.connection
+        found.append(
+            Instrument(
+                role=role,
+                driver=entry.driver,
+                name=f"{identity.get('maker', '')} {identity.get('model', '')}".strip(),
+                serial=identity.get("serial", ""),
+                is_stated=not identity.get("serial_verified", False),
+                firmware=identity.get("firmware", ""),
+                fingerprint=identity.get("fingerprint", ""),
+                connection=str(connection),
+                certificate=_certificate(entry.calibration, day),
+            )
+        )
+    for name, reading in run.bench.readings.items():
+        if reading.calibration is not None:
+            certificate = _certificate(reading.calibration, day)
+            found.append(Instrument(name, f"reading {reading.from_}", "", "", False, "", "", "", certificate))
+    return found
+
+
+def _certificate(calibration: Calibration | None, day: dt.date) -> Certificate | None:
+    if calibration is None:
+        return None
+    return Certificate(
+        number=calibration.certificate,
+        laboratory=calibration.laboratory,
+        date=str(calibration.date),
+        due=str(calibration.due),
+        is_past_due=calibration.due < day,
+    )
+
+
+def provenance(run: StoredRun, data: Sequence[RunData]) -> Facts:
+    """Where the results come from, so that they can be found and recomputed."""
+    manifest, host = run.manifest, run.manifest["host"]
+    methods = [known_methods()[entry.method].title for entry in run.sequence.results]
+    return [
+        ("Method", ", ".join(dict.fromkeys(methods)) or "none"),
+        ("Sequence", f"{manifest['sequence']}: {manifest['title']}"),
+        ("Preset", manifest["preset"] or "none"),
+        *((f"Parameter {name}", value) for name, value in manifest["parameters"].items()),
+        *([("Seed of the simulation", str(manifest["seed"]))] if manifest["simulated"] else []),
+        *recorded(run, data),
+        ("Digest of the data", manifest.get("digest", "not computed")),
+        *((name, value) for name, value in manifest["hashes"].items()),
+        ("Programs", ", ".join(f"{name} {version}" for name, version in manifest["software"].items())),
+        ("Computer", f"{host['name']}, {host['system']}, Python {host['python']}"),
+    ]
+
+
+def recorded(run: StoredRun, data: Sequence[RunData]) -> Iterator[tuple[str, str]]:
+    """What came over the wires, and what did not."""
+    yield "Frames recorded", f"{run.reader.frame_count()}"
+    counts = [
+        (channel, found)
+        for part in data
+        for acquisition in part.acquisitions
+        for channel, found in acquisition.counts.items()
+        if channel in {unit.channel for unit in part.units}
+    ]
+    for channel in dict.fromkeys(channel for channel, _ in counts):
+        of_channel = [found for name, found in counts if name == channel]
+        lost, restarts = (sum(getattr(found, name) for found in of_channel) for name in ("lost", "restarts"))
+        whole = sum(len(found.tick) for found in of_channel)
+        yield f"Channel {channel}", f"{whole} latches in {len(of_channel)} acquisitions, {lost} lost, {restarts} restarts"

@@ -1,0 +1,227 @@
+"""What was found of one unit, drawn over temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from numpy.polynomial import polynomial
+from numpy.typing import NDArray
+
+from bench.analysis.finding import COVERAGE, TemperatureModel, UnitResult
+from bench.report.svg import height_pt, new_figure, rendered
+from bench.report.text import SHOWN, decimals
+
+Array = NDArray[np.float64]
+
+TEMPERATURE = "temperature of the unit / °C"
+BARS = f"Bars: expanded uncertainty, k = {COVERAGE}:"
+MARKER_PT = 5.0
+MOST_NUMBERS = 40  # of dwells in one plot; more cannot be read
+RISING: dict[str, Any] = {"marker": "^", "color": "#0b5394"}
+FALLING: dict[str, Any] = {"marker": "v", "color": "#b45309", "markerfacecolor": "white"}
+LINES: tuple[dict[str, Any], ...] = ({"color": "#222222"}, {"color": "#777777", "linestyle": (0, (5, 3))})
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A figure of the page."""
+
+    title: str
+    svg: Markup
+    caption: str
+
+
+@dataclass(frozen=True)
+class Points:
+    """One quantity at the dwells in the order of the run, as it is shown; all (n,).
+
+    `expanded` is the whole uncertainty, `own` the part that is not common to all dwells; both k = 2.
+    """
+
+    dwell: NDArray[np.int64]
+    temperature_c: Array
+    rising: NDArray[np.bool_]
+    values: Array
+    expanded: Array
+    own: Array
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A model as it is shown: `at` gives its values at temperatures."""
+
+    degree: int
+    dof: int
+    valid_c: tuple[float, float]
+    at: Callable[[Array], Array]
+
+    @property
+    def name(self) -> str:
+        """For a legend."""
+        return "straight line" if self.degree == 1 else f"model of degree {self.degree}"
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How numbers become what is shown: (number - zero) · factor, in `unit`."""
+
+    factor: float
+    unit: str
+    zero: float = 0.0
+
+    def points(self, unit: UnitResult, quantity: str) -> Points | None:
+        """A quantity at the dwells of a unit; None when there is none."""
+        found = [finding for finding in unit.findings if finding.quantity == quantity and "dwell" in finding.at]
+        if not found:
+            return None
+        own = [sum(line.u**2 for line in finding.budget if line.shared is None) for finding in found]
+        return Points(
+            dwell=np.array([finding.at["dwell"] for finding in found]),
+            temperature_c=np.array([finding.at["temperature_c"] for finding in found]),
+            rising=np.array([finding.at["leg"] == "up" for finding in found]),
+            values=(np.array([finding.value for finding in found]) - self.zero) * self.factor,
+            expanded=COVERAGE * np.array([finding.u for finding in found]) * self.factor,
+            own=COVERAGE * np.sqrt(own) * self.factor,
+        )
+
+    def curves(self, unit: UnitResult, quantity: str) -> list[Curve]:
+        """The models of a quantity, the best first."""
+        return [self._curve(model) for model in unit.models if model.quantity == quantity]
+
+    def _curve(self, model: TemperatureModel) -> Curve:
+        def at(temperature_c: Array) -> Array:
+            value = polynomial.polyval((temperature_c - model.centre) / model.scale, model.coefficients)
+            return np.asarray((value - self.zero) * self.factor)
+
+        return Curve(len(model.coefficients) - 1, model.dof, model.valid_c, at)
+
+
+def unit_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
+    """The plots of a unit with two dwells or more; `name` begins their ids in the page."""
+    as_shown = Scale(*SHOWN["K0"])
+    bias = as_shown.points(unit, "K0")
+    if bias is None or len(bias.values) < 2:
+        return
+    curves = as_shown.curves(unit, "K0")
+    yield _over_temperature("Bias K0", f"{name}-bias", f"K0 / {as_shown.unit}", as_shown.unit, bias, curves)
+    if curves and curves[0].dof and 0 < bias.rising.sum() < len(bias.rising):
+        yield _loop(f"{name}-loop", as_shown.unit, bias, curves[0])
+    centre, at_c = _middle(unit, "K1")
+    relative = Scale(1e6 / centre, "ppm", centre)
+    scale_factor = relative.points(unit, "K1")
+    if scale_factor is not None:
+        title = f"Scale factor K1 relative to {centre:.2f} {SHOWN['K1'][1]}{at_c}"
+        label = "K1 relative to the centre / ppm"
+        yield _over_temperature(title, f"{name}-scale", label, "ppm", scale_factor, relative.curves(unit, "K1"))
+    yield _side_by_side(unit, f"{name}-others", {"K2": "K2 + asymmetry", "misalignment": "Misalignment"})
+
+
+def _middle(unit: UnitResult, quantity: str) -> tuple[float, str]:
+    """What the model says in the middle of the temperatures, and where that is; without a model, the mean."""
+    for model in unit.models:
+        if model.quantity == quantity:
+            return model.coefficients[0], f" at {model.centre:.1f} °C"
+    return float(np.mean([finding.value for finding in unit.findings if finding.quantity == quantity])), ""
+
+
+def _over_temperature(
+    title: str, name: str, label: str, symbol: str, points: Points, curves: Sequence[Curve]
+) -> Plot:
+    """Points and models, and below what each model leaves of the points."""
+    fitted = [curve for curve in curves if curve.dof]
+    figure = new_figure(4.6 if fitted else 3.0)
+    rows = [3, 2] if fitted else [1]
+    grid = figure.add_gridspec(len(rows), max(1, len(fitted)), height_ratios=rows, hspace=0.45, wspace=0.18)
+    figure.subplots_adjust(left=0.095, right=0.985, top=0.95, bottom=0.09 if fitted else 0.14)
+    axes = figure.add_subplot(grid[0, :])
+    _draw_legs(axes, points, points.values, points.expanded)
+    for curve, style in zip(curves, LINES, strict=False):
+        grid_c = np.linspace(*curve.valid_c, 200)
+        axes.plot(grid_c, curve.at(grid_c), label=curve.name, zorder=1, **style)
+    axes.set(xlabel=TEMPERATURE, ylabel=label, title=title)
+    axes.legend()
+    caption = f"{BARS} {_largest(axes, points.expanded, symbol)}."
+    for column, curve in enumerate(fitted):
+        _draw_residuals(figure.add_subplot(grid[1, column]), points, curve, symbol)
+    if fitted:
+        caption += (
+            " In the residuals the bars hold only what differs from dwell to dwell, "
+            f"at most {_two_digits(points.own.max())} {symbol}; everything else moves all points alike."
+        )
+    return Plot(f"{title}, over temperature", rendered(figure, name, f"{title}, over temperature"), caption)
+
+
+def _draw_residuals(axes: Axes, points: Points, curve: Curve, symbol: str) -> None:
+    axes.axhline(0, color="#444444", linewidth=0.6)
+    _draw_legs(axes, points, points.values - curve.at(points.temperature_c), points.own)
+    axes.set(xlabel=TEMPERATURE, ylabel=f"residual / {symbol}", title=f"Residuals of the {curve.name}")
+
+
+def _draw_legs(axes: Axes, points: Points, values: Array, bars: Array) -> None:
+    """The points, those of rising and of falling temperature by their shape."""
+    for leg, style, label in ((True, RISING, "rising temperature"), (False, FALLING, "falling temperature")):
+        here = points.rising == leg
+        if here.any():
+            axes.errorbar(
+                points.temperature_c[here], values[here], bars[here], linestyle="none", markersize=MARKER_PT,
+                elinewidth=0.8, capsize=2.5, label=label, **style,
+            )  # fmt: skip
+
+
+def _largest(axes: Axes, expanded: Array, symbol: str) -> str:
+    """What the caption says of bars, which may be too short to be seen."""
+    low, high = axes.get_ylim()
+    longest_pt = 2 * expanded.max() / (high - low) * height_pt(axes)
+    seen = "" if longest_pt > MARKER_PT else ", no longer than the markers"
+    return f"at most {_two_digits(expanded.max())} {symbol}{seen}"
+
+
+def _two_digits(u: float) -> str:
+    return f"{u:.{decimals(u)}f}"
+
+
+def _loop(name: str, symbol: str, points: Points, model: Curve) -> Plot:
+    """Residuals joined in the order of measurement: what the history of the temperature does."""
+    figure = new_figure(3.2)
+    axes = figure.subplots()
+    figure.subplots_adjust(left=0.1, right=0.985, top=0.92, bottom=0.14)
+    residuals = points.values - model.at(points.temperature_c)
+    for index in range(1, len(residuals)):
+        style = {"color": RISING["color"]} if points.rising[index] else {"color": FALLING["color"], "linestyle": "--"}
+        axes.plot(points.temperature_c[index - 1 : index + 1], residuals[index - 1 : index + 1], linewidth=0.9, **style)
+    _draw_legs(axes, points, residuals, points.own)
+    if len(residuals) <= MOST_NUMBERS:
+        for number, x, y in zip(points.dwell, points.temperature_c, residuals, strict=True):
+            axes.annotate(str(number), (x, y), (4, 4), textcoords="offset points", fontsize=6.5, color="#444444")
+    axes.axhline(0, color="#444444", linewidth=0.6)
+    axes.set(xlabel=TEMPERATURE, ylabel=f"residual / {symbol}", title=f"Hysteresis of K0: residuals of the {model.name}")
+    axes.legend()
+    title = "Hysteresis of the bias"
+    caption = (
+        "The residuals of K0, joined in the order of measurement: solid where the temperature rose to the dwell, dashed "
+        "where it fell. The numbers are those of the dwells."
+    )
+    return Plot(title, rendered(figure, name, title), caption)
+
+
+def _side_by_side(unit: UnitResult, name: str, titles: Mapping[str, str]) -> Plot:
+    """Quantities without a model."""
+    figure = new_figure(2.7)
+    panels = figure.subplots(1, len(titles), squeeze=False)[0]
+    figure.subplots_adjust(left=0.095, right=0.985, top=0.82, bottom=0.155, wspace=0.22)
+    bars = []
+    for axes, (quantity, title) in zip(panels, titles.items(), strict=True):
+        factor, symbol = SHOWN[quantity]
+        points = Scale(factor, symbol).points(unit, quantity)
+        if points is not None:
+            _draw_legs(axes, points, points.values, points.expanded)
+            bars.append(f"{title} {_largest(axes, points.expanded, symbol)}")
+        axes.set(xlabel=TEMPERATURE, ylabel=f"{quantity} / {symbol}", title=title)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="upper right", ncols=2)
+    title = f"{' and '.join(titles.values())}, over temperature"
+    return Plot(title, rendered(figure, name, title), f"{BARS} {'; '.join(bars)}.")

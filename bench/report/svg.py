@@ -1,0 +1,68 @@
+"""Figures as SVG that stands inside a page: equal figures give equal bytes, and nothing in them refers to elsewhere."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from markupsafe import Markup, escape
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+WIDTH_IN = 7.1  # between the margins of an A4 page, so that print has the sizes given here
+
+STYLE: Mapping[str, Any] = {
+    "svg.fonttype": "none",  # text stays text: in the font of the page, found by a search, read by a screen reader
+    "svg.hashsalt": "inertial-test-bench",
+    "text.parse_math": False,
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 8,
+    "axes.titlesize": 8.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 8,
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": "#444444",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#e2e5e9",
+    "grid.linewidth": 0.6,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "legend.fontsize": 7.5,
+    "legend.framealpha": 0.85,
+    "legend.edgecolor": "#d0d4d9",
+    "lines.linewidth": 1.1,
+}
+"""For `matplotlib.rc_context`, around making a figure and rendering it."""
+
+_NO_METADATA: dict[str, Any] = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+_SIZE_AND_NAMESPACES = re.compile(r' (?:xmlns(?::xlink)?|width|height|version)="[^"]*"')
+_IDS = re.compile(r'( id="| href="#|url\(#)')
+
+
+def new_figure(height_in: float) -> Figure:
+    """An empty figure as wide as the page."""
+    return Figure(figsize=(WIDTH_IN, height_in))
+
+
+def height_pt(axes: Axes) -> float:
+    """How high the plotting area is on paper, in points."""
+    return float(axes.get_window_extent().height / axes.get_figure(root=True).dpi * 72)
+
+
+def rendered(figure: Figure, name: str, description: str) -> Markup:
+    """The figure as an `<svg>` element; `name` keeps its ids apart from those of other figures in the page."""
+    buffer = io.StringIO()
+    FigureCanvasSVG(figure).print_svg(buffer, metadata=_NO_METADATA)
+    opening, _, content = buffer.getvalue().partition("<svg")[2].partition(">")
+    content = _IDS.sub(rf"\g<1>{name}-", content.replace("xlink:href=", "href="))
+    attributes = _SIZE_AND_NAMESPACES.sub("", opening)
+    return Markup(f'<svg role="img" aria-label="{escape(description)}"{attributes}>{content.rstrip()}')  # noqa: S704  matplotlib escapes the text in a figure

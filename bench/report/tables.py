@@ -1,0 +1,192 @@
+"""The tables of one unit: its verdicts, its values at the dwells and over temperature, its models."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from bench.analysis.finding import COVERAGE, Finding, TemperatureModel, UnitResult
+from bench.report.text import SHOWN, decimals, shown
+from bench.report.words import CONTENTS, limits_in_words, name_of, quantity_in_words, unit_of, where
+
+POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
+SEVERITY = ("FAIL", "INVALID", "PASS", None)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A finding, or the worst of its kind, as a line of a table; `verdict` is empty where nothing is judged."""
+
+    quantity: str
+    name: str
+    value: str
+    unit: str
+    limits: str
+    verdict: str
+    marginal: bool
+    where: str
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class DwellRow:
+    """A dwell: its conditions, a value for each quantity, and what is to be noted."""
+
+    number: int
+    cycle: int
+    leg: str
+    set_c: str
+    temperature_c: str
+    values: tuple[str, ...]
+    notes: str
+
+
+@dataclass(frozen=True)
+class DwellTable:
+    """The dwells; `heads` are quantity, unit and what the value contains."""
+
+    heads: tuple[tuple[str, str, str], ...]
+    rows: tuple[DwellRow, ...]
+
+
+@dataclass(frozen=True)
+class ModelTable:
+    """A temperature model; `rows` are power, coefficient, its u, and the coefficient of that power of T with its unit."""
+
+    title: str
+    unit: str
+    model: TemperatureModel
+    rows: tuple[tuple[str, str, str, str, str], ...]
+    residual_sd: str
+    largest_residual: str
+
+
+def at_dwells(unit: UnitResult) -> dict[int, dict[str, Finding]]:
+    """The findings at each dwell, by its number and by quantity."""
+    found: dict[int, dict[str, Finding]] = {}
+    for finding in unit.findings:
+        if "dwell" in finding.at:
+            found.setdefault(finding.at["dwell"], {})[finding.quantity] = finding
+    return found
+
+
+def over_run(unit: UnitResult) -> list[Finding]:
+    """The findings that are not those of one dwell."""
+    return [finding for finding in unit.findings if "dwell" not in finding.at]
+
+
+def dwell_numbers(unit: UnitResult) -> dict[str, int]:
+    """The number of each dwell by its path, the part of an id after the @."""
+    return {finding.id.partition("@")[2]: finding.at["dwell"] for finding in unit.findings if "dwell" in finding.at}
+
+
+def verdict_rows(unit: UnitResult, limited: Sequence[str]) -> Iterator[Row]:
+    """For each limit of the sequence the finding that is worst; quantities in `limited` without one are not judged."""
+    for quantity in limited:
+        found = [finding for finding in unit.findings if finding.quantity == quantity]
+        if not found:
+            yield Row(quantity_in_words(quantity), "", "not determined", "", "", "not judged", False, "")
+            continue
+        worst = min(found, key=lambda finding: (SEVERITY.index(finding.verdict), _margin(finding)))
+        yield _row(worst, dwell_numbers(unit), _remark(found))
+
+
+def _margin(finding: Finding) -> float:
+    """How far inside its limits a value is; negative outside."""
+    low, high = finding.limits or (None, None)
+    sides = [finding.value - low] if low is not None else []
+    sides += [high - finding.value] if high is not None else []
+    return min(sides, default=0.0)
+
+
+def _remark(found: Sequence[Finding]) -> str:
+    """How many others there are, and how they did."""
+    if len(found) == 1:
+        return ""
+    counts = {
+        "fail": sum(finding.verdict == "FAIL" for finding in found),
+        "are invalid": sum(finding.verdict == "INVALID" for finding in found),
+        "are marginal": sum(finding.marginal for finding in found),
+    }
+    told = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+    return f"worst of {len(found)} dwells" + (f"; {told}" if told else ", all pass")
+
+
+def _row(finding: Finding, dwells: Mapping[str, int], remark: str = "") -> Row:
+    return Row(
+        quantity=quantity_in_words(finding.quantity),
+        name=name_of(finding),
+        value=shown(finding),
+        unit=unit_of(finding),
+        limits=limits_in_words(finding),
+        verdict=finding.verdict or "",
+        marginal=finding.marginal,
+        where=where(finding.at, dwells),
+        remark=remark,
+    )
+
+
+def over_run_rows(unit: UnitResult) -> list[Row]:
+    """The findings over temperature."""
+    dwells = dwell_numbers(unit)
+    return [_row(finding, dwells) for finding in over_run(unit)]
+
+
+def dwell_table(unit: UnitResult) -> DwellTable | None:
+    """Every quantity at every dwell; None without a dwell."""
+    dwells = at_dwells(unit)
+    if not dwells:
+        return None
+    kinds = {quantity: finding for found in dwells.values() for quantity, finding in found.items()}
+    heads = tuple(
+        (quantity_in_words(quantity), unit_of(finding), ", ".join(CONTENTS[flag] for flag in finding.flags if flag in CONTENTS))
+        for quantity, finding in kinds.items()
+    )
+    return DwellTable(heads, tuple(_dwell_row(number, found, tuple(kinds)) for number, found in dwells.items()))
+
+
+def _dwell_row(number: int, found: Mapping[str, Finding], quantities: Sequence[str]) -> DwellRow:
+    at = next(iter(found.values())).at
+    expanded_c = COVERAGE * at["temperature_u_c"]
+    digits = decimals(expanded_c)
+    return DwellRow(
+        number=number,
+        cycle=at["cycle"],
+        leg="rising" if at["leg"] == "up" else "falling",
+        set_c=f"{at['temperature_set_c']:g}",
+        temperature_c=f"{at['temperature_c']:.{digits}f} ± {expanded_c:.{digits}f}",
+        values=tuple(shown(found[quantity]) if quantity in found else "–" for quantity in quantities),
+        notes="; ".join(note for finding in found.values() for note in _notes(finding)),
+    )
+
+
+def _notes(finding: Finding) -> Iterator[str]:
+    if finding.verdict in ("FAIL", "INVALID"):
+        yield f"{finding.quantity} {finding.verdict}"
+    if finding.marginal:
+        yield f"{finding.quantity} marginal"
+    for flag in finding.flags:
+        if flag not in CONTENTS:
+            yield f"{finding.quantity}: {flag}"
+
+
+def model_table(model: TemperatureModel) -> ModelTable:
+    """The coefficients of a model, in the variable it was fitted in and in powers of T."""
+    factor, unit = SHOWN.get(model.quantity, (1.0, model.unit))
+    us = model.u or (0.0,) * len(model.coefficients)
+    rows = []
+    for power, (coefficient, u, of_t) in enumerate(zip(model.coefficients, us, model.powers_of_t, strict=True)):
+        digits = decimals(u * factor)
+        value = f"{coefficient * factor:.{digits}f}" if u else f"{coefficient * factor:.9g}"
+        per = f"{unit}/°C{POWERS[power] if power > 1 else ''}" if power else unit
+        rows.append((str(power), value, f"{u * factor:.{digits}f}" if u else "not known", f"{of_t * factor:.9g}", per))
+    degree = len(model.coefficients) - 1
+    form = "straight line" if degree == 1 else f"polynomial of degree {degree}"
+    return ModelTable(
+        title=f"{model.quantity}: {form}",
+        unit=unit,
+        model=model,
+        rows=tuple(rows),
+        residual_sd="not known" if model.residual_sd is None else f"{model.residual_sd * factor:.3g} {unit}",
+        largest_residual=f"{model.max_residual * factor:.3g} {unit}",
+    )

@@ -1,0 +1,101 @@
+"""What states, flags, quantities and conditions mean, in the words of the people who read a report."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from bench.analysis.finding import Finding
+from bench.report.text import SHOWN
+
+ENDINGS = {
+    "completed": "It ran to its end.",
+    "error": "It was ended by a problem of the bench; what was measured until then is evaluated here.",
+    "aborted": "It was ended by the operator; what was measured until then is evaluated here.",
+    "interrupted": (
+        "It was interrupted: the program, the computer or its power stopped before the run was over. What was "
+        "on the disk until then is evaluated here."
+    ),
+    "running": "It was still going on when this report was written.",
+}
+QUANTITIES = {"K1": "K1 per local g", "K1_si": "K1 per m/s²", "K2": "K2 + asymmetry"}
+CONTENTS = {"contains:K3": "contains K3", "contains:asymmetry": "contains the converter's asymmetry"}
+
+_READINGS = {
+    "too_few_latches": "fewer than half of its counter readings came",
+    "counter_restarted": "the counter began anew",
+    "ambiguous_gap": "a gap in which a counter may have gone round unseen",
+    "impossible_rate": "more pulses than the converter can give",
+    "dead_band": "no pulse for much longer than its rate lets expect, as in the dead band of the converter",
+    "no_temperature": "no temperature of the unit",
+}
+_UNITS = {
+    "type_a:no_repeats": (
+        "No dwell has more readings than unknowns, so their scatter is not known; the resolution of the count stands "
+        "in the budgets instead."
+    ),
+}
+_QUANTITIES = {
+    "too_few_temperatures": "fewer temperatures than the model asked for needs; its degree is lower, or there is none.",
+    "ill_conditioned": "the temperatures do not determine the model.",
+}
+_INCOMPLETE = re.compile(r"dwell (\d+) incomplete: (.+)")
+
+
+def flag_in_words(flag: str) -> str:
+    """A flag of a unit as a sentence; one that is not known here as it stands."""
+    if flag in _UNITS:
+        return _UNITS[flag]
+    incomplete = _INCOMPLETE.fullmatch(flag)
+    if incomplete:
+        number, missing = incomplete.groups()
+        if missing == "ill_conditioned":
+            return f"Dwell {number} is left out: its readings do not determine the four unknowns."
+        return f"Dwell {number} is left out: no usable reading near {missing.replace(', ', '°, ')}°."
+    step, _, problem = flag.rpartition(": ")
+    if problem in _READINGS:
+        return f"A reading is left out: {_READINGS[problem]} ({step})."
+    quantity, _, problem = flag.partition(":")
+    return f"{quantity}: {_QUANTITIES[problem]}" if problem in _QUANTITIES else flag
+
+
+def quantity_in_words(quantity: str) -> str:
+    """A quantity for the head of a table: "K1 per m/s²", "K0: temperature coefficient"."""
+    return QUANTITIES.get(quantity, quantity.replace("/", ": ").replace("_", " "))
+
+
+def name_of(finding: Finding) -> str:
+    """What a finding is, without its quantity, which stands before it."""
+    return finding.name.removeprefix(quantity_in_words(finding.quantity) + ": ")
+
+
+def unit_of(finding: Finding) -> str:
+    """The unit in which a finding is shown."""
+    return SHOWN.get(finding.quantity, (1.0, finding.unit))[1]
+
+
+def limits_in_words(finding: Finding) -> str:
+    """The limits in the unit shown: "-50 to 50", "at most 200"; empty without limits."""
+    factor = SHOWN.get(finding.quantity, (1.0, ""))[0]
+    low, high = (None if side is None else f"{side * factor:.6g}" for side in finding.limits or (None, None))
+    if low is not None and high is not None:
+        return f"{low} to {high}"
+    return f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""
+
+
+def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
+    """The conditions of a finding: "dwell 5, set point 70 °C, rising"; `dwells` are the numbers of the dwells."""
+    parts = []
+    if "dwell" in at:
+        parts.append(f"dwell {at['dwell']}")
+    if "dwells" in at:
+        numbers = [str(dwells.get(path, path)) for path in at["dwells"]]
+        parts.append(f"dwell{'s' if len(numbers) > 1 else ''} {' and '.join(numbers)}")
+    if "temperature_set_c" in at:
+        parts.append(f"set point {at['temperature_set_c']:g} °C")
+    elif "temperature_c" in at:
+        parts.append(f"centre {at['temperature_c']:.1f} °C")
+    if "leg" in at:
+        parts.append("rising" if at["leg"] == "up" else "falling")
+    return ", ".join(parts)

@@ -1,0 +1,45 @@
+"""Fixtures of all tests, and what happens where a third-party program is missing."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+REQUIRED = os.environ.get("BENCH_REQUIRE_PEERS") == "1"
+_MODULES = {"pymeasure": ("pymeasure", "pyvisa", "pyvisa_py")}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skips a peer's tests, with the reason, where the peer is missing; where peers are required they fail instead."""
+    for item in items:
+        for marker in item.iter_markers("peer"):
+            missing = [name for name in marker.args if not _is_here(name)]
+            if missing and not REQUIRED:
+                item.add_marker(pytest.mark.skip(reason=f"{', '.join(missing)} is not here; `make peers` installs it"))
+
+
+def _is_here(peer: str) -> bool:
+    modules = _MODULES.get(peer)
+    if modules is not None:
+        return all(importlib.util.find_spec(module) is not None for module in modules)
+    return shutil.which(peer) is not None
+
+
+@pytest.fixture
+def bench_command():
+    """Runs `bench` as a process of its own: arguments in; exit code, stdout and stderr out."""
+
+    def run(*arguments: object, cwd: Path | None = None, env: dict[str, str] | None = None, timeout_s: float = 50):
+        return subprocess.run(
+            [sys.executable, "-m", "bench", *map(str, arguments)], capture_output=True, text=True, timeout=timeout_s,
+            cwd=cwd or ROOT, env={**os.environ, "PYTHONPATH": str(ROOT), **(env or {})}, check=False,
+        )  # fmt: skip
+
+    return run

@@ -1,0 +1,107 @@
+"""Runs a sequence on simulated benches with many seeds, and compares every result with the simulated truth."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shutil
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from multiprocessing import Pool
+from pathlib import Path
+
+from bench.app.execute import execute
+from bench.app.request import RunRequest, prepare
+from bench.runner.quiet import Quiet
+from simulators.truth import channel_constants
+from simulators.uut import UnitTruth
+
+ROOT = Path(__file__).parents[2]
+QUANTITIES = ("K0", "K1", "K1_si", "K2", "misalignment")
+_U_VALUE = re.compile(r"(U: )(-?[\d.]+)")
+_U_BLOCK = re.compile(r"(U: \{)([^}]*)(\})")
+_NUMBER = re.compile(r"(?<![\w.])\d+(\.\d+)?(?= )")
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One result of one run beside its truth."""
+
+    seed: int
+    dwell: int
+    quantity: str
+    value: float
+    truth: float
+    u: float
+
+    @property
+    def ratio(self) -> float:
+        """Error over standard uncertainty."""
+        return (self.value - self.truth) / self.u if self.u else math.inf
+
+
+def full_bench(folder: Path) -> Path:
+    """The demonstration bench, with everything it names, in a folder of its own."""
+    shutil.copytree(ROOT / "config", folder, dirs_exist_ok=True)
+    return folder / "simulated.yaml"
+
+
+def perfect_bench(folder: Path) -> Path:
+    """The same bench with every certified uncertainty zero, in simulator and bench file alike."""
+    path = full_bench(folder)
+    text = _U_BLOCK.sub(lambda block: block[1] + _NUMBER.sub("0", block[2]) + block[3], path.read_text("utf-8"))
+    perfect = folder / "perfect.yaml"
+    perfect.write_text(_U_VALUE.sub(r"\g<1>0", text), "utf-8")
+    return perfect
+
+
+def campaign(requests: Iterable[RunRequest], processes: int = 2) -> list[Path]:
+    """Runs them all; the run directories, in the order of the requests."""
+    with Pool(processes, maxtasksperchild=8) as pool:
+        return pool.map(run_one, list(requests), chunksize=1)
+
+
+def run_one(request: RunRequest) -> Path:
+    """Runs one request; AssertionError when it does not get to its end."""
+    result = execute(prepare(request), Quiet())
+    assert result.outcome.how == "completed", result.problems
+    return result.path
+
+
+def compare(folders: Sequence[Path]) -> list[Comparison]:
+    """Every result at a dwell beside its truth."""
+    return [comparison for folder in folders for comparison in compare_one(folder, results_of(folder))]
+
+
+def results_of(folder: Path) -> dict:
+    return json.loads((folder / "results.json").read_text("utf-8"))
+
+
+def compare_one(folder: Path, results: dict) -> list[Comparison]:
+    """The results of one run, from the disk or reduced anew, beside the truth at the temperature they state."""
+    truth = json.loads((folder / "truth.json").read_text("utf-8"))
+    return [
+        Comparison(
+            seed=truth["seed"],
+            dwell=finding["at"]["dwell"],
+            quantity=finding["quantity"],
+            value=finding["value"],
+            truth=_constants(truth, finding)[finding["quantity"]],
+            u=finding["u"],
+        )
+        for finding in results["findings"]
+        if finding["quantity"] in QUANTITIES and "@" in finding["id"]
+    ]
+
+
+def _constants(truth: dict, finding: dict) -> dict[str, float]:
+    dwell = truth["dwells"][finding["id"].replace(f"/{finding['quantity']}@", "@")]
+    if dwell["temperature_c"] == finding["at"]["temperature_c"]:
+        return dwell
+    place = finding["id"].split("/")[1]
+    fields = {key: tuple(value) if isinstance(value, list) else value for key, value in truth["units"][place].items()}
+    return channel_constants(
+        UnitTruth(**fields), truth["bench"]["gravity_mps2"], dwell["axis_deg"], finding["at"]["temperature_c"],
+        dwell["drifted_g"],
+    )  # fmt: skip

@@ -1,0 +1,59 @@
+"""The bars that results must pass against the truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from tests.truth.campaign import QUANTITIES, Comparison
+
+K0_U_LIMIT_G = 2e-6
+K1_U_LIMIT = 2e-6  # of the value
+
+
+def judge_perfect(comparisons: Sequence[Comparison]) -> list[str]:
+    """A perfect bench, every dwell of every run: rms(error/u) 0.8 to 1.25, 99 % within k = 3, small uncertainties."""
+    found = []
+    for quantity in ("K0", "K1_si", "K2", "misalignment"):
+        ratios = [c.ratio for c in comparisons if c.quantity == quantity]
+        rms = _rms(ratios)
+        if not 0.8 <= rms <= 1.25:
+            found.append(f"{quantity}: rms(error/u) is {rms:.3g} over {len(ratios)} dwells")
+        beyond = sum(abs(ratio) > 3 for ratio in ratios)
+        if beyond > 0.01 * len(ratios):
+            found.append(f"{quantity}: {beyond} of {len(ratios)} dwells are beyond k = 3")
+    for c in comparisons:
+        if c.quantity == "K0" and c.u > K0_U_LIMIT_G:
+            found.append(f"seed {c.seed} dwell {c.dwell}: u(K0) is {c.u * 1e6:.2f} µg")
+        if c.quantity == "K1" and c.u > K1_U_LIMIT * abs(c.value):
+            found.append(f"seed {c.seed} dwell {c.dwell}: u(K1) is {c.u / c.value * 1e6:.2f} ppm")
+    return found
+
+
+def judge_full(comparisons: Sequence[Comparison]) -> list[str]:
+    """A full bench, the first dwell of each run: rms(error/u) 0.7 to 1.35, at most one run in 40 beyond k = 3."""
+    found = []
+    for quantity in ("K0", "K1", "K1_si", "K2", "misalignment"):
+        ratios = [c.ratio for c in comparisons if c.quantity == quantity and c.dwell == 0]
+        rms = _rms(ratios)
+        if not 0.7 <= rms <= 1.35:
+            found.append(f"{quantity}: rms(error/u) is {rms:.3g} over {len(ratios)} runs")
+        beyond = sum(abs(ratio) > 3 for ratio in ratios)
+        if beyond > max(1, len(ratios) // 40):
+            found.append(f"{quantity}: {beyond} of {len(ratios)} runs are beyond k = 3")
+    return found
+
+
+def table(comparisons: Sequence[Comparison]) -> Iterable[str]:
+    """A line for each quantity: rms, share within k = 2 and 3, mean u."""
+    for quantity in QUANTITIES:
+        chosen = [c for c in comparisons if c.quantity == quantity]
+        ratios = [c.ratio for c in chosen]
+        within = [sum(abs(ratio) <= k for ratio in ratios) / len(ratios) for k in (2, 3)]
+        mean_u = sum(c.u for c in chosen) / len(chosen)
+        scale = f"rms(error/u) {_rms(ratios):6.3f}  mean {sum(ratios) / len(ratios):+.3f}"
+        yield f"{quantity:<14} n {len(ratios):>4}  {scale}  k=2 {within[0]:.1%}  k=3 {within[1]:.1%}  u {mean_u:.3g}"
+
+
+def _rms(ratios: Sequence[float]) -> float:
+    return math.sqrt(sum(ratio * ratio for ratio in ratios) / len(ratios)) if ratios else math.nan

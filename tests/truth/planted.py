@@ -1,0 +1,123 @@
+"""Mistakes that a reduction could make, planted on purpose to see that the comparison with the truth catches them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+
+from bench.analysis import counts as counting
+from bench.analysis.dwells import Dwell
+from bench.analysis.rundata import Counts
+from bench.report import rundata
+from bench.report.stored import open_run
+from drivers.can_counter import wire
+from tests.truth.campaign import Comparison, compare_one
+
+Plant = Callable[[], AbstractContextManager[object]]
+
+
+def comparisons_with(plant: Plant, folders: Sequence[Path]) -> list[Comparison]:
+    """The runs reduced anew while an error is planted, beside their truths."""
+    found = []
+    for folder in folders:
+        with plant(), open_run(folder) as stored:
+            found += compare_one(folder, stored.evaluate().to_json())
+    return found
+
+
+def mean_of_four_bias() -> AbstractContextManager[object]:
+    """The bias as the mean of all readings, which holds half of K2."""
+    honest = Dwell.values.fget
+
+    def mistaken(dwell: Dwell) -> dict[str, float]:
+        return {**honest(dwell), "K0": float(np.mean(dwell.rates_pps)) / dwell.tumble.k1}
+
+    return mock.patch.object(Dwell, "values", property(mistaken))
+
+
+@contextmanager
+def host_time() -> Iterator[None]:
+    """Rates over the arrival times at the host instead of the device's own clock."""
+    decode = wire.decode_counts
+
+    def mistaken(form: wire.CounterFormat, channel: str, block: object) -> wire.Counts:
+        honest = decode(form, channel, block)
+        ticks = np.rint(honest.host_s / form.tick_period_s).astype(np.int64)
+        return dataclasses.replace(honest, tick=ticks, tick_bits=62)
+
+    with mock.patch.object(wire, "decode_counts", mistaken):
+        yield
+
+
+def _without_wrap(width_attribute: str) -> Plant:
+    """Differences of one kind of counter taken as if it never went round."""
+
+    @contextmanager
+    def plant() -> Iterator[None]:
+        honest = counting._steps
+        width: list[int] = []
+        rate = counting.mean_rate
+
+        def mistaken(cumulative: np.ndarray, bits: int) -> np.ndarray:
+            return np.diff(cumulative) if bits in width else honest(cumulative, bits)
+
+        def noting(counts: Counts) -> counting.Rate:
+            width[:] = [getattr(counts, width_attribute)]
+            found = rate(counts)
+            return dataclasses.replace(found, problems=())
+
+        with mock.patch.object(counting, "_steps", mistaken), mock.patch("bench.analysis.dwells.mean_rate", noting):
+            yield
+
+    return plant
+
+
+@contextmanager
+def chamber_temperature() -> Iterator[None]:
+    """The chamber's own sensor instead of the thermometer at the unit."""
+    read = rundata.RunReader.series
+
+    def mistaken(reader: rundata.RunReader, name: str) -> object:
+        return read(reader, "chamber.process_value")
+
+    with mock.patch.object(rundata.RunReader, "series", mistaken):
+        yield
+
+
+@contextmanager
+def standard_gravity() -> Iterator[None]:
+    """g_n instead of local g."""
+    record = rundata.bench_record
+    with mock.patch.object(
+        rundata, "bench_record", lambda bench: dataclasses.replace(record(bench), gravity_mps2=9.80665)
+    ):
+        yield
+
+
+@contextmanager
+def swapped_lines() -> Iterator[None]:
+    """The + and - lines of the converter the wrong way round."""
+    decode = wire.decode_counts
+
+    def mistaken(form: wire.CounterFormat, channel: str, block: object) -> wire.Counts:
+        honest = decode(form, channel, block)
+        return dataclasses.replace(honest, positive=honest.negative, negative=honest.positive)
+
+    with mock.patch.object(wire, "decode_counts", mistaken):
+        yield
+
+
+PLANTED: dict[str, Plant] = {
+    "mean-of-four bias": mean_of_four_bias,
+    "host instead of device time": host_time,
+    "missed counter wrap": _without_wrap("counter_bits"),
+    "missed time-stamp wrap": _without_wrap("tick_bits"),
+    "chamber instead of unit temperature": chamber_temperature,
+    "g_n instead of local g": standard_gravity,
+    "swapped + and - lines": swapped_lines,
+}
