@@ -17,7 +17,7 @@ from pydantic import BaseModel
 
 from drivers.capabilities import Device
 from drivers.errors import WrongIdentity
-from drivers.fields import StrictModel
+from drivers.fields import Spelled, StrictModel
 
 if TYPE_CHECKING:  # a bench file is checked without what only an opened device needs
     from drivers.transport.address import Address
@@ -37,10 +37,10 @@ class Nothing(StrictModel):
 class IdentityPin(StrictModel):
     """What the bench file says of an instrument; what it does not say is not compared."""
 
-    maker: str | None = None
-    model: str | None = None
-    serial: str | None = None
-    firmware: str | None = None
+    maker: Spelled | None = None
+    model: Spelled | None = None
+    serial: Spelled | None = None
+    firmware: Spelled | None = None
 
 
 @dataclass(frozen=True)

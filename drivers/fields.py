@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     GetCoreSchemaHandler,
     ModelWrapValidatorHandler,
@@ -91,6 +92,16 @@ PositiveAmperes = Annotated[float, InUnit("A", at_least=0)]
 Amperes = Annotated[float, InUnit("A")]
 Ratio = Annotated[float, InUnit("")]
 Hertz = Annotated[float, InUnit("Hz", above=0)]
+
+
+def _spelled(raw: object) -> object:
+    """A serial number of digits only is a number to YAML; one with a point has lost what was written."""
+    if isinstance(raw, float):
+        raise PydanticCustomError("spelled", "put it in quotes, so that it is kept as it is written")
+    return str(raw) if isinstance(raw, int) and not isinstance(raw, bool) else raw
+
+
+Spelled = Annotated[str, BeforeValidator(_spelled)]
 
 
 @dataclass(frozen=True, slots=True)

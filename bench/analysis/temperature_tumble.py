@@ -91,6 +91,7 @@ class _Unit:
         if allowed < degree:
             self._flags.append(f"{quantity}:too_few_temperatures")
         if allowed < 1:
+            self._flags.append(f"{quantity}:temperature_slope_unknown")  # its budget lacks the thermometer's part
             return None
         values = np.array([dwell.values[quantity] for dwell in self._dwells])
         try:

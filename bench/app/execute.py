@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -52,7 +53,7 @@ class RunResult:
     @property
     def problems(self) -> list[str]:
         """Everything a person must know, the reason first."""
-        return [*self.outcome.problems, *(f"NOT MADE SAFE: {why}" for why in self.outcome.unsafe.values())]
+        return [*self.outcome.problems, *(f"{device} COULD NOT BE MADE SAFE: {why}" for device, why in self.outcome.unsafe.items())]
 
 
 def execute(prepared: PreparedRun, observer: RunObserver) -> RunResult:
@@ -99,6 +100,7 @@ class _Run:
 async def _run(prepared: PreparedRun, folder: Path, laboratory: Laboratory | None, observer: RunObserver) -> _Run:
     bench = prepared.loaded.bench
     clock = Clock(bench.simulation.start if bench.is_simulated else None)
+    began_s = clock.monotonic()
     expected = estimate(prepared.plan, bench)
     writer = RunWriter(folder)
     try:
@@ -124,7 +126,7 @@ async def _run(prepared: PreparedRun, folder: Path, laboratory: Laboratory | Non
             outcome.how = "error"
             if str(problem) not in outcome.problems:
                 outcome.problems.append(str(problem))
-    return _Run(outcome, manifest.instruments(bench, identities), laboratory, clock.monotonic())
+    return _Run(outcome, manifest.instruments(bench, identities), laboratory, clock.monotonic() - began_s)
 
 
 def _keep_inputs(prepared: PreparedRun, folder: Path) -> dict[str, str]:
@@ -139,13 +141,14 @@ def _keep_inputs(prepared: PreparedRun, folder: Path) -> dict[str, str]:
 
 
 def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: Stopwatch) -> RunResult:
-    """Reduces, writes results, truth and report, and the manifest last."""
+    """Reduces, writes results and truth, then the manifest, and at last the report of it all."""
     outcome, path = ran.outcome, directory.path
     directory.use_reserve()
-    results = None
+    stored, results = None, None
     record |= {"state": outcome.how, "instruments": ran.instruments, "bench_s": ran.bench_s}
-    try:
-        with RunReader(path) as reader:
+    with ExitStack() as stack:
+        try:
+            reader = stack.enter_context(RunReader(path))
             record["digest"] = reader.digest()
             stored = StoredRun(path, record, reader)
             results = stored.evaluate()
@@ -153,19 +156,31 @@ def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: S
             if ran.laboratory is not None:
                 directory.write_json("truth.json", truth_record(ran.laboratory.world, _dwells(stored)))
                 record["hashes"]["truth.json"] = manifest.file_hash(path / "truth.json")
-        directory.write_json("results.json", results.to_json())
-    except BenchError as problem:
-        outcome.problems.append(str(problem))
-        outcome.how = record["state"] = "error"
-        record["verdict"] = "ERROR"
-    record |= {
-        "problems": outcome.problems,
-        "unsafe": outcome.unsafe,
-        "ended": wall_utc().isoformat(timespec="seconds"),
-        "wall_s": watch.elapsed_s(),
-    }
-    directory.write_json("manifest.json", record)
+            directory.write_json("results.json", results.to_json())
+        except BenchError as problem:
+            outcome.problems.append(str(problem))
+            outcome.how = record["state"] = "error"
+            record["verdict"] = "ERROR"
+        record |= {
+            "problems": outcome.problems,
+            "unsafe": outcome.unsafe,
+            "ended": wall_utc().isoformat(timespec="seconds"),
+            "wall_s": watch.elapsed_s(),
+        }
+        directory.write_json("manifest.json", record)
+        if stored is not None:
+            _report(stored, outcome)
     return RunResult(path, outcome, results, ran.bench_s, watch.elapsed_s())
+
+
+def _report(stored: StoredRun, outcome: Outcome) -> None:
+    """Writes the report; what stands in its way is told, and takes nothing else away."""
+    try:
+        from bench.report.write import write_report  # and matplotlib with it, which a run needs only here
+
+        write_report(stored)
+    except Exception as problem:  # noqa: BLE001  the run is over, and its results are on the disk
+        outcome.problems.append(f"no report could be written ({problem}); 'bench report {stored.folder}' tries again")
 
 
 def _dwells(stored: StoredRun) -> list[DwellAsMeasured]:

@@ -123,7 +123,8 @@ def run(
     else:
         sys.stdout.write(results_text(result.results))
     for problem in result.problems:
-        sys.stderr.write(f"\n{problem}\n")
+        if problem not in progress.said:
+            sys.stderr.write(f"\n{problem}\n")
     sys.stderr.write(
         f"\n{result.bench_s:.0f} s of bench time in {result.wall_s:.1f} s, {result.bench_s / result.wall_s:.0f} times "
         f"real time\nrun    {result.path}\nreport {result.path / 'report.html'}\n"

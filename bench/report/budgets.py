@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from bench.analysis.finding import COVERAGE, BudgetLine, Finding, UnitResult
 from bench.report.text import SHOWN, decimals
-from bench.report.words import name_of, quantity_in_words, unit_of, where
+from bench.report.words import name_of, quantity_in_words, unit_shown, where
 
 
 @dataclass(frozen=True)
@@ -97,4 +97,4 @@ def budgets_of_dwells(unit: UnitResult, quantity: str) -> BudgetsOfDwells:
         of_source = {line.source: _small(line.u * factor, digits) for line in finding.budget}
         cells = tuple(of_source.get(source, "–") for source in sources)
         rows.append((str(finding.at["dwell"]), cells, f"{finding.u * factor:.{digits}f}", _dof(finding.dof)))
-    return BudgetsOfDwells(quantity_in_words(quantity), unit_of(found[0]), sources, tuple(rows))
+    return BudgetsOfDwells(quantity_in_words(quantity), unit_shown(quantity, found[0].unit), sources, tuple(rows))

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from bench.analysis.rundata import Acquisition
+from bench.analysis.rundata import Acquisition, RunData
 from bench.report.plots import Plot
 from bench.report.stored import StoredRun
 from bench.report.svg import new_figure, rendered
@@ -27,7 +27,7 @@ CHAMBER: dict[str, tuple[str, dict[str, Any]]] = {
     "set_point": ("set point", {"color": "#111111", "linestyle": (0, (4, 2)), "linewidth": 0.8}),
     "process_value": ("air", {"color": "#7aa6d6", "linewidth": 0.9}),
 }
-UNITS = ("#b45309", "#4d7c0f", "#7e22ce", "#be185d")
+COLOURS = ("#b45309", "#4d7c0f", "#7e22ce", "#be185d")
 
 
 @dataclass(frozen=True)
@@ -68,28 +68,32 @@ def envelope(at_s: Array, values: Array, bins: int = BINS) -> tuple[Array, Array
     return np.repeat(middle_s, 2), extremes.ravel()
 
 
-def course_of(run: StoredRun, acquisitions: Sequence[Acquisition]) -> Course:
-    """The course of a run, whatever state it is in."""
+def course_of(run: StoredRun, data: Sequence[RunData]) -> Course:
+    """The course of a run, whatever state it is in; `data` is what its results are made of."""
     events = list(run.reader.events())
-    began_s, ended_s = (events[0].at_s, events[-1].at_s) if events else (0.0, 0.0)
+    began_s, ended_s = run.reader.span_s()
     begins: dict[str, float] = {}
     for event in events:
         if event.kind in ("step_begins", "made_safe"):
             begins.setdefault(_phase(event), event.at_s)
     limits_s = [*begins.values(), ended_s]
-    groups: dict[str, list[Acquisition]] = {}
-    for acquisition in acquisitions:
-        groups.setdefault(acquisition.group, []).append(acquisition)
     return Course(
         began_s=began_s,
         ended_s=ended_s,
         phases=tuple(map(Span, begins, limits_s[:-1], limits_s[1:])),
-        dwells=tuple(
-            Span(str(number), members[0].begin_s, members[-1].end_s) for number, members in enumerate(groups.values())
-        ),
-        acquisitions=tuple(Span(each.step, each.begin_s, each.end_s) for each in acquisitions),
+        dwells=tuple(dwell for part in data for dwell in _dwells(part)),
+        acquisitions=tuple(Span(each.step, each.begin_s, each.end_s) for part in data for each in part.acquisitions),
         incident_s=next((event.at_s for event in events if event.kind in INCIDENTS), None),
     )
+
+
+def _dwells(data: RunData) -> Iterator[Span]:
+    """The groups of acquisitions, numbered as in the results."""
+    groups: dict[str, list[Acquisition]] = {}
+    for acquisition in data.acquisitions:
+        groups.setdefault(acquisition.group, []).append(acquisition)
+    for number, members in enumerate(groups.values()):
+        yield Span(str(number), members[0].begin_s, members[-1].end_s)
 
 
 def _phase(event: Event) -> str:
@@ -117,8 +121,8 @@ def course_plot(run: StoredRun, course: Course) -> Plot | None:
     figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=6)
     title = "Course of the run"
     caption = (
-        "On top the phases of the run and the dwells by their numbers. Shaded: the dwells while they were measured; the "
-        "ticks at the lower edge are the single acquisitions."
+        "On top the phases of the run and the dwells by their numbers. Shaded: the dwells while they were measured; "
+        "the ticks at the lower edge are the single acquisitions."
     )
     return Plot(title, rendered(figure, "course", title), caption)
 
@@ -139,7 +143,7 @@ def _lines(run: StoredRun) -> Iterator[_Line]:
                     name, style = CHAMBER.get(channel, (channel.replace("_", " "), {}))
                     yield _Line(f"{role}: {name}", run.reader.series(f"{role}.{channel}"), style)
     thermometers = dict.fromkeys(run.bench.places[place].temperature for place in run.serials)
-    for name, colour in zip(thermometers, cycle(UNITS)):  # noqa: B905  the colours go round
+    for name, colour in zip(thermometers, cycle(COLOURS), strict=False):
         yield _Line(name.replace("_", " "), run.reader.series(name), {"color": colour})
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-import matplotlib
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from bench.analysis.finding import COVERAGE, UnitResult
@@ -17,8 +16,10 @@ from bench.report.course import course_of, course_plot
 from bench.report.findings import Results
 from bench.report.plots import Plot, unit_plots
 from bench.report.stored import BENCH_COPY, StoredRun
-from bench.report.svg import STYLE
+from bench.report.svg import drawing
 from bench.report.words import flag_in_words
+from bench.sequence.check import limits_in
+from bench.sequence.methods import known_methods
 
 TEMPLATE = "report.html.j2"
 MOST_NOTES = 12  # at the top of the page; the others unfold
@@ -44,9 +45,8 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str) -> str:
     data = _data(run) if results is not None else []
     instruments = page.instruments(run)
     verdict = results.verdict if results is not None else run.manifest["verdict"] or "INCOMPLETE"
-    with matplotlib.rc_context(STYLE):
-        acquisitions = [acquisition for part in data for acquisition in part.acquisitions]
-        course = course_plot(run, course_of(run, acquisitions))
+    with drawing():
+        course = course_plot(run, course_of(run, data))
         sections = list(_sections(run, results)) if results is not None else []
     return _environment().get_template(TEMPLATE).render(
         run=run,
@@ -87,17 +87,19 @@ def _sections(run: StoredRun, results: Results) -> Iterator[UnitSection]:
     """A section for each unit and method; every method gives one result for each unit."""
     entries = [entry for entry in run.sequence.results for _ in run.serials]
     for number, (entry, unit) in enumerate(zip(entries, results.units, strict=True)):
-        yield _section(unit, f"{unit.place}{number}", list(entry.limits))
+        units = known_methods()[entry.method].quantities
+        limits = {quantity: limits_in(limit, units[quantity]) for quantity, limit in entry.limits.items()}
+        yield _section(unit, f"{unit.place}{number}", limits)
 
 
-def _section(unit: UnitResult, name: str, limited: Sequence[str]) -> UnitSection:
+def _section(unit: UnitResult, name: str, limits: Mapping[str, tables.Limits]) -> UnitSection:
     dwells = tables.at_dwells(unit)
     first = next(iter(dwells.values()), {})
     numbers = tables.dwell_numbers(unit)
     return UnitSection(
         name=name,
         result=unit,
-        verdicts=tuple(tables.verdict_rows(unit, limited)),
+        verdicts=tuple(tables.verdict_rows(unit, limits)),
         plots=tuple(unit_plots(unit, name)),
         dwells=tables.dwell_table(unit),
         over_run=tuple(tables.over_run_rows(unit)),

@@ -49,7 +49,7 @@ def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
     """What a person must know first, in the order of its weight; empty when all went well."""
     manifest = run.manifest
     for device, why in manifest.get("unsafe", {}).items():
-        yield f"{device} WAS NOT MADE SAFE: {why}"
+        yield f"{device} COULD NOT BE MADE SAFE: {why}"
     yield from manifest["problems"]
     if manifest["state"] != "completed":
         yield f"The run did not get to its end. {ENDINGS[manifest['state']]}"
@@ -91,14 +91,15 @@ def times(run: StoredRun) -> Facts:
     manifest, zone = run.manifest, run.bench.site.time_zone
     bench_s = manifest["bench_s"]
     if bench_s is None:
-        at_s = [event.at_s for event in run.reader.events()]
-        bench_s = at_s[-1] - at_s[0] if at_s else 0.0
+        began_s, ended_s = run.reader.span_s()
+        bench_s = ended_s - began_s
     wall_s = manifest["wall_s"]
+    wall = f"{wall_s:.1f} s" if wall_s is not None and wall_s < 10 else duration(wall_s or 0.0)
     facts = [
         ("Operator", manifest["operator"] or "not stated"),
         ("Started", _instant(manifest["started"], zone)),
         ("Ended", _instant(manifest["ended"], zone)),
-        ("Duration", f"{duration(bench_s)} of bench time" + (f", {duration(wall_s)} of wall time" if wall_s else "")),
+        ("Duration", f"{duration(bench_s)} of bench time" + (f", {wall} of wall time" if wall_s else "")),
     ]
     if manifest["simulated"]:
         facts.append(("Bench time begins", _instant(run.began.isoformat(), zone)))
@@ -203,4 +204,7 @@ def recorded(run: StoredRun, data: Sequence[RunData]) -> Iterator[tuple[str, str
         of_channel = [found for name, found in counts if name == channel]
         lost, restarts = (sum(getattr(found, name) for found in of_channel) for name in ("lost", "restarts"))
         whole = sum(len(found.tick) for found in of_channel)
-        yield f"Channel {channel}", f"{whole} latches in {len(of_channel)} acquisitions, {lost} lost, {restarts} restarts"
+        yield (
+            f"Channel {channel}",
+            f"{whole} latches in {len(of_channel)} acquisitions, {lost} lost, {restarts} restarts",
+        )

@@ -13,7 +13,7 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from bench.analysis.finding import COVERAGE, TemperatureModel, UnitResult
-from bench.report.svg import height_pt, new_figure, rendered
+from bench.report.svg import new_figure, rendered
 from bench.report.text import SHOWN, decimals
 
 Array = NDArray[np.float64]
@@ -129,9 +129,7 @@ def _middle(unit: UnitResult, quantity: str) -> tuple[float, str]:
     return float(np.mean([finding.value for finding in unit.findings if finding.quantity == quantity])), ""
 
 
-def _over_temperature(
-    title: str, name: str, label: str, symbol: str, points: Points, curves: Sequence[Curve]
-) -> Plot:
+def _over_temperature(title: str, name: str, label: str, symbol: str, points: Points, curves: Sequence[Curve]) -> Plot:
     """Points and models, and below what each model leaves of the points."""
     fitted = [curve for curve in curves if curve.dof]
     figure = new_figure(4.6 if fitted else 3.0)
@@ -151,7 +149,7 @@ def _over_temperature(
     if fitted:
         caption += (
             " In the residuals the bars hold only what differs from dwell to dwell, "
-            f"at most {_two_digits(points.own.max())} {symbol}; everything else moves all points alike."
+            f"at most {_two_digits(points.own.max())} {symbol}; everything else is common to all points."
         )
     return Plot(f"{title}, over temperature", rendered(figure, name, f"{title}, over temperature"), caption)
 
@@ -176,7 +174,7 @@ def _draw_legs(axes: Axes, points: Points, values: Array, bars: Array) -> None:
 def _largest(axes: Axes, expanded: Array, symbol: str) -> str:
     """What the caption says of bars, which may be too short to be seen."""
     low, high = axes.get_ylim()
-    longest_pt = 2 * expanded.max() / (high - low) * height_pt(axes)
+    longest_pt = 2 * expanded.max() / (high - low) * axes.get_window_extent().height
     seen = "" if longest_pt > MARKER_PT else ", no longer than the markers"
     return f"at most {_two_digits(expanded.max())} {symbol}{seen}"
 
@@ -199,12 +197,14 @@ def _loop(name: str, symbol: str, points: Points, model: Curve) -> Plot:
         for number, x, y in zip(points.dwell, points.temperature_c, residuals, strict=True):
             axes.annotate(str(number), (x, y), (4, 4), textcoords="offset points", fontsize=6.5, color="#444444")
     axes.axhline(0, color="#444444", linewidth=0.6)
-    axes.set(xlabel=TEMPERATURE, ylabel=f"residual / {symbol}", title=f"Hysteresis of K0: residuals of the {model.name}")
+    axes.set(
+        xlabel=TEMPERATURE, ylabel=f"residual / {symbol}", title=f"Hysteresis of K0: residuals of the {model.name}"
+    )
     axes.legend()
     title = "Hysteresis of the bias"
     caption = (
-        "The residuals of K0, joined in the order of measurement: solid where the temperature rose to the dwell, dashed "
-        "where it fell. The numbers are those of the dwells."
+        "The residuals of K0, joined in the order of measurement: solid where the temperature rose to the dwell, "
+        "dashed where it fell. The numbers are those of the dwells."
     )
     return Plot(title, rendered(figure, name, title), caption)
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
+import matplotlib
 from markupsafe import Markup, escape
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 WIDTH_IN = 7.1  # between the margins of an A4 page, so that print has the sizes given here
 
-STYLE: Mapping[str, Any] = {
+STYLE: dict[Any, Any] = {
+    "figure.dpi": 72,  # a dot is a point
     "svg.fonttype": "none",  # text stays text: in the font of the page, found by a search, read by a screen reader
     "svg.hashsalt": "inertial-test-bench",
     "text.parse_math": False,
@@ -41,11 +42,18 @@ STYLE: Mapping[str, Any] = {
     "legend.edgecolor": "#d0d4d9",
     "lines.linewidth": 1.1,
 }
-"""For `matplotlib.rc_context`, around making a figure and rendering it."""
-
 _NO_METADATA: dict[str, Any] = dict.fromkeys(("Date", "Creator", "Format", "Type"))
 _SIZE_AND_NAMESPACES = re.compile(r' (?:xmlns(?::xlink)?|width|height|version)="[^"]*"')
 _IDS = re.compile(r'( id="| href="#|url\(#)')
+
+
+@contextmanager
+def drawing() -> Iterator[None]:
+    """Inside, figures are made and rendered in one style, whatever the user's own settings are."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(STYLE)
+        yield
 
 
 def new_figure(height_in: float) -> Figure:
@@ -53,16 +61,12 @@ def new_figure(height_in: float) -> Figure:
     return Figure(figsize=(WIDTH_IN, height_in))
 
 
-def height_pt(axes: Axes) -> float:
-    """How high the plotting area is on paper, in points."""
-    return float(axes.get_window_extent().height / axes.get_figure(root=True).dpi * 72)
-
-
 def rendered(figure: Figure, name: str, description: str) -> Markup:
     """The figure as an `<svg>` element; `name` keeps its ids apart from those of other figures in the page."""
     buffer = io.StringIO()
-    FigureCanvasSVG(figure).print_svg(buffer, metadata=_NO_METADATA)
+    figure.savefig(buffer, format="svg", metadata=_NO_METADATA)
     opening, _, content = buffer.getvalue().partition("<svg")[2].partition(">")
     content = _IDS.sub(rf"\g<1>{name}-", content.replace("xlink:href=", "href="))
     attributes = _SIZE_AND_NAMESPACES.sub("", opening)
-    return Markup(f'<svg role="img" aria-label="{escape(description)}"{attributes}>{content.rstrip()}')  # noqa: S704  matplotlib escapes the text in a figure
+    svg = f'<svg role="img" aria-label="{escape(description)}"{attributes}>{content.rstrip()}'
+    return Markup(svg)  # noqa: S704  matplotlib escapes the text in a figure

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 from bench.analysis.finding import COVERAGE, Finding, TemperatureModel, UnitResult
 from bench.report.text import SHOWN, decimals, shown
-from bench.report.words import CONTENTS, limits_in_words, name_of, quantity_in_words, unit_of, where
+from bench.report.words import CONTENTS, limits_in_words, name_of, quantity_in_words, unit_shown, where
 
 POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 SEVERITY = ("FAIL", "INVALID", "PASS", None)
+Limits = tuple[float | None, float | None]
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,8 @@ class Row:
     unit: str
     limits: str
     verdict: str
-    marginal: bool
-    where: str
+    marginal: bool = False
+    where: str = ""
     remark: str = ""
 
 
@@ -51,7 +52,7 @@ class DwellTable:
 
 @dataclass(frozen=True)
 class ModelTable:
-    """A temperature model; `rows` are power, coefficient, its u, and the coefficient of that power of T with its unit."""
+    """A temperature model; `rows` are power, coefficient, its u, the coefficient of that power of T, and its unit."""
 
     title: str
     unit: str
@@ -80,15 +81,18 @@ def dwell_numbers(unit: UnitResult) -> dict[str, int]:
     return {finding.id.partition("@")[2]: finding.at["dwell"] for finding in unit.findings if "dwell" in finding.at}
 
 
-def verdict_rows(unit: UnitResult, limited: Sequence[str]) -> Iterator[Row]:
-    """For each limit of the sequence the finding that is worst; quantities in `limited` without one are not judged."""
-    for quantity in limited:
+def verdict_rows(unit: UnitResult, limits: Mapping[str, Limits]) -> Iterator[Row]:
+    """For each quantity that the sequence limits the finding that is worst; without one it is not judged."""
+    for quantity, sides in limits.items():
         found = [finding for finding in unit.findings if finding.quantity == quantity]
-        if not found:
-            yield Row(quantity_in_words(quantity), "", "not determined", "", "", "not judged", False, "")
-            continue
-        worst = min(found, key=lambda finding: (SEVERITY.index(finding.verdict), _margin(finding)))
-        yield _row(worst, dwell_numbers(unit), _remark(found))
+        if found:
+            worst = min(found, key=lambda finding: (SEVERITY.index(finding.verdict), _margin(finding)))
+            yield _row(worst, dwell_numbers(unit), _remark(found))
+        else:
+            allowed = limits_in_words(quantity, sides)
+            yield Row(
+                quantity_in_words(quantity), "", "not determined", unit_shown(quantity, ""), allowed, "not judged"
+            )
 
 
 def _margin(finding: Finding) -> float:
@@ -117,8 +121,8 @@ def _row(finding: Finding, dwells: Mapping[str, int], remark: str = "") -> Row:
         quantity=quantity_in_words(finding.quantity),
         name=name_of(finding),
         value=shown(finding),
-        unit=unit_of(finding),
-        limits=limits_in_words(finding),
+        unit=unit_shown(finding.quantity, finding.unit),
+        limits=limits_in_words(finding.quantity, finding.limits or (None, None)),
         verdict=finding.verdict or "",
         marginal=finding.marginal,
         where=where(finding.at, dwells),
@@ -139,10 +143,14 @@ def dwell_table(unit: UnitResult) -> DwellTable | None:
         return None
     kinds = {quantity: finding for found in dwells.values() for quantity, finding in found.items()}
     heads = tuple(
-        (quantity_in_words(quantity), unit_of(finding), ", ".join(CONTENTS[flag] for flag in finding.flags if flag in CONTENTS))
+        (quantity_in_words(quantity), unit_shown(quantity, finding.unit), _contents(finding))
         for quantity, finding in kinds.items()
     )
     return DwellTable(heads, tuple(_dwell_row(number, found, tuple(kinds)) for number, found in dwells.items()))
+
+
+def _contents(finding: Finding) -> str:
+    return ", ".join(CONTENTS[flag] for flag in finding.flags if flag in CONTENTS)
 
 
 def _dwell_row(number: int, found: Mapping[str, Finding], quantities: Sequence[str]) -> DwellRow:

@@ -39,6 +39,7 @@ _UNITS = {
 _QUANTITIES = {
     "too_few_temperatures": "fewer temperatures than the model asked for needs; its degree is lower, or there is none.",
     "ill_conditioned": "the temperatures do not determine the model.",
+    "temperature_slope_unknown": "how it changes with temperature is not known, so the thermometer has no part in U.",
 }
 _INCOMPLETE = re.compile(r"dwell (\d+) incomplete: (.+)")
 
@@ -70,15 +71,15 @@ def name_of(finding: Finding) -> str:
     return finding.name.removeprefix(quantity_in_words(finding.quantity) + ": ")
 
 
-def unit_of(finding: Finding) -> str:
-    """The unit in which a finding is shown."""
-    return SHOWN.get(finding.quantity, (1.0, finding.unit))[1]
+def unit_shown(quantity: str, unit: str) -> str:
+    """The unit in which a quantity is shown; `unit` when it is shown as it is."""
+    return SHOWN.get(quantity, (1.0, unit))[1]
 
 
-def limits_in_words(finding: Finding) -> str:
-    """The limits in the unit shown: "-50 to 50", "at most 200"; empty without limits."""
-    factor = SHOWN.get(finding.quantity, (1.0, ""))[0]
-    low, high = (None if side is None else f"{side * factor:.6g}" for side in finding.limits or (None, None))
+def limits_in_words(quantity: str, limits: tuple[float | None, float | None]) -> str:
+    """Limits in the unit shown: "-50 to 50", "at most 200"; empty when there are none."""
+    factor = SHOWN.get(quantity, (1.0, ""))[0]
+    low, high = (None if side is None else f"{side * factor:.6g}" for side in limits)
     if low is not None and high is not None:
         return f"{low} to {high}"
     return f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""

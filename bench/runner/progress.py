@@ -18,6 +18,7 @@ from bench.sequence.plan import Plan, PlannedStep
 from drivers.values import Reading
 
 LINE_EVERY_SHARE = 0.1  # of the run, where there is no terminal
+BAR_STRIDE = 0.002  # of the run, by which the bar moves within a step
 
 
 class TerminalProgress:
@@ -34,7 +35,11 @@ class TerminalProgress:
         self._begins_s: list[float] = []
         self._total_s = 1.0
         self.readings: dict[str, Reading] = {}
+        self.said: list[str] = []
         self._next_line = LINE_EVERY_SHARE
+        self._next_stride_s = 0.0
+        self._step_late_s = 0.0  # by how much the step began later than estimated
+        self._step_ends_s = 0.0
         columns: tuple[ProgressColumn, ...] = (
             TextColumn("{task.description}"),
             BarColumn(bar_width=24),
@@ -62,13 +67,15 @@ class TerminalProgress:
         for takes_s in expected.steps_s:
             self._begins_s.append(begins_s)
             begins_s += takes_s
+        self._begins_s.append(begins_s)
         self._total_s = max(begins_s, 1.0)
         self._progress.update(self._task, total=self._total_s)
         self.notice(f"run {path}, about {duration(self._total_s)} of bench time, from {clock.utc():%Y-%m-%d %H:%M} UTC")
 
     def step_begins(self, planned: PlannedStep, index: int) -> None:
         """A step of the plan begins."""
-        expected_s = self._begins_s[index] if index < len(self._begins_s) else self._total_s
+        expected_s, self._step_ends_s = self._begins_s[index], self._begins_s[index + 1]
+        self._step_late_s = self.now_s - expected_s
         self._progress.update(self._task, completed=expected_s, description=f"{index + 1}/{self._steps} {planned.id}")
         share = expected_s / self._total_s
         if not self._console.is_terminal and share >= self._next_line:
@@ -77,16 +84,19 @@ class TerminalProgress:
 
     def step_ended(self, planned: PlannedStep, index: int) -> None:
         """A step is done."""
-        if index + 1 < len(self._begins_s):
-            self._progress.update(self._task, completed=self._begins_s[index + 1])
+        self._progress.update(self._task, completed=self._step_ends_s)
 
     def reading(self, name: str, reading: Reading) -> None:
-        """A channel has a new value."""
+        """A channel has a new value; within a step the bar follows bench time, in strides."""
         self.readings[name] = reading
         self.now_s = reading.at_s
+        if reading.at_s >= self._next_stride_s:
+            self._next_stride_s = reading.at_s + BAR_STRIDE * self._total_s
+            self._progress.update(self._task, completed=min(reading.at_s - self._step_late_s, self._step_ends_s))
 
     def notice(self, text: str) -> None:
         """Something a person should see now."""
+        self.said.append(text)
         if self._console.is_terminal:
             self._console.print(Text(text))
         else:

@@ -91,6 +91,15 @@ class RunReader:
         """How many frames were recorded."""
         return int(next(self._rows("SELECT COALESCE(SUM(frames), 0) FROM block"))[0])
 
+    def span_s(self) -> tuple[float, float]:
+        """Bench time of the first and of the last thing that was recorded; zeros when nothing was."""
+        query = (
+            "SELECT (SELECT at_s FROM journal ORDER BY seq LIMIT 1), "
+            "(SELECT at_s FROM journal ORDER BY seq DESC LIMIT 1), (SELECT at_s FROM reading ORDER BY seq DESC LIMIT 1)"
+        )
+        at_s = [float(found or 0.0) for found in next(self._rows(query))]
+        return at_s[0], max(at_s)
+
     def channels(self) -> dict[str, str]:
         """Names and units of the channels that were read."""
         return dict(self._rows("SELECT name, unit FROM channel ORDER BY id"))

@@ -153,7 +153,7 @@ class RunWriter:
     def _close_database(self) -> None:
         try:
             if self._failure is None:
-                self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+                self._database.execute("PRAGMA journal_mode=DELETE")  # one file is left, and readers add none
             self._database.close()
         except sqlite3.Error as problem:
             self._failure = self._failure or StoreError(f"the run store cannot be closed ({problem})")

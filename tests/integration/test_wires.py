@@ -1,0 +1,163 @@
+"""`bench simulate` at one end of real sockets and pseudo-terminals, `bench run` at the other, in real time."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from bench.store.reader import RunReader
+from tests.support.runs import ROOT, copy_bench
+
+pytestmark = pytest.mark.integration
+QUICK = ("--set", "soak=2 s", "--set", "gate=2 s")
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture
+def wired_bench(tmp_path) -> Path:
+    """The demonstration bench over real wires, on free ports and in a temporary folder, its head a little faster."""
+    edits = [(f"127.0.0.1:{port}", f"127.0.0.1:{free_port()}") for port in (1502, 8000, 5025)]
+    edits += [("sim+", ""), ("/tmp/itb", str(tmp_path / "itb")), ("rate: 20 °/s", "rate: 30 °/s")]
+    return copy_bench(tmp_path / "config", *edits)
+
+
+@contextmanager
+def simulating(bench: Path) -> Iterator[subprocess.Popen[str]]:
+    """`bench simulate` until the block ends."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "bench", "simulate", "--bench", str(bench)], stderr=subprocess.PIPE, text=True, cwd=ROOT
+    )
+    try:
+        assert process.stderr is not None
+        lines = []
+        for line in process.stderr:
+            lines.append(line)
+            if line == "ready\n":
+                break
+        assert lines[-1:] == ["ready\n"], lines
+        yield process
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=10)
+
+
+def run_smoke(bench: Path, runs: Path, *arguments: str) -> list[str]:
+    return [
+        sys.executable, "-m", "bench", "run", "smoke", "--bench", str(bench), "--runs", str(runs), "--uut", "QF-0001",
+        *arguments, *QUICK,
+    ]  # fmt: skip
+
+
+@pytest.mark.timeout(150)
+def test_the_smoke_sequence_passes_over_real_wires(wired_bench, tmp_path):
+    with simulating(wired_bench):
+        done = subprocess.run(
+            run_smoke(wired_bench, tmp_path / "runs", "--attended"),
+            capture_output=True,
+            text=True,
+            cwd=ROOT,
+            check=False,
+        )
+    assert done.returncode == 0, done.stderr
+    assert "Verdict: PASS" in done.stdout
+    (path,) = (tmp_path / "runs").iterdir()
+    with RunReader(path) as reader:
+        frames = reader.frames_by_step()
+        assert len(frames) == 4
+        for streams in frames.values():
+            assert 18 <= (streams["counter"].ids == 0x100).sum() <= 22
+    assert not (tmp_path / "itb").exists() or not list((tmp_path / "itb").iterdir()), "the links are gone"
+
+
+@pytest.mark.timeout(150)
+def test_when_the_laboratory_goes_away_the_run_ends_in_words(wired_bench, tmp_path):
+    with simulating(wired_bench) as laboratory:
+        run = subprocess.Popen(
+            run_smoke(wired_bench, tmp_path / "runs", "--attended", "--set", "temperatures=[25 °C]"),
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
+        )  # fmt: skip
+        time.sleep(8)  # in the ramp, with the supply on
+        laboratory.kill()
+        _, said = run.communicate(timeout=60)
+    assert run.returncode == 3
+    assert "chamber" in said
+    assert "supply COULD NOT BE MADE SAFE: supply: nobody answers" in said
+    assert "Check that the instrument is on" in said
+
+
+def test_another_instrument_than_the_bench_file_names_is_refused_before_anything_moves(wired_bench, tmp_path):
+    other = wired_bench.with_name("other.yaml")
+    text = wired_bench.read_text("utf-8")
+    other.write_text(text.replace("serial: SIM-PSU-01", "serial: PSU-77").replace("SIM-6220-01", "4001234"), "utf-8")
+    with simulating(wired_bench):
+        done = subprocess.run(
+            run_smoke(other, tmp_path / "runs", "--attended"), capture_output=True, text=True, cwd=ROOT, check=False
+        )
+    assert done.returncode == 3
+    assert "supply: serial is 'SIM-PSU-01', the bench file says 'PSU-77'" in done.stderr
+    assert "source: serial is 'SIM-6220-01', the bench file says '4001234'" in done.stderr
+    (path,) = (tmp_path / "runs").iterdir()
+    with RunReader(path) as reader:
+        assert "step_begins" not in [event.kind for event in reader.events()]
+
+
+def test_real_connections_need_somebody_there_and_real_time(wired_bench, tmp_path):
+    for arguments, expected in (
+        ((), "somebody must stay with it. Say so with --attended"),
+        (("--attended", "--speed", "max"), "--speed max: this bench has real connections, which run at speed 1 only"),
+    ):
+        done = subprocess.run(
+            run_smoke(wired_bench, tmp_path / "runs", *arguments), capture_output=True, text=True, cwd=ROOT, check=False
+        )
+        assert done.returncode == 2
+        assert expected in done.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+def test_nobody_at_the_other_end_names_every_instrument_that_is_missing(wired_bench, tmp_path):
+    done = subprocess.run(
+        run_smoke(wired_bench, tmp_path / "runs", "--attended"), capture_output=True, text=True, cwd=ROOT, check=False
+    )
+    assert done.returncode == 3
+    for role in ("chamber", "head", "counter", "supply", "source"):
+        assert f"{role}: " in done.stderr
+    assert "no other program has the port" in done.stderr
+
+
+def test_simulate_makes_any_bench_run_at_full_speed(wired_bench, tmp_path):
+    done = subprocess.run(
+        run_smoke(wired_bench, tmp_path / "runs", "--simulate"), capture_output=True, text=True, cwd=ROOT, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_two_simulations_of_one_bench_are_told_apart(wired_bench):
+    with simulating(wired_bench):
+        second = subprocess.run(
+            [sys.executable, "-m", "bench", "simulate", "--bench", str(wired_bench)], capture_output=True, text=True,
+            cwd=ROOT, check=False, env={**os.environ},
+        )  # fmt: skip
+    assert second.returncode == 3
+    assert "is another simulation running?" in second.stderr
+
+
+def test_the_wired_bench_file_is_the_simulated_one_without_sim():
+    simulated, wired = (
+        (ROOT / "config" / name).read_text("utf-8").split("schema:", 1)[1]
+        for name in ("simulated.yaml", "simulated_wires.yaml")
+    )
+    assert simulated.replace("sim+", "") == wired

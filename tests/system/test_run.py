@@ -1,0 +1,214 @@
+"""A whole run on the simulated bench, in virtual time, through every wire."""
+
+import hashlib
+import json
+import math
+
+import pytest
+
+from bench.store.reader import RunReader
+from tests.support.runs import ROOT, SHORT, copy_bench, read_json, run_short
+from tests.truth.campaign import compare_one
+
+
+@pytest.fixture(scope="module")
+def short_run(tmp_path_factory):
+    return run_short(tmp_path_factory.mktemp("runs"), units=("QF-0001",), operator="Ada")
+
+
+def test_it_completes_with_a_verdict_and_leaves_everything_behind(short_run):
+    assert short_run.outcome.how == "completed"
+    assert short_run.problems == []
+    assert short_run.results.verdict == "PASS"
+    left = {path.name for path in short_run.path.iterdir()}
+    assert left >= {
+        "results.json", "report.html", "manifest.json", "run.db", "truth.json", "sequence.yaml", "bench.yaml",
+        "if_counter.dbc", "run.lock",
+    }  # fmt: skip
+    assert "reserve.bin" not in left
+
+
+def test_the_manifest_says_who_what_when_and_on_what(short_run):
+    manifest = read_json(short_run, "manifest.json")
+    assert (manifest["state"], manifest["verdict"], manifest["operator"]) == ("completed", "PASS", "Ada")
+    assert manifest["units"] == [
+        {"place": "a", "uut": "QF-0001", "type": "accelerometer channel", "channel": "x", "mount_angle_deg": 0.0,
+         "supply": "supply"}
+    ]  # fmt: skip
+    assert manifest["simulated"] == ["chamber", "head", "counter", "supply", "source"]
+    assert manifest["parameters"]["soak"] == "1800 s"
+    head = manifest["instruments"]["head"]
+    assert (head["serial"], head["serial_verified"]) == ("SIM-HEAD-01", False)
+    assert head["calibration"]["certificate"] == "SIM-2026-0101"
+    source = manifest["instruments"]["source"]
+    assert (source["model"], source["serial"], source["serial_verified"]) == ("MODEL 6220", "SIM-6220-01", True)
+    for name, stated in manifest["hashes"].items():
+        assert stated == "sha256:" + hashlib.sha256((short_run.path / name).read_bytes()).hexdigest(), name
+    with RunReader(short_run.path) as reader:
+        assert manifest["digest"] == reader.digest()
+
+
+def test_results_have_the_form_of_the_reference(short_run):
+    results = read_json(short_run, "results.json")
+    assert results["schema"] == "itb-results/1"
+    quantities = [finding["quantity"] for finding in results["findings"]]
+    for quantity in ("K0", "K1", "K1_si", "K2", "misalignment"):
+        assert quantities.count(quantity) == 3
+    for quantity in ("K0/hysteresis", "K1/hysteresis", "K0/temperature_coefficient", "K1/temperature_coefficient"):
+        assert quantities.count(quantity) == 1
+    first = results["findings"][0]
+    assert first["id"] == "tumble/a/K0@cycle=1/temperature=20"
+    assert first["steps"] == [
+        f"steps/cycle=1/temperature=20/position={position}/acquire" for position in ("0", "180", "180#2", "0#2")
+    ]
+    assert first["at"] == {
+        "cycle": 1, "dwell": 0, "leg": "up", "temperature_set_c": 20.0,
+        "temperature_c": pytest.approx(25, abs=0.5), "temperature_u_c": pytest.approx(0.301, abs=0.001),
+    }  # fmt: skip
+    assert first["limits"] == {"min": -5e-3, "max": 5e-3}
+    assert first["expanded"] == 2 * first["u"]
+    assert math.isclose(first["u"], math.hypot(*(line["u"] for line in first["budget"])))
+    assert {line["source"] for line in first["budget"]} >= {"head: harmonics", "readings: scatter pooled over the run"}
+    k2 = next(finding for finding in results["findings"] if finding["quantity"] == "K2")
+    assert k2["name"].startswith("K2 + asymmetry")
+    assert [line["type"] for line in k2["budget"]].count("alias") == 1
+    assert results["units"] == [
+        {
+            "place": "a",
+            "uut": "QF-0001",
+            "verdict": "PASS",
+            "flags": ["K0:too_few_temperatures", "K1:too_few_temperatures"],
+        }
+    ]
+    assert "NaN" not in json.dumps(results)
+
+
+def test_the_results_agree_with_the_truth(short_run):
+    for comparison in compare_one(short_run.path, read_json(short_run, "results.json")):
+        assert abs(comparison.ratio) < 4, comparison
+
+
+def test_the_journal_tells_every_step_in_order(short_run):
+    with RunReader(short_run.path) as reader:
+        begun = [event.step for event in reader.events("step_begins")]
+        ended = [event.step for event in reader.events("step_ended")]
+        kinds = [event.kind for event in reader.events()]
+    assert begun == ended
+    assert begun[0] == "setup/move"
+    assert begun[-1] == "teardown/soak"
+    assert kinds[0] == "run_begins"
+    assert kinds[-2:] == ["made_safe", "run_ended"]
+    assert kinds.count("identified") == 5
+
+
+def test_named_readings_cover_the_whole_run_every_second(short_run):
+    with RunReader(short_run.path) as reader:
+        unit = reader.series("unit_temperature")
+        chamber = reader.series("chamber.process_value")
+    assert unit.unit == chamber.unit == "°C"
+    steps = unit.at_s[1:] - unit.at_s[:-1]
+    assert steps.max() < 1.5
+    assert unit.at_s[-1] > short_run.bench_s - 15
+    assert (chamber.at_s[1:] - chamber.at_s[:-1]).max() < 6
+
+
+def test_frames_are_kept_only_during_acquisitions_and_none_is_missing(short_run):
+    with RunReader(short_run.path) as reader:
+        frames = reader.frames_by_step()
+    assert set(frames) == {step for step in frames if step.endswith("/acquire")}
+    assert len(frames) == 24
+    for streams in frames.values():
+        block = streams["counter"]
+        assert 99 <= (block.ids == 0x100).sum() <= 101
+        assert (block.ids == 0x101).sum() == (block.ids == 0x100).sum()
+
+
+def test_the_same_seed_gives_the_same_bytes_in_two_processes(tmp_path, bench_command):
+    paths = []
+    for name in ("one", "two"):
+        done = bench_command("run", "smoke", "--bench", "simulated", "--runs", tmp_path / name, "--seed", "7")
+        assert done.returncode == 0, done.stderr
+        paths.append(next((tmp_path / name).iterdir()))
+    digests = [bench_command("runs", "digest", path).stdout for path in paths]
+    assert digests[0] == digests[1]
+    assert len(digests[0]) == 65
+    assert (paths[0] / "results.json").read_bytes() == (paths[1] / "results.json").read_bytes()
+    assert (paths[0] / "truth.json").read_bytes() == (paths[1] / "truth.json").read_bytes()
+
+
+def test_another_seed_gives_other_data(tmp_path):
+    digests = set()
+    for seed in (1, 2):
+        result = run_short(tmp_path, sequence="smoke", seed=seed)
+        digests.add(read_json(result, "manifest.json")["digest"])
+    assert len(digests) == 2
+
+
+def test_a_limit_that_is_not_met_fails_the_unit_and_nothing_else(tmp_path):
+    sequence = tmp_path / "strict.yaml"
+    sequence.write_text(
+        (ROOT / "sequences" / "smoke.yaml").read_text("utf-8").replace("min: -5 mg, max: 5 mg", "max: 5 µg")
+    )
+    result = run_short(tmp_path / "runs", sequence=str(sequence))
+    assert result.outcome.how == "completed"
+    assert result.results.verdict == "FAIL"
+    assert result.results.units[0].verdict == "FAIL"
+
+
+def test_another_truth_file_gives_another_unit(tmp_path):
+    model = tmp_path / "unit.yaml"
+    text = (ROOT / "config" / "uut" / "quartz_flexure.yaml").read_text("utf-8")
+    model.write_text(text.replace("at_reference: 0.8 mg", "at_reference: {mean: -2 mg, sd: 0.5 mg}"), "utf-8")
+    result = run_short(tmp_path / "runs", sequence="smoke", uut_model=model)
+    bias = next(f for f in result.results.units[0].findings if f.quantity == "K0")
+    assert -4e-3 < bias.value < -0.5e-3
+
+
+def test_several_units_share_one_run_each_with_its_own_findings(tmp_path):
+    place = "  b:\n    channel: y\n    mount_angle: 90°\n    temperature: unit_temperature\n    supply: supply\n"
+    bench = copy_bench(
+        tmp_path / "config",
+        ("\nmonitor:\n", f"\n{place}\nmonitor:\n"),
+        ("units: {a: uut/quartz_flexure.yaml}", "units: {a: uut/quartz_flexure.yaml, b: uut/quartz_flexure.yaml}"),
+        ("supply_current: {min: 30 mA, max: 110 mA}", "supply_current: {min: 60 mA, max: 150 mA}"),
+        ("current: {max: 200 mA}", "current: {max: 300 mA}"),
+    )
+    sequence = tmp_path / "two.yaml"
+    text = (ROOT / "sequences" / "smoke.yaml").read_text("utf-8").replace("120 mA", "200 mA")
+    sequence.write_text(text, "utf-8")
+    result = run_short(tmp_path / "runs", bench=bench, sequence=str(sequence), units=("a=QF-1", "b=QF-2"))
+    assert result.results.verdict == "PASS", result.problems
+    assert [(unit.place, unit.uut) for unit in result.results.units] == [("a", "QF-1"), ("b", "QF-2")]
+    for comparison in compare_one(result.path, read_json(result, "results.json")):
+        if comparison.quantity in ("K2", "misalignment"):  # at one temperature the others lack the thermometer's part
+            assert abs(comparison.ratio) < 4, comparison
+    assert "K1:temperature_slope_unknown" in result.results.units[1].flags
+    assert result.path.name.endswith("_two_QF-1-QF-2")
+
+
+def test_a_reading_in_the_dead_band_is_flagged_and_the_run_incomplete(tmp_path):
+    """Without the angle offset and with a bias that cancels the converter's zero, two positions give no pulses."""
+    model = tmp_path / "unit.yaml"
+    text = (ROOT / "config" / "uut" / "quartz_flexure.yaml").read_text("utf-8")
+    for old, new in (
+        ("at_reference: 0.8 mg", "at_reference: 0 mg"), ("zero: 2 pulse/s", "zero: 0 pulse/s"),
+        ("misalignment_o: 0.3 mrad", "misalignment_o: 0 mrad"), ("dead_band: 20 nA", "dead_band: 2 µA"),
+    ):  # fmt: skip
+        assert old in text
+        text = text.replace(old, new)
+    model.write_text(text, "utf-8")
+    result = run_short(tmp_path / "runs", sequence="smoke", uut_model=model, settings=("angle_offset=0°",))
+    (unit,) = result.results.units
+    assert result.results.verdict == "INCOMPLETE"
+    assert "steps/temperature=20/position=0/acquire: dead_band" in unit.flags
+    assert "dwell 0 incomplete: 0, 180" in unit.flags
+
+
+def test_the_full_default_cycle_is_what_the_method_says():
+    from bench.app.request import RunRequest, prepare
+
+    prepared = prepare(RunRequest("tumble_static"))
+    ramps = [planned.step.temperature_c for planned in prepared.plan.steps if planned.id.endswith("/ramp")]
+    assert ramps == [*range(20, 71, 10), *range(60, -41, -10), *range(-30, 21, 10)]
+    assert len(ramps) - 1 == 22
+    assert SHORT
