@@ -227,6 +227,23 @@ def test_a_dwell_that_was_left_out_and_a_limit_that_nothing_could_be_held_agains
     assert "There is nothing to draw over temperature" in page.text
 
 
+def test_a_model_without_degrees_of_freedom_has_no_residuals_to_draw(tmp_path):
+    run = run_short(tmp_path, sequence="smoke", settings=("temperatures=[20 °C, 22 °C]",))
+    page = page_of(run.path)
+    assert "K0: straight line" in page.text
+    assert "Residual standard deviation not known with 0 degrees of freedom" in page.text
+    assert "Residuals of" not in page.text
+    assert page.parts["two"].count("not known") == 6
+
+
+def test_two_dwells_at_one_temperature_are_drawn_without_a_model(tmp_path):
+    run = run_short(tmp_path, sequence="smoke", settings=("temperatures=[20 °C, 20 °C]",))
+    page = page_of(run.path)
+    assert "Bias K0, over temperature." in page.text
+    assert "Models over temperature" not in page.text
+    assert "K0: how it changes with temperature is not known" in page.parts["note"]
+
+
 def test_each_unit_has_its_sections(tmp_path):
     bench = copy_bench(
         tmp_path / "config",
