@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test setup lint types contracts pytest truth peers clean
+.PHONY: demo test setup lint types contracts pytest truth profile benchmark peers clean
 
 demo: $(VENV)/.core
 	$(BIN)/bench run sequences/tumble_static.yaml --bench config/simulated.yaml --operator demo
@@ -30,6 +30,13 @@ pytest: $(VENV)/.dev
 # Results against the simulated truth, 40 seeds on a perfect and on a full bench, then with errors planted.
 truth: $(VENV)/.dev
 	$(BIN)/python -m tests.truth --seeds 40
+
+# Where the time of a simulated bench second goes, and our decoder beside cantools.
+profile: $(VENV)/.dev
+	$(BIN)/python -m benchmarks.profile_run
+
+benchmark: $(VENV)/.dev
+	$(BIN)/python -m benchmarks.can_decode
 
 # Programs that other people wrote, for the tests that let them talk to ours.
 peers: $(VENV)/.dev

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 BINS = 1000  # over the width of the page; more cannot be told apart
 MOST_NUMBERS = 60  # of dwells; more cannot be read
 INCIDENTS = ("fault", "problem", "operator")
-PHASES = {"steps": "#dbeafe", "": "white"}
+PHASES = {"steps": "#dbeafe", "": "white"}  # "" is after everything was made safe; others are grey
 CHAMBER: dict[str, tuple[str, dict[str, Any]]] = {
     "set_point": ("set point", {"color": "#111111", "linestyle": (0, (4, 2)), "linewidth": 0.8}),
     "process_value": ("air", {"color": "#7aa6d6", "linewidth": 0.9}),
@@ -76,11 +76,11 @@ def course_of(run: StoredRun, data: Sequence[RunData]) -> Course:
     for event in events:
         if event.kind in ("step_begins", "made_safe"):
             begins.setdefault(_phase(event), event.at_s)
-    limits_s = [*begins.values(), ended_s]
+    edges_s = [*begins.values(), ended_s]
     return Course(
         began_s=began_s,
         ended_s=ended_s,
-        phases=tuple(map(Span, begins, limits_s[:-1], limits_s[1:])),
+        phases=tuple(map(Span, begins, edges_s[:-1], edges_s[1:])),
         dwells=tuple(dwell for part in data for dwell in _dwells(part)),
         acquisitions=tuple(Span(each.step, each.begin_s, each.end_s) for part in data for each in part.acquisitions),
         incident_s=next((event.at_s for event in events if event.kind in INCIDENTS), None),
@@ -108,9 +108,8 @@ def course_plot(run: StoredRun, course: Course) -> Plot | None:
     if not lines:
         return None
     unit, unit_s = ("h", 3600.0) if course.ended_s - course.began_s > 2 * 3600 else ("min", 60.0)
-    figure = new_figure(3.5)
-    strip, axes = figure.subplots(2, 1, sharex=True, height_ratios=[1, 10])
-    figure.subplots_adjust(left=0.075, right=0.985, top=0.98, bottom=0.19, hspace=0.05)
+    figure = new_figure(3.5, top_in=0.07, bottom_in=0.67)
+    strip, axes = figure.subplots(2, 1, sharex=True, height_ratios=[1, 10], gridspec_kw={"hspace": 0.05})
     for line in lines:
         at_s, values = envelope(line.series.at_s, line.series.values)
         axes.plot((at_s - course.began_s) / unit_s, values, label=line.name, **line.style)

@@ -49,7 +49,6 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str) -> str:
         course = course_plot(run, course_of(run, data))
         sections = list(_sections(run, results)) if results is not None else []
     return _environment().get_template(TEMPLATE).render(
-        run=run,
         manifest=run.manifest,
         verdict=verdict,
         simulated=page.simulated(run.manifest, list(run.bench.devices)),
@@ -89,7 +88,7 @@ def _sections(run: StoredRun, results: Results) -> Iterator[UnitSection]:
     for number, (entry, unit) in enumerate(zip(entries, results.units, strict=True)):
         units = known_methods()[entry.method].quantities
         limits = {quantity: limits_in(limit, units[quantity]) for quantity, limit in entry.limits.items()}
-        yield _section(unit, f"{unit.place}{number}", limits)
+        yield _section(unit, f"{unit.place}-{number}", limits)
 
 
 def _section(unit: UnitResult, name: str, limits: Mapping[str, tables.Limits]) -> UnitSection:

@@ -11,7 +11,7 @@ from zoneinfo import ZoneInfo
 from bench.analysis.rundata import RunData
 from bench.config.models import Calibration
 from bench.report.stored import StoredRun
-from bench.report.text import duration
+from bench.report.text import decimals, duration
 from bench.report.words import ENDINGS
 from bench.sequence.methods import known_methods
 
@@ -51,7 +51,8 @@ def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
     for device, why in manifest.get("unsafe", {}).items():
         yield f"{device} COULD NOT BE MADE SAFE: {why}"
     yield from manifest["problems"]
-    if manifest["state"] != "completed":
+    ended = next(run.reader.events("run_ended"), None)
+    if ended is None or ended.data["how"] != "completed":
         yield f"The run did not get to its end. {ENDINGS[manifest['state']]}"
         yield from (f"Not finished: step {step}." for step in _unfinished(run))
     if not_evaluated and not_evaluated not in manifest["problems"]:
@@ -120,10 +121,11 @@ def site(run: StoredRun) -> Facts:
     """The bench, where it stands, and the fixture."""
     bench = run.bench
     g, level, axis = bench.site.gravity, bench.fixture.level, bench.fixture.input_axis
+    digits = decimals(g.U)
     return [
         ("Bench", bench.title),
         ("Latitude, height", f"{bench.site.latitude:g}°, {bench.site.height:g} m"),
-        ("Local gravity g", f"{g.value:.5f} m/s² ± {g.U:.5f} m/s² (k = {g.k:g}), {g.origin}"),
+        ("Local gravity g", f"{g.value:.{digits}f} m/s² ± {g.U:.{digits}f} m/s² (k = {g.k:g}), {g.origin}"),
         ("Fixture", bench.fixture.serial),
         ("Input axis", f"{axis.at_0} at head angle 0°, {axis.at_90} at 90°"),
         ("Level of the fixture", f"{level.value:g} ± {level.U:g} arcsec (k = {level.k:g}), of {level.date}"),

@@ -134,8 +134,7 @@ def _over_temperature(title: str, name: str, label: str, symbol: str, points: Po
     fitted = [curve for curve in curves if curve.dof]
     figure = new_figure(4.6 if fitted else 3.0)
     rows = [3, 2] if fitted else [1]
-    grid = figure.add_gridspec(len(rows), max(1, len(fitted)), height_ratios=rows, hspace=0.45, wspace=0.18)
-    figure.subplots_adjust(left=0.095, right=0.985, top=0.95, bottom=0.09 if fitted else 0.14)
+    grid = figure.add_gridspec(len(rows), max(1, len(fitted)), height_ratios=rows, hspace=0.45)
     axes = figure.add_subplot(grid[0, :])
     _draw_legs(axes, points, points.values, points.expanded)
     for curve, style in zip(curves, LINES, strict=False):
@@ -187,7 +186,6 @@ def _loop(name: str, symbol: str, points: Points, model: Curve) -> Plot:
     """Residuals joined in the order of measurement: what the history of the temperature does."""
     figure = new_figure(3.2)
     axes = figure.subplots()
-    figure.subplots_adjust(left=0.1, right=0.985, top=0.92, bottom=0.14)
     residuals = points.values - model.at(points.temperature_c)
     for index in range(1, len(residuals)):
         style = {"color": RISING["color"]} if points.rising[index] else {"color": FALLING["color"], "linestyle": "--"}
@@ -211,9 +209,8 @@ def _loop(name: str, symbol: str, points: Points, model: Curve) -> Plot:
 
 def _side_by_side(unit: UnitResult, name: str, titles: Mapping[str, str]) -> Plot:
     """Quantities without a model."""
-    figure = new_figure(2.7)
+    figure = new_figure(2.7, top_in=0.48)
     panels = figure.subplots(1, len(titles), squeeze=False)[0]
-    figure.subplots_adjust(left=0.095, right=0.985, top=0.82, bottom=0.155, wspace=0.22)
     bars = []
     for axes, (quantity, title) in zip(panels, titles.items(), strict=True):
         factor, symbol = SHOWN[quantity]

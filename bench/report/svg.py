@@ -13,6 +13,7 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 WIDTH_IN = 7.1  # between the margins of an A4 page, so that print has the sizes given here
+LEFT_IN = 0.68
 
 STYLE: dict[Any, Any] = {
     "figure.dpi": 72,  # a dot is a point
@@ -56,9 +57,13 @@ def drawing() -> Iterator[None]:
         yield
 
 
-def new_figure(height_in: float) -> Figure:
-    """An empty figure as wide as the page."""
-    return Figure(figsize=(WIDTH_IN, height_in))
+def new_figure(height_in: float, *, top_in: float = 0.24, bottom_in: float = 0.42) -> Figure:
+    """An empty figure as wide as the page, with room for a title above and a label below its axes."""
+    figure = Figure(figsize=(WIDTH_IN, height_in))
+    figure.subplots_adjust(
+        left=LEFT_IN / WIDTH_IN, right=0.985, top=1 - top_in / height_in, bottom=bottom_in / height_in, wspace=0.2
+    )
+    return figure
 
 
 def rendered(figure: Figure, name: str, description: str) -> Markup:

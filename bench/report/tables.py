@@ -89,9 +89,13 @@ def verdict_rows(unit: UnitResult, limits: Mapping[str, Limits]) -> Iterator[Row
             worst = min(found, key=lambda finding: (SEVERITY.index(finding.verdict), _margin(finding)))
             yield _row(worst, dwell_numbers(unit), _remark(found))
         else:
-            allowed = limits_in_words(quantity, sides)
             yield Row(
-                quantity_in_words(quantity), "", "not determined", unit_shown(quantity, ""), allowed, "not judged"
+                quantity=quantity_in_words(quantity),
+                name="",
+                value="not determined",
+                unit=unit_shown(quantity, ""),
+                limits=limits_in_words(quantity, sides),
+                verdict="not judged",
             )
 
 
@@ -108,12 +112,12 @@ def _remark(found: Sequence[Finding]) -> str:
     if len(found) == 1:
         return ""
     counts = {
-        "fail": sum(finding.verdict == "FAIL" for finding in found),
-        "are invalid": sum(finding.verdict == "INVALID" for finding in found),
-        "are marginal": sum(finding.marginal for finding in found),
+        "failed": sum(finding.verdict == "FAIL" for finding in found),
+        "invalid": sum(finding.verdict == "INVALID" for finding in found),
+        "marginal": sum(finding.marginal for finding in found),
     }
     told = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
-    return f"worst of {len(found)} dwells" + (f"; {told}" if told else ", all pass")
+    return f"worst of {len(found)} dwells; {told or 'all passed'}"
 
 
 def _row(finding: Finding, dwells: Mapping[str, int], remark: str = "") -> Row:

@@ -177,7 +177,7 @@ def test_each_limit_has_its_line_with_the_worst_of_the_dwells(tumble):
         "misalignment": "-5000 to 5000",
     }.items():
         assert re.search(rf"{re.escape(quantity)}[^±]* ± [\d.]+ \S+ {limits} PASS", text), quantity
-    assert "dwell 1, set point 30 °C, rising worst of 3 dwells, all pass" in text
+    assert "dwell 1, set point 30 °C, rising worst of 3 dwells; all passed" in text
 
 
 def test_models_budgets_and_what_cannot_be_separated_are_told(tumble):
@@ -255,7 +255,7 @@ def test_each_unit_has_its_sections(tmp_path):
     )  # fmt: skip
     run = run_short(tmp_path, bench=bench, sequence="smoke", units=("a=QF-1", "b=QF-2"))
     page = page_of(run.path)
-    assert {"unit-a0", "unit-b1"} <= set(page.ids)
+    assert {"unit-a-0", "unit-b-1"} <= set(page.ids)
     assert "QF-2: No dwell has more readings than unknowns" in page.parts["note"]
     assert "head: its calibration was due on 2025-12-31, before this run." in page.parts["note"]
     assert "due 2025-12-31 past due" in page.text
