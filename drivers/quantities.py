@@ -1,6 +1,7 @@
 r"""Numbers with units: "30 min", "-40 °C", "54°44'08\"", "2 µg/Hz^0.5".
 
 One full-match grammar and an algebra of dimensions; text that is not wholly understood is refused, never guessed at.
+What was written is kept: `6 °C/h` and `0.1 °C/min` are the same quantity to the last bit, and `to` gives 6 and 0.1.
 Degrees Celsius are a plain unit: a temperature and a difference are written alike, which is why kelvin and
 fahrenheit are refused. `g` is local gravity, a dimension of its own, since only a site can turn it into m/s².
 """
@@ -11,6 +12,7 @@ import math
 import re
 import unicodedata
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import lru_cache
 
 BASES = ("s", "m", "kg", "A", "°C", "°", "g", "pulse")
@@ -30,9 +32,9 @@ def _dimension(**powers: float) -> Dimension:
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A factor to the base units and a dimension: the exponents of `BASES`."""
+    """A factor to the base units, exact where it is a ratio of whole numbers, and the exponents of `BASES`."""
 
-    factor: float
+    factor: Fraction
     dimension: Dimension
 
     def __mul__(self, other: Unit) -> Unit:
@@ -40,10 +42,11 @@ class Unit:
         return Unit(self.factor * other.factor, powers)
 
     def __pow__(self, power: float) -> Unit:
-        return Unit(self.factor**power, tuple(p * power for p in self.dimension))
+        exact = int(power) if power == int(power) else power
+        return Unit(Fraction(self.factor**exact), tuple(p * power for p in self.dimension))
 
 
-_ONE = Unit(1.0, NO_DIMENSION)
+_ONE = Unit(Fraction(1), NO_DIMENSION)
 _ANGLE = _dimension(deg=1)
 _TIME = _dimension(s=1)
 _VOLT = _dimension(kg=1, m=2, s=-3, A=-1)

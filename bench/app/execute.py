@@ -53,7 +53,10 @@ class RunResult:
     @property
     def problems(self) -> list[str]:
         """Everything a person must know, the reason first."""
-        return [*self.outcome.problems, *(f"{device} COULD NOT BE MADE SAFE: {why}" for device, why in self.outcome.unsafe.items())]
+        return [
+            *self.outcome.problems,
+            *(f"{device} COULD NOT BE MADE SAFE: {why}" for device, why in self.outcome.unsafe.items()),
+        ]
 
 
 def execute(prepared: PreparedRun, observer: RunObserver) -> RunResult:
