@@ -234,11 +234,10 @@ class _Unit:
     def _coefficient(self, quantity: str, line: PolynomialFit, relative: float) -> Finding:
         """The slope of the straight line."""
         slope = float(line.coefficients[1]) / line.scale * relative
-        u = float(line.u[1]) / line.scale * relative if line.dof else 0.0
         thermometer = self._unit.temperature
         _, gain = self._bench.thermometers_u.get(thermometer, (0.0, 0.0))
         lines = [
-            BudgetLine("fit", "A", u, line.dof or None),
+            self._slope(quantity, line, relative),
             _type_b(f"{thermometer}: gain", abs(slope) * gain, thermometer),
         ]
         root = self._dwells[0].group.rpartition("/")[0]
@@ -253,6 +252,14 @@ class _Unit:
             budget=combined(lines),
             steps=(root,),
         )
+
+    def _slope(self, quantity: str, line: PolynomialFit, relative: float) -> BudgetLine:
+        """What the scatter about the line gives to its slope; through two temperatures, what the readings give."""
+        if line.dof:
+            return BudgetLine("fit", "A", abs(float(line.u[1]) / line.scale * relative), line.dof)
+        row = QUANTITIES.index(quantity)
+        weighted = [dwell.gain[row] * w for dwell, w in zip(self._dwells, line.fit.gain[1], strict=True)]
+        return self._scatter(np.concatenate(weighted) / line.scale * relative)
 
     def _largest(self, quantity: str, name: str, value: float, relative: float, dwells: tuple[Dwell, ...]) -> Finding:
         """A largest value over the dwells; its uncertainty is that of their readings, all else is common to them."""

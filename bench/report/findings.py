@@ -64,7 +64,13 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
         finding.judged(*limits[finding.quantity]) if finding.quantity in limits else finding
         for finding in unit.findings
     ]
-    return dataclasses.replace(unit, findings=tuple(findings))
+    undetermined = [name for name in limits if name not in {finding.quantity for finding in findings}]
+    return dataclasses.replace(
+        unit,
+        findings=tuple(findings),
+        left_out=(*unit.left_out, *undetermined),
+        flags=(*unit.flags, *(f"{name}:not_determined" for name in undetermined)),
+    )
 
 
 def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str) -> Verdict:

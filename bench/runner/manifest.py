@@ -17,7 +17,10 @@ from bench.sequence.values import in_words
 from drivers.values import Identity
 
 SCHEMA = "itb-manifest/1"
-_PROGRAMS = ("inertial-test-bench", "numpy", "scipy", "pydantic", "pymodbus", "python-can", "cantools", "pyserial")
+_PROGRAMS = (
+    "inertial-test-bench", "numpy", "scipy", "pydantic", "pymodbus", "python-can", "cantools", "pyserial", "matplotlib",
+    "jinja2",
+)  # fmt: skip
 
 
 def opening(
