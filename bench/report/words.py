@@ -39,6 +39,7 @@ _UNITS = {
 _QUANTITIES = {
     "too_few_temperatures": "fewer temperatures than the model asked for needs; its degree is lower, or there is none.",
     "ill_conditioned": "the temperatures do not determine the model.",
+    "not_determined": "it has a limit, and the run does not hold what it takes to determine it.",
     "temperature_slope_unknown": "how it changes with temperature is not known, so the thermometer has no part in U.",
 }
 _INCOMPLETE = re.compile(r"dwell (\d+) incomplete: (.+)")
