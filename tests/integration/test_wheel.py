@@ -1,0 +1,63 @@
+"""What is installed is enough: the wheel, in an empty folder, away from the source tree."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import zipfile
+
+import pytest
+
+from tests.support.runs import ROOT
+
+pytestmark = pytest.mark.integration
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("dist")
+    subprocess.run(
+        [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder, ROOT],
+        check=True,
+        capture_output=True,
+    )
+    (path,) = folder.glob("*.whl")
+    return path
+
+
+@pytest.mark.timeout(120)
+def test_the_wheel_runs_the_smoke_sequence_in_an_empty_folder(wheel, tmp_path):
+    installed, empty = tmp_path / "installed", tmp_path / "empty"
+    empty.mkdir()
+    subprocess.run(
+        [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target", installed, wheel],
+        check=True, capture_output=True,
+    )  # fmt: skip
+    env = {**os.environ, "PYTHONPATH": str(installed), "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run(
+        [sys.executable, "-m", "bench", "run", "smoke"], capture_output=True, text=True, cwd=empty, env=env, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Verdict: PASS" in done.stdout
+    (run,) = (empty / "runs").iterdir()
+    assert (run / "report.html").stat().st_size > 10_000
+    checked = subprocess.run(
+        [sys.executable, "-m", "bench", "check", "tumble_static"],
+        capture_output=True,
+        text=True,
+        cwd=empty,
+        env=env,
+        check=True,
+    )
+    assert str(installed / "bench" / "shipped" / "sequences" / "tumble_static.yaml") in checked.stdout
+
+
+def test_the_wheel_holds_the_packages_their_data_and_no_tests(wheel):
+    names = zipfile.ZipFile(wheel).namelist()
+    tops = {name.split("/")[0] for name in names}
+    assert tops - {"bench", "drivers", "simulators"} == {next(top for top in tops if top.endswith(".dist-info"))}
+    assert "bench/shipped/config/uut/quartz_flexure.yaml" in names
+    assert "bench/shipped/config/if_counter.dbc" in names
+    assert any(name.endswith("report.html.j2") for name in names)
+    assert "bench/py.typed" in names
