@@ -49,7 +49,8 @@ def plan(sequence: Sequence, bench: BenchOption = None, preset: Preset = None, s
     """List the steps of a sequence with their durations; nothing is opened."""
     from bench.app.request import load_bench_named
     from bench.config.load import find
-    from bench.report.text import duration, plan_table
+    from bench.report.shown import duration
+    from bench.report.text import plan_table
     from bench.sequence.check import check as check_plan
     from bench.sequence.estimate import estimate
     from bench.sequence.load import load_plan

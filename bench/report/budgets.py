@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bench.analysis.finding import COVERAGE, BudgetLine, Finding, UnitResult
-from bench.report.text import SHOWN, decimals
+from bench.report.shown import SHOWN, decimals
 from bench.report.words import name_of, quantity_in_words, unit_shown, where
 
 

@@ -23,6 +23,7 @@ from bench.analysis.tilt import compare_tilt
 from bench.errors import InputError
 from bench.report.table import Table, read_table, read_text
 from drivers.fields import FileBeside
+from drivers.wording import in_plain_words
 
 CASE_LIMIT_BYTES = 2**20
 LEGS = ("up", "down")
@@ -128,10 +129,7 @@ def _read_case(path: Path) -> _Case:
         raise InputError(f"{path.name}: line {problem.lineno}, column {problem.colno}: {problem.msg}") from None
     except (RecursionError, ValueError):
         raise InputError(f"{path.name}: nested too deeply, or a number with too many digits") from None
-    try:
-        return _Case(path.name, _validated(CaseFile, content, f"{path.name}: ", folder=path.parent))
-    except (OSError, RuntimeError) as problem:  # a link that leads to itself, a name that no file can have
-        raise InputError(f"{path.name}: records: {problem}") from None
+    return _Case(path.name, _validated(CaseFile, content, f"{path.name}: ", folder=path.parent))
 
 
 def _validated(model: type[SettingsT], content: Any, where: str, folder: Path | None = None) -> SettingsT:
@@ -139,7 +137,7 @@ def _validated(model: type[SettingsT], content: Any, where: str, folder: Path | 
         return model.model_validate(content, context={"folder": folder})
     except ValidationError as problem:
         details = [
-            ".".join(map(str, item["loc"])) + (": " if item["loc"] else "") + item["msg"]
+            ".".join(map(str, item["loc"])) + (": " if item["loc"] else "") + in_plain_words(item)
             for item in problem.errors(include_url=False)
         ]
         raise InputError(where + "; ".join(details)) from None

@@ -9,9 +9,9 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 from bench.analysis.rundata import RunData
-from bench.config.models import Calibration
+from bench.config.devices import Calibration
+from bench.report.shown import decimals, duration
 from bench.report.stored import StoredRun
-from bench.report.text import decimals, duration
 from bench.report.words import ENDINGS
 from bench.sequence.methods import known_methods
 

@@ -13,8 +13,8 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from bench.analysis.finding import COVERAGE, TemperatureModel, UnitResult
+from bench.report.shown import SHOWN, decimals
 from bench.report.svg import new_figure, rendered
-from bench.report.text import SHOWN, decimals
 
 Array = NDArray[np.float64]
 

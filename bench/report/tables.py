@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from bench.analysis.finding import COVERAGE, Finding, TemperatureModel, UnitResult
-from bench.report.text import SHOWN, decimals, shown
+from bench.report.shown import SHOWN, decimals, shown
 from bench.report.words import CONTENTS, limits_in_words, name_of, quantity_in_words, unit_shown, where
 
 POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹"

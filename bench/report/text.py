@@ -2,37 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 from bench.analysis.finding import Finding, UnitResult
 from bench.report.findings import Results
+from bench.report.shown import SHOWN, duration, shown
+from bench.report.words import flag_in_words
 from bench.sequence.estimate import Estimate
 from bench.sequence.plan import Plan
 
-# How a quantity is shown to a person: the factor from its unit, and the unit shown.
-SHOWN = {
-    "K0": (1e6, "µg"),
-    "K1": (1.0, "pulse/s/g"),
-    "K1_si": (1.0, "pulse/s/(m/s²)"),
-    "K2": (1e6, "µg/g²"),
-    "misalignment": (1e6, "µrad"),
-    "K0/temperature_coefficient": (1e6, "µg/°C"),
-    "K1/temperature_coefficient": (1e6, "ppm/°C"),
-    "K0/hysteresis": (1e6, "µg"),
-    "K1/hysteresis": (1e6, "ppm"),
-    "K0/model_residual": (1e6, "µg"),
-    "K1/model_residual": (1e6, "ppm"),
-}
 _AT_DWELLS = ("K0", "K1_si", "K2", "misalignment")
-
-
-def duration(seconds: float) -> str:
-    """A duration as people say it: "45 s", "12 min", "32 h 51 min"."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60)
-    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
 
 
 def plan_table(plan: Plan, expected: Estimate) -> Iterator[str]:
@@ -58,7 +37,7 @@ def results_text(results: Results | None) -> str:
         lines += ["", f"{results.title}: {unit.uut} in place {unit.place}: {unit.verdict}", ""]
         lines += _dwell_table(unit)
         lines += _summary_table(unit)
-        lines += [f"  note: {flag}" for flag in unit.flags]
+        lines += [f"  {flag_in_words(flag)}" for flag in unit.flags]
     return "\n".join([*lines, "", f"Verdict: {results.verdict}", ""])
 
 
@@ -86,19 +65,3 @@ def _summary_table(unit: UnitResult) -> Iterator[str]:
             verdict = (finding.verdict or "") + (" marginal" if finding.marginal else "")
             yield f"  {finding.quantity:<28} {shown(finding):>24} {label:<8} {verdict}"
     yield ""
-
-
-def shown(finding: Finding) -> str:
-    """Value ± expanded uncertainty in the unit for people, to the digits that the uncertainty justifies."""
-    factor, _ = SHOWN.get(finding.quantity, (1.0, ""))
-    value, expanded = finding.value * factor, 2 * finding.u * factor
-    digits = decimals(expanded)
-    mark = " !" if finding.verdict in ("FAIL", "INVALID") else ""
-    return f"{value:.{digits}f} ± {expanded:.{digits}f}{mark}"
-
-
-def decimals(u: float) -> int:
-    """Decimals that show an uncertainty with two significant digits."""
-    if u <= 0:
-        return 3
-    return max(0, min(9, 1 - math.floor(math.log10(u))))

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bench.analysis.finding import Finding
-from bench.report.text import SHOWN
+from bench.report.shown import SHOWN
 
 ENDINGS = {
     "completed": "It ran to its end.",
@@ -25,6 +25,7 @@ CONTENTS = {"contains:K3": "contains K3", "contains:asymmetry": "contains the co
 _READINGS = {
     "too_few_latches": "fewer than half of its counter readings came",
     "counter_restarted": "the counter began anew",
+    "irregular_clock": "its clock and its reading numbers do not go together, as when the counter begins anew",
     "ambiguous_gap": "a gap in which a counter may have gone round unseen",
     "impossible_rate": "more pulses than the converter can give",
     "dead_band": "no pulse for much longer than its rate lets expect, as in the dead band of the converter",

@@ -12,12 +12,13 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgres
 from rich.text import Text
 
 from bench.clock import Clock, Stopwatch
-from bench.report.text import duration
+from bench.report.shown import duration
 from bench.sequence.estimate import Estimate
 from bench.sequence.plan import Plan, PlannedStep
 from drivers.values import Reading
 
 LINE_EVERY_SHARE = 0.1  # of the run, where there is no terminal
+LIVE_READINGS = 4
 BAR_STRIDE = 0.002  # of the run, by which the bar moves within a step
 
 
@@ -110,9 +111,9 @@ class TerminalProgress:
         return f"bench {duration(self.now_s)}, {to_go} to go"
 
     def live(self) -> str:
-        """The newest readings."""
-        shown = [f"{name} {reading.value:.4g}" for name, reading in list(self.readings.items())[:5]]
-        return "  ".join(shown)
+        """The newest readings, those that have a name on this bench first."""
+        by_name = sorted(self.readings.items(), key=lambda item: "." in item[0])
+        return "  ".join(f"{name} {reading.value:.4g}" for name, reading in by_name[:LIVE_READINGS])
 
 
 class _Said(ProgressColumn):

@@ -1,0 +1,46 @@
+"""How numbers are shown to people: in which unit, with how many digits."""
+
+from __future__ import annotations
+
+import math
+
+from bench.analysis.finding import Finding
+
+# How a quantity is shown to a person: the factor from its unit, and the unit shown.
+SHOWN = {
+    "K0": (1e6, "µg"),
+    "K1": (1.0, "pulse/s/g"),
+    "K1_si": (1.0, "pulse/s/(m/s²)"),
+    "K2": (1e6, "µg/g²"),
+    "misalignment": (1e6, "µrad"),
+    "K0/temperature_coefficient": (1e6, "µg/°C"),
+    "K1/temperature_coefficient": (1e6, "ppm/°C"),
+    "K0/hysteresis": (1e6, "µg"),
+    "K1/hysteresis": (1e6, "ppm"),
+    "K0/model_residual": (1e6, "µg"),
+    "K1/model_residual": (1e6, "ppm"),
+}
+
+
+def duration(seconds: float) -> str:
+    """A duration as people say it: "45 s", "12 min", "32 h 51 min"."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def shown(finding: Finding) -> str:
+    """Value ± expanded uncertainty in the unit for people, to the digits that the uncertainty justifies."""
+    factor, _ = SHOWN.get(finding.quantity, (1.0, ""))
+    value, expanded = finding.value * factor, 2 * finding.u * factor
+    digits = decimals(expanded)
+    mark = " !" if finding.verdict in ("FAIL", "INVALID") else ""
+    return f"{value:.{digits}f} ± {expanded:.{digits}f}{mark}"
+
+
+def decimals(u: float) -> int:
+    """Decimals that show an uncertainty with two significant digits."""
+    if u <= 0:
+        return 3
+    return max(0, min(9, 1 - math.floor(math.log10(u))))
