@@ -21,7 +21,7 @@ _LEVEL_MAX_A = wire.OVER_RANGE * wire.RANGES_A[-1]
 
 
 class SimulatedKeithley:
-    """A source in front of `load_ohm`; it acts on a line when the terminator of its menu is there.
+    """A source in front of `load_ohm`; it acts on a CR (on an LF when its menu says so), and answers with its terminator.
 
     `interlock_closed` is the contact at its rear, `hot` its thermal switch. `stuck`: settings are accepted and not
     carried out. It measures nothing that could be `frozen`.
@@ -29,7 +29,7 @@ class SimulatedKeithley:
 
     def __init__(
         self, world: World, faults: FaultPlan, *, serial: str = "SIM-6220-01", load_ohm: float = 100.0,
-        terminator: Terminator = "cr",
+        terminator: Terminator = "crlf",
     ) -> None:  # fmt: skip
         self.faults = faults
         self.load_ohm = load_ohm
@@ -44,7 +44,7 @@ class SimulatedKeithley:
 
     def session(self) -> LineSession:
         """A new connection."""
-        return LineSession(self._interpreter.execute, end=self._end, answer_end=self._end)
+        return LineSession(self._interpreter.execute, end=self._end[:1], answer_end=self._end)
 
     @property
     def current_a(self) -> float:

@@ -2,48 +2,41 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated
 
-from pydantic import AfterValidator, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator
 
 from drivers.description import DriverDescription
-from drivers.fields import Amperes, InUnit, StrictModel
+from drivers.fields import Amperes, InUnit, Range, StrictModel
 from drivers.keithley_6220.wire import COMPLIANCE_MAX_V, COMPLIANCE_MIN_V, RANGES_A, Terminator
+from drivers.wording import telling
 
 
 def _known_range(range_a: float) -> float:
     for known_a in RANGES_A:
         if abs(range_a - known_a) < 1e-6 * known_a:
             return known_a
-    message = f"is {range_a:g} A, expected one of 2 nA to 20 mA in decades, or 100 mA"
-    raise PydanticCustomError("range", "{problem}", {"problem": message})
+    raise telling(f"is {range_a:g} A, expected one of 2 nA to 20 mA in decades, or 100 mA")
 
 
 class KeithleyOptions(StrictModel):
     """How the source is used.
 
     `range` is fixed for all levels. `compliance` is the most that a sequence may ask for. `terminator` ends lines in
-    both directions and must be the one in the instrument's communication menu: on RS-232 it acts on a CR; over TCP
-    (6221) `lf` is usual.
+    both directions and must be the one in the instrument's communication menu: on RS-232 it acts on a CR, with or
+    without an LF after it; over TCP (6221) `lf` is usual.
     """
 
     range: Annotated[float, InUnit("A", above=0), AfterValidator(_known_range)]
     compliance: Annotated[float, InUnit("V", at_least=COMPLIANCE_MIN_V, at_most=COMPLIANCE_MAX_V)]
-    terminator: Terminator = "cr"
+    terminator: Terminator = "crlf"
 
 
-class LevelRange(StrictModel):
+class LevelRange(Range):
     """From `min` to `max`, both allowed."""
 
     min: Amperes
     max: Amperes
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        if self.min >= self.max:
-            raise PydanticCustomError("range", "{problem}", {"problem": f"min {self.min:g} A is not below max"})
-        return self
 
 
 class KeithleyLimits(StrictModel):

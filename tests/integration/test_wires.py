@@ -161,3 +161,44 @@ def test_the_wired_bench_file_is_the_simulated_one_without_sim():
         for name in ("simulated.yaml", "simulated_wires.yaml")
     )
     assert simulated.replace("sim+", "") == wired
+
+
+@pytest.mark.peer("mbpoll")
+def test_mbpoll_reads_the_chamber_of_a_simulated_bench(wired_bench):
+    port = wired_bench.read_text("utf-8").split("unit_id")[0].rsplit("127.0.0.1:", 1)[1].split()[0]
+    with simulating(wired_bench):
+        shown = {}
+        for what, reference in (("set point", 2783), ("process value", 2821)):
+            done = subprocess.run(
+                ["mbpoll", "-m", "tcp", "-p", port, "-a", "1", "-r", str(reference), "-t", "4:float", "-c", "1", "-1",
+                 "127.0.0.1"], capture_output=True, text=True, check=True,
+            )  # fmt: skip
+            shown[what] = float(done.stdout.split(f"[{reference}]:")[1].split()[0])
+    assert shown["set point"] == 20
+    assert shown["process value"] == pytest.approx(20, abs=0.5)
+
+
+@pytest.mark.peer("pymeasure")
+@pytest.mark.parametrize("settings", [{}, {"read_termination": "\r\n", "write_termination": "\r"}])
+def test_pymeasure_sets_and_reads_the_current_source_of_a_simulated_bench(wired_bench, tmp_path, settings):
+    from pymeasure.adapters import VISAAdapter
+    from pymeasure.instruments.keithley import Keithley6221
+
+    with simulating(wired_bench):
+        adapter = VISAAdapter(
+            f"ASRL{tmp_path / 'itb' / 'source'}::INSTR", visa_library="@py", baud_rate=19200, timeout=3000, **settings
+        )
+        try:
+            keithley = Keithley6221(adapter)
+            assert "MODEL 6220,SIM-6220-01" in keithley.id
+            keithley.source_range = 0.02
+            keithley.source_current = 0.0012
+            keithley.enable_source()
+            assert keithley.source_current == pytest.approx(0.0012)
+            assert keithley.source_enabled is True
+            keithley.disable_source()
+            assert keithley.source_enabled is False
+            assert keithley.check_errors() == []
+        finally:
+            adapter.connection.close()
+            adapter.manager.close()

@@ -15,7 +15,7 @@ from simulators.keithley_6220 import SimulatedKeithley
 from simulators.world import World, WorldSettings
 from tests.support.lines import TappedWire
 
-OPTIONS = {"range": "20 mA", "compliance": "10 V"}
+OPTIONS = {"range": "20 mA", "compliance": "10 V", "terminator": "cr"}
 LIMITS = {"current": {"min": "-20 mA", "max": "20 mA"}}
 
 
@@ -26,7 +26,7 @@ class Source6220:
         loop = asyncio.get_running_loop()
         self.faults = FaultPlan(now_s=loop.time)
         world = World(WorldSettings(seed=1, gravity_mps2=9.8), loop.time)
-        self.instrument = SimulatedKeithley(world, self.faults, **settings)
+        self.instrument = SimulatedKeithley(world, self.faults, **{"terminator": "cr", **settings})
         self.wire = TappedWire(self.instrument, Line.serial(19200))
         self._address = Address.parse(address)
 

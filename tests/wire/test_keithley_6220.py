@@ -13,7 +13,7 @@ from simulators.world import World, WorldSettings
 
 def a_source(**settings: object) -> SimulatedKeithley:
     world = World(WorldSettings(seed=1, gravity_mps2=9.8), lambda: 0.0)
-    return SimulatedKeithley(world, FaultPlan(), **settings)  # type: ignore[arg-type]  # a test's own settings
+    return SimulatedKeithley(world, FaultPlan(), **{"terminator": "cr", **settings})  # type: ignore[arg-type]  # a test's own settings
 
 
 @pytest.fixture
@@ -147,7 +147,7 @@ def test_a_session_with_a_source(source: SimulatedKeithley) -> None:
     [
         ("cr", b"OUTP?\n", b"OUTP?\r", b"0\r"),
         ("lf", b"OUTP?\r", b"OUTP?\n", b"0\n"),
-        ("crlf", b"OUTP?\r", b"OUTP?\r\n", b"0\r\n"),
+        ("crlf", b"OUTP?\n", b"OUTP?\r\n", b"0\r\n"),
     ],
 )
 def test_it_acts_on_its_own_terminator_only(terminator: str, silent: bytes, heard: bytes, answer: bytes) -> None:
