@@ -89,7 +89,8 @@ class Dbc:
             database.add_dbc_string(text)
         except Exception as problem:  # cantools lets its parser's errors of many kinds out
             raise DbcError(f"not a usable DBC: {problem}") from problem
-        self.messages = {message.name: _message(message) for message in database.messages}
+        messages = [message for message in database.messages if message.length <= 8]  # those of classical CAN
+        self.messages = {message.name: _message(message) for message in messages}
 
     def message(self, name: str) -> Message:
         """The message of this name; DbcError lists what there is."""

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 
-UNITS = {"degC": "°C", "DegC": "°C", "deg C": "°C"}  # how a DBC, which is ASCII, spells what we write otherwise
+# How a DBC spells what we write otherwise. It is ASCII, or has a degree sign in an encoding of its own, which is
+# replaced when the file is read.
+UNITS = {"degC": "°C", "DegC": "°C", "deg C": "°C", "\N{REPLACEMENT CHARACTER}C": "°C"}
 _MESSAGE = re.compile(r"^\s*BO_\s+\d+\s+(\w+)\s*:", re.ASCII)
-_SIGNAL = re.compile(r'^\s*SG_\s+(\w+)[^:]*:[^"]*"([^"]*)"', re.ASCII)
+_SIGNAL = re.compile(r'^\s*SG_\s+(\w+)\s*:[^"]*"([^"]*)"', re.ASCII)
 
 
 def outline(text: str) -> dict[str, str]:
-    """`Message.Signal` → unit for every signal."""
+    """`Message.Signal` → unit for every signal that is not multiplexed."""
     found: dict[str, str] = {}
     message = ""
     for line in text.splitlines():

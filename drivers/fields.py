@@ -6,25 +6,31 @@ a field may hold an expression whose value is not known yet; it then validates a
 
 from __future__ import annotations
 
+import datetime as dt
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
     GetCoreSchemaHandler,
     ModelWrapValidatorHandler,
+    Strict,
     ValidationError,
     model_validator,
 )
-from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
+from pydantic_core import CoreSchema, InitErrorDetails, core_schema
 
-from drivers.quantities import NO_DIMENSION, Quantity, QuantityError, parse, parse_unit
-from drivers.suggest import did_you_mean
+from drivers.quantities import Quantity, parse
+from drivers.suggest import did_you_mean, nearest
+from drivers.units import NO_DIMENSION, QuantityError, in_unit, parse_unit, quoted
+from drivers.wording import expected, in_plain_words, in_words, telling
 
 DEFERRED = {"deferred": True}
 
@@ -47,30 +53,37 @@ class InUnit:
         try:
             value = self._quantity(raw).to(self.unit)
         except QuantityError as problem:
-            raise PydanticCustomError("quantity", "{problem}", {"problem": str(problem)}) from None
+            raise telling(str(problem)) from None
         for bad, words, bound in (
             (self.at_least is not None and value < self.at_least, "at least", self.at_least),
             (self.above is not None and value <= self.above, "more than", self.above),
             (self.at_most is not None and value > self.at_most, "at most", self.at_most),
         ):
             if bad:
-                message = f"is {value:g} {self.unit}, expected {words} {bound:g} {self.unit}"
-                raise PydanticCustomError("quantity_range", "{problem}", {"problem": message})
+                raise telling(f"is {self._spelled(value)}, expected {words} {self._spelled(bound)}")
         return value
 
+    def _spelled(self, number: float | None) -> str:
+        return f"{number:.12g} {self.unit}".rstrip()
+
     def _quantity(self, raw: object) -> Quantity:
+        """A quantity, which `to` then finds to be in the right dimension or not."""
+        is_ratio = parse_unit(self.unit).dimension == NO_DIMENSION
         if isinstance(raw, Quantity):
             return raw
         if isinstance(raw, str):
-            quantity = parse(raw)
-            if quantity.dimension == NO_DIMENSION and parse_unit(self.unit).dimension != NO_DIMENSION:
-                raise QuantityError(f"'{raw}' has no unit, expected a quantity in {self.unit}")
+            try:
+                quantity = parse(raw)
+            except QuantityError as problem:
+                raise QuantityError(f"{problem}; expected {in_unit(self.unit)}") from None
+            if quantity.dimension == NO_DIMENSION and not is_ratio:
+                raise QuantityError(f"'{raw}' has no unit, write it like '{raw} {self.unit}'")
             return quantity
         if isinstance(raw, (int, float)) and not isinstance(raw, bool):
-            if parse_unit(self.unit).dimension == NO_DIMENSION and math.isfinite(raw):
+            if is_ratio and math.isfinite(raw):
                 return Quantity(float(raw))
             raise QuantityError(f"{raw} has no unit, write it like '{raw} {self.unit}'")
-        raise QuantityError(f"expected a quantity in {self.unit or 'no unit'}, found {type(raw).__name__}")
+        raise QuantityError(f"is {in_words(raw)}, expected {in_unit(self.unit)}")
 
 
 def is_deferred(context: object) -> bool:
@@ -94,14 +107,65 @@ Ratio = Annotated[float, InUnit("")]
 Hertz = Annotated[float, InUnit("Hz", above=0)]
 
 
-def _spelled(raw: object) -> object:
+def _not_empty(raw: object) -> object:
+    if isinstance(raw, (list, tuple, Mapping)) and not raw:
+        raise expected("at least one", raw)
+    return raw
+
+
+NOT_EMPTY = BeforeValidator(_not_empty)  # min_length would count only what is valid inside
+WholeNumber = Annotated[int, Strict()]
+Number = Annotated[float, Strict()]
+Flag = Annotated[bool, Strict()]
+
+
+def text_like(pattern: str, what: str) -> AfterValidator:
+    """A validator of text that fully matches `pattern`; `what` says to a person what that is."""
+    expression = re.compile(pattern)
+
+    def check(text: str) -> str:
+        if expression.fullmatch(text) is None:
+            raise expected(what, text)
+        return text
+
+    return AfterValidator(check)
+
+
+Name = Annotated[
+    str, text_like("[a-z][a-z0-9_]{0,31}", "a name: at most 32 lower-case letters, digits and _, a letter first")
+]
+
+
+def _as_written(raw: object) -> object:
     """A serial number of digits only is a number to YAML; one with a point has lost what was written."""
     if isinstance(raw, float):
-        raise PydanticCustomError("spelled", "put it in quotes, so that it is kept as it is written")
+        raise telling("put it in quotes, so that it is kept as it is written")
     return str(raw) if isinstance(raw, int) and not isinstance(raw, bool) else raw
 
 
-Spelled = Annotated[str, BeforeValidator(_spelled)]
+Spelled = Annotated[str, BeforeValidator(_as_written)]
+
+
+def _date(raw: object) -> dt.date:
+    try:
+        if isinstance(raw, str) and len(raw) == len("2026-01-31"):
+            return dt.date.fromisoformat(raw)
+    except ValueError:
+        pass
+    raise expected("a date like 2026-01-31", raw)
+
+
+def _instant(raw: object) -> dt.datetime:
+    try:
+        if isinstance(raw, str) and (instant := dt.datetime.fromisoformat(raw)).tzinfo is not None:
+            return instant.astimezone(dt.UTC)
+    except (ValueError, OverflowError):
+        pass
+    raise expected("a time with its zone like 2026-01-31T08:00:00Z", raw)
+
+
+Date = Annotated[dt.date, BeforeValidator(_date)]
+Instant = Annotated[dt.datetime, BeforeValidator(_instant)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,27 +182,43 @@ class FileBeside:
         context = info.context or {}
         folder = context.get("folder")
         if not isinstance(raw, str) or not raw or not isinstance(folder, Path):
-            raise PydanticCustomError("file", "expected the name of a file beside this one")
-        path = (folder / raw).resolve()
-        if not path.is_relative_to(folder.resolve()):
-            raise PydanticCustomError("file", "{problem}", {"problem": f"'{raw}' leaves the folder of this file"})
-        if context.get("files_needed", True) and not path.is_file():
-            raise PydanticCustomError("file", "{problem}", {"problem": f"there is no file '{raw}' beside this one"})
+            raise expected("the name of a file beside this one", raw)
+        try:
+            path = (folder / raw).resolve()
+            inside = path.is_relative_to(folder.resolve())
+            exists = path.is_file()
+        except (OSError, RuntimeError, ValueError) as problem:  # a link to itself, a name that no file can have
+            raise telling(f"{quoted(raw)} cannot be read ({quoted(problem)})") from None
+        if not inside:
+            raise telling(f"{quoted(raw)} leaves the folder of this file")
+        if context.get("files_needed", True) and not exists:
+            raise telling(f"there is no file {quoted(raw)} beside this one")
         return path
 
 
 class StrictModel(BaseModel):
     """Frozen, closed: an unknown key is an error that suggests the right one."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
     @model_validator(mode="wrap")
     @classmethod
-    def _suggest_keys(cls, data: Any, handler: ModelWrapValidatorHandler[Any]) -> Any:
+    def _say_it_plainly(cls, data: Any, handler: ModelWrapValidatorHandler[Any]) -> Any:
         try:
             return handler(data)
         except ValidationError as error:
             raise _with_suggestions(error, cls) from None
+
+
+class Range(StrictModel):
+    """From `min` to `max`, which its heirs declare in their unit."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        low, high = getattr(self, "min", None), getattr(self, "max", None)
+        if low is not None and high is not None and low >= high:
+            raise telling("min is not below max")
+        return self
 
 
 def keys_of(model: type[BaseModel]) -> list[str]:
@@ -147,28 +227,27 @@ def keys_of(model: type[BaseModel]) -> list[str]:
 
 
 def inner_errors(error: ValidationError, place: tuple[str | int, ...] = ()) -> list[InitErrorDetails]:
-    """The errors of a part, to be raised again by the whole it stands in at `place`."""
+    """The errors of a part, in plain words, to be raised again by the whole it stands in at `place`."""
     return [
-        InitErrorDetails(
-            type=PydanticCustomError("part", "{problem}", {"problem": item["msg"]}),
-            loc=(*place, *item["loc"]),
-            input=item["input"],
-        )
+        InitErrorDetails(type=telling(in_plain_words(item)), loc=(*place, *item["loc"]), input=item["input"])
         for item in error.errors(include_url=False)
     ]
 
 
 def _with_suggestions(error: ValidationError, model: type[BaseModel]) -> ValidationError:
-    """The same errors in plain words; an unknown key of `model` itself says which keys there are."""
-    details = inner_errors(error)
-    for index, item in enumerate(error.errors(include_url=False)):
-        kind: PydanticCustomError
-        if item["type"] == "extra_forbidden" and len(item["loc"]) == 1:
-            problem = f"unknown key '{item['loc'][0]}'" + did_you_mean(str(item["loc"][0]), keys_of(model))
-            kind = PydanticCustomError("unknown_key", "{problem}", {"problem": problem})
-        elif item["type"] == "missing":
-            kind = PydanticCustomError("missing_key", "the key is missing")
-        else:
+    """The same errors in plain words; an unknown key of `model` itself says which key is meant.
+
+    The key that is meant is not told to be missing as well: one mistake is one problem.
+    """
+    found = error.errors(include_url=False)
+    keys = keys_of(model)
+    unknown = {item["loc"]: str(item["loc"][0]) for item in found if item["type"] == "extra_forbidden"}
+    meant = {nearest(key, keys) for key in unknown.values()}
+    details = []
+    for item, plain in zip(found, inner_errors(error), strict=True):
+        if item["type"] == "missing" and item["loc"][0] in meant:
             continue
-        details[index]["type"] = kind
+        if item["loc"] in unknown:
+            plain["type"] = telling(f"unknown key{did_you_mean(unknown[item['loc']], keys)}")
+        details.append(plain)
     return ValidationError.from_exception_data(model.__name__, details)

@@ -6,12 +6,16 @@ import difflib
 from collections.abc import Iterable
 
 
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that is likely meant."""
+    return next(iter(difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)), None)
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A tail for an error message: "; did you mean 'x'?", or the list of what is known."""
     names = list(dict.fromkeys(known))
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
-    if close:
-        return f"; did you mean '{close[0]}'?"
+    if close := nearest(name, names):
+        return f"; did you mean '{close}'?"
     if not names:
         return "; none is known here"
     return "; expected " + (names[0] if len(names) == 1 else ", ".join(names[:-1]) + f" or {names[-1]}")

@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.can_counter.wire import CounterFormat, encode_frames
+from drivers.can_counter.wire import CounterFormat, Field, encode_frames
 from drivers.dbc import Dbc
+from drivers.errors import LinkLost
 from drivers.frame_block import FrameBlock
 from simulators.faults import FaultPlan
 from simulators.unit_file import stream
@@ -27,8 +28,12 @@ BOARD_C = 25.0
 
 @dataclass(frozen=True, slots=True)
 class CounterSettings:
-    """A counter as its bench file describes it. `readings` are the temperature signals by the place they belong to."""
+    """A counter as its bench file describes it.
 
+    `readings` gives the place that a temperature signal belongs to, by `Message.Signal`; `name` is the counter's role.
+    """
+
+    name: str
     dbc: Dbc
     form: CounterFormat
     period_s: float
@@ -44,72 +49,95 @@ class SimulatedCounter:
     def __init__(self, world: World, settings: CounterSettings, faults: FaultPlan) -> None:
         self.faults = faults
         self._world, self._settings = world, settings
-        self._rate = 1 + world.settings.device_clock  # device seconds in a true second
+        self._latch_s = settings.period_s / (1 + world.settings.device_clock)  # true seconds between two latches
         draws = stream(world.settings.seed, "counter", "start")
         self._tick0 = int(draws.integers(0, 1 << 32))
         self._sequence0 = int(draws.integers(0, 1 << 16))
-        self._latch = 0  # how many latches have been made
-        self._edges_s = world.now()  # the last latch in true time
+        self._boots = 0
+        self._latch = self._shown = 0  # the number of the last latch, and that which the frames last showed
+        self._origin_s = self._counted_s = world.now()  # true times of latch 0, and up to which pulses are counted
         self._units: dict[str, SimulatedUnit] = {unit.settings.channel: unit for unit in world.units.values()}
         self._integrators = {
             channel: Integrator(float(draws.uniform(0, 1)), int(draws.integers(0, 1 << 20)), int(draws.integers(0, 99)))
             for channel in settings.form.channels
         }
-        self._origin_s = self._edges_s
+        self._owed = dict.fromkeys(self._units, 0.0)  # pulses of the latch under way, from before a stimulus changed
         self._sent: list[FrameBlock] = []
         self._warmth_latches = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
-        world.integrate_with(self._catch_up)
+        world.integrate_with(self._before_change)
 
     def take(self) -> FrameBlock:
-        """Every frame sent since the last call."""
+        """Every frame sent since the last call; LinkLost when the connection is cut."""
         self._world.look()
         self._catch_up()
         sent, self._sent = self._sent, []
+        if self.faults.active("cut"):
+            raise LinkLost(self._settings.name, "the connection was cut", remedy="Check the cable, then run again.")
         return FrameBlock.empty() if self.faults.active("silent") else FrameBlock.joined(sent)
 
     def close(self) -> None:
         """Nobody listens any more; the counter does not care."""
 
+    def _before_change(self) -> None:
+        """Makes the latches that are due, and counts what has come since under the stimulus that is about to change."""
+        self._catch_up()
+        now = self._world.now()
+        if now > self._counted_s:
+            for channel, unit in self._units.items():
+                self._owed[channel] += float(unit.charge_pulses(np.array([self._counted_s, now]))[0])
+            self._counted_s = now
+
     def _catch_up(self) -> None:
         """Makes the latches that are due."""
-        period_s = self._settings.period_s / self._rate
-        due = math.floor((self._world.now() - self._origin_s) / period_s) - self._latch
+        if self.faults.active("restart") and not self._boots:
+            self._restart()
+        due = math.floor((self._world.now() - self._origin_s) / self._latch_s) - self._latch
         if due <= 0:
             return
         numbers = np.arange(self._latch + 1, self._latch + due + 1)
-        at_s = self._origin_s + numbers * period_s
-        edges_s = np.concatenate(([self._edges_s], at_s))
-        self._latch, self._edges_s = self._latch + due, float(at_s[-1])
+        at_s = self._origin_s + numbers * self._latch_s
+        edges_s = np.concatenate(([self._counted_s], at_s))
+        self._latch, self._counted_s = self._latch + due, float(at_s[-1])
         self._sent.append(self._frames(numbers, edges_s))
+
+    def _restart(self) -> None:
+        """Power-on: the device's clock, the latches and all counts begin at 0, and the boot counter goes up."""
+        self._boots += 1
+        self._origin_s, self._latch, self._tick0, self._sequence0 = self._counted_s, 0, 0, 0
+        self._integrators = {channel: Integrator(0.0, 0, 0) for channel in self._integrators}
 
     def _frames(self, numbers: NDArray[np.int64], edges_s: Array) -> FrameBlock:
         form, at_s = self._settings.form, edges_s[1:]
-        tick_s = form.tick_period_s
-        ticks = self._tick0 + np.rint((at_s - self._origin_s) * (self._rate / tick_s)).astype(np.int64)
-        sequence = self._sequence0 + numbers
-        if self.faults.active("frozen"):
-            sequence = np.full_like(sequence, self._sequence0)
+        frozen = self.faults.active("frozen")
+        shown = np.full_like(numbers, self._shown) if frozen else numbers
+        self._shown = int(shown[-1])
         values: dict[str, dict[str, NDArray[np.int64]]] = {}
 
-        def put(message: str, signal: str, integers: NDArray[np.int64]) -> None:
-            values.setdefault(message, {})[signal] = integers
+        def put(field: Field, integers: NDArray[np.int64]) -> None:
+            values.setdefault(field.message.name, {})[field.signal.name] = integers
 
-        put(form.tick.message.name, form.tick.signal.name, ticks)
-        put(form.sequence.message.name, form.sequence.signal.name, sequence)
+        put(form.tick, self._tick0 + np.rint(shown * (self._settings.period_s / form.tick_period_s)).astype(np.int64))
+        put(form.sequence, self._sequence0 + shown)
+        if form.boot_count is not None:
+            put(form.boot_count, np.full_like(numbers, self._boots))
         for name, channel in form.channels.items():
-            positive, negative = self._counts(name, edges_s)
-            put(channel.positive.message.name, channel.positive.signal.name, positive)
-            put(channel.negative.message.name, channel.negative.signal.name, negative)
-            put(channel.sequence.message.name, channel.sequence.signal.name, sequence)
+            positive, negative = self._counts(name, edges_s, frozen)
+            put(channel.positive, positive)
+            put(channel.negative, negative)
+            put(channel.sequence, self._sequence0 + shown)
         host_s = self._world.host_time(at_s)
         frames = FrameBlock.joined([encode_frames(self._settings.dbc, host_s, values), self._warmth(numbers, at_s)])
         order = np.argsort(frames.at_s, kind="stable")
         return FrameBlock(frames.ids[order], frames.at_s[order], frames.dlc[order], frames.data[order])
 
-    def _counts(self, channel: str, edges_s: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _counts(self, channel: str, edges_s: Array, frozen: bool) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         integrator, unit = self._integrators[channel], self._units.get(channel)
         if unit is not None:
-            return integrator.count(unit.charge_pulses(edges_s))
+            pulses = unit.charge_pulses(edges_s)
+            pulses[0] += self._owed[channel]
+            self._owed[channel] = 0.0
+            if not frozen:
+                return integrator.count(pulses)
         latches = len(edges_s) - 1
         return np.full(latches, integrator.positive), np.full(latches, integrator.negative)
 

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Literal, get_args
+from typing import Literal
 
-FaultKind = Literal["silent", "cut", "frozen", "stuck"]
-KINDS: tuple[str, ...] = get_args(FaultKind)
+FaultKind = Literal["silent", "cut", "frozen", "stuck", "restart"]
 
 
 class FaultPlan:
     """The faults of one instrument: kind → seconds after the start from which it is active.
 
     `silent`: requests are carried out or not, but nothing is answered; frames stop. `cut`: the connection is closed.
-    `frozen`: measured values (for a counter: latch sequence and counts) stand still. `stuck`: commands are accepted
-    and not carried out.
+    `frozen`: measured values (for a counter: its clock, latch sequence and counts) stand still. `stuck`: commands are
+    accepted and not carried out. `restart`: once, a counter loses its power for a moment and begins anew.
     """
 
     def __init__(self, starts_s: Mapping[str, float] | None = None, now_s: Callable[[], float] = lambda: 0.0) -> None:

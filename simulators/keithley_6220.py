@@ -21,7 +21,7 @@ _LEVEL_MAX_A = wire.OVER_RANGE * wire.RANGES_A[-1]
 
 
 class SimulatedKeithley:
-    """A source in front of `load_ohm`; it acts on a CR (on an LF when its menu says so), and answers with its terminator.
+    """A source in front of `load_ohm`; it acts on a CR (an LF when its menu says so), and answers with its terminator.
 
     `interlock_closed` is the contact at its rear, `hot` its thermal switch. `stuck`: settings are accepted and not
     carried out. It measures nothing that could be `frozen`.

@@ -8,6 +8,7 @@ from drivers.transport import slcan
 from simulators.can_counter import SimulatedCounter
 
 SEND_EVERY_S = 0.02
+UNREAD_LIMIT_BYTES = 65_536  # of frames that the other end does not take; what comes then is lost, as on an adapter
 
 
 class SimulatedAdapter(asyncio.Protocol):
@@ -57,7 +58,10 @@ class SimulatedAdapter(asyncio.Protocol):
 
     async def _send(self) -> None:
         while self._transport is not None:
+            if self._counter.faults.active("cut"):
+                self._transport.abort()
+                return
             text = slcan.render(self._counter.take())
-            if text:
+            if text and self._transport.get_write_buffer_size() < UNREAD_LIMIT_BYTES:
                 self._transport.write(text)
             await asyncio.sleep(SEND_EVERY_S)

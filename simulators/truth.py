@@ -55,8 +55,8 @@ def _dwell(world: World, dwell: DwellAsMeasured) -> dict[str, Any]:
     """The state of a unit in the middle of a dwell, and its constants then."""
     unit, settings = world.units[dwell.place], world.settings
     true_s = world.true_time(dwell.at_s)
-    times, _, hysteresis = (np.array(column) for column in zip(*unit.history, strict=True))
-    drifted_g = float(np.interp(true_s, times, hysteresis)) + float(unit.slow_bias_g(np.array([true_s]))[0])
+    times, added_g = np.array(unit.bias_history).T
+    drifted_g = float(np.interp(true_s, times, added_g))
     axis_deg = tuple(
         settings.fixture.sense * head_deg + settings.fixture.offset_deg + unit.settings.mount_angle_deg
         for head_deg in dwell.head_deg

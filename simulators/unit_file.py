@@ -162,7 +162,7 @@ class UnitFile(StrictModel):
 
     @model_validator(mode="after")
     def _fits(self) -> UnitFile:
-        top = self.accelerometer.range * self.accelerometer.K1.at_reference.mean * self.converter.S.mean
+        top = abs(self.accelerometer.range * self.accelerometer.K1.at_reference.mean * self.converter.S.mean)
         if top > self.converter.max_rate:
             raise ValueError(
                 f"range x K1 x S is {top:.6g} pulse/s, above the converter's max_rate {self.converter.max_rate:.6g}"

@@ -174,7 +174,7 @@ class Integrator:
 
     def _one_way(self, pulses: Array) -> NDArray[np.int64]:
         charge = self._residue + pulses.cumsum()
-        net = np.maximum(np.floor(charge), 0) if pulses[-1] > 0 else np.minimum(np.ceil(charge), 0)
+        net = np.maximum(np.floor(charge), 0) if pulses.max() > 0 else np.minimum(np.ceil(charge), 0)
         self._residue = float(charge[-1] - net[-1])
         return net.astype(np.int64)
 

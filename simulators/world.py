@@ -2,7 +2,7 @@
 
 Time here is *true* time: the host's clock, which the bench runs on, is itself an instrument with an error. The world
 is worked out lazily. Whoever looks asks for it "up to now"; whoever changes a stimulus first lets everybody who
-integrates catch up, so that no sample straddles the change.
+integrates catch up, so that no part of the time is counted under the wrong stimulus.
 """
 
 from __future__ import annotations
@@ -76,31 +76,33 @@ class SimulatedUnit:
         self._last_c = self._read_c = settings.chamber.start_c
         self._read_at_s = 0.0
         self.powered_at_s: float | None = None
-        self.history: list[tuple[float, float, float]] = []  # true time, sensor temperature, hysteresis bias
+        self.bias_history: list[tuple[float, float]] = []  # true time; what hysteresis, drift and warm-up then added
 
     def charge_pulses(self, edges_s: Array) -> Array:
         """Pulses that the converter is owed in each interval between the consecutive times `edges_s`.
 
-        The last edge is the present: the world has been worked out up to it.
+        The world has been worked out up to the last edge, or by less than a latch beyond it.
         """
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
         now_c = self._world.thermal.sensor_c(self._index)
         span = edges_s[-1] - edges_s[0]
         temperature = self._last_c + (middle - edges_s[0]) * ((now_c - self._last_c) / span)
         hysteresis_g = self._hysteresis.bias_g(now_c)
-        self.history.append((float(edges_s[-1]), now_c, hysteresis_g))
+        self.bias_history.append((float(edges_s[-1]), hysteresis_g + float(self._slow_bias_g(edges_s[-1:])[0])))
         self._last_c = now_c
         if self.powered_at_s is None:
             return np.zeros_like(middle)
         moving_c_per_s = self._world.thermal.sensor_rate_c_per_s(self._index)
-        drifting = self.slow_bias_g(middle) + (hysteresis_g + self.truth.kd * moving_c_per_s)
+        drifting = self._slow_bias_g(middle) + (hysteresis_g + self.truth.kd * moving_c_per_s)
         current = self.truth.current_a(self.force_g(middle), temperature, drifting + self._noise.mean_g(interval))
         return self.truth.rate_pps(current) * interval
 
-    def slow_bias_g(self, at_s: Array) -> Array:
-        """Drift and warm-up at the times `at_s`, while powered."""
-        since = at_s - (self.powered_at_s or 0.0)
-        return self.truth.drift_g_per_s * at_s + self.truth.warm_up_g * np.exp(-since / self.truth.warm_up_s)
+    def _slow_bias_g(self, at_s: Array) -> Array:
+        """Drift and, while powered, warm-up at the times `at_s`."""
+        drift = self.truth.drift_g_per_s * at_s
+        if self.powered_at_s is None:
+            return drift
+        return drift + self.truth.warm_up_g * np.exp((self.powered_at_s - at_s) / self.truth.warm_up_s)
 
     def force_g(self, at_s: Array) -> tuple[Array, Array, Array]:
         """Specific force along the input, pendulous and output axes, in local g."""

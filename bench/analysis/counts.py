@@ -15,6 +15,7 @@ from bench.analysis.rundata import Array, Counts, Integers
 RESOLUTION_COUNTS = 0.408  # 1/sqrt(6): standard deviation of a count between two unsynchronised edges
 LEAST_SHARE = 0.5  # of the latches must have come
 RATE_MARGIN = 1.05
+CLOCK_SLACK = 0.5  # of the usual time between two latches
 STANDSTILL_PERIODS = 5.0  # of the mean rate without a pulse: the converter's dead band
 
 
@@ -30,7 +31,8 @@ class Rate:
 def mean_rate(counts: Counts) -> Rate:
     """The net rate between the first and the last latch; NaN when there are not two.
 
-    Problems: too_few_latches, counter_restarted, ambiguous_gap (a counter may have gone round unseen), impossible_rate
+    Problems: too_few_latches, counter_restarted, irregular_clock (device time and latch numbers do not go together, as
+    after a restart that no boot counter tells), ambiguous_gap (a counter may have gone round unseen), impossible_rate
     (more pulses than the converter can give, as after a reset), dead_band (no pulse for five times the mean period).
     """
     if len(counts.tick) < 2:
@@ -44,19 +46,28 @@ def mean_rate(counts: Counts) -> Rate:
         problems.append("too_few_latches")
     if counts.restarts:
         problems.append("counter_restarted")
+    if _irregular(seconds / np.diff(counts.sequence)):
+        problems.append("irregular_clock")
     if seconds.max() * counts.max_rate_pps >= 1 << counts.counter_bits:
         problems.append("ambiguous_gap")
-    if max((positive / seconds).max(), (negative / seconds).max()) > RATE_MARGIN * counts.max_rate_pps:
+    if (np.maximum(positive, negative) > RATE_MARGIN * counts.max_rate_pps * seconds + 1).any():
         problems.append("impossible_rate")
     net = int(positive.sum()) - int(negative.sum())
-    if _stands_still(seconds, positive + negative, abs(net) / span_s):
+    net_pps = net / span_s if span_s else float("nan")
+    if _stands_still(seconds, positive + negative, abs(net_pps)):
         problems.append("dead_band")
-    return Rate(net / span_s, span_s, tuple(problems))
+    return Rate(net_pps, span_s, tuple(problems))
 
 
 def _steps(cumulative: Integers, bits: int) -> Integers:
     """Differences of a counter that wraps."""
     return np.diff(cumulative) % (1 << bits)
+
+
+def _irregular(latch_s: Array) -> bool:
+    """Whether some of the times between latches are far from the usual, or none passes."""
+    usual_s = np.median(latch_s)
+    return bool((np.abs(latch_s - usual_s) >= CLOCK_SLACK * usual_s).any())
 
 
 def _stands_still(seconds: Array, pulses: Integers, rate_pps: float) -> bool:

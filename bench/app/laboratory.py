@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from bench.config.devices import DeviceEntry
 from bench.config.load import load_file
-from bench.config.models import BenchFile, DeviceEntry, PlaceEntry
+from bench.config.models import BenchFile, PlaceEntry
 from bench.errors import InputError
 from bench.loop import BenchLoop
 from bench.report.rundata import bench_record
@@ -131,7 +132,7 @@ def _counter_settings(bench: BenchFile, role: str, options: CounterOptions) -> C
         for name, place in bench.places.items()
         if bench.readings[place.temperature].device == role
     }
-    return CounterSettings(dbc, form, options.period, readings)
+    return CounterSettings(role, dbc, form, options.period, readings)
 
 
 def _instrument(role: str, entry: DeviceEntry, world: World, faults: FaultPlan) -> Instrument:

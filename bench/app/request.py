@@ -10,7 +10,6 @@ from pathlib import Path
 from bench.config.bench import LoadedBench, load_bench
 from bench.config.load import find
 from bench.errors import InputError
-from bench.sequence.check import check
 from bench.sequence.load import load_plan
 from bench.sequence.plan import Plan
 from drivers.suggest import did_you_mean
@@ -54,11 +53,30 @@ def load_bench_named(name: str | None, *, simulate: bool = False) -> LoadedBench
     return replace(loaded, bench=loaded.bench.all_simulated()) if simulate else loaded
 
 
+def load_plan_and_bench(request: RunRequest) -> tuple[Plan, LoadedBench]:
+    """The plan and the bench that a request names, checked; InputError lists what is wrong in both files."""
+    found: list[str] = []
+    loaded: LoadedBench | None = None
+    plan: Plan | None = None
+    try:
+        loaded = load_bench_named(request.bench, simulate=request.simulate)
+    except InputError as error:
+        found += error.problems
+    try:
+        plan = load_plan(
+            find(request.sequence, "sequences"), loaded.bench if loaded else None, preset=request.preset,
+            settings=request.settings,
+        )  # fmt: skip
+    except InputError as error:
+        found += error.problems
+    if plan is None or loaded is None:
+        raise InputError(*found)
+    return plan, loaded
+
+
 def prepare(request: RunRequest) -> PreparedRun:
     """Reads and checks everything; InputError says what does not fit."""
-    plan = load_plan(find(request.sequence, "sequences"), preset=request.preset, settings=request.settings)
-    loaded = load_bench_named(request.bench, simulate=request.simulate)
-    check(plan, loaded.bench)
+    plan, loaded = load_plan_and_bench(request)
     speed = _speed(request, loaded)
     if not loaded.bench.is_simulated and not request.attended:
         raise InputError(

@@ -34,30 +34,22 @@ def register(app: typer.Typer) -> None:
 
 def check(sequence: Sequence, bench: BenchOption = None, preset: Preset = None, set_: Settings = None) -> None:
     """Check a sequence against a bench; nothing is opened."""
-    from bench.app.request import load_bench_named
-    from bench.config.load import find
-    from bench.sequence.check import check as check_plan
-    from bench.sequence.load import load_plan
+    from bench.app.request import RunRequest, load_plan_and_bench
 
-    loaded = load_bench_named(bench)
-    checked = load_plan(find(sequence, "sequences"), preset=preset, settings=set_ or ())
-    check_plan(checked, loaded.bench)
+    request = RunRequest(sequence, bench=bench, preset=preset, settings=tuple(set_ or ()))
+    checked, loaded = load_plan_and_bench(request)
     sys.stdout.write(f"{checked.document.path}: {len(checked)} steps, no problem on {loaded.document.path}\n")
 
 
 def plan(sequence: Sequence, bench: BenchOption = None, preset: Preset = None, set_: Settings = None) -> None:
     """List the steps of a sequence with their durations; nothing is opened."""
-    from bench.app.request import load_bench_named
-    from bench.config.load import find
+    from bench.app.request import RunRequest, load_plan_and_bench
     from bench.report.shown import duration
     from bench.report.text import plan_table
-    from bench.sequence.check import check as check_plan
     from bench.sequence.estimate import estimate
-    from bench.sequence.load import load_plan
 
-    loaded = load_bench_named(bench)
-    planned = load_plan(find(sequence, "sequences"), preset=preset, settings=set_ or ())
-    check_plan(planned, loaded.bench)
+    request = RunRequest(sequence, bench=bench, preset=preset, settings=tuple(set_ or ()))
+    planned, loaded = load_plan_and_bench(request)
     expected = estimate(planned, loaded.bench)
     for line in plan_table(planned, expected):
         sys.stdout.write(line + "\n")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.config.document import Document, Place, read_document
+from bench.config.document import Document, Place, Problem, read_document
 from bench.config.load import load
 from bench.config.models import BenchFile, PlaceEntry, ReadingEntry
 from bench.errors import InputError
@@ -25,8 +25,7 @@ def load_bench(path: Path) -> LoadedBench:
     """The bench in a file; InputError lists every problem with its place."""
     document = read_document(path)
     bench = load(document, BenchFile)
-    found = [f"{document.where(place)}: {problem}" for place, problem in misfits(bench)]
-    if found:
+    if found := document.told(misfits(bench)):
         raise InputError(*found)
     return LoadedBench(document, bench)
 
@@ -36,7 +35,7 @@ def load_kept_bench(path: Path) -> BenchFile:
     return load(read_document(path), BenchFile, files_needed=False)
 
 
-def misfits(bench: BenchFile) -> Iterator[tuple[Place, str]]:
+def misfits(bench: BenchFile) -> Iterator[Problem]:
     """Names in one part of the file that another part does not have, each with its place."""
     for name, reading in bench.readings.items():
         yield from _reading(bench, name, reading)
@@ -52,7 +51,7 @@ def misfits(bench: BenchFile) -> Iterator[tuple[Place, str]]:
             yield ("simulation", "faults", index, "device"), problem
 
 
-def _reading(bench: BenchFile, name: str, reading: ReadingEntry) -> Iterator[tuple[Place, str]]:
+def _reading(bench: BenchFile, name: str, reading: ReadingEntry) -> Iterator[Problem]:
     place: Place = ("readings", name, "from")
     device = bench.devices.get(reading.device)
     if device is None:
@@ -67,7 +66,7 @@ def _reading(bench: BenchFile, name: str, reading: ReadingEntry) -> Iterator[tup
         yield ("readings", name), f"'{name}' is a device already; a reading needs a name of its own"
 
 
-def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[tuple[Place, str]]:
+def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
     where: Place = ("places", name)
     counters = [entry.options for entry in bench.devices.values() if "pulse_counter" in entry.description.capabilities]
     channels = [channel for options in counters for channel in getattr(options, "channels", {})]

@@ -3,13 +3,15 @@
 Refused are files above 256 KiB, text that is not UTF-8, anchors, aliases, tags, merge keys, second documents, duplicate
 keys, nesting beyond 20 and more than 20 000 nodes; all of it on the stream of parser events, before anything is built.
 Plain scalars are null, true, false, decimal integers and decimal floats; everything else is text, so `on`, `010`,
-`1_000`, `1:30` and dates stay what was written.
+`1_000`, `1:30`, `.nan` and dates stay what was written. Characters that a screen does not show, or shows in another
+order than they stand, are refused wherever they are.
 """
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,23 +20,34 @@ from ruamel.yaml import YAML, events
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from bench.errors import InputError
+from drivers.wording import in_words
 
 SIZE_LIMIT_BYTES = 256 * 1024
 DEPTH_LIMIT = 20
 NODE_LIMIT = 20_000
 SCALAR_LIMIT = 4096
+_UNSEEN = "contains a control character"
 _DEEP = f"is nested more than {DEPTH_LIMIT} deep"
 
 _INTEGER = re.compile(r"-?(0|[1-9]\d{0,17})", re.ASCII)
 _FLOAT = re.compile(r"-?(0|[1-9]\d*)(\.\d+)?([eE][+-]?\d{1,3})?", re.ASCII)
-_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
-_TOO_DEEP = re.compile(rf"(?:[\[{{]\s*){{{DEPTH_LIMIT + 1}}}")  # seen at once, where the parser would labour
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff\ufffe\uffff]")
+_TOO_DEEP = re.compile(rf"(?:[\[{{][^][{{}}]{{0,100}}){{{DEPTH_LIMIT + 1}}}")  # seen at once, where the parser labours
 _WORDS: dict[str, Any] = {"": None, "~": None, "null": None, "true": True, "false": False}
 
+# What the parser says of common slips, and what a person does about them.
+_PLAINLY = (
+    ("character '\\t'", "a tab stands where only spaces may; indent with spaces"),
+    ("mapping values are not allowed", "a colon stands where none may; put text with ': ' in it in quotes"),
+    ("expected <block end>", "this line is not indented like those it belongs to"),
+    ("could not find expected ':'", "a key needs a colon and a space after it"),
+)
+
 Place = tuple[str | int, ...]
+Problem = tuple[Place, str]  # what is wrong with a part of a document
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, order=True)
 class Mark:
     """A place in a file; both numbers begin at 1."""
 
@@ -51,12 +64,22 @@ class Document:
     value: Any
     marks: dict[Place, Mark]
 
-    def where(self, place: Place) -> str:
-        """`file:line:column` of a part, or of the nearest part around it."""
+    def mark(self, place: Place) -> Mark:
+        """Where a part stands, or the nearest part around it."""
         for length in range(len(place), -1, -1):
             if mark := self.marks.get(place[:length]):
-                return f"{self.path}:{mark.line}:{mark.column}"
-        return f"{self.path}:1:1"
+                return mark
+        return Mark(1, 1)
+
+    def where(self, place: Place) -> str:
+        """`file:line:column` of a part, or of the nearest part around it."""
+        mark = self.mark(place)
+        return f"{self.path}:{mark.line}:{mark.column}"
+
+    def told(self, problems: Iterable[Problem]) -> list[str]:
+        """`file:line:column: what is wrong` for each problem, once, in the order of the file."""
+        found = sorted(dict.fromkeys((self.mark(place), problem) for place, problem in problems))
+        return [f"{self.path}:{mark.line}:{mark.column}: {problem}" for mark, problem in found]
 
 
 def read_document(path: Path) -> Document:
@@ -67,8 +90,10 @@ def read_document(path: Path) -> Document:
 def read_text(path: Path) -> str:
     """A file's text; InputError when there is none, it is too long, or it is not UTF-8."""
     try:
-        if not path.is_file():
+        if not path.exists():
             raise InputError(f"{path}: there is no such file")
+        if not path.is_file():
+            raise InputError(f"{path}: is {'a folder' if path.is_dir() else 'not a regular file'}")
         size = path.stat().st_size
         if size > SIZE_LIMIT_BYTES:
             raise InputError(f"{path}: has {size} bytes, at most {SIZE_LIMIT_BYTES} are read; is it the right file?")
@@ -82,18 +107,23 @@ def read_text(path: Path) -> str:
 
 def parse_document(text: str, path: Path) -> Document:
     """The document that `text` spells; `path` is only for messages."""
-    if deep := _TOO_DEEP.search(text):
-        line = text.count("\n", 0, deep.start()) + 1
-        raise InputError(f"{path}:{line}:{deep.start() - text.rfind(chr(10), 0, deep.start())}: {_DEEP}")
+    lines = text.replace("\r\n", "\n").replace("\r", "\n")
+    for bad, problem in ((_CONTROL, _UNSEEN), (_TOO_DEEP, _DEEP)):
+        if found := bad.search(lines):
+            line = lines.count("\n", 0, found.start()) + 1
+            column = found.start() - lines.rfind("\n", 0, found.start())
+            raise InputError(f"{path}:{line}:{column}: {problem}")
     builder = _Builder(path)
     try:
-        value = builder.build(YAML(typ="safe", pure=True).parse(text))
-    except MarkedYAMLError as problem:
-        mark = problem.problem_mark or problem.context_mark
+        value = builder.build(YAML(typ="safe", pure=True).parse(lines))
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
         at = f"{mark.line + 1}:{mark.column + 1}" if mark is not None else "1:1"
-        raise InputError(f"{path}:{at}: is not YAML: {problem.problem or problem.context}") from None
-    except (YAMLError, ValueError) as problem:
-        raise InputError(f"{path}:1:1: is not YAML: {str(problem).splitlines()[0]}") from None
+        said = str(error.problem or error.context)
+        plainly = next((words for part, words in _PLAINLY if part in said), said)
+        raise InputError(f"{path}:{at}: is not YAML: {plainly}") from None
+    except (YAMLError, ValueError) as error:
+        raise InputError(f"{path}:1:1: is not YAML: {str(error).splitlines()[0]}") from None
     return Document(path, text, value, builder.marks)
 
 
@@ -147,14 +177,18 @@ class _Builder:
         if len(text) > SCALAR_LIMIT:
             self._refuse(event, f"is longer than {SCALAR_LIMIT} characters")
         if _CONTROL.search(text):
-            self._refuse(event, "contains a control character")
+            self._refuse(event, _UNSEEN)
         if event.style:
             return text
         if text in _WORDS:
             return _WORDS[text]
         if _INTEGER.fullmatch(text):
             return int(text)
-        return float(text) if _FLOAT.fullmatch(text) else text
+        if not _FLOAT.fullmatch(text):
+            return text
+        if not math.isfinite(number := float(text)):
+            self._refuse(event, f"{text} is not a finite number")
+        return number
 
     def _refuse(self, event: Any, problem: str) -> None:
         mark = _mark(event)
@@ -163,7 +197,9 @@ class _Builder:
     def add_key(self, key: Any, event: Any, node: _Node) -> None:
         """Checks a key; a duplicate is refused with both places."""
         if not isinstance(key, str):
-            self._refuse(event, f"a key must be text, found {type(key).__name__}; put it in quotes")
+            if isinstance(key, (list, dict)):
+                self._refuse(event, f"a key is text, found a {'list' if isinstance(key, list) else 'mapping'}")
+            self._refuse(event, f"a key is text, found {in_words(key)}; put it in quotes")
         if key == "<<":
             self._refuse(event, "merge keys (<<) are not part of this language; repeat the values")
         if key in node.value:

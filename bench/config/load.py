@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, ValidationError
-from pydantic_core import ErrorDetails
 
-from bench.config.document import Document, Place, read_document
+from bench.config.document import Document, Place, Problem, read_document
 from bench.errors import InputError
 from drivers.suggest import did_you_mean
+from drivers.wording import in_plain_words
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Kind = Literal["sequences", "config"]
 _SUFFIX = ".yaml"
+_KEY = "[key]"  # ends the location of an error about a key itself
 
 
 def load(document: Document, model: type[ModelT], **context: Any) -> ModelT:
@@ -27,7 +28,7 @@ def load(document: Document, model: type[ModelT], **context: Any) -> ModelT:
     try:
         return model.model_validate(document.value, context={"folder": document.path.parent, **context})
     except ValidationError as error:
-        raise InputError(*dict.fromkeys(problems(document, error.errors(include_url=False)))) from None
+        raise InputError(*document.told(problems(document.value, error))) from None
 
 
 def load_file(path: Path, model: type[ModelT]) -> ModelT:
@@ -35,17 +36,16 @@ def load_file(path: Path, model: type[ModelT]) -> ModelT:
     return load(read_document(path), model)
 
 
-def problems(document: Document, errors: list[ErrorDetails], prefix: Place = ()) -> Iterator[str]:
-    """A line for each of pydantic's errors, in the order of the file."""
-    found = []
-    for error in errors:
-        place, missing = _place(document.value, (*prefix, *error["loc"]))
-        what = f"'{missing}': {error['msg']}" if missing else error["msg"]
-        name = place[-1] if place and not missing else ""
-        mark = document.marks.get(place) or document.marks.get(())
-        order = (mark.line, mark.column) if mark else (0, 0)
-        found.append((order, f"{document.where(place)}: {f'{name}: ' if isinstance(name, str) and name else ''}{what}"))
-    return (text for _, text in sorted(found))
+def problems(value: Any, error: ValidationError, prefix: Place = ()) -> Iterator[Problem]:
+    """What pydantic found wrong with the part of a document's value at `prefix`."""
+    for item in error.errors(include_url=False):
+        place, missing = _place(value, (*prefix, *item["loc"]))
+        problem = in_plain_words(item)
+        if missing:
+            problem = f"the key '{missing}' {problem}"
+        elif place and isinstance(place[-1], str):
+            problem = f"{place[-1]}: {problem}"
+        yield place, problem
 
 
 def _place(value: Any, location: Place) -> tuple[Place, str]:
@@ -58,7 +58,7 @@ def _place(value: Any, location: Place) -> tuple[Place, str]:
         if _has(value, part):
             value = value[part]
             place.append(part)
-        elif index == len(location) - 1 and isinstance(value, Mapping) and isinstance(part, str):
+        elif index == len(location) - 1 and isinstance(value, Mapping) and isinstance(part, str) and part != _KEY:
             return tuple(place), part
     return tuple(place), ""
 
@@ -74,17 +74,20 @@ def find(name: str, kind: Kind) -> Path:
     given = Path(name)
     folders = [Path(kind), *_shipped(kind)]
     candidates = [given] + [folder / name for folder in folders if given.name == name]
-    for candidate in candidates:
-        for path in (candidate, candidate.with_name(candidate.name + _SUFFIX)):
-            if path.is_file():
-                return path
+    try:
+        for candidate in candidates:
+            for path in (candidate, Path(f"{candidate}{_SUFFIX}")):
+                if path.is_file():
+                    return path
+        if given.exists():
+            return given  # whoever reads it says what it is instead of a file
+    except (OSError, ValueError) as problem:
+        raise InputError(f"{name}: cannot be read ({problem})") from None
     if given.name != name or given.suffix == _SUFFIX:
         raise InputError(f"{name}: there is no such file")
     known = sorted({path.stem for folder in folders if folder.is_dir() for path in folder.glob(f"*{_SUFFIX}")})
-
-    raise InputError(
-        f"{name}: there is no such {'sequence' if kind == 'sequences' else 'bench'}{did_you_mean(name, known)}"
-    )
+    what = "sequence" if kind == "sequences" else "bench"
+    raise InputError(f"{name}: there is no such {what}{did_you_mean(name, known)}")
 
 
 def _shipped(kind: Kind) -> list[Path]:

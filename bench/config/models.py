@@ -5,57 +5,39 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 from zoneinfo import ZoneInfo
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    Field,
-    ModelWrapValidatorHandler,
-    ValidationError,
-    ValidationInfo,
-    model_validator,
-)
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic import AfterValidator, Field, model_validator
 
-from drivers.description import DriverDescription, IdentityPin, known_drivers
+from bench.config.devices import Calibration, CoverageFactor, DeviceEntry, Text
 from drivers.fields import (
+    NOT_EMPTY,
     Amperes,
     Arcseconds,
     Celsius,
+    Date,
     Degrees,
     FileBeside,
+    Instant,
     InUnit,
+    Name,
     PositiveSeconds,
+    Range,
     Ratio,
     Seconds,
     StrictModel,
-    inner_errors,
+    WholeNumber,
+    text_like,
 )
-from drivers.suggest import did_you_mean
-from drivers.transport.address import Address, AddressError
-
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
-Text = Annotated[str, Field(min_length=1, max_length=200)]
-CoverageFactor = Annotated[float, Field(gt=0, le=4)]
-
-
-def _address(raw: object) -> Address:
-    if isinstance(raw, Address):
-        return raw
-    try:
-        return Address.parse(str(raw))
-    except AddressError as problem:
-        raise PydanticCustomError("address", "{problem}", {"problem": str(problem)}) from None
+from drivers.wording import expected, telling
 
 
 def _zone(name: str) -> str:
     try:
         ZoneInfo(name)
     except (KeyError, ValueError, OSError):
-        raise ValueError(f"'{name}' is not a time zone; expected one like Europe/Berlin or UTC") from None
+        raise expected("a time zone like Europe/Berlin or UTC", name) from None
     return name
 
 
@@ -77,73 +59,7 @@ class Site(StrictModel):
     time_zone: Annotated[str, AfterValidator(_zone)] = "UTC"
 
 
-class Calibration(StrictModel):
-    """A certificate; `U` holds expanded uncertainties, under the names that the driver or the reading gives them."""
-
-    certificate: Text
-    laboratory: Text
-    date: dt.date
-    due: dt.date
-    k: CoverageFactor = 2.0
-    U: Any = Field(default_factory=dict)
-
-
-class DeviceEntry(StrictModel):
-    """One instrument; the blocks options, limits, safe and calibration.U are the driver's own models."""
-
-    driver: str
-    connection: Annotated[Address, BeforeValidator(_address)]
-    options: Any = Field(default_factory=dict)
-    identity: IdentityPin = IdentityPin()
-    limits: Any = Field(default_factory=dict)
-    safe: Any = Field(default_factory=dict)
-    calibration: Calibration | None = None
-
-    @property
-    def description(self) -> DriverDescription:
-        """What is known of the driver."""
-        return known_drivers()[self.driver]
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _by_driver(cls, data: Any, handler: ModelWrapValidatorHandler[Any], info: ValidationInfo) -> Any:
-        entry: DeviceEntry = handler(data)
-        description = known_drivers().get(entry.driver)
-        if description is None:
-            problem = f"there is no driver '{entry.driver}'{did_you_mean(entry.driver, known_drivers())}"
-            raise _custom(cls, ("driver",), problem)
-        scheme = entry.connection.scheme
-        if scheme not in description.schemes:
-            problem = f"{entry.driver} is reached by {' or '.join(sorted(description.schemes))}, not by {scheme}"
-            raise _custom(cls, ("connection",), problem)
-        details: list[InitErrorDetails] = []
-        blocks = {"options": description.options, "limits": description.limits, "safe": description.safe}
-        resolved = {name: _block(model, getattr(entry, name), (name,), info, details) for name, model in blocks.items()}
-        if entry.calibration is not None:
-            place = ("calibration", "U")
-            U = _block(description.uncertainty, entry.calibration.U, place, info, details)  # noqa: N806  the symbol
-            resolved["calibration"] = entry.calibration.model_copy(update={"U": U})
-        if details:
-            raise ValidationError.from_exception_data(cls.__name__, details)
-        return entry.model_copy(update=resolved)
-
-
-def _block(
-    model: type[BaseModel], raw: Any, place: tuple[str, ...], info: ValidationInfo, details: list[InitErrorDetails]
-) -> BaseModel | None:
-    try:
-        return model.model_validate(raw, context=info.context)
-    except ValidationError as error:
-        details.extend(inner_errors(error, place))
-        return None
-
-
-def _custom(model: type[BaseModel], place: tuple[str, ...], problem: str) -> ValidationError:
-    kind = PydanticCustomError("bench", "{problem}", {"problem": problem})
-    return ValidationError.from_exception_data(model.__name__, [InitErrorDetails(type=kind, loc=place, input=None)])
-
-
-class TemperatureWindow(StrictModel):
+class TemperatureWindow(Range):
     """What a reading may be."""
 
     min: Celsius
@@ -166,7 +82,7 @@ class ThermometerCalibration(Calibration):
 class ReadingEntry(StrictModel):
     """A named reading: `DEVICE.CHANNEL`."""
 
-    from_: Annotated[str, Field(alias="from", pattern=r"^[a-z][a-z0-9_]*\.[\w.]+$")]
+    from_: Annotated[str, text_like(r"[a-z][a-z0-9_]*\.[\w.]+", "DEVICE.CHANNEL")] = Field(alias="from")
     limits: TemperatureWindow | None = None
     stale_after: PositiveSeconds = 10.0
     calibration: ThermometerCalibration | None = None
@@ -194,9 +110,7 @@ class InputAxis(StrictModel):
     @model_validator(mode="after")
     def _turns_in_the_vertical_plane(self) -> InputAxis:
         if (self.at_0 == "level") == (self.at_90 == "level"):
-            raise ValueError(
-                "of at_0 and at_90 one is level and the other up or down: the axis turns in a vertical plane"
-            )
+            raise telling("of at_0 and at_90 one is level and the other up or down: the axis turns in a vertical plane")
         return self
 
     @property
@@ -217,7 +131,7 @@ class Level(StrictModel):
     value: Annotated[float, InUnit("arcsec")]
     U: Arcseconds
     k: CoverageFactor = 2.0
-    date: dt.date
+    date: Date
 
 
 class FixtureEntry(StrictModel):
@@ -228,7 +142,7 @@ class FixtureEntry(StrictModel):
     level: Level
 
 
-class CurrentWindow(StrictModel):
+class CurrentWindow(Range):
     """What a unit may draw while its supply is on."""
 
     min: Amperes
@@ -281,15 +195,15 @@ class FaultSimulation(StrictModel):
     """An instrument that breaks on purpose."""
 
     device: Name
-    kind: Literal["silent", "cut", "frozen", "stuck"]
+    kind: Literal["silent", "cut", "frozen", "stuck", "restart"]
     at: Seconds
 
 
 class Simulation(StrictModel):
     """What no certificate states; the errors that certificates bound are drawn from them with sd = U / k."""
 
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
-    start: dt.datetime = dt.datetime.fromisoformat("2026-01-01T00:00:00+00:00")
+    seed: Annotated[WholeNumber, Field(ge=0, lt=2**63)] = 1
+    start: Instant = dt.datetime.fromisoformat("2026-01-01T00:00:00+00:00")
     units: Mapping[Name, Annotated[Path, FileBeside()]] = {}
     ambient: Celsius = 22.0
     chamber: ChamberSimulation = ChamberSimulation()
@@ -305,10 +219,10 @@ class BenchFile(StrictModel):
     schema_: Literal["itb-bench/1"] = Field(alias="schema")
     title: Text
     site: Site
-    devices: Annotated[Mapping[Name, DeviceEntry], Field(min_length=1)]
+    devices: Annotated[Mapping[Name, DeviceEntry], NOT_EMPTY]
     readings: Mapping[Name, ReadingEntry] = {}
     fixture: FixtureEntry
-    places: Annotated[Mapping[Name, PlaceEntry], Field(min_length=1)]
+    places: Annotated[Mapping[Name, PlaceEntry], NOT_EMPTY]
     monitor: Monitor = Monitor()
     simulation: Simulation = Simulation()
 

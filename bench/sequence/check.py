@@ -7,81 +7,90 @@ from typing import Any, assert_never
 
 from pydantic import ValidationError
 
+from bench.config.devices import DeviceEntry
+from bench.config.document import Place, Problem
 from bench.config.load import problems
-from bench.config.models import BenchFile, DeviceEntry
-from bench.errors import InputError
+from bench.config.models import BenchFile
 from bench.sequence.methods import known_methods
-from bench.sequence.model import LimitEntry, ResultEntry
+from bench.sequence.model import LimitEntry
 from bench.sequence.plan import Plan
 from bench.sequence.steps import NEEDS, Acquire, Move, Ramp, SetOutput, Soak, Step, Wait, verb_of
 from drivers.capabilities import THERMOMETER
-from drivers.quantities import Quantity, QuantityError
 from drivers.suggest import did_you_mean
+from drivers.units import QuantityError, quoted
 
 
-def check(plan: Plan, bench: BenchFile) -> None:
-    """InputError lists every problem, each with its place, once."""
-    found = [*_needs(plan, bench), *_steps(plan, bench), *_results(plan)]
-    if found:
-        raise InputError(*dict.fromkeys(found))
+def check(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
+    """What is wrong with a plan: by itself, and on a bench where one is given."""
+    if bench is not None:
+        yield from _needs(plan, bench)
+    yield from _steps(plan, bench)
+    yield from _results(plan)
 
 
-def _needs(plan: Plan, bench: BenchFile) -> Iterator[str]:
+def _needs(plan: Plan, bench: BenchFile) -> Iterator[Problem]:
     for role, kind in plan.sequence.needs.items():
-        where = plan.document.where(("needs", role))
+        place: Place = ("needs", role)
         if kind == THERMOMETER:
             if role not in bench.readings:
-                yield f"{where}: the bench '{bench.title}' has no reading '{role}'{did_you_mean(role, bench.readings)}"
+                yield place, f"the bench '{bench.title}' has no reading '{role}'{did_you_mean(role, bench.readings)}"
         elif role not in bench.devices:
-            yield f"{where}: the bench '{bench.title}' has no device '{role}'{did_you_mean(role, bench.devices)}"
+            yield place, f"the bench '{bench.title}' has no device '{role}'{did_you_mean(role, bench.devices)}"
         elif kind not in bench.devices[role].description.capabilities:
             is_a = ", ".join(sorted(bench.devices[role].description.capabilities))
-            yield f"{where}: the sequence needs a {kind}, '{role}' of the bench is a {is_a}"
+            yield place, f"the sequence needs a {kind}, '{role}' of the bench is a {is_a}"
 
 
-def _steps(plan: Plan, bench: BenchFile) -> Iterator[str]:
+def _steps(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
+    """Problems of steps; one that comes back in every pass of a loop is told once, with the first step that has it."""
+    told: set[Place] = set()
     for planned in plan:
-        role = getattr(planned.step, "role", None)
-        if role is not None:
-            verb = verb_of(planned.step)
-            kind = plan.sequence.needs.get(role)
-            where = plan.document.where((*planned.place, verb))
-            if kind is None:
-                hint = did_you_mean(role, plan.sequence.needs)
-                yield f"{where}: '{role}' is not among the needs of the sequence{hint}"
-                continue
-            if kind not in NEEDS[verb]:
-                yield f"{where}: '{verb}' needs a {' or '.join(NEEDS[verb])}, '{role}' is a {kind}"
-                continue
-            if role not in bench.devices and role not in bench.readings:
-                continue  # told by the needs
-        for key, problem in _limits(planned.step, bench):
-            yield f"{plan.document.where((*planned.place, key))}: {key}: {problem} (step {planned.id})"
+        found = list(_role(plan, planned.step))
+        if not found and bench is not None and _is_there(plan, planned.step, bench):
+            found = [(key, f"{key}: {problem} (step {planned.id})") for key, problem in _limits(planned.step, bench)]
+        for key, problem in found:
+            place: Place = (*planned.place, key)
+            if place not in told:
+                told.add(place)
+                yield place, problem
+
+
+def _role(plan: Plan, step: Step) -> Iterator[tuple[str, str]]:
+    """A role that the sequence does not need, or that cannot do what the step says: the key, and what is wrong."""
+    if isinstance(step, Wait):
+        return
+    verb, needs = verb_of(step), plan.sequence.needs
+    kind = needs.get(step.role)
+    if kind is None:
+        yield verb, f"'{step.role}' is not among the needs of the sequence{did_you_mean(step.role, needs)}"
+    elif kind not in NEEDS[verb]:
+        yield verb, f"'{verb}' needs a {' or '.join(NEEDS[verb])}, '{step.role}' is a {kind}"
+    elif isinstance(step, SetOutput):
+        if kind == "power_supply" and step.current_a is not None:
+            yield "current", f"'{step.role}' is a power_supply, which takes voltage and current_limit"
+        if kind == "current_source" and step.voltage_v is not None:
+            yield "voltage", f"'{step.role}' is a current_source, which takes current and compliance"
+
+
+def _is_there(plan: Plan, step: Step, bench: BenchFile) -> bool:
+    """Whether the bench has what the step acts on; what it lacks is told with the needs."""
+    if isinstance(step, (Wait, Soak)):
+        return True
+    device = bench.devices.get(step.role)
+    return device is not None and plan.sequence.needs[step.role] in device.description.capabilities
 
 
 def _limits(step: Step, bench: BenchFile) -> Iterator[tuple[str, str]]:
     """Values beyond what the bench file allows: the key, and what is wrong."""
     match step:
         case Move():
-            head = bench.devices[step.role]
-            yield from _beyond(head, step.role, "to", "angle", step.angle_deg, "°")
-            overshoot = getattr(head.options, "approach_distance", 0.0)
-            start = {"from_below": -overshoot, "from_above": overshoot, "direct": 0.0}[step.approach]
-            for key, problem in _beyond(head, step.role, "approach", "angle", step.angle_deg + start, "°"):
-                yield key, f"the approach starts where {problem}"
+            yield from _move(step, bench.devices[step.role])
         case Ramp():
             chamber = bench.devices[step.role]
             yield from _beyond(chamber, step.role, "to", "temperature", step.temperature_c, "°C")
             yield from _beyond(chamber, step.role, "at", "ramp_rate", step.rate_c_per_min, "°C/min")
         case SetOutput():
-            source = bench.devices[step.role]
-            for key, name, value, unit in (
-                ("voltage", "voltage", step.voltage_v, "V"),
-                ("current_limit", "current", step.current_limit_a, "A"),
-                ("current", "current", step.current_a, "A"),
-            ):
-                if value is not None:
-                    yield from _beyond(source, step.role, key, name, value, unit)
+            yield from _output(step, bench.devices[step.role])
         case Soak():
             hold_s = step.until_stable.hold_s if step.until_stable else 0.0
             if step.give_up_after_s is not None and step.give_up_after_s < max(step.at_least_s, hold_s):
@@ -92,52 +101,88 @@ def _limits(step: Step, bench: BenchFile) -> Iterator[tuple[str, str]]:
             assert_never(step)
 
 
+def _move(step: Move, head: DeviceEntry) -> Iterator[tuple[str, str]]:
+    target = list(_beyond(head, step.role, "to", "angle", step.angle_deg, "°"))
+    yield from target
+    if not target and step.approach != "direct":
+        distance_deg = getattr(head.options, "approach_distance", 0.0)
+        start_deg = step.angle_deg + (distance_deg if step.approach == "from_above" else -distance_deg)
+        for key, problem in _beyond(head, step.role, "approach", "angle", start_deg, "°"):
+            yield key, f"begins where {problem}"
+
+
+def _output(step: SetOutput, source: DeviceEntry) -> Iterator[tuple[str, str]]:
+    for key, limit, value, unit in (
+        ("voltage", "voltage", step.voltage_v, "V"),
+        ("current_limit", "current", step.current_limit_a, "A"),
+        ("current", "current", step.current_a, "A"),
+    ):
+        if value is not None:
+            yield from _beyond(source, step.role, key, limit, value, unit)
+    most_v = getattr(source.options, "compliance", None)
+    if step.compliance_v is not None and most_v is not None and step.compliance_v > most_v:
+        yield "compliance", _outside(step.compliance_v, "above", most_v, "V", step.role)
+
+
 def _beyond(device: DeviceEntry, role: str, key: str, limit: str, value: float, unit: str) -> Iterator[tuple[str, str]]:
     """A problem when a value is outside the bench file's limit of that name."""
     allowed: Any = getattr(device.limits, limit, None)
     low, high = getattr(allowed, "min", None), getattr(allowed, "max", None)
     if low is not None and value < low:
-        yield key, f"{value:g} {unit} is below the {low:g} {unit} that the bench file allows '{role}'"
+        yield key, _outside(value, "below", low, unit, role)
     if high is not None and value > high:
-        yield key, f"{value:g} {unit} is above the {high:g} {unit} that the bench file allows '{role}'"
+        yield key, _outside(value, "above", high, unit, role)
 
 
-def _results(plan: Plan) -> Iterator[str]:
-    labels = {planned.step.label for planned in plan if isinstance(planned.step, Acquire)}
+def _outside(value: float, where: str, limit: float, unit: str, role: str) -> str:
+    return f"{value:.12g} {unit} is {where} the {limit:.12g} {unit} that the bench file allows '{role}'"
+
+
+def _results(plan: Plan) -> Iterator[Problem]:
+    labels = set(_labels([plan.document.value.get(phase) for phase in ("setup", "steps", "teardown")]))
     for index, entry in enumerate(plan.sequence.results):
-        place = ("results", index)
-        if entry.data not in labels:
-            hint = did_you_mean(entry.data, sorted(labels))
-            yield f"{plan.document.where((*place, 'data'))}: no step acquires with the label '{entry.data}'{hint}"
+        place: Place = ("results", index)
+        if entry.data not in labels and None not in labels:
+            hint = did_you_mean(entry.data, sorted(filter(None, labels)))
+            yield (*place, "data"), f"no step acquires with the label '{entry.data}'{hint}"
         method = known_methods().get(entry.method)
         if method is None:
             hint = did_you_mean(entry.method, known_methods())
-            yield f"{plan.document.where((*place, 'method'))}: there is no method '{entry.method}'{hint}"
+            yield (*place, "method"), f"there is no method {quoted(entry.method)}{hint}"
             continue
         try:
             method.settings.model_validate(entry.settings)
         except ValidationError as error:
-            yield from problems(plan.document, error.errors(include_url=False), (*place, "settings"))
-        yield from _limit_entries(plan, entry, index)
+            yield from problems(plan.document.value, error, (*place, "settings"))
+        for name, limit in entry.limits.items():
+            if problem := _limit_problem(name, limit, entry.method):
+                yield (*place, "limits", name), problem
 
 
-def _limit_entries(plan: Plan, entry: ResultEntry, index: int) -> Iterator[str]:
-    quantities = known_methods()[entry.method].quantities
-    for name, limit in entry.limits.items():
-        where = plan.document.where(("results", index, "limits", name))
-        if name not in quantities:
-            yield f"{where}: {entry.method} has no result '{name}'{did_you_mean(name, quantities)}"
-            continue
-        try:
-            low, high = limits_in(limit, quantities[name])
-        except QuantityError as problem:
-            yield f"{where}: {name} {problem}"
-            continue
-        if low is not None and high is not None and low > high:
-            yield f"{where}: {name}: min is above max"
+def _labels(blocks: Any) -> Iterator[str | None]:
+    """The labels of all acquisitions, also of steps that are wrong; None where one cannot be told."""
+    for block in blocks if isinstance(blocks, list) else ():
+        if isinstance(block, list):
+            yield from _labels(block)
+        elif isinstance(block, dict):
+            if "acquire" in block:
+                label = block.get("label")
+                yield label if isinstance(label, str) else None
+            yield from _labels(block.get("steps"))
+
+
+def _limit_problem(name: str, limit: LimitEntry, method: str) -> str:
+    quantities = known_methods()[method].quantities
+    if name not in quantities:
+        return f"{method} has no result {quoted(name)}{did_you_mean(name, quantities)}"
+    try:
+        low, high = limits_in(limit, quantities[name])
+    except QuantityError as problem:
+        return f"{name} {problem}"
+    return f"{name}: min is above max" if low is not None and high is not None and low > high else ""
 
 
 def limits_in(limit: LimitEntry, unit: str) -> tuple[float | None, float | None]:
     """Both limits as numbers in `unit`; QuantityError when they are in another."""
-    low, high = (side.to(unit) if isinstance(side, Quantity) else None for side in (limit.min, limit.max))
+    low, high = (None if side is None else side.to(unit) for side in (limit.min, limit.max))
     return low, high

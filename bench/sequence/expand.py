@@ -3,47 +3,51 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from pydantic import ValidationError
 
-from bench.config.document import Document, Place
+from bench.config.document import Document, Place, Problem
 from bench.config.load import problems
-from bench.errors import InputError
-from bench.sequence.model import SequenceFile
+from bench.sequence.expressions import Value, ValueProblem
+from bench.sequence.model import Outline
 from bench.sequence.plan import Phase, Plan, PlannedStep
 from bench.sequence.steps import STEPS, Step
-from bench.sequence.values import Value, ValueProblem, is_expression, spelled, value_of
+from bench.sequence.values import holds_expression, spelled, value_of
 
 STEP_LIMIT = 100_000
 PHASES: tuple[Phase, ...] = ("setup", "steps", "teardown")
 
 
 def expand(
-    document: Document, sequence: SequenceFile, parameters: Mapping[str, Value], preset: str | None = None
-) -> Plan:
-    """The plan of a loaded sequence with these parameters; InputError lists every problem with its place."""
-    expansion = _Expansion(document)
-    phases = {
-        phase: tuple(expansion.group(phase, document.value.get(phase) or [], (phase,), dict(parameters), {}, phase))
+    document: Document,
+    outline: Outline,
+    parameters: Mapping[str, Value],
+    preset: str | None = None,
+    broken: Collection[Place] = (),
+) -> tuple[Plan, list[Problem]]:
+    """The plan of a sequence with these parameters, without what is wrong, and what is wrong.
+
+    `broken` are the places of steps and loops that are not to be looked at.
+    """
+    expansion = _Expansion(document, broken)
+    setup, steps, teardown = (
+        tuple(expansion.group(phase, document.value.get(phase) or (), (phase,), dict(parameters), {}, phase))
         for phase in PHASES
-    }
-    if expansion.problems:
-        raise InputError(*dict.fromkeys(expansion.problems))
-    return Plan(
-        document, sequence, parameters, preset, setup=phases["setup"], steps=phases["steps"],
-        teardown=phases["teardown"],
-    )  # fmt: skip
+    )
+    plan = Plan(document, outline, parameters, preset, setup=setup, steps=steps, teardown=teardown)
+    return plan, expansion.problems
 
 
 class _Expansion:
-    """One pass over a document, collecting problems on the way."""
+    """One pass over a document, collecting problems on the way; what was wrong once is not looked at again."""
 
-    def __init__(self, document: Document) -> None:
+    def __init__(self, document: Document, broken: Collection[Place]) -> None:
         self._document = document
+        self._broken = set(broken)
         self._count = 0
-        self.problems: list[str] = []
+        self.problems: list[Problem] = []
 
     def group(
         self, phase: Phase, raw: Sequence[Mapping[str, Any]], place: Place, names: dict[str, Value],
@@ -53,16 +57,13 @@ class _Expansion:
         seen: Counter[str] = Counter()
         for index, block in enumerate(raw):
             here: Place = (*place, index)
+            if here in self._broken or self._count > STEP_LIMIT:
+                continue
             verb = next(iter(block))
             if verb == "for_each":
                 yield from self._loop(phase, block, here, names, loops, path, seen)
-                continue
-            seen[verb] += 1
-            self._count += 1
-            if self._count > STEP_LIMIT:
-                raise InputError(f"{self._document.where(here)}: the plan has more than {STEP_LIMIT} steps")
-            step = self._step(verb, block, here, names)
-            if step is not None:
+            elif (step := self._step(verb, block, here, names)) is not None:
+                seen[verb] += 1
                 yield PlannedStep(f"{path}/{_visit(verb, seen)}", phase, step, dict(loops), here)
 
     def _loop(
@@ -70,49 +71,65 @@ class _Expansion:
         path: str, seen: Counter[str],
     ) -> Iterator[PlannedStep]:  # fmt: skip
         variable = str(block["for_each"])
-        if variable in names:
-            self._problem((*here, "for_each"), f"the name '{variable}' is taken; choose another for this loop")
-            return
-        try:
-            values = value_of(block["in"], names)
-        except ValueProblem as problem:
-            self._problem((*here, "in"), str(problem))
-            return
-        if not isinstance(values, tuple) or not values:
-            self._problem((*here, "in"), "expected a list or a range with at least one value")
-            return
-        for value in values:
+        for value in self._values(variable, block["in"], here, names):
             label = f"{variable}={spelled(value)}"
             seen[label] += 1
-            yield from self.group(
-                phase, block["steps"], (*here, "steps"), {**names, variable: value}, {**loops, variable: value},
-                f"{path}/{_visit(label, seen)}",
+            inside = tuple(
+                self.group(
+                    phase, block["steps"], (*here, "steps"), {**names, variable: value}, {**loops, variable: value},
+                    f"{path}/{_visit(label, seen)}",
+                )
             )  # fmt: skip
+            if not inside:
+                return  # all of it is wrong, and has been told
+            yield from inside
 
-    def _step(self, verb: str, block: Mapping[str, Any], here: Place, names: dict[str, Value]) -> Step | None:
-        """The step with its expressions evaluated; None, and a problem noted, when it does not validate."""
+    def _values(self, variable: str, raw: Any, here: Place, names: Mapping[str, Value]) -> tuple[Value, ...]:
+        """What a loop runs over; nothing, and a problem noted, when that is wrong."""
+        if variable in names:
+            return self._wrong(here, "for_each", f"the name '{variable}' is taken; choose another for this loop")
         try:
-            ready = {key: self._evaluated(raw, (*here, key), names) for key, raw in block.items()}
-            return STEPS[verb].model_validate(ready)
-        except ValueProblem:
-            return None
-        except ValidationError as error:
-            self.problems.extend(problems(self._document, error.errors(include_url=False), here))
-            return None
-
-    def _evaluated(self, raw: Any, place: Place, names: dict[str, Value]) -> Any:
-        if isinstance(raw, Mapping):
-            return {key: self._evaluated(value, (*place, key), names) for key, value in raw.items()}
-        if not is_expression(raw):
-            return raw
-        try:
-            return value_of(raw, names)
+            values = value_of(raw, names)
         except ValueProblem as problem:
-            self._problem(place, str(problem))
-            raise
+            return self._wrong(here, "in", str(problem))
+        if not isinstance(values, tuple) or not values:
+            return self._wrong(here, "in", "expected a list or a range with at least one value")
+        return values
 
-    def _problem(self, place: Place, problem: str) -> None:
-        self.problems.append(f"{self._document.where(place)}: {problem}")
+    def _wrong(self, here: Place, key: str, problem: str) -> tuple[Value, ...]:
+        self._broken.add(here)
+        self.problems.append(((*here, key), f"{key}: {problem}"))
+        return ()
+
+    def _step(self, verb: str, block: Mapping[str, Any], here: Place, names: Mapping[str, Value]) -> Step | None:
+        """The step with its expressions evaluated; None, and its problems noted, when it does not validate."""
+        self._count += 1
+        if self._count > STEP_LIMIT:
+            self.problems.append((here, f"the plan has more than {STEP_LIMIT} steps"))
+            return None
+        found: list[Problem] = []
+        ready = {key: _evaluated(raw, (*here, key), names, found) for key, raw in block.items()}
+        if not found:
+            try:
+                return STEPS[verb].model_validate(ready)
+            except ValidationError as error:
+                found.extend(problems(self._document.value, error, here))
+        self._broken.add(here)
+        self.problems += found
+        return None
+
+
+def _evaluated(raw: Any, place: Place, names: Mapping[str, Value], found: list[Problem]) -> Any:
+    """A value of a step with its expressions evaluated; what is wrong with them goes to `found`."""
+    if isinstance(raw, Mapping):
+        return {key: _evaluated(value, (*place, key), names, found) for key, value in raw.items()}
+    if not holds_expression(raw):
+        return raw
+    try:
+        return value_of(raw, names)
+    except ValueProblem as problem:
+        found.append((place, f"{place[-1]}: {problem}"))
+        return None
 
 
 def _visit(label: str, seen: Counter[str]) -> str:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
-from bench.config.document import Document, parse_document, read_document
-from bench.config.load import load
+from pydantic import ValidationError
+
+from bench.config.document import Document, Place, Problem, parse_document, read_document
+from bench.config.load import load, problems
+from bench.config.models import BenchFile
 from bench.errors import InputError
-from bench.sequence.expand import expand
-from bench.sequence.model import SequenceFile
+from bench.sequence.check import check
+from bench.sequence.expand import PHASES, expand
+from bench.sequence.expressions import Value, ValueProblem
+from bench.sequence.model import Outline, SequenceFile
 from bench.sequence.plan import Plan
-from bench.sequence.values import Value, ValueProblem, value_of
+from bench.sequence.values import value_of
 from drivers.fields import DEFERRED
 from drivers.suggest import did_you_mean
 
@@ -22,52 +27,86 @@ def load_sequence(path: Path) -> tuple[Document, SequenceFile]:
     return document, load(document, SequenceFile, **DEFERRED)
 
 
-def load_plan(path: Path, *, preset: str | None = None, settings: Iterable[str] = ()) -> Plan:
-    """The plan of a file; `settings` are `name=value` as given to --set. InputError lists every problem."""
-    document, sequence = load_sequence(path)
-    return expand(document, sequence, choose(document, sequence, preset, settings), preset)
+def load_plan(path: Path, bench: BenchFile | None, *, preset: str | None = None, settings: Iterable[str] = ()) -> Plan:
+    """The plan of a file, checked against a bench; without one, as far as that goes.
+
+    `settings` are `name=value` as given to --set. InputError lists every problem, whichever of reading, choosing,
+    unrolling and checking finds it: a step that is wrong in itself is left out, and the rest looked at.
+    """
+    document = read_document(path)
+    outline, found = _outline(document)
+    broken = {block for place, _ in found if (block := _block_around(place)) is not None}
+    wishes, parameters = _choose(outline, preset, settings)
+    found += _preset_problems(outline)
+    plan, unrolling = expand(document, outline, parameters, preset, broken)
+    found += [*unrolling, *check(plan, bench)]
+    if wishes or found:
+        raise InputError(*wishes, *document.told(found))
+    return plan
 
 
-def choose(
-    document: Document, sequence: SequenceFile, preset: str | None, settings: Iterable[str]
-) -> Mapping[str, Value]:
-    """The value of each parameter: the default, overridden by the preset, overridden by --set."""
-    values: dict[str, Value] = {name: parameter.default for name, parameter in sequence.parameters.items()}
-    found = [
-        f"{document.where(('presets', name, 'set', key))}: {problem}"
-        for name, entry in sequence.presets.items()
-        for key, value in entry.set.items()
-        if (problem := _problem(sequence, key, value))
-    ]
-    if preset is not None:
-        if preset not in sequence.presets:
-            raise InputError(f"{document.path}: there is no preset '{preset}'{did_you_mean(preset, sequence.presets)}")
-        values.update(sequence.presets[preset].set)
+def _outline(document: Document) -> tuple[Outline, list[Problem]]:
+    """The outline of a sequence and what is wrong with its steps; InputError when the outline itself is wrong."""
+    value = document.value
+    try:
+        return SequenceFile.model_validate(value, context=DEFERRED), []
+    except ValidationError as error:
+        found = list(problems(value, error))
+    if any(_block_around(place) is None for place, _ in found):
+        raise InputError(*document.told(found))
+    return Outline.model_validate({key: part for key, part in value.items() if key not in PHASES}), found
+
+
+def _block_around(place: Place) -> Place | None:
+    """The innermost step or loop that a place belongs to: it ends with its number in a list of steps."""
+    if not place or place[0] not in PHASES:
+        return None
+    numbers = [index for index, part in enumerate(place) if isinstance(part, int) and place[index - 1] in PHASES]
+    return place[: numbers[-1] + 1] if numbers else None
+
+
+def _choose(outline: Outline, preset: str | None, settings: Iterable[str]) -> tuple[list[str], dict[str, Value]]:
+    """What is wrong with the wishes, and each parameter: its default, or what the preset or --set wants instead."""
+    values: dict[str, Value] = {name: parameter.default for name, parameter in outline.parameters.items()}
+    found: list[str] = []
+    if preset is not None and preset in outline.presets:
+        chosen = outline.presets[preset].set
+        values.update({name: value for name, value in chosen.items() if not _problem(outline, name, value)})
+    elif preset is not None:
+        found.append(f"there is no preset '{preset}'{did_you_mean(preset, outline.presets)}")
     for setting in settings:
         try:
-            name, value = _setting(sequence, setting)
+            name, value = _setting(outline, setting)
             values[name] = value
         except ValueProblem as problem:
             found.append(f"--set {setting}: {problem}")
-    if found:
-        raise InputError(*found)
-    return values
+        except InputError as error:
+            found += error.problems
+    return found, values
 
 
-def _setting(sequence: SequenceFile, setting: str) -> tuple[str, Value]:
-    """`name=value`, the value as YAML; raises ValueProblem."""
+def _setting(outline: Outline, setting: str) -> tuple[str, Value]:
+    """`name=value`, the value as YAML; raises ValueProblem, or InputError for what is not YAML."""
     name, equals, text = setting.partition("=")
     if not equals:
         raise ValueProblem("expected name=value")
-    value = value_of(parse_document(text, Path("--set")).value)
-    problem = _problem(sequence, name.strip(), value)
-    if problem:
+    value = value_of(parse_document(text, Path(f"--set {name}")).value)
+    if problem := _problem(outline, name.strip(), value):
         raise ValueProblem(problem)
     return name.strip(), value
 
 
-def _problem(sequence: SequenceFile, name: str, value: Value) -> str:
-    if name not in sequence.parameters:
-        return f"there is no parameter '{name}'{did_you_mean(name, sequence.parameters)}"
-    problem = sequence.parameters[name].problem_with(value)
+def _preset_problems(outline: Outline) -> list[Problem]:
+    return [
+        (("presets", name, "set", key), problem)
+        for name, preset in outline.presets.items()
+        for key, value in preset.set.items()
+        if (problem := _problem(outline, key, value))
+    ]
+
+
+def _problem(outline: Outline, name: str, value: Value) -> str:
+    if name not in outline.parameters:
+        return f"there is no parameter '{name}'{did_you_mean(name, outline.parameters)}"
+    problem = outline.parameters[name].problem_with(value)
     return f"'{name}' {problem}" if problem else ""

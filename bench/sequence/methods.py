@@ -13,7 +13,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, Field
 
-from drivers.fields import StrictModel
+from drivers.fields import StrictModel, WholeNumber
 
 ENTRY_POINTS = "inertial_test_bench.methods"
 
@@ -36,7 +36,7 @@ class MethodDescription:
 class TemperatureTumbleSettings(StrictModel):
     """Settings of the static temperature tumble."""
 
-    degree: Annotated[int, Field(ge=1, le=4)] = 4
+    degree: Annotated[WholeNumber, Field(ge=1, le=4)] = 4
 
 
 TEMPERATURE_TUMBLE = MethodDescription(

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, Field, PlainValidator, model_validator
 
-from bench.sequence.steps import NEEDS, AnyBlock, Name
-from bench.sequence.values import Value, ValueProblem, in_words, value_of
-from drivers.fields import StrictModel
-from drivers.quantities import Quantity, describe
+from bench.sequence.expressions import Scalar, Value, ValueProblem
+from bench.sequence.steps import NEEDS, AnyBlock
+from bench.sequence.values import in_words, value_of
+from drivers.fields import NOT_EMPTY, Name, StrictModel
+from drivers.quantities import Quantity
 from drivers.suggest import did_you_mean
+from drivers.units import describe, quoted
+from drivers.wording import expected, telling
 
 Text = Annotated[str, Field(min_length=1, max_length=500)]
 KINDS = tuple(dict.fromkeys(kind for kinds in NEEDS.values() for kind in kinds))
@@ -20,8 +22,7 @@ KINDS = tuple(dict.fromkeys(kind for kinds in NEEDS.values() for kind in kinds))
 
 def _kind(kind: str) -> str:
     if kind not in KINDS:
-        problem = f"there is no kind of device '{kind}'{did_you_mean(kind, KINDS)}"
-        raise PydanticCustomError("kind", "{problem}", {"problem": problem})
+        raise telling(f"there is no kind of device {quoted(kind)}{did_you_mean(kind, KINDS)}")
     return kind
 
 
@@ -29,10 +30,20 @@ def _value(raw: Any) -> Value:
     try:
         return value_of(raw)
     except ValueProblem as problem:
-        raise PydanticCustomError("value", "{problem}", {"problem": str(problem)}) from None
+        raise telling(str(problem)) from None
 
 
 AnyValue = Annotated[Any, AfterValidator(_value)]
+
+
+def _limit(raw: Any) -> Quantity:
+    value = _value(raw)
+    if not isinstance(value, Quantity):
+        raise expected("a quantity", raw)
+    return value
+
+
+Limit = Annotated[Quantity | None, PlainValidator(_limit)]
 
 
 class Parameter(StrictModel):
@@ -40,37 +51,49 @@ class Parameter(StrictModel):
 
     help: Text
     default: AnyValue
-    min: AnyValue = None
-    max: AnyValue = None
+    min: Limit = None
+    max: Limit = None
 
     @model_validator(mode="after")
-    def _default_is_allowed(self) -> Parameter:
-        problem = self.problem_with(self.default)
-        if problem:
-            raise ValueError(f"default {problem}")
+    def _fits_together(self) -> Self:
+        if self.default == ():
+            raise telling("the default is an empty list, which tells no unit")
+        one = self._example
+        for name, limit in (("min", self.min), ("max", self.max)):
+            if limit is not None and not (isinstance(one, Quantity) and one.dimension == limit.dimension):
+                raise telling(f"{name} is {in_words(limit)}, the default is {in_words(one)}")
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise telling("min is above max")
+        if problem := self.problem_with(self.default):
+            raise telling(f"the default {problem}")
         return self
+
+    @property
+    def _example(self) -> Scalar:
+        one: Scalar = self.default[0] if isinstance(self.default, tuple) else self.default
+        return one
 
     def problem_with(self, value: Value) -> str:
         """What is wrong with a value for this parameter; empty when nothing is."""
-        one = self.default[0] if isinstance(self.default, tuple) and self.default else self.default
-        if isinstance(self.default, tuple) != isinstance(value, tuple):
-            return f"is {'a list' if isinstance(value, tuple) else 'one value'}, expected the other"
-        for item in value if isinstance(value, tuple) else (value,):
-            problem = self._item_problem(item, one)
-            if problem:
-                return problem
-        return ""
+        if isinstance(value, tuple) != isinstance(self.default, tuple):
+            return "is a list, expected one value" if isinstance(value, tuple) else "is one value, expected a list"
+        if value == ():
+            return "is empty, expected at least one value"
+        items = value if isinstance(value, tuple) else (value,)
+        return next(filter(None, map(self._item_problem, items)), "")
 
-    def _item_problem(self, item: Value, one: Value) -> str:
+    def _item_problem(self, item: Scalar) -> str:
+        one = self._example
         if not isinstance(item, Quantity) or not isinstance(one, Quantity):
-            return "" if type(item) is type(one) else f"is '{in_words(item)}', expected a value like {in_words(one)}"
+            return (
+                "" if type(item) is type(one) else f"is {quoted(in_words(item))}, expected a value like {in_words(one)}"
+            )
         if item.dimension != one.dimension:
-            return f"is in {describe(item.dimension)}, expected {describe(one.dimension)}"
-        low, high = self.min, self.max
-        if isinstance(low, Quantity) and item < low:
-            return f"is {in_words(item)}, expected at least {in_words(low)}"
-        if isinstance(high, Quantity) and item > high:
-            return f"is {in_words(item)}, expected at most {in_words(high)}"
+            return f"is {in_words(item)}, expected a quantity in {describe(one.dimension)}"
+        if self.min is not None and item < self.min:
+            return f"is {in_words(item)}, expected at least {in_words(self.min)}"
+        if self.max is not None and item > self.max:
+            return f"is {in_words(item)}, expected at most {in_words(self.max)}"
         return ""
 
 
@@ -84,13 +107,13 @@ class Preset(StrictModel):
 class LimitEntry(StrictModel):
     """What a result may be; at least one of both."""
 
-    min: AnyValue = None
-    max: AnyValue = None
+    min: Limit = None
+    max: Limit = None
 
     @model_validator(mode="after")
-    def _something(self) -> LimitEntry:
-        if not isinstance(self.min, Quantity) and not isinstance(self.max, Quantity):
-            raise ValueError("needs min or max, a quantity")
+    def _something(self) -> Self:
+        if self.min is None and self.max is None:
+            raise telling("needs min or max, or both")
         return self
 
 
@@ -103,15 +126,20 @@ class ResultEntry(StrictModel):
     limits: Mapping[str, LimitEntry] = {}
 
 
-class SequenceFile(StrictModel):
-    """One `sequences/*.yaml`."""
+class Outline(StrictModel):
+    """All that a sequence file says besides its steps."""
 
     schema_: Literal["itb-sequence/1"] = Field(alias="schema")
     title: Text
     needs: Mapping[Name, Annotated[str, AfterValidator(_kind)]]
     parameters: Mapping[Name, Parameter] = {}
     presets: Mapping[Name, Preset] = {}
-    setup: tuple[AnyBlock, ...] = ()
-    steps: Annotated[tuple[AnyBlock, ...], Field(min_length=1)]
-    teardown: tuple[AnyBlock, ...] = ()
     results: tuple[ResultEntry, ...] = ()
+
+
+class SequenceFile(Outline):
+    """One `sequences/*.yaml`."""
+
+    setup: tuple[AnyBlock, ...] = ()
+    steps: Annotated[tuple[AnyBlock, ...], NOT_EMPTY]
+    teardown: tuple[AnyBlock, ...] = ()

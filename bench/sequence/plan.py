@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from bench.config.document import Document, Place
-from bench.sequence.model import SequenceFile
+from bench.sequence.expressions import Value
+from bench.sequence.model import Outline
 from bench.sequence.steps import Step
-from bench.sequence.values import Value
 
 Phase = Literal["setup", "steps", "teardown"]
 
@@ -34,7 +34,7 @@ class Plan:
     """A sequence with its parameters chosen and its loops unrolled."""
 
     document: Document
-    sequence: SequenceFile
+    sequence: Outline
     parameters: Mapping[str, Value]
     preset: str | None
     setup: tuple[PlannedStep, ...]

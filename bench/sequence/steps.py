@@ -9,15 +9,16 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, PlainValidator, ValidationInfo, model_validator
-from pydantic_core import PydanticCustomError
 
 from drivers.capabilities import THERMOMETER, Approach
 from drivers.fields import (
+    NOT_EMPTY,
     Amperes,
     Celsius,
     CelsiusPerHour,
     CelsiusPerMinute,
     Degrees,
+    Name,
     PositiveAmperes,
     PositiveCelsius,
     PositiveSeconds,
@@ -26,8 +27,8 @@ from drivers.fields import (
     Volts,
 )
 from drivers.suggest import did_you_mean
-
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+from drivers.units import quoted
+from drivers.wording import expected, telling
 
 
 class Move(StrictModel):
@@ -55,11 +56,11 @@ class SetOutput(StrictModel):
         as_source = (self.current_a, self.compliance_v)
         if self.output == "off":
             if any(value is not None for value in (*as_supply, *as_source)):
-                raise ValueError("with 'output: off' there is no level to set")
+                raise telling("with 'output: off' there is no level to set")
         elif None in as_supply and None in as_source:
-            raise ValueError("switching on needs voltage and current_limit, or current and compliance")
+            raise telling("switching on needs voltage and current_limit, or current and compliance")
         elif any(value is not None for value in as_supply) and any(value is not None for value in as_source):
-            raise ValueError("give voltage and current_limit, or current and compliance, not both")
+            raise telling("give voltage and current_limit, or current and compliance, not both")
         return self
 
 
@@ -96,7 +97,7 @@ class Soak(StrictModel):
     @model_validator(mode="after")
     def _bounded(self) -> Soak:
         if self.until_stable is not None and self.give_up_after_s is None:
-            raise ValueError("'until_stable' needs 'give_up_after': say when to stop waiting")
+            raise telling("'until_stable' needs 'give_up_after': say when to stop waiting")
         return self
 
 
@@ -113,7 +114,7 @@ class ForEach(StrictModel):
 
     variable: Name = Field(alias="for_each")
     values: Any = Field(alias="in")
-    steps: Annotated[tuple[AnyBlock, ...], Field(min_length=1)]
+    steps: Annotated[tuple[AnyBlock, ...], NOT_EMPTY]
 
 
 Step = Move | SetOutput | Wait | Ramp | Soak | Acquire
@@ -140,15 +141,13 @@ def verb_of(step: Step) -> str:
 def block_model(raw: object) -> type[Step | ForEach]:
     """The model that a step's first key asks for; PydanticCustomError when it is not a verb."""
     if not isinstance(raw, dict) or not raw:
-        raise PydanticCustomError("step", "expected a step: a mapping whose first key is its verb")
+        raise expected("a step: a mapping whose first key is its verb", raw)
     verb = str(next(iter(raw)))
     if verb in BLOCKS:
         return BLOCKS[verb]
-    later = [key for key in raw if key in BLOCKS]
-    problem = f"unknown step '{verb}'{did_you_mean(verb, BLOCKS)}"
-    if later:
-        problem = f"the first key of a step is its verb: put '{later[0]}' before '{verb}'"
-    raise PydanticCustomError("step", "{problem}", {"problem": problem})
+    if later := [key for key in raw if key in BLOCKS]:
+        raise telling(f"the first key of a step is its verb: put '{later[0]}' before {quoted(verb)}")
+    raise telling(f"unknown step {quoted(verb)}{did_you_mean(verb, BLOCKS)}")
 
 
 def _block(raw: object, info: ValidationInfo) -> Step | ForEach:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
-
-from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
+from typing import Annotated
 
 from drivers.description import DriverDescription
-from drivers.fields import Arcseconds, Degrees, DegreesPerSecond, InUnit, PositiveSeconds, StrictModel
+from drivers.fields import (
+    Arcseconds,
+    Degrees,
+    DegreesPerSecond,
+    InUnit,
+    PositiveSeconds,
+    Range,
+    StrictModel,
+    text_like,
+)
 
 
 class SettleOptions(StrictModel):
@@ -26,7 +32,7 @@ class EnsembleOptions(StrictModel):
     it and `rate` follows how long a move may take. `poll` is how often a moving axis is looked at.
     """
 
-    axis: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,15}$")] = "X"
+    axis: Annotated[str, text_like("[A-Za-z][A-Za-z0-9_]{0,15}", "the name of an axis such as X")] = "X"
     rate: DegreesPerSecond
     settle: SettleOptions
     approach_distance: Annotated[float, InUnit("°", above=0, at_most=30)] = 2.0
@@ -34,17 +40,11 @@ class EnsembleOptions(StrictModel):
     poll: Annotated[float, InUnit("s", above=0, at_most=5)] = 0.1
 
 
-class AngleRange(StrictModel):
+class AngleRange(Range):
     """From `min` to `max`, both allowed; not taken modulo a turn, since cables are not."""
 
     min: Degrees
     max: Degrees
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        if self.min >= self.max:
-            raise PydanticCustomError("range", "{problem}", {"problem": f"min {self.min:g}° is not below max"})
-        return self
 
 
 class RateRange(StrictModel):

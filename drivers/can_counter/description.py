@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import Field
+from pydantic import ValidationError, model_validator
 
 from drivers.dbc_outline import outline
 from drivers.description import DriverDescription
-from drivers.fields import FileBeside, Hertz, InUnit, PositiveSeconds, Ratio, StrictModel
+from drivers.fields import NOT_EMPTY, FileBeside, Hertz, InUnit, PositiveSeconds, Ratio, StrictModel, text_like
+from drivers.suggest import did_you_mean
+from drivers.wording import problem_at
 
 IDLE_BLOCK_S = 10.0  # how long frames are left together while nobody acquires
 
-SignalName = Annotated[str, Field(pattern=r"^\w+\.\w+$")]
+SignalName = Annotated[str, text_like(r"\w+\.\w+", "Message.Signal, a name of the DBC")]
 
 
 class LatchOptions(StrictModel):
@@ -41,7 +43,28 @@ class CounterOptions(StrictModel):
     period: PositiveSeconds
     max_rate: Hertz
     latch: LatchOptions
-    channels: Annotated[dict[str, ChannelOptions], Field(min_length=1)]
+    channels: Annotated[dict[str, ChannelOptions], NOT_EMPTY]
+
+    @model_validator(mode="after")
+    def _signals_are_in_the_dbc(self) -> Self:
+        if not self.dbc.is_file():  # a bench file kept in a run outlives the files it names
+            return self
+        known = signals_of(self.dbc)
+        named: dict[tuple[str | int, ...], str | None] = {
+            ("latch", "tick"): self.latch.tick,
+            ("latch", "sequence"): self.latch.sequence,
+            ("latch", "boot_count"): self.latch.boot_count,
+        }
+        for channel, signals in self.channels.items():
+            named.update({("channels", channel, key): name for key, name in signals})
+        problems = [
+            problem_at(place, f"{self.dbc.name} has no signal '{name}'{did_you_mean(name, known)}")
+            for place, name in named.items()
+            if name is not None and name not in known
+        ]
+        if problems:
+            raise ValidationError.from_exception_data(type(self).__name__, problems)
+        return self
 
 
 class CounterUncertainty(StrictModel):
@@ -50,10 +73,14 @@ class CounterUncertainty(StrictModel):
     time_base: Annotated[Ratio, InUnit("", at_least=0)] = 0.0
 
 
+def signals_of(dbc: Path) -> Mapping[str, str]:
+    """The signals of a DBC file: `Message.Signal` → unit."""
+    return outline(dbc.read_text(encoding="utf-8", errors="replace"))
+
+
 def channels(options: CounterOptions) -> Mapping[str, str]:
     """Every signal of the DBC with a unit of temperature is a reading."""
-    signals = outline(options.dbc.read_text(encoding="utf-8", errors="replace"))
-    return {name: unit for name, unit in signals.items() if unit == "°C"}
+    return {name: unit for name, unit in signals_of(options.dbc).items() if unit == "°C"}
 
 
 DESCRIPTION = DriverDescription(

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Collection, Mapping, Sequence
 from contextlib import asynccontextmanager
 from typing import Self
+
+import numpy as np
 
 from drivers.can_counter import wire
 from drivers.can_counter.description import IDLE_BLOCK_S, CounterOptions
 from drivers.dbc import Dbc, DbcError
 from drivers.description import Nothing, Setup, check_identity
 from drivers.errors import BadAnswer, DriverError, InstrumentFault, NoAnswer
-from drivers.frame_block import FrameBlock
+from drivers.frame_block import EXTENDED, FrameBlock
 from drivers.transport.frames import FrameLink
 from drivers.values import Identity, Reading
 
@@ -39,6 +41,7 @@ class CanCounter:
         self._wake = asyncio.Event()
         self._failure: DriverError | None = None
         self._last_latch_s = 0.0
+        self._last_numbers = np.empty(0, np.int64)  # of the last latches
         self._link: FrameLink
         self._format: wire.CounterFormat
         self._intake: asyncio.Task[None]
@@ -85,9 +88,9 @@ class CanCounter:
         """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one."""
         if self._acquisition is not None:
             raise InstrumentFault(self.name, "an acquisition is under way already")
+        self._absorb()
         if self._failure is not None:
             raise self._failure
-        self._absorb()
         blocks = self._acquisition = _Blocks()
         self._wake.set()
         try:
@@ -110,14 +113,25 @@ class CanCounter:
     async def _first_latch(self) -> None:
         loop = asyncio.get_running_loop()
         deadline = loop.time() + FIRST_FRAME_S
-        while not len(wire.latches(self._format, self._link.take())[0]):
+        heard: set[int] = set()
+        while not len(wire.latches(self._format, block := self._link.take())[0]):
+            heard.update(block.ids.tolist())
             if loop.time() >= deadline:
-                raise NoAnswer(
-                    self.name, f"no latch frame within {FIRST_FRAME_S:g} s on {self._setup.address}",
-                    remedy="Check that the converter is on, the bus is terminated, and the bit rate is right.",
-                )  # fmt: skip
+                raise self._no_latch(heard)
             await asyncio.sleep(self._options.period)
         self._last_latch_s = loop.time()
+
+    def _no_latch(self, heard: Collection[int]) -> NoAnswer:
+        """Says which frames came instead of a latch."""
+        latch = self._format.sequence.message
+        problem = (
+            f"no {latch.name} frame (0x{latch.id & ~EXTENDED:x}) within {FIRST_FRAME_S:g} s on {self._setup.address}"
+        )
+        if heard:
+            others = ", ".join(f"0x{frame_id & ~EXTENDED:x}" for frame_id in sorted(heard)[:8])
+            return NoAnswer(self.name, problem, received=others, remedy="Check that the DBC is that of this counter.")
+        remedy = "Check that the converter is on, the bus is terminated, and the bit rate is right."
+        return NoAnswer(self.name, problem, received="no frame at all", remedy=remedy)
 
     async def _take_in(self) -> None:
         """Takes frames in from time to time, more often while somebody acquires."""
@@ -132,6 +146,8 @@ class CanCounter:
 
     def _absorb(self) -> None:
         """Takes what has arrived by now; a fault ends the intake and the acquisition."""
+        if self._failure is not None:
+            return
         try:
             block = self._link.take()
             for name, (at_s, values) in wire.temperatures(self._format, block).items():
@@ -142,24 +158,25 @@ class CanCounter:
             self._watch(block)
         except DriverError as problem:
             self._failure = problem
+            self._link.close()  # or frames would go on piling up
             if self._acquisition is not None:
                 self._acquisition.end(problem)
 
     def _watch(self, block: FrameBlock) -> None:
         """Raises when latches have stopped coming, or come with one sequence number."""
-        now = asyncio.get_running_loop().time()
-        sequence, _ = wire.latches(self._format, block)
+        sequence, at_s = wire.latches(self._format, block)
         if len(sequence):
-            self._last_latch_s = now
+            self._last_latch_s = float(at_s[-1])
+        self._last_numbers = np.concatenate([self._last_numbers, sequence])[-STANDING_LATCHES:]
         silent_s = SILENT_PERIODS * self._options.period
-        if now - self._last_latch_s > silent_s:
+        if asyncio.get_running_loop().time() - self._last_latch_s > silent_s:
             raise NoAnswer(
                 self.name, f"counter frames have stopped: none for more than {silent_s:g} s",
                 remedy="Check the converter's power, the CAN cable and the adapter, then run again.",
             )  # fmt: skip
-        if len(sequence) >= STANDING_LATCHES and (sequence == sequence[0]).all():
+        if len(self._last_numbers) == STANDING_LATCHES and not np.diff(self._last_numbers).any():
             raise InstrumentFault(
-                self.name, f"the counter stands still: {len(sequence)} latches with sequence number {sequence[0]}",
+                self.name, f"the counter stands still: its latches have the sequence number {self._last_numbers[0]}",
                 remedy="Restart the converter; its frames repeat old counts.",
             )  # fmt: skip
 

@@ -100,23 +100,29 @@ def counter_format(
 def decode_counts(form: CounterFormat, channel: str, block: FrameBlock) -> Counts:
     """The counts of one channel in a block, paired with their latches."""
     pair = form.channels[channel]
-    latch_rows, latch_sequence, latch_dropped = _in_order(form.sequence, block, None)
-    origin = int(latch_sequence[0]) if len(latch_sequence) else None
-    axis_rows, axis_sequence, axis_dropped = _in_order(pair.sequence, block, origin)
-    sequence, of_latch, of_axis = np.intersect1d(latch_sequence, axis_sequence, return_indices=True)
-    latch, axis = block.data[latch_rows[of_latch]], block.data[axis_rows[of_axis]]
+    latch_rows, latch_raw = _numbers(form.sequence, block)
+    latch_numbers = _unwrapped(latch_raw, form.sequence.signal.length)
+    axis_rows, axis_raw = _numbers(pair.sequence, block)
+    before = np.searchsorted(latch_rows, axis_rows) - 1  # the last latch that came before
+    near = latch_numbers[np.maximum(before, 0)] if len(latch_rows) else np.zeros_like(axis_raw)
+    axis_numbers = near + _shortest(axis_raw - near, pair.sequence.signal.length)
+    fresh_latch, fresh_axis = _ascending(latch_numbers), _ascending(axis_numbers)
+    sequence, of_latch, of_axis = np.intersect1d(
+        latch_numbers[fresh_latch], axis_numbers[fresh_axis], assume_unique=True, return_indices=True
+    )
+    latch, axis = block.data[latch_rows[fresh_latch][of_latch]], block.data[axis_rows[fresh_axis][of_axis]]
     boots = form.boot_count.signal.raw(block.data[latch_rows]) if form.boot_count else np.empty(0, np.int64)
-    expected = int(latch_sequence[-1] - latch_sequence[0]) + 1 if len(latch_sequence) else 0
+    expected = int(latch_numbers.max() - latch_numbers[0]) + 1 if len(latch_rows) else 0
     return Counts(
         sequence=sequence,
         tick=form.tick.signal.raw(latch),
         positive=pair.positive.signal.raw(axis),
         negative=pair.negative.signal.raw(axis),
-        host_s=block.at_s[latch_rows[of_latch]],
+        host_s=block.at_s[latch_rows[fresh_latch][of_latch]],
         tick_bits=form.tick.signal.length,
         counter_bits=pair.positive.signal.length,
         lost=expected - len(sequence),
-        dropped=latch_dropped + axis_dropped,
+        dropped=int(np.count_nonzero(~fresh_latch) + np.count_nonzero(~fresh_axis)),
         restarts=int(np.count_nonzero(np.diff(boots))),
     )
 
@@ -137,26 +143,28 @@ def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDAr
     return found
 
 
-def _in_order(field: Field, block: FrameBlock, near: int | None) -> tuple[NDArray[np.intp], Integers, int]:
-    """Rows of a message whose sequence number goes up, those numbers unwrapped, and how many rows were dropped.
+def _numbers(sequence: Field, block: FrameBlock) -> tuple[NDArray[np.intp], Integers]:
+    """The rows of a block with a message, and the raw sequence numbers in them."""
+    rows = sequence.message.rows(block)
+    return rows, sequence.signal.raw(block.data[rows])
 
-    A step of half the range or more is a step back. `near` is a number that the first one is unwrapped next to.
-    """
-    rows = field.message.rows(block)
-    modulus = 1 << field.signal.length
-    raw = field.signal.raw(block.data[rows])
-    if not len(raw):
-        return rows, raw, 0
-    start = int(raw[0])
-    if near is not None:
-        start = near + (start - near + modulus // 2) % modulus - modulus // 2
-    steps = np.diff(raw, prepend=raw[0]) % modulus
-    backward = steps >= modulus // 2
-    unwrapped = start + np.cumsum(np.where(backward, steps - modulus, steps))
-    ahead = np.maximum.accumulate(unwrapped)
-    fresh = np.ones(len(raw), dtype=bool)
-    fresh[1:] = unwrapped[1:] > ahead[:-1]
-    return rows[fresh], unwrapped[fresh], int(np.count_nonzero(~fresh))
+
+def _shortest(steps: Integers, bits: int) -> Integers:
+    """Steps of a number that wraps; half its range or more is a step back."""
+    half = 1 << (bits - 1)
+    return (steps + half) % (2 * half) - half
+
+
+def _unwrapped(raw: Integers, bits: int) -> Integers:
+    """Numbers that wrap as numbers that do not, counted from the first."""
+    return np.concatenate([raw[:1], raw[:1] + np.cumsum(_shortest(np.diff(raw), bits))])
+
+
+def _ascending(numbers: Integers) -> NDArray[np.bool_]:
+    """Which of the numbers are above all before them."""
+    fresh = np.ones(len(numbers), dtype=bool)
+    fresh[1:] = numbers[1:] > np.maximum.accumulate(numbers)[:-1]
+    return fresh
 
 
 def encode_frames(dbc: Dbc, at_s: NDArray[np.float64], values: Mapping[str, Mapping[str, Integers]]) -> FrameBlock:

@@ -8,17 +8,26 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from urllib.parse import parse_qsl, urlsplit
+
+from drivers.suggest import did_you_mean
+from drivers.units import quoted
 
 _SIMULATED = "sim+"
-_HOST = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]{0,252}[A-Za-z0-9])?|[0-9a-fA-F:]{2,45}")
+_TCP = re.compile(r"//(?:(?P<host>\w(?:[\w.-]{0,252}\w)?)|\[(?P<v6>[0-9a-fA-F:.]{2,45})\]):(?P<port>\d{1,5})", re.ASCII)
+_DEVICE_FILE = re.compile(r"//(?P<path>/[^\x00-\x1f\x7f#]+)")
+_INTERFACE = re.compile(r"(?P<path>\w+/[^\x00-\x1f\x7f#/]+)", re.ASCII)
+_NUMBER = "[1-9][0-9]{0,7}"
 
-# scheme: (needs a port, needs a path, the options it knows)
-_SCHEMES: Mapping[str, tuple[bool, bool, frozenset[str]]] = {
-    "tcp": (True, False, frozenset()),
-    "serial": (False, True, frozenset({"baud", "bytesize", "parity", "stopbits", "flow"})),
-    "slcan": (False, True, frozenset({"bitrate", "baud"})),
-    "can": (False, True, frozenset({"bitrate"})),
+# scheme: what follows the colon, the options and their values, and an example for messages
+_SCHEMES: Mapping[str, tuple[re.Pattern[str], Mapping[str, str], str]] = {
+    "tcp": (_TCP, {}, "tcp://192.168.1.10:502"),
+    "serial": (
+        _DEVICE_FILE,
+        {"baud": _NUMBER, "bytesize": "[5-8]", "parity": "[NEOMS]", "stopbits": "[12]", "flow": "none|rtscts|xonxoff"},
+        "serial:///dev/ttyUSB0?baud=9600",
+    ),
+    "slcan": (_DEVICE_FILE, {"bitrate": _NUMBER, "baud": _NUMBER}, "slcan:///dev/ttyACM0?bitrate=500000"),
+    "can": (_INTERFACE, {"bitrate": _NUMBER}, "can:socketcan/can0?bitrate=500000"),
 }
 
 
@@ -40,24 +49,30 @@ class Address:
     @classmethod
     def parse(cls, text: str) -> Address:
         """The address that `text` spells; AddressError says what is wrong with it."""
-        simulated = text.startswith(_SIMULATED)
-        parts = urlsplit(text.removeprefix(_SIMULATED))
-        if parts.scheme not in _SCHEMES:
-            raise AddressError(f"'{text}' is not an address; expected {', '.join(_SCHEMES)} before a colon")
-        needs_port, needs_path, known = _SCHEMES[parts.scheme]
-        options = dict(parse_qsl(parts.query, keep_blank_values=True))
-        if unknown := sorted(set(options) - known):
-            raise AddressError(f"'{text}' has an unknown option '{unknown[0]}'")
-        if needs_port:
-            return cls("tcp", *_host_and_port(text, parts.netloc), options=options, simulated=simulated)
-        if needs_path and (not parts.path.strip("/") or parts.netloc):
-            raise AddressError(f"'{text}' names no device file; write {parts.scheme}:///dev/…")
-        return cls(parts.scheme, path=parts.path, options=options, simulated=simulated)
+        scheme, colon, rest = text.removeprefix(_SIMULATED).partition(":")
+        if not colon or scheme not in _SCHEMES:
+            examples = " or ".join(_SCHEMES[known][2] for known in ("tcp", "serial"))
+            raise AddressError(f"{quoted(text)} is not an address; expected one like {examples}")
+        form, known_options, example = _SCHEMES[scheme]
+        where, _, query = rest.partition("?")
+        found = form.fullmatch(where)
+        parts = found.groupdict(default="") if found else {}
+        port = int(parts.get("port", 0))
+        if not found or (scheme == "tcp") != (0 < port < 65536):
+            raise AddressError(f"{quoted(text)} is not a {scheme} address; expected one like {example}")
+        return cls(
+            scheme,
+            host=parts.get("host", "") or parts.get("v6", ""),
+            port=port,
+            path=parts.get("path", ""),
+            options=_options(text, query, known_options),
+            simulated=text.startswith(_SIMULATED),
+        )
 
     def option(self, name: str, default: int) -> int:
         """A whole-number option; AddressError when it is something else."""
         text = self.options.get(name, str(default))
-        if not text.isascii() or not text.isdigit() or not 0 < int(text) < 10**8:
+        if re.fullmatch(_NUMBER, text) is None:
             raise AddressError(f"{self}: '{name}={text}' is not a whole number")
         return int(text)
 
@@ -67,18 +82,28 @@ class Address:
 
     @property
     def is_local(self) -> bool:
-        """Whether this machine itself could be the other end: loopback, or a file below a temporary directory."""
-        return self.host in ("localhost", "127.0.0.1", "::1") or (bool(self.path) and not self.path.startswith("/dev/"))
+        """Whether this machine itself could be the other end: loopback, or a file that is not in /dev."""
+        is_file = self.path.startswith("/")
+        return self.host in ("localhost", "127.0.0.1", "::1") or (is_file and not self.path.startswith("/dev/"))
 
     def __str__(self) -> str:
-        where = f"//{self.host}:{self.port}" if self.scheme == "tcp" else f"//{self.path}"
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        where = f"//{host}:{self.port}" if self.scheme == "tcp" else self.path
+        if self.path.startswith("/"):
+            where = f"//{self.path}"
         query = "&".join(f"{key}={value}" for key, value in self.options.items())
         return f"{_SIMULATED if self.simulated else ''}{self.scheme}:{where}" + (f"?{query}" if query else "")
 
 
-def _host_and_port(text: str, netloc: str) -> tuple[str, int]:
-    host, colon, port = netloc.rpartition(":")
-    host = host.strip("[]")
-    if not colon or not _HOST.fullmatch(host) or not port.isdigit() or not 0 < int(port) < 65536:
-        raise AddressError(f"'{text}' needs a host and a port, like tcp://192.168.1.10:502")
-    return host, int(port)
+def _options(text: str, query: str, known: Mapping[str, str]) -> Mapping[str, str]:
+    options: dict[str, str] = {}
+    for part in query.split("&") if query else ():
+        key, _, value = part.partition("=")
+        if key not in known:
+            raise AddressError(f"{quoted(text)} has an unknown option {quoted(key)}{did_you_mean(key, known)}")
+        if key in options:
+            raise AddressError(f"{quoted(text)} has the option '{key}' twice")
+        if re.fullmatch(known[key], value) is None:
+            raise AddressError(f"{quoted(text)}: the option '{key}' cannot be {quoted(value)}")
+        options[key] = value
+    return options

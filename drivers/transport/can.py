@@ -69,8 +69,9 @@ class Slcan(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Bytes from the adapter, stamped with their arrival."""
         if self._answer is not None and not self._answer.done():
-            if slcan.REFUSED in data or slcan.END in data:
-                self._answer.set_result(slcan.END in data)
+            agreed, self._rest = slcan.answer(self._rest + data)
+            if agreed is not None:
+                self._answer.set_result(agreed)
             return
         self._chunks.append((asyncio.get_running_loop().time(), data))
 
@@ -154,12 +155,10 @@ class PythonCan:
         if count == COLLECT_LIMIT_FRAMES:
             raise InstrumentFault(self._device, "frames arrived faster than anybody took them, and some are lost")
         taken = [self._frames.popleft() for _ in range(count)]
-        data = np.zeros((count, 8), np.uint8)
-        for row, (_, _, _, payload) in enumerate(taken):
-            data[row, : len(payload)] = list(payload)
+        data = b"".join(payload.ljust(8, b"\0") for _, _, _, payload in taken)
         return FrameBlock(
             np.array([frame[1] for frame in taken], np.uint32), np.array([frame[0] for frame in taken], np.float64),
-            np.array([frame[2] for frame in taken], np.uint8), data,
+            np.array([frame[2] for frame in taken], np.uint8), np.frombuffer(data, np.uint8).reshape(count, 8),
         )  # fmt: skip
 
     def close(self) -> None:
@@ -192,7 +191,7 @@ class PythonCan:
             return None
 
     def _keep(self, message: can.Message) -> None:
-        if message.is_error_frame:
+        if message.is_error_frame or message.is_remote_frame:  # neither carries data
             return
         frame_id = message.arbitration_id | (EXTENDED if message.is_extended_id else 0)
         self._frames.append((self._loop.time(), frame_id, message.dlc, bytes(message.data[:8])))

@@ -113,6 +113,10 @@ class DeviceTransport(asyncio.Transport):
         if self._writer is not None:
             self._writer.write(data)
 
+    def get_write_buffer_size(self) -> int:
+        """Bytes that the kernel has not taken yet."""
+        return 0 if self._writer is None else self._writer.get_write_buffer_size()
+
     def is_closing(self) -> bool:
         """Whether the device is closed or about to be."""
         return self._reader is None or self._reader.is_closing()

@@ -24,14 +24,15 @@ for _index, _digit in enumerate(b"0123456789ABCDEF"):
 for _index, _digit in enumerate(b"abcdef", start=10):
     _NIBBLES[_digit] = _index
 _DIGITS = np.frombuffer(b"0123456789ABCDEF", np.uint8)
-_ID_DIGITS = {ord("t"): 3, ord("T"): 8}
+_IDENTIFIERS = {ord("t"): (3, 8), ord("T"): (8, 2)}  # how many digits, and what the first is below: 11 and 29 bits
 
 
 def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:
     """The frames in `data`, what is left of an unfinished line, and how many lines were not frames.
 
-    All frames get the arrival time `at_s`. Acknowledgements (empty lines, `z`, `Z`) are neither frames nor errors.
+    All frames get the arrival time `at_s`. Acknowledgements (BEL, empty lines, `z`, `Z`) are neither frames nor errors.
     """
+    data = data.replace(REFUSED, END)
     cut = data.rfind(END) + 1
     whole, rest = data[:cut], data[cut:]
     characters = np.frombuffer(whole, np.uint8)
@@ -43,8 +44,8 @@ def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:
     for length in np.unique(lengths):
         rows = np.flatnonzero(lengths == length)
         lines = characters[starts[rows, None] + np.arange(length)]
-        for kind, id_digits in _ID_DIGITS.items():
-            good, block = _frames(lines, kind, id_digits, at_s)
+        for kind in _IDENTIFIERS:
+            good, block = _frames(lines, kind, at_s)
             order.append(rows[good])
             blocks.append(block)
     position = np.concatenate(order) if order else np.empty(0, np.intp)
@@ -57,21 +58,31 @@ def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:
     return ordered, rest, int(spoken - len(position))
 
 
-def _frames(lines: NDArray[np.uint8], kind: int, id_digits: int, at_s: float) -> tuple[NDArray[np.bool_], FrameBlock]:
+def answer(data: bytes) -> tuple[bool | None, bytes]:
+    """What an adapter says to a command among the frames that it may be sending, and what is left of a line.
+
+    True is an empty line, it agrees; False is BEL, it refuses; None is nothing yet.
+    """
+    *lines, rest = data.replace(REFUSED, END).split(END)
+    return (False if REFUSED in data else True if b"" in lines else None), rest
+
+
+def _frames(lines: NDArray[np.uint8], kind: int, at_s: float) -> tuple[NDArray[np.bool_], FrameBlock]:
     """Which of equally long lines are frames of one kind, and those frames."""
-    length = lines.shape[1]
-    digits = length - 2 - id_digits
+    id_digits, first_below = _IDENTIFIERS[kind]
+    digits = lines.shape[1] - 2 - id_digits
     if digits < 0 or digits > 16 or digits % 2:
         return np.zeros(len(lines), dtype=bool), FrameBlock.empty()
     nibbles = _NIBBLES[lines[:, 1:]]
-    good = (lines[:, 0] == kind) & (nibbles < 16).all(axis=1) & (nibbles[:, id_digits] == digits // 2)
+    good = (lines[:, 0] == kind) & (nibbles < 16).all(axis=1)
+    good &= (nibbles[:, 0] < first_below) & (nibbles[:, id_digits] == digits // 2)
     nibbles = nibbles[good]
     weights = 16 ** np.arange(id_digits - 1, -1, -1, dtype=np.uint32)
     payload = nibbles[:, id_digits + 1 :]
     frame_bytes = np.zeros((len(nibbles), 8), np.uint8)
     frame_bytes[:, : digits // 2] = payload[:, 0::2] << 4 | payload[:, 1::2]
     ids = (nibbles[:, :id_digits].astype(np.uint32) * weights).sum(axis=1, dtype=np.uint32)
-    if id_digits == _ID_DIGITS[ord("T")]:
+    if kind == ord("T"):
         ids |= np.uint32(EXTENDED)
     count = len(nibbles)
     return good, FrameBlock(ids, np.full(count, at_s), np.full(count, digits // 2, np.uint8), frame_bytes)

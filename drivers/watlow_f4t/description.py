@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated
 
-from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import Field
 
 from drivers.description import DriverDescription
-from drivers.fields import Celsius, CelsiusPerMinute, InUnit, PositiveSeconds, StrictModel
+from drivers.fields import (
+    Celsius,
+    CelsiusPerMinute,
+    Flag,
+    InUnit,
+    PositiveSeconds,
+    Range,
+    StrictModel,
+    WholeNumber,
+)
 from drivers.watlow_f4t.wire import WordOrder
 
 
@@ -19,25 +27,19 @@ class F4TOptions(StrictModel):
     request over several values.
     """
 
-    unit_id: Annotated[int, Field(ge=1, le=247)] = 1
-    loop: Annotated[int, Field(ge=1, le=4)] = 1
+    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = 1
+    loop: Annotated[WholeNumber, Field(ge=1, le=4)] = 1
     word_order: WordOrder = "low_first"
     poll: Annotated[float, InUnit("s", above=0, at_most=30)] = 1.0
     answer_timeout: PositiveSeconds = 3.0
-    block_reads: bool = True
+    block_reads: Flag = True
 
 
-class TemperatureRange(StrictModel):
+class TemperatureRange(Range):
     """From `min` to `max`, both allowed."""
 
     min: Celsius
     max: Celsius
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        if self.min >= self.max:
-            raise PydanticCustomError("range", "{problem}", {"problem": f"min {self.min:g} °C is not below max"})
-        return self
 
 
 class RampRateRange(StrictModel):

@@ -37,11 +37,11 @@ def test_it_is_installed_under_its_name() -> None:
 @pytest.mark.parametrize(
     ("model", "data", "problem"),
     [
-        (EnsembleOptions, OPTIONS | {"axis": "X Y"}, "pattern"),
+        (EnsembleOptions, OPTIONS | {"axis": "X Y"}, "expected the name of an axis such as X"),
         (EnsembleOptions, OPTIONS | {"rate": "20 °"}, "expected a quantity in °/s"),
         (EnsembleOptions, OPTIONS | {"settle": {"band": "0 arcsec", "hold": "1 s"}}, "more than 0"),
         (EnsembleOptions, OPTIONS | {"settel": {}}, "did you mean 'settle'"),
-        (EnsembleLimits, LIMITS | {"angle": {"min": "5°", "max": "-5°"}}, "min 5° is not below max"),
+        (EnsembleLimits, LIMITS | {"angle": {"min": "5°", "max": "-5°"}}, "min is not below max"),
         (EnsembleLimits, {"angle": LIMITS["angle"]}, "missing"),
     ],
 )

@@ -33,7 +33,7 @@ def test_it_is_installed_under_its_name() -> None:
         (LIMITS | {"voltage": {"max": "0 V"}}, "more than 0"),
         (LIMITS | {"voltage": {"max": "16 A"}}, "expected a quantity in V"),
         ({"voltage": LIMITS["voltage"]}, "missing"),
-        (LIMITS | {"power": {}}, "unknown key 'power'"),
+        (LIMITS | {"power": {}}, "unknown key; expected voltage or current"),
     ],
 )
 def test_a_wrong_bench_file_is_told_what_is_wrong(data: Any, problem: str) -> None:

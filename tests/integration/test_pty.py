@@ -182,7 +182,7 @@ def test_a_port_that_is_not_there_cannot_be_opened(tmp_path: Path) -> None:
             with pytest.raises(CannotConnect, match="Check the path"):
                 await open_serial("ear", address_of(path), Ear)
         with pytest.raises(CannotConnect):
-            await open_serial("ear", Address.parse("serial:///dev/null?parity=X"), Ear)
+            await open_serial("ear", Address("serial", path="/dev/null", options={"parity": "X"}), Ear)
 
     run(main())
 

@@ -68,7 +68,7 @@ def test_a_question_waits_until_the_line_is_silent() -> None:
         await value(line, 1)
         answered_s = now_s()
         await value(line, 2)
-        assert now_s() - answered_s == pytest.approx(PACE.gap_s + 2 * LINE.latency_s)
+        assert now_s() - answered_s == pytest.approx(PACE.gap_s + LINE.latency_s)
 
     talk(use)
 

@@ -1,0 +1,144 @@
+"""What a bench file says of one instrument: the blocks of every driver, and the driver's own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Self
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    Field,
+    ModelWrapValidatorHandler,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
+from pydantic_core import InitErrorDetails
+
+from drivers.description import DriverDescription, IdentityPin, known_drivers
+from drivers.fields import Date, Number, StrictModel, inner_errors
+from drivers.suggest import did_you_mean
+from drivers.transport.address import Address, AddressError
+from drivers.units import quoted
+from drivers.wording import expected, problem_at, telling
+
+Text = Annotated[str, Field(min_length=1, max_length=200)]
+CoverageFactor = Annotated[Number, Field(gt=0, le=4)]
+
+
+class Calibration(StrictModel):
+    """A certificate; `U` holds expanded uncertainties, under the names that the driver or the reading gives them."""
+
+    certificate: Text
+    laboratory: Text
+    date: Date
+    due: Date
+    k: CoverageFactor = 2.0
+    U: Any = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _due_after_it_was_made(self) -> Self:
+        if self.due <= self.date:
+            raise telling(f"is due on {self.due}, which is not after its date {self.date}")
+        return self
+
+
+def _known_driver(name: str) -> str:
+    if name not in known_drivers():
+        raise telling(f"there is no driver {quoted(name)}{did_you_mean(name, known_drivers())}")
+    return name
+
+
+def _address(raw: object) -> Address:
+    if not isinstance(raw, str):
+        raise expected("an address like tcp://192.168.1.10:502", raw)
+    try:
+        return Address.parse(raw)
+    except AddressError as problem:
+        raise telling(str(problem)) from None
+
+
+class DeviceEntry(StrictModel):
+    """One instrument; the blocks options, limits, safe and calibration.U are the driver's own models."""
+
+    driver: Annotated[str, AfterValidator(_known_driver)]
+    connection: Annotated[Address, BeforeValidator(_address)]
+    options: Any = None
+    identity: IdentityPin = IdentityPin()
+    limits: Any = None
+    safe: Any = None
+    calibration: Calibration | None = None
+
+    @property
+    def description(self) -> DriverDescription:
+        """What is known of the driver."""
+        return known_drivers()[self.driver]
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_the_blocks_of_its_driver(
+        cls, data: Any, handler: ModelWrapValidatorHandler[Any], info: ValidationInfo
+    ) -> Any:
+        """All problems at once: a misspelt key of the entry does not hide what is wrong in a block of the driver."""
+        entry: DeviceEntry | None = None
+        blocks: dict[str, BaseModel] = {}
+        problems: list[InitErrorDetails] = []
+        try:
+            entry = handler(data)
+        except ValidationError as error:
+            problems += inner_errors(error)
+        if isinstance(data, Mapping) and isinstance(driver := data.get("driver"), str):
+            description = known_drivers().get(driver)
+            if description is not None:
+                blocks = _blocks(description, data, info, problems)
+                problems += _misfits(description, entry, blocks)
+        if problems or entry is None:
+            raise ValidationError.from_exception_data(cls.__name__, problems)
+        update: dict[str, Any] = {name: blocks[name] for name in ("options", "limits", "safe")}
+        if entry.calibration is not None:
+            update["calibration"] = entry.calibration.model_copy(update={"U": blocks["U"]})
+        return entry.model_copy(update=update)
+
+
+def _blocks(
+    description: DriverDescription, data: Mapping[str, Any], info: ValidationInfo, problems: list[InitErrorDetails]
+) -> dict[str, BaseModel]:
+    """The valid blocks among options, limits, safe and U; what is wrong with the others goes to `problems`."""
+    blocks: dict[str, BaseModel] = {}
+    own: list[tuple[tuple[str, ...], type[BaseModel], Mapping[str, Any]]] = [
+        (("options",), description.options, data),
+        (("limits",), description.limits, data),
+        (("safe",), description.safe, data),
+    ]
+    if isinstance(certificate := data.get("calibration"), Mapping):
+        own.append((("calibration", "U"), description.uncertainty, certificate))
+    for place, model, around in own:
+        name = place[-1]
+        if name not in around and any(field.is_required() for field in model.model_fields.values()):
+            problems.append(problem_at(place, "is missing"))
+            continue
+        try:
+            blocks[name] = model.model_validate(around.get(name, {}), context=info.context)
+        except ValidationError as error:
+            problems += inner_errors(error, place)
+    return blocks
+
+
+def _misfits(
+    description: DriverDescription, entry: DeviceEntry | None, blocks: Mapping[str, BaseModel]
+) -> Iterator[InitErrorDetails]:
+    """An address that the driver cannot use, and settings that the entry's own limits do not allow."""
+    if entry is not None and (scheme := entry.connection.scheme) not in description.schemes:
+        known = " or ".join(sorted(description.schemes))
+        yield problem_at(("connection",), f"{description.name} is reached by {known}, not by {scheme}")
+    limits = blocks.get("limits")
+    for block in ("options", "safe"):
+        for name, value in blocks.get(block) or ():
+            allowed = getattr(limits, name, None)
+            low, high = getattr(allowed, "min", None), getattr(allowed, "max", None)
+            if low is not None and value < low:
+                yield problem_at((block, name), f"is below the min of limits.{name}")
+            if high is not None and value > high:
+                yield problem_at((block, name), f"is above the max of limits.{name}")

@@ -1,0 +1,173 @@
+"""Expressions `${…}` over parameters and loop variables: arithmetic and comparison of quantities, a few functions.
+
+A constant with a unit stands in quotes: `${temperature + '5 °C'}`. Everything else that Python knows (attributes,
+indices, powers, formatted text, calls of anything but the functions here) is refused before it is evaluated.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from drivers.quantities import Quantity, as_quantity, parse
+from drivers.suggest import did_you_mean
+from drivers.units import QuantityError, quoted
+from drivers.wording import in_words
+
+Scalar = Quantity | bool | str
+Value = Scalar | tuple[Scalar, ...]
+
+LENGTH_LIMIT = 500
+
+
+class ValueProblem(ValueError):
+    """A value or an expression that cannot be used."""
+
+
+def scalar_of(raw: object) -> Scalar:
+    """A number as a ratio, text that is a quantity as one, other text and truths as they are; raises ValueProblem.
+
+    Text that begins like a number must be a quantity.
+    """
+    if isinstance(raw, (bool, Quantity)):
+        return raw
+    if isinstance(raw, (int, float)) and math.isfinite(raw):
+        return Quantity(float(raw))
+    if not isinstance(raw, str) or not raw:
+        raise ValueProblem(f"is {in_words(raw)}, expected a value")
+    try:
+        return parse(raw)
+    except QuantityError as problem:
+        if raw[0].isnumeric() or raw[0] in "+-−.":
+            raise ValueProblem(str(problem)) from None
+        return raw
+
+
+def evaluate(expression: str, names: Mapping[str, Value]) -> Value:
+    """The value of an expression; raises ValueProblem."""
+    try:
+        read = _read(expression)
+        for what, used, known in (("name", read.names, names), ("function", read.functions, _FUNCTIONS)):
+            for name in sorted(used - set(known)):
+                raise ValueProblem(f"there is no {what} '{name}'{did_you_mean(name, known)}")
+        return _evaluated(expression, read.tree, names)
+    except (ValueProblem, QuantityError) as problem:
+        reason = str(problem)
+    except TypeError:
+        reason = "a function has too many or too few values"
+    except (ValueError, ArithmeticError, MemoryError, RecursionError):
+        reason = "is too deep or too large to be worked out"
+    raise ValueProblem(f"{quoted(f'${{{expression}}}')}: {reason}")
+
+
+class _Read(NamedTuple):
+    """An expression as a tree, and the names of values and functions in it."""
+
+    tree: ast.expr
+    names: frozenset[str]
+    functions: frozenset[str]
+
+
+@functools.lru_cache(maxsize=256)
+def _read(expression: str) -> _Read:
+    """Reads an expression; raises ValueProblem for all of Python that is not understood here."""
+    if len(expression) > LENGTH_LIMIT:
+        raise ValueProblem(f"has more than {LENGTH_LIMIT} characters")
+    try:
+        tree = ast.parse(expression.strip(), mode="eval").body
+    except SyntaxError:
+        raise ValueProblem(f"is not an expression; {_UNDERSTOOD}") from None
+    nodes = list(ast.walk(tree))
+    if not all(isinstance(node, _NODES) for node in nodes):
+        raise ValueProblem(_UNDERSTOOD)
+    called = {node.func for node in nodes if isinstance(node, ast.Call)}
+    names, functions = (
+        frozenset(node.id for node in nodes if isinstance(node, ast.Name) and (node in called) == is_called)
+        for is_called in (False, True)
+    )
+    return _Read(tree, names, functions)
+
+
+def _evaluated(expression: str, tree: ast.expr, names: Mapping[str, Value]) -> Value:
+    from simpleeval import SimpleEval  # only where a sequence has expressions
+
+    evaluator = SimpleEval(operators=_OPERATORS, functions=_FUNCTIONS, names=dict(names))
+    evaluator.nodes[ast.Constant] = lambda node: scalar_of(node.value)
+    found = evaluator.eval(expression, previously_parsed=tree)
+    return found if isinstance(found, tuple) else scalar_of(found)
+
+
+def _numbers(values: tuple[object, ...]) -> Iterator[Quantity]:
+    """Quantities, those in lists too."""
+    for value in values:
+        yield from map(as_quantity, value if isinstance(value, tuple) else (value,))
+
+
+def _smallest(*values: object) -> Quantity:
+    return functools.reduce(lambda a, b: a if a <= b else b, _numbers(values))
+
+
+def _largest(*values: object) -> Quantity:
+    return functools.reduce(lambda a, b: a if a >= b else b, _numbers(values))
+
+
+def _rounded(value: object) -> Quantity:
+    return Quantity(float(round(as_quantity(value).to(""))))
+
+
+def _root(value: object) -> Quantity:
+    quantity = as_quantity(value)
+    if quantity.base_value < 0:
+        raise QuantityError("the square root of a negative quantity")
+    return Quantity(math.sqrt(quantity.base_value), tuple(power / 2 for power in quantity.dimension))
+
+
+def _turning(function: Callable[[float], float]) -> Callable[[object], Quantity]:
+    return lambda angle: Quantity(function(math.radians(as_quantity(angle).to("°"))))
+
+
+def _length(values: object) -> Quantity:
+    if not isinstance(values, tuple):
+        raise QuantityError("len needs a list")
+    return Quantity(float(len(values)))
+
+
+def _equal(a: object, b: object) -> bool:
+    if isinstance(a, Quantity) or isinstance(b, Quantity):
+        return as_quantity(a) <= b and as_quantity(a) >= b
+    return a == b
+
+
+_OPERATORS: dict[type[ast.AST], Any] = {
+    ast.Add: lambda a, b: as_quantity(a) + b,
+    ast.Sub: lambda a, b: as_quantity(a) - b,
+    ast.Mult: lambda a, b: as_quantity(a) * b,
+    ast.Div: lambda a, b: as_quantity(a) / b,
+    ast.USub: lambda a: -as_quantity(a),
+    ast.UAdd: lambda a: as_quantity(a),
+    ast.Not: lambda a: not a,
+    ast.Lt: lambda a, b: as_quantity(a) < b,
+    ast.LtE: lambda a, b: as_quantity(a) <= b,
+    ast.Gt: lambda a, b: as_quantity(a) > b,
+    ast.GtE: lambda a, b: as_quantity(a) >= b,
+    ast.Eq: _equal,
+    ast.NotEq: lambda a, b: not _equal(a, b),
+}
+_FUNCTIONS: dict[str, Any] = {
+    "abs": lambda value: abs(as_quantity(value)),
+    "min": _smallest,
+    "max": _largest,
+    "round": _rounded,
+    "sqrt": _root,
+    "sin": _turning(math.sin),
+    "cos": _turning(math.cos),
+    "len": _length,
+}
+_NODES = (
+    ast.Constant, ast.Name, ast.Load, ast.UnaryOp, ast.BinOp, ast.BoolOp, ast.boolop, ast.Compare, ast.IfExp, ast.Call,
+    *_OPERATORS,
+)  # fmt: skip
+_UNDERSTOOD = f"expected numbers, names, + - * /, comparisons, and, or, not, if else, {', '.join(_FUNCTIONS)}"

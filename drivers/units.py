@@ -1,0 +1,224 @@
+"""Units of measure: "°C/min", "pulse/s/(m/s²)", "2 µg/Hz^0.5" without its number.
+
+A unit is an exact factor and the exponents of eight base units. Degrees Celsius are a base unit: a temperature and a
+difference are written alike, which is why kelvin and fahrenheit are refused. `g` is local gravity, a base unit too,
+since only a site can turn it into m/s².
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import reprlib
+import unicodedata
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+
+BASES = ("s", "m", "kg", "A", "°C", "°", "g", "pulse")
+Dimension = tuple[float, ...]
+NO_DIMENSION: Dimension = (0.0,) * len(BASES)
+
+
+class QuantityError(ValueError):
+    """Text that is not a quantity, or quantities whose units do not go together."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A factor to the base units, exact where it is a ratio of whole numbers, and the exponents of `BASES`."""
+
+    factor: Fraction
+    dimension: Dimension
+
+    def __mul__(self, other: Unit) -> Unit:
+        powers = tuple(a + b for a, b in zip(self.dimension, other.dimension, strict=True))
+        return Unit(self.factor * other.factor, powers)
+
+    def __pow__(self, power: float) -> Unit:
+        exact = int(power) if power == int(power) else power
+        return Unit(Fraction(self.factor**exact), tuple(p * power for p in self.dimension))
+
+
+def _unit(factor: float | Fraction, **powers: float) -> Unit:
+    spelled = {"degC": "°C", "deg": "°"}
+    table = {spelled.get(name, name): float(power) for name, power in powers.items()}
+    return Unit(Fraction(factor), tuple(table.get(base, 0.0) for base in BASES))
+
+
+_ONE = _unit(1)
+
+# Symbols that take an SI prefix, and those that do not.
+_PREFIXABLE = {
+    "s": _unit(1, s=1),
+    "m": _unit(1, m=1),
+    "A": _unit(1, A=1),
+    "V": _unit(1, kg=1, m=2, s=-3, A=-1),
+    "W": _unit(1, kg=1, m=2, s=-3),
+    "Ω": _unit(1, kg=1, m=2, s=-3, A=-2),
+    "ohm": _unit(1, kg=1, m=2, s=-3, A=-2),
+    "Hz": _unit(1, s=-1),
+    "g": _unit(1, g=1),
+    "rad": _unit(180 / math.pi, deg=1),
+    "arcsec": _unit(Fraction(1, 3600), deg=1),
+    "pulse": _unit(1, pulse=1),
+}
+_PLAIN = {
+    "min": _unit(60, s=1),
+    "h": _unit(3600, s=1),
+    "day": _unit(86400, s=1),
+    "d": _unit(86400, s=1),
+    "°C": _unit(1, degC=1),
+    "degC": _unit(1, degC=1),
+    "°": _unit(1, deg=1),
+    "deg": _unit(1, deg=1),
+    "arcmin": _unit(Fraction(1, 60), deg=1),
+    "turn": _unit(360, deg=1),
+    "rpm": _unit(6, deg=1, s=-1),
+    "%": _unit(Fraction(1, 100)),
+    "ppm": _unit(Fraction(1, 10**6)),
+    "kg": _unit(1, kg=1),
+    "1": _ONE,
+}
+_PREFIXES = {
+    "n": _unit(Fraction(1, 10**9)),
+    "µ": _unit(Fraction(1, 10**6)),
+    "u": _unit(Fraction(1, 10**6)),
+    "m": _unit(Fraction(1, 1000)),
+    "k": _unit(1000),
+    "M": _unit(10**6),
+}
+_REFUSED = {
+    "K": "kelvin is refused: write °C, for a difference too",
+    "°K": "kelvin is refused: write °C, for a difference too",
+    "°F": "fahrenheit is refused: write °C",
+    "F": "fahrenheit is refused: write °C",
+    "gn": "g_n is refused: g is local gravity, or write m/s²",
+    "g_n": "g_n is refused: g is local gravity, or write m/s²",
+    "gram": "gram is refused: g is local gravity",
+    '"': "write arcsec for seconds of arc, or degrees before them like 0°00'05\"",
+    "'": "write arcmin for minutes of arc",
+}
+
+_SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
+_SUPERSCRIPT_RUN = re.compile("[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+")
+_SAME = (("º", "°"), ("˚", "°"))  # before NFKC, which would take them apart
+_ALIKE = (("−", "-"), ("′′", '"'), ("′", "'"), ("μ", "µ"), ("⋅", "·"))
+_TOKEN = re.compile(r"\s*(?:(1(?!\d))|([^\s\d·*/^()+.,-]+)|([·*/()]))", re.ASCII)
+_EXPONENT = re.compile(r"\^\(-?\d+(?:\.\d+)?\)|\^?-?\d+(?:\.\d+)?", re.ASCII)
+_EXPONENT_LIMIT = 9
+_LENGTH_LIMIT = 200
+_SHOWN = reprlib.Repr()
+_SHOWN.maxstring = 60
+
+
+def quoted(text: object) -> str:
+    """Text for a message: in quotes, on one line, without its middle where it is long."""
+    return _SHOWN.repr(str(text))
+
+
+def normalise(text: str) -> str:
+    """One spelling for the many that keyboards and word processors make: NFKC, ASCII minus, `^2` for ².
+
+    Raises QuantityError for digits in circles, below the line and in fractions, which NFKC would run together with
+    their neighbours, and for text far longer than any quantity.
+    """
+    if len(text) > _LENGTH_LIMIT:
+        raise QuantityError(f"{quoted(text)} is too long for a quantity")
+    text = _SUPERSCRIPT_RUN.sub(lambda run: "^" + run.group().translate(_SUPERSCRIPTS), text)
+    for char in text:
+        if unicodedata.numeric(char, None) is not None and unicodedata.decimal(char, None) is None:
+            raise QuantityError(f"{quoted(text)} contains {quoted(char)}; write plain digits")
+    for seen, meant in _SAME:
+        text = text.replace(seen, meant)
+    text = unicodedata.normalize("NFKC", text)
+    for seen, meant in _ALIKE:
+        text = text.replace(seen, meant)
+    return text.strip()
+
+
+@lru_cache(maxsize=512)
+def parse_unit(text: str) -> Unit:
+    """The unit that `text` spells, "" for a ratio; a `/` divides by the one factor or parenthesis after it."""
+    clean = normalise(text)
+    if not clean:
+        return _ONE
+    unit, rest = _product(clean, text)
+    if rest:
+        raise QuantityError(f"{quoted(text)} is not a unit")
+    return unit
+
+
+def _product(rest: str, text: str) -> tuple[Unit, str]:
+    """Reads factors up to the end or a closing parenthesis; returns what is left after them."""
+    unit, operator = _ONE, "·"
+    while True:
+        factor, rest = _factor(rest, text)
+        unit = unit * (factor**-1 if operator == "/" else factor)
+        match = _TOKEN.match(rest)
+        if match is None or match[3] not in ("·", "*", "/"):
+            return unit, rest
+        operator, rest = match[3], rest[match.end() :]
+
+
+def _factor(rest: str, text: str) -> tuple[Unit, str]:
+    match = _TOKEN.match(rest)
+    if match is None or not (match[1] or match[2] or match[3] == "("):
+        raise QuantityError(f"{quoted(text)} is not a unit")
+    rest = rest[match.end() :]
+    if match[3] == "(":
+        unit, rest = _product(rest, text)
+        if not rest.startswith(")"):
+            raise QuantityError(f"{quoted(text)} lacks a closing parenthesis")
+        return unit, rest[1:]
+    unit = _ONE if match[1] else _symbol(match[2], text)
+    exponent = _EXPONENT.match(rest)
+    if exponent is None:
+        return unit, rest
+    power = float(exponent[0].strip("^()"))
+    if abs(power) > _EXPONENT_LIMIT:
+        raise QuantityError(f"{quoted(text)} has an exponent beyond {_EXPONENT_LIMIT}")
+    return unit**power, rest[exponent.end() :]
+
+
+def _symbol(symbol: str, text: str) -> Unit:
+    known = _PLAIN.get(symbol) or _PREFIXABLE.get(symbol)
+    if known is not None:
+        return known
+    prefix, rest = _PREFIXES.get(symbol[:1]), symbol[1:]
+    if prefix is not None and rest in _PREFIXABLE:
+        return prefix * _PREFIXABLE[rest]
+    if refused := _REFUSED.get(symbol) or (_REFUSED.get(rest) if prefix is not None else None):
+        raise QuantityError(refused)
+    inside = "" if symbol == text.strip() else f" in {quoted(text)}"
+    raise QuantityError(f"{quoted(symbol)}{inside} is not a known unit")
+
+
+# What people write a dimension in; the first that fits.
+_CUSTOMARY = (
+    "", "s", "°C", "°", "A", "V", "m", "g", "pulse", "°C/min", "°/s", "°/s²", "Hz", "m/s²", "pulse/s", "Ω", "W",
+)  # fmt: skip
+
+
+def customary_unit(dimension: Dimension) -> str:
+    """What people write a dimension in: "°C/min", "" for a ratio; a product of base units where there is no custom."""
+    for unit in _CUSTOMARY:
+        if parse_unit(unit).dimension == dimension:
+            return unit
+    powers = list(zip(BASES, dimension, strict=True))
+    above = "·".join(_power(base, power) for base, power in powers if power > 0) or "1"
+    return above + "".join("/" + _power(base, -power) for base, power in powers if power < 0)
+
+
+def _power(base: str, power: float) -> str:
+    return base if power == 1 else f"{base}^{power:g}"
+
+
+def describe(dimension: Dimension) -> str:
+    """A dimension in words for a message: "°C/min", or "a bare number"."""
+    return customary_unit(dimension) or "a bare number"
+
+
+def in_unit(unit: str) -> str:
+    """What a value in `unit` is called in a message."""
+    return f"a quantity in {unit}" if unit else "a number without a unit"

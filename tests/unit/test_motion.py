@@ -1,0 +1,163 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from simulators.motion import Axis, AxisErrors, Move
+
+ARCSEC = 1 / 3600
+
+
+def axis(seed: int = 1, **errors) -> Axis:
+    return Axis(AxisErrors(**errors), 40.0, np.random.default_rng(seed))
+
+
+def true_at(head: Axis, at_s: float) -> float:
+    return float(head.true_deg(np.array([float(at_s)]))[0])
+
+
+def go(head: Axis, at_s: float, target_deg: float) -> float:
+    """Moves and comes to rest; where it then truly stands."""
+    head.start(at_s, target_deg, 20.0)
+    assert not head.moving(at_s + 100)
+    return true_at(head, at_s + 100)
+
+
+# The profile
+
+
+def test_a_long_move_is_a_trapezoid() -> None:
+    move = Move(start_s=10, origin_deg=5, distance_deg=90, rate_dps=20, acceleration_dps2=40)
+    assert move.duration_s == 5.0  # half a second of ramp at each end, 4 s at 20°/s between
+    times = np.array([9, 10, 10.25, 10.5, 12.5, 14.5, 14.75, 15, 16])
+    assert move.angle_deg(times) == pytest.approx([5, 5, 6.25, 10, 50, 90, 93.75, 95, 95], abs=1e-12)
+
+
+def test_a_short_move_is_a_triangle() -> None:
+    move = Move(start_s=0, origin_deg=0, distance_deg=-2.5, rate_dps=20, acceleration_dps2=40)
+    assert move.duration_s == 0.5  # 10°/s at its middle
+    assert move.angle_deg(np.array([0.125, 0.25, 0.375, 0.5])) == pytest.approx([-0.3125, -1.25, -2.1875, -2.5])
+
+
+def test_no_distance_takes_no_time() -> None:
+    move = Move(start_s=3, origin_deg=7, distance_deg=0, rate_dps=20, acceleration_dps2=40)
+    assert move.duration_s == 0.0
+    assert move.angle_deg(np.array([2.0, 3.0, 4.0])).tolist() == [7, 7, 7]
+    assert move.angle_at(3.0) == 7
+
+
+@given(
+    distance_deg=st.floats(-720, 720).filter(lambda d: abs(d) > 1e-3),
+    rate_dps=st.floats(0.1, 200),
+    acceleration_dps2=st.floats(1, 400),
+)
+def test_every_move_is_smooth_keeps_its_limits_and_ends_on_target(
+    distance_deg: float, rate_dps: float, acceleration_dps2: float
+) -> None:
+    move = Move(0.0, 10.0, distance_deg, rate_dps, acceleration_dps2)
+    times, step_s = np.linspace(0, move.duration_s, 4001, retstep=True)
+    angle = move.angle_deg(times)
+    rate = np.diff(angle) / step_s
+    assert angle[0] == pytest.approx(10, abs=1e-9)
+    assert angle[-1] == pytest.approx(10 + distance_deg, abs=1e-9)
+    assert move.angle_at(move.duration_s) == 10 + distance_deg
+    assert np.all(np.sign(distance_deg) * rate >= -1e-6 * rate_dps), "it never turns back"
+    assert np.abs(rate).max() <= rate_dps * (1 + 1e-6)
+    assert np.abs(np.diff(rate)).max() <= acceleration_dps2 * step_s * (1 + 1e-6) + 1e-6 * rate_dps
+
+
+# What the encoder says
+
+
+def test_the_encoder_sees_the_profile_and_no_error() -> None:
+    head = axis(zero_deg=1.0, cosines=(0.5,), sines=(0.5,), backlash_deg=1.0, repeatability_deg=1.0)
+    head.start(0.0, 90.0, 20.0)
+    assert head.target_deg() == 90.0
+    assert [head.encoder_deg(at_s) for at_s in (0.0, 0.5, 2.5, 5.0, 6.0)] == [0, 5, 45, 90, 90]
+    assert [head.moving(at_s) for at_s in (0.0, 4.999, 5.0)] == [True, True, False]
+
+
+def test_a_stop_in_mid_move_stands_where_it_is() -> None:
+    head = axis()
+    head.start(0.0, 90.0, 20.0)
+    head.stop(2.5)
+    assert not head.moving(2.5)
+    assert head.encoder_deg(100.0) == head.target_deg() == true_at(head, 100.0) == 45.0
+    head.start(100.0, 0.0, 20.0)
+    assert head.encoder_deg(100.0) == 45.0
+    assert head.encoder_deg(200.0) == 0.0
+
+
+def test_a_command_in_mid_move_starts_from_where_the_axis_is() -> None:
+    head = axis()
+    head.start(0.0, 90.0, 20.0)
+    head.start(2.5, 10.0, 20.0)
+    assert head.encoder_deg(2.5) == 45.0
+    assert head.target_deg() == 10.0
+    assert head.encoder_deg(2.5 + 35 / 20 + 0.5) == 10.0
+
+
+# Where it really stands
+
+
+def test_a_perfect_axis_is_where_its_encoder_says() -> None:
+    head = axis()
+    head.start(0.0, 90.0, 20.0)
+    times = np.linspace(0, 6, 61)
+    assert head.true_deg(times) == pytest.approx([head.encoder_deg(at_s) for at_s in times], abs=1e-12)
+    assert go(head, 10.0, 270.0) == 270.0
+
+
+def test_the_zero_error_is_there_at_every_angle() -> None:
+    head = axis(zero_deg=5 * ARCSEC)
+    assert [go(head, 1000.0 * n, angle) - angle for n, angle in enumerate((90, 180, 0))] == pytest.approx(
+        [5 * ARCSEC] * 3
+    )
+
+
+def test_the_error_map_has_the_harmonics_it_was_given() -> None:
+    head = axis(cosines=(1 * ARCSEC, 2 * ARCSEC), sines=(3 * ARCSEC, 4 * ARCSEC))
+    errors = [(go(head, 1000.0 * n, angle) - angle) / ARCSEC for n, angle in enumerate((0, 45, 90, 180, 270))]
+    diagonal = (1 + 3) / np.sqrt(2)
+    assert errors == pytest.approx([1 + 2, diagonal + 4, 3 - 2, -1 + 2, -3 - 2], abs=1e-6)
+
+
+def test_backlash_shows_after_an_approach_from_above_only() -> None:
+    head = axis(backlash_deg=1 * ARCSEC)
+    assert go(head, 0, 90) == 90
+    assert go(head, 1000, 50) - 50 == pytest.approx(ARCSEC)
+    assert go(head, 2000, 50) - 50 == pytest.approx(ARCSEC), "a move of no distance approaches from nowhere"
+    assert go(head, 3000, 90) == 90
+    head.start(4000, 0, 20)
+    head.stop(4001)
+    assert true_at(head, 4002) - head.encoder_deg(4002) == pytest.approx(ARCSEC)
+
+
+def test_each_move_scatters_anew_and_rest_does_not() -> None:
+    head = axis(repeatability_deg=0.1 * ARCSEC)
+    errors = []
+    for n in range(4000):
+        errors.append(go(head, 1000 * n, 90 * (n % 2 + 1)) - 90 * (n % 2 + 1))
+        assert true_at(head, 1000 * n + 500) - 90 * (n % 2 + 1) == errors[-1]
+    assert np.mean(errors) == pytest.approx(0, abs=0.007 * ARCSEC)
+    assert np.std(errors) == pytest.approx(0.1 * ARCSEC, rel=0.05)
+    assert np.corrcoef(errors[:-1], errors[1:])[0, 1] == pytest.approx(0, abs=0.06)
+
+
+def test_the_scatter_belongs_to_the_seed() -> None:
+    angles = [0, 90, 180, 270]
+
+    def tour(seed: int) -> list[float]:
+        head = axis(seed, repeatability_deg=ARCSEC)
+        return [go(head, 1000 * n, angle) for n, angle in enumerate(angles)]
+
+    assert tour(1) == tour(1)
+    assert tour(1) != tour(2)
+
+
+def test_one_look_across_the_end_of_a_move_sees_it_come_to_rest() -> None:
+    head = axis(zero_deg=ARCSEC, cosines=(ARCSEC,), sines=(0.0,), repeatability_deg=ARCSEC)
+    head.start(0.0, 90.0, 20.0)
+    across = head.true_deg(np.array([4.9, 5.0, 5.1]))
+    assert across[1] == across[2] == pytest.approx(true_at(head, 6.0), abs=1e-12)
+    assert across[0] < across[1]
