@@ -199,7 +199,7 @@ class FileBeside:
 class StrictModel(BaseModel):
     """Frozen, closed: an unknown key is an error that suggests the right one."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True, defer_build=True)
 
     @model_validator(mode="wrap")
     @classmethod

@@ -46,6 +46,7 @@ class _Expansion:
     def __init__(self, document: Document, broken: Collection[Place]) -> None:
         self._document = document
         self._broken = set(broken)
+        self._made: dict[tuple[Place, tuple[Value, ...]], Step] = {}  # by the values of the names that a step mentions
         self._count = 0
         self.problems: list[Problem] = []
 
@@ -107,6 +108,13 @@ class _Expansion:
         if self._count > STEP_LIMIT:
             self.problems.append((here, f"the plan has more than {STEP_LIMIT} steps"))
             return None
+        text = str(block)
+        key = (here, tuple(value for name, value in names.items() if name in text))
+        if key not in self._made and (step := self._made_anew(verb, block, here, names)):
+            self._made[key] = step
+        return self._made.get(key)
+
+    def _made_anew(self, verb: str, block: Mapping[str, Any], here: Place, names: Mapping[str, Value]) -> Step | None:
         found: list[Problem] = []
         ready = {key: _evaluated(raw, (*here, key), names, found) for key, raw in block.items()}
         if not found:

@@ -21,6 +21,8 @@ from bench.store.runs import summary
 from tests.support.runs import ROOT, SHORT
 
 pytestmark = pytest.mark.integration
+FEW_TEMPERATURES = [word for setting in SHORT for word in ("--set", setting)]
+SHORT_STEPS = FEW_TEMPERATURES[2:]
 
 
 class Running:
@@ -49,7 +51,7 @@ class Running:
         raise AssertionError("".join(self.lines))
 
     def finish(self) -> int:
-        out, err = self.process.communicate(timeout=40)
+        out, err = self.process.communicate(timeout=100)
         self.lines.append(err)
         self.out = out
         return self.process.returncode
@@ -110,8 +112,7 @@ def test_the_first_ctrl_c_ends_the_step_and_runs_the_teardown(started):
 
 
 def test_the_second_ctrl_c_drops_the_teardown_and_makes_everything_safe(started):
-    settings = [word for setting in SHORT for word in ("--set", setting)]
-    run = started("tumble_static", "--speed", "120", *settings)
+    run = started("tumble_static", "--speed", "120", *FEW_TEMPERATURES)
     soaking(run)
     run.process.send_signal(signal.SIGINT)
     run.until("Stopping")
@@ -146,8 +147,8 @@ def test_ctrl_c_is_heard_at_full_speed_too(started):
 
 
 def test_a_killed_run_is_interrupted_and_its_data_open(started):
-    run = started("tumble_static", "--preset", "quick")
-    run.until("50%")
+    run = started("tumble_static", "--preset", "quick", *SHORT_STEPS)
+    run.until("temperature=20#2")
     run.process.kill()
     run.finish()
     assert summary(run.path).state == "interrupted"
@@ -161,10 +162,10 @@ def test_a_killed_run_is_interrupted_and_its_data_open(started):
         frames = stored.reader.frames_by_step()
         acquired = [event.step for event in stored.reader.events("step_ended") if "label" in event.data]
     assert results.verdict == "INCOMPLETE"
-    assert len(results.units[0].findings) >= 5 * 3
+    assert len(results.units[0].findings) >= 3 * 3
     for step in acquired:  # each was acknowledged before the next step began
         latches = (frames[step]["counter"].ids == 0x100).sum()
-        assert 598 <= latches <= 601
+        assert 98 <= latches <= 101
     reported = subprocess.run(
         [sys.executable, "-m", "bench", "report", str(run.path)], capture_output=True, text=True, check=False, cwd=ROOT
     )
@@ -172,8 +173,10 @@ def test_a_killed_run_is_interrupted_and_its_data_open(started):
     assert "INCOMPLETE" in (run.path / "report.html").read_text("utf-8")
 
 
+@pytest.mark.timeout(120)
 def test_a_full_disk_ends_the_run_in_words_with_the_bench_safe(started):
-    run = started("tumble_static", "--preset", "quick", limit_bytes=4 * 1024 * 1024 + 4096)
+    long_gates = [word.replace("gate=10 s", "gate=1 h") for word in FEW_TEMPERATURES]
+    run = started("tumble_static", *long_gates, limit_bytes=4 * 1024 * 1024 + 4096)
     assert run.finish() == 3
     assert "the run store cannot write" in run.said
     assert "Free space on the disk" in run.said
