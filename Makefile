@@ -3,6 +3,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+PACKAGES := bench drivers simulators
 
 .PHONY: demo test setup lint types contracts pytest truth profile benchmark peers clean
 
@@ -53,10 +54,12 @@ $(VENV)/.made:
 
 $(VENV)/.core: $(VENV)/.made pyproject.toml
 	$(BIN)/pip install --quiet -e .
+	$(BIN)/python -m compileall -q $(PACKAGES)
 	touch $@
 
 $(VENV)/.dev: $(VENV)/.made pyproject.toml
 	$(BIN)/pip install --quiet -e '.[dev]'
+	$(BIN)/python -m compileall -q $(PACKAGES)
 	touch $@ $(VENV)/.core
 
 clean:

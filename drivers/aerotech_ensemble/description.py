@@ -29,7 +29,7 @@ class EnsembleOptions(StrictModel):
     """How the axis is moved.
 
     `approach_distance` is where an approach from one side begins. `acceleration` is the controller's own setting; from
-    it and `rate` follows how long a move may take. `poll` is how often a moving axis is looked at.
+    it and `rate` follows how long a move may take. `poll` is how often an axis that has nearly arrived is looked at.
     """
 
     axis: Annotated[str, text_like("[A-Za-z][A-Za-z0-9_]{0,15}", "the name of an axis such as X")] = "X"

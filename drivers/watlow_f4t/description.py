@@ -24,7 +24,7 @@ class F4TOptions(StrictModel):
     """How the controller is spoken to.
 
     `word_order` is the controller's own setting. `block_reads: false` is for controllers, or gateways, that refuse a
-    request over several values.
+    request over several values. `poll` is how often a ramp that has nearly arrived is looked at.
     """
 
     unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = 1

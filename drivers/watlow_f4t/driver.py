@@ -17,6 +17,7 @@ from drivers.watlow_f4t.wire import ControlMode, LoopBlock, LoopFormat, LoopRegi
 
 ARRIVED_WITHIN_C = 1e-4  # a few times the last bit of a float32: the set point in force is computed, not copied
 RAMP_LONGER_BY, RAMP_LATER_S = 1.1, 120.0  # what a ramp may take more than distance / rate
+FAR_AWAY_POLL_S = 5.0  # how often a ramp is looked at while its end is far away
 MAKE_SAFE_WITHIN_S = 8.0
 
 
@@ -93,7 +94,8 @@ class WatlowF4T:
                 return
             if loop.time() > deadline_s:
                 raise self._not_arrived(temperature_c, f"of {ramp_s:.0f} s has not ended", state)
-            await asyncio.sleep(self._poll_s)
+            left_s = 60 * abs(temperature_c - state.set_point_c) / rate_c_per_min
+            await asyncio.sleep(max(self._poll_s, min(left_s / 2, FAR_AWAY_POLL_S)))
 
     async def state(self) -> ChamberState:
         """One look at the control loop.
