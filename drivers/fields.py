@@ -71,7 +71,7 @@ class InUnit:
         is_ratio = parse_unit(self.unit).dimension == NO_DIMENSION
         if isinstance(raw, Quantity):
             return raw
-        if isinstance(raw, str):
+        if isinstance(raw, str) and raw:
             try:
                 quantity = parse(raw)
             except QuantityError as problem:
@@ -79,8 +79,8 @@ class InUnit:
             if quantity.dimension == NO_DIMENSION and not is_ratio:
                 raise QuantityError(f"'{raw}' has no unit, write it like '{raw} {self.unit}'")
             return quantity
-        if isinstance(raw, (int, float)) and not isinstance(raw, bool):
-            if is_ratio and math.isfinite(raw):
+        if isinstance(raw, (int, float)) and not isinstance(raw, bool) and math.isfinite(raw):
+            if is_ratio:
                 return Quantity(float(raw))
             raise QuantityError(f"{raw} has no unit, write it like '{raw} {self.unit}'")
         raise QuantityError(f"is {in_words(raw)}, expected {in_unit(self.unit)}")
@@ -148,8 +148,8 @@ Spelled = Annotated[str, BeforeValidator(_as_written)]
 
 def _date(raw: object) -> dt.date:
     try:
-        if isinstance(raw, str) and len(raw) == len("2026-01-31"):
-            return dt.date.fromisoformat(raw)
+        if isinstance(raw, str) and (date := dt.date.fromisoformat(raw)).isoformat() == raw:
+            return date
     except ValueError:
         pass
     raise expected("a date like 2026-01-31", raw)
@@ -188,7 +188,8 @@ class FileBeside:
             inside = path.is_relative_to(folder.resolve())
             exists = path.is_file()
         except (OSError, RuntimeError, ValueError) as problem:  # a link to itself, a name that no file can have
-            raise telling(f"{quoted(raw)} cannot be read ({quoted(problem)})") from None
+            reason = getattr(problem, "strerror", None) or problem
+            raise telling(f"{quoted(raw)} cannot be read ({reason})") from None
         if not inside:
             raise telling(f"{quoted(raw)} leaves the folder of this file")
         if context.get("files_needed", True) and not exists:

@@ -7,8 +7,10 @@ from collections.abc import Iterable
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name that is likely meant."""
-    return next(iter(difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)), None)
+    """The known name that is likely meant; capitals do not count, so that `k0` means K0."""
+    spelled = {known_name.casefold(): known_name for known_name in known}
+    close = difflib.get_close_matches(name.casefold(), spelled, n=1, cutoff=0.6)
+    return spelled[close[0]] if close else None
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -221,4 +221,4 @@ def describe(dimension: Dimension) -> str:
 
 def in_unit(unit: str) -> str:
     """What a value in `unit` is called in a message."""
-    return f"a quantity in {unit}" if unit else "a number without a unit"
+    return f"a quantity in {unit}" if unit not in ("", "1") else "a number without a unit"

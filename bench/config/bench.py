@@ -72,6 +72,9 @@ def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
     channels = [channel for options in counters for channel in getattr(options, "channels", {})]
     if place.channel not in channels:
         yield (*where, "channel"), f"no counter has a channel '{place.channel}'{did_you_mean(place.channel, channels)}"
+    first = next(other for other, entry in bench.places.items() if entry.channel == place.channel)
+    if first != name:
+        yield (*where, "channel"), f"'{place.channel}' counts place '{first}' already"
     if place.temperature not in bench.readings:
         yield (
             (*where, "temperature"),

@@ -136,9 +136,17 @@ def _misfits(
     limits = blocks.get("limits")
     for block in ("options", "safe"):
         for name, value in blocks.get(block) or ():
-            allowed = getattr(limits, name, None)
-            low, high = getattr(allowed, "min", None), getattr(allowed, "max", None)
-            if low is not None and value < low:
-                yield problem_at((block, name), f"is below the min of limits.{name}")
-            if high is not None and value > high:
-                yield problem_at((block, name), f"is above the max of limits.{name}")
+            beyond = _beyond(getattr(limits, name, None), value)
+            if beyond and name in blocks[block].model_fields_set:
+                yield problem_at((block, name), f"is {beyond} of limits.{name}")
+            elif beyond:
+                problem = f"does not include the default of {block}.{name}; give {block}.{name} as well"
+                yield problem_at(("limits", name), problem)
+
+
+def _beyond(allowed: object, value: float) -> str:
+    """On which side `value` lies outside a range, "" when it does not."""
+    low, high = getattr(allowed, "min", None), getattr(allowed, "max", None)
+    if low is not None and value < low:
+        return "below the min"
+    return "above the max" if high is not None and value > high else ""

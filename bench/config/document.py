@@ -26,22 +26,36 @@ SIZE_LIMIT_BYTES = 256 * 1024
 DEPTH_LIMIT = 20
 NODE_LIMIT = 20_000
 SCALAR_LIMIT = 4096
-_UNSEEN = "contains a control character"
+_INVISIBLE = "contains the invisible character U+{:04X}; remove it"
+_ANCHORED = "anchors (&) and aliases (*) are not part of this language; repeat the value, or put text in quotes"
 _DEEP = f"is nested more than {DEPTH_LIMIT} deep"
 
-_INTEGER = re.compile(r"-?(0|[1-9]\d{0,17})", re.ASCII)
+_INTEGER = re.compile(r"-?(0|[1-9]\d{0,18})", re.ASCII)
 _FLOAT = re.compile(r"-?(0|[1-9]\d*)(\.\d+)?([eE][+-]?\d{1,3})?", re.ASCII)
-_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff\ufffe\uffff]")
+_UNSEEN = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff"
+    "\ufffe\uffff\U000e0000-\U000e007f]"
+)
 _TOO_DEEP = re.compile(rf"(?:[\[{{][^][{{}}]{{0,100}}){{{DEPTH_LIMIT + 1}}}")  # seen at once, where the parser labours
 _WORDS: dict[str, Any] = {"": None, "~": None, "null": None, "true": True, "false": False}
 
-# What the parser says of common slips, and what a person does about them.
+# What the parser says of common slips, and what a person reads instead.
 _PLAINLY = (
     ("character '\\t'", "a tab stands where only spaces may; indent with spaces"),
     ("mapping values are not allowed", "a colon stands where none may; put text with ': ' in it in quotes"),
     ("expected <block end>", "this line is not indented like those it belongs to"),
     ("could not find expected ':'", "a key needs a colon and a space after it"),
+    ("cannot start any token", "text cannot begin with this character; put it in quotes"),
+    ("expected alphabetic or numeric character", "text cannot begin with & or *; put it in quotes"),
+    ("unknown escape character", "a backslash means something else in double quotes; put the text in single quotes"),
+    ("found unexpected end of stream", "a quotation mark is not closed"),
+    ("expected ',' or ']'", "a comma is missing here, or a bracket is not closed"),
+    ("expected ',' or '}'", "a comma is missing here, or a brace is not closed"),
+    ("expected the node content", "a value is expected here"),
+    ("sequence entries are not allowed", "a list of lines that begin with - begins on a line of its own"),
+    ("expected '<document start>'", "the document has ended before this"),
 )
+_LEFT_OPEN = ("could not find expected ':'", "unexpected end of stream", "<stream end>")
 
 Place = tuple[str | int, ...]
 Problem = tuple[Place, str]  # what is wrong with a part of a document
@@ -108,23 +122,32 @@ def read_text(path: Path) -> str:
 def parse_document(text: str, path: Path) -> Document:
     """The document that `text` spells; `path` is only for messages."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n")
-    for bad, problem in ((_CONTROL, _UNSEEN), (_TOO_DEEP, _DEEP)):
+    for bad, problem in ((_UNSEEN, _INVISIBLE), (_TOO_DEEP, _DEEP)):
         if found := bad.search(lines):
             line = lines.count("\n", 0, found.start()) + 1
             column = found.start() - lines.rfind("\n", 0, found.start())
-            raise InputError(f"{path}:{line}:{column}: {problem}")
+            raise InputError(f"{path}:{line}:{column}: {problem.format(ord(found[0][0]))}")
     builder = _Builder(path)
     try:
         value = builder.build(YAML(typ="safe", pure=True).parse(lines))
     except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        at = f"{mark.line + 1}:{mark.column + 1}" if mark is not None else "1:1"
-        said = str(error.problem or error.context)
-        plainly = next((words for part, words in _PLAINLY if part in said), said)
-        raise InputError(f"{path}:{at}: is not YAML: {plainly}") from None
-    except (YAMLError, ValueError) as error:
-        raise InputError(f"{path}:1:1: is not YAML: {str(error).splitlines()[0]}") from None
+        raise InputError(f"{path}:{_told_plainly(error)}") from None
+    except (YAMLError, ValueError, OverflowError) as error:  # such as an escape beyond the last character
+        mark = max(builder.marks.values(), default=Mark(1, 1))
+        problem = f"what follows here is not YAML: {str(error).splitlines()[0]}"
+        raise InputError(f"{path}:{mark.line}:{mark.column}: {problem}") from None
     return Document(path, text, value, builder.marks)
+
+
+def _told_plainly(error: MarkedYAMLError) -> str:
+    """What the parser says, and where; of what is left open, where it begins."""
+    said = str(error.problem or error.context)
+    marks = (error.problem_mark, error.context_mark)
+    if any(part in said for part in _LEFT_OPEN):
+        marks = marks[::-1]
+    mark = marks[0] or marks[1]
+    at = f"{mark.line + 1}:{mark.column + 1}" if mark is not None else "1:1"
+    return f"{at}: is not YAML: {next((words for part, words in _PLAINLY if part in said), said)}"
 
 
 class _Builder:
@@ -163,7 +186,7 @@ class _Builder:
         if self._nodes > NODE_LIMIT:
             self._refuse(event, f"has more than {NODE_LIMIT} values")
         if isinstance(event, events.AliasEvent) or event.anchor:
-            self._refuse(event, "anchors (&) and aliases (*) are not part of this language; repeat the value")
+            self._refuse(event, _ANCHORED)
         if event.tag:
             self._refuse(event, "tags (!) are not part of this language; put text in quotes")
         if isinstance(event, events.ScalarEvent):
@@ -176,8 +199,8 @@ class _Builder:
         text = event.value
         if len(text) > SCALAR_LIMIT:
             self._refuse(event, f"is longer than {SCALAR_LIMIT} characters")
-        if _CONTROL.search(text):
-            self._refuse(event, _UNSEEN)
+        if found := _UNSEEN.search(text):
+            self._refuse(event, _INVISIBLE.format(ord(found[0])))
         if event.style:
             return text
         if text in _WORDS:

@@ -16,18 +16,22 @@ _SIMULATED = "sim+"
 _TCP = re.compile(r"//(?:(?P<host>\w(?:[\w.-]{0,252}\w)?)|\[(?P<v6>[0-9a-fA-F:.]{2,45})\]):(?P<port>\d{1,5})", re.ASCII)
 _DEVICE_FILE = re.compile(r"//(?P<path>/[^\x00-\x1f\x7f#]+)")
 _INTERFACE = re.compile(r"(?P<path>\w+/[^\x00-\x1f\x7f#/]+)", re.ASCII)
-_NUMBER = "[1-9][0-9]{0,7}"
+_NUMBER = re.compile("[1-9][0-9]{0,7}")
+_ANY_NUMBER: tuple[str, ...] = ()
+_SERIAL_OPTIONS: Mapping[str, tuple[str, ...]] = {
+    "baud": _ANY_NUMBER,
+    "bytesize": ("5", "6", "7", "8"),
+    "parity": ("N", "E", "O", "M", "S"),
+    "stopbits": ("1", "2"),
+    "flow": ("none", "rtscts", "xonxoff"),
+}
 
 # scheme: what follows the colon, the options and their values, and an example for messages
-_SCHEMES: Mapping[str, tuple[re.Pattern[str], Mapping[str, str], str]] = {
+_SCHEMES: Mapping[str, tuple[re.Pattern[str], Mapping[str, tuple[str, ...]], str]] = {
     "tcp": (_TCP, {}, "tcp://192.168.1.10:502"),
-    "serial": (
-        _DEVICE_FILE,
-        {"baud": _NUMBER, "bytesize": "[5-8]", "parity": "[NEOMS]", "stopbits": "[12]", "flow": "none|rtscts|xonxoff"},
-        "serial:///dev/ttyUSB0?baud=9600",
-    ),
-    "slcan": (_DEVICE_FILE, {"bitrate": _NUMBER, "baud": _NUMBER}, "slcan:///dev/ttyACM0?bitrate=500000"),
-    "can": (_INTERFACE, {"bitrate": _NUMBER}, "can:socketcan/can0?bitrate=500000"),
+    "serial": (_DEVICE_FILE, _SERIAL_OPTIONS, "serial:///dev/ttyUSB0?baud=9600"),
+    "slcan": (_DEVICE_FILE, {"bitrate": _ANY_NUMBER, "baud": _ANY_NUMBER}, "slcan:///dev/ttyACM0?bitrate=500000"),
+    "can": (_INTERFACE, {"bitrate": _ANY_NUMBER}, "can:socketcan/can0?bitrate=500000"),
 }
 
 
@@ -72,7 +76,7 @@ class Address:
     def option(self, name: str, default: int) -> int:
         """A whole-number option; AddressError when it is something else."""
         text = self.options.get(name, str(default))
-        if re.fullmatch(_NUMBER, text) is None:
+        if _NUMBER.fullmatch(text) is None:
             raise AddressError(f"{self}: '{name}={text}' is not a whole number")
         return int(text)
 
@@ -95,7 +99,7 @@ class Address:
         return f"{_SIMULATED if self.simulated else ''}{self.scheme}:{where}" + (f"?{query}" if query else "")
 
 
-def _options(text: str, query: str, known: Mapping[str, str]) -> Mapping[str, str]:
+def _options(text: str, query: str, known: Mapping[str, tuple[str, ...]]) -> Mapping[str, str]:
     options: dict[str, str] = {}
     for part in query.split("&") if query else ():
         key, _, value = part.partition("=")
@@ -103,7 +107,11 @@ def _options(text: str, query: str, known: Mapping[str, str]) -> Mapping[str, st
             raise AddressError(f"{quoted(text)} has an unknown option {quoted(key)}{did_you_mean(key, known)}")
         if key in options:
             raise AddressError(f"{quoted(text)} has the option '{key}' twice")
-        if re.fullmatch(known[key], value) is None:
-            raise AddressError(f"{quoted(text)}: the option '{key}' cannot be {quoted(value)}")
+        if choices := known[key]:
+            fits, expected = value in choices, did_you_mean(value, choices)
+        else:
+            fits, expected = _NUMBER.fullmatch(value) is not None, "; expected a whole number"
+        if not fits:
+            raise AddressError(f"{quoted(text)}: the option '{key}' cannot be {quoted(value)}{expected}")
         options[key] = value
     return options
