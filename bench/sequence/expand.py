@@ -14,7 +14,7 @@ from bench.sequence.expressions import Value, ValueProblem
 from bench.sequence.model import Outline
 from bench.sequence.plan import Phase, Plan, PlannedStep
 from bench.sequence.steps import STEPS, Step
-from bench.sequence.values import holds_expression, spelled, value_of
+from bench.sequence.values import holds_expression, in_words, spelled, value_of
 
 STEP_LIMIT = 100_000
 PHASES: tuple[Phase, ...] = ("setup", "steps", "teardown")
@@ -94,7 +94,8 @@ class _Expansion:
         except ValueProblem as problem:
             return self._wrong(here, "in", str(problem))
         if not isinstance(values, tuple) or not values:
-            return self._wrong(here, "in", "expected a list or a range with at least one value")
+            found = "empty" if values == () else in_words(values)
+            return self._wrong(here, "in", f"is {found}, expected a list or a range with at least one value")
         return values
 
     def _wrong(self, here: Place, key: str, problem: str) -> tuple[Value, ...]:

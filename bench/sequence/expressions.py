@@ -76,14 +76,16 @@ def _read(expression: str) -> _Read:
     """Reads an expression; raises ValueProblem for all of Python that is not understood here."""
     if len(expression) > LENGTH_LIMIT:
         raise ValueProblem(f"has more than {LENGTH_LIMIT} characters")
+    if "\\" in expression:  # Python would make control characters and half characters of it
+        raise ValueProblem("a backslash has no meaning in an expression")
     try:
         tree = ast.parse(expression.strip(), mode="eval").body
     except SyntaxError:
         raise ValueProblem(f"is not an expression; {_UNDERSTOOD}") from None
     nodes = list(ast.walk(tree))
-    if not all(isinstance(node, _NODES) for node in nodes):
-        raise ValueProblem(_UNDERSTOOD)
     called = {node.func for node in nodes if isinstance(node, ast.Call)}
+    if not all(isinstance(node, _NODES) for node in nodes) or not all(isinstance(node, ast.Name) for node in called):
+        raise ValueProblem(_UNDERSTOOD)
     names, functions = (
         frozenset(node.id for node in nodes if isinstance(node, ast.Name) and (node in called) == is_called)
         for is_called in (False, True)
@@ -95,9 +97,25 @@ def _evaluated(expression: str, tree: ast.expr, names: Mapping[str, Value]) -> V
     from simpleeval import SimpleEval  # only where a sequence has expressions
 
     evaluator = SimpleEval(operators=_OPERATORS, functions=_FUNCTIONS, names=dict(names))
-    evaluator.nodes[ast.Constant] = lambda node: scalar_of(node.value)
-    found = evaluator.eval(expression, previously_parsed=tree)
-    return found if isinstance(found, tuple) else scalar_of(found)
+
+    def found(node: ast.expr) -> Any:
+        return evaluator.eval(expression, previously_parsed=node)
+
+    evaluator.nodes |= {
+        ast.Constant: lambda node: scalar_of(node.value),
+        ast.IfExp: lambda node: found(node.body if _truth(found(node.test)) else node.orelse),
+        ast.BoolOp: lambda node: _ALL_OR_ANY[type(node.op)](_truth(found(part)) for part in node.values),
+    }
+    value = found(tree)
+    return value if isinstance(value, tuple) else scalar_of(value)
+
+
+def _truth(value: object) -> bool:
+    """A truth as it is; `on` and `off` are text, which Python would take for true, both."""
+    if isinstance(value, bool):
+        return value
+    what = {Quantity: "a quantity", tuple: "a list"}.get(type(value)) or quoted(value)
+    raise QuantityError(f"{what} is neither true nor false; compare it with another")
 
 
 def _numbers(values: tuple[object, ...]) -> Iterator[Quantity]:
@@ -148,7 +166,7 @@ _OPERATORS: dict[type[ast.AST], Any] = {
     ast.Div: lambda a, b: as_quantity(a) / b,
     ast.USub: lambda a: -as_quantity(a),
     ast.UAdd: lambda a: as_quantity(a),
-    ast.Not: lambda a: not a,
+    ast.Not: lambda a: not _truth(a),
     ast.Lt: lambda a, b: as_quantity(a) < b,
     ast.LtE: lambda a, b: as_quantity(a) <= b,
     ast.Gt: lambda a, b: as_quantity(a) > b,
@@ -156,6 +174,7 @@ _OPERATORS: dict[type[ast.AST], Any] = {
     ast.Eq: _equal,
     ast.NotEq: lambda a, b: not _equal(a, b),
 }
+_ALL_OR_ANY: dict[type[ast.boolop], Any] = {ast.And: all, ast.Or: any}
 _FUNCTIONS: dict[str, Any] = {
     "abs": lambda value: abs(as_quantity(value)),
     "min": _smallest,

@@ -13,7 +13,7 @@ from bench.sequence.values import in_words, value_of
 from drivers.fields import NOT_EMPTY, Name, StrictModel
 from drivers.quantities import Quantity
 from drivers.suggest import did_you_mean
-from drivers.units import describe, quoted
+from drivers.units import customary_unit, in_unit, quoted
 from drivers.wording import expected, telling
 
 Text = Annotated[str, Field(min_length=1, max_length=500)]
@@ -89,7 +89,7 @@ class Parameter(StrictModel):
                 "" if type(item) is type(one) else f"is {quoted(in_words(item))}, expected a value like {in_words(one)}"
             )
         if item.dimension != one.dimension:
-            return f"is {in_words(item)}, expected a quantity in {describe(one.dimension)}"
+            return f"is {in_words(item)}, expected {in_unit(customary_unit(one.dimension))}"
         if self.min is not None and item < self.min:
             return f"is {in_words(item)}, expected at least {in_words(self.min)}"
         if self.max is not None and item > self.max:

@@ -1,0 +1,48 @@
+"""Small sequences for tests, on the shipped simulated bench."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bench.config.bench import load_bench
+from bench.config.models import BenchFile
+from bench.errors import InputError
+from bench.sequence.load import load_plan
+from bench.sequence.plan import Plan
+
+ROOT = Path(__file__).parents[2]
+BENCH: BenchFile = load_bench(ROOT / "config/simulated.yaml").bench
+# What a sequence needs besides its steps. It follows them, so that a body begins in line 1.
+TAIL = """\
+schema: itb-sequence/1
+title: Test
+needs:
+  chamber: thermal_chamber
+  head: positioner
+  counter: pulse_counter
+  supply: power_supply
+  source: current_source
+  unit_temperature: thermometer
+"""
+
+
+def steps(*lines: str) -> str:
+    """Steps in flow style, the first of them in line 2, column 5."""
+    return "steps:\n" + "".join(f"  - {line}\n" for line in lines)
+
+
+def plan_of(folder: Path, body: str, *, tail: str = TAIL, bench: BenchFile | None = BENCH, **wishes: Any) -> Plan:
+    """The plan of a sequence; `wishes` are those of load_plan."""
+    path = folder / "s.yaml"
+    path.write_text(body + tail, "utf-8")
+    return load_plan(path, bench, **wishes)
+
+
+def problems_of(folder: Path, body: str, **wishes: Any) -> list[str]:
+    """All that is wrong with a sequence, each problem `line:column: what` as its file is always the same."""
+    with pytest.raises(InputError) as caught:
+        plan_of(folder, body, **wishes)
+    return [problem.replace(f"{folder / 's.yaml'}:", "") for problem in caught.value.problems]

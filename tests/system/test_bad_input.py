@@ -1,0 +1,219 @@
+"""Bad input on the command line: exit 2, every problem on stderr as one line, nothing on stdout and nothing done."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from bench.cli.main import run
+from tests.support.sequences import ROOT, TAIL, steps
+
+SEQUENCES = sorted(path.stem for path in (ROOT / "sequences").glob("*.yaml"))
+BENCHES = sorted(path.stem for path in (ROOT / "config").glob("*.yaml"))
+
+
+@pytest.fixture
+def bench(tmp_path, monkeypatch, capsys):
+    """The command in this process, in a folder of its own: arguments in; exit code, lines of stdout and stderr out."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("BENCH_FILE", raising=False)
+
+    def command(*arguments: str) -> tuple[int, list[str], list[str]]:
+        monkeypatch.setattr(sys, "argv", ["bench", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            run()
+        said = capsys.readouterr()
+        return int(ended.value.code or 0), said.out.splitlines(), said.err.splitlines()
+
+    return command
+
+
+# What is shipped
+
+
+@pytest.mark.parametrize("sequence", SEQUENCES)
+@pytest.mark.parametrize("name", BENCHES)
+def test_everything_shipped_is_checked_in_one_line(bench, sequence, name):
+    code, out, err = bench("check", sequence, "--bench", name)
+    (line,) = out
+    assert (code, err) == (0, [])
+    assert line.startswith(f"{ROOT / 'sequences' / sequence}.yaml: ")
+    assert line.endswith(f" steps, no problem on {ROOT / 'config' / name}.yaml")
+
+
+def test_a_preset_and_wishes_are_checked_too(bench):
+    code, (line,), _ = bench("check", "tumble_static", "--preset", "quick", "--set", "cycles=2", "--set", "gate=10 s")
+    assert code == 0
+    assert "tumble_static.yaml: 331 steps, no problem on" in line  # 2 cycles of 9 dwells of 18 steps, and 7
+
+
+def test_a_plan_lists_when_each_step_begins_and_how_long_it_takes(bench):
+    code, out, err = bench("plan", "smoke", "--set", "positions=[0°]")
+    assert (code, err) == (0, [])
+    assert [line.rstrip() for line in out] == [
+        "      begins        takes  step",
+        "     0:00:00          0 s  setup/set",
+        "     0:00:00          0 s  steps/temperature=20/ramp",
+        "     0:00:00         10 s  steps/temperature=20/soak",
+        "     0:00:10          3 s  steps/temperature=20/position=0/move",
+        "     0:00:13          5 s  steps/temperature=20/position=0/acquire",
+        "     0:00:18          0 s  teardown/set",
+        "     0:00:18          2 s  teardown/move",
+        "7 steps, about 20 s, about 0 MB",
+    ]
+
+
+# Bad files
+
+
+def write(folder, body, name="s.yaml"):
+    (folder / name).write_text(body + TAIL, "utf-8")
+
+
+@pytest.mark.parametrize("command", ["check", "plan", "run"])
+def test_every_problem_is_a_line_with_its_place_and_the_exit_code_is_2(bench, tmp_path, command):
+    write(tmp_path, steps("mov: head", "{move: head, too: 5°}", "{ramp: chamber, to: 200 °C, at: 1 °C/min}"))
+    code, out, err = bench(command, "s.yaml", "--bench", "simulated")
+    assert (code, out) == (2, [])
+    assert err == [
+        "s.yaml:2:5: unknown step 'mov'; did you mean 'move'?",
+        "s.yaml:3:18: too: unknown key; did you mean 'to'?",
+        "s.yaml:4:21: to: 200 °C is above the 100 °C that the bench file allows 'chamber' (step steps/ramp)",
+    ]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["s.yaml"]
+
+
+def test_the_problems_of_the_bench_file_and_of_the_sequence_are_told_together(bench, tmp_path):
+    write(tmp_path, steps("mov: head"))
+    text = (ROOT / "config/simulated.yaml").read_text("utf-8").replace("driver: watlow_f4t", "driver: watlow_f4")
+    (tmp_path / "b.yaml").write_text(text, "utf-8")
+    (tmp_path / "if_counter.dbc").write_bytes((ROOT / "config/if_counter.dbc").read_bytes())
+    (tmp_path / "uut").mkdir()
+    (tmp_path / "uut/quartz_flexure.yaml").write_bytes((ROOT / "config/uut/quartz_flexure.yaml").read_bytes())
+    line = next(index for index, found in enumerate(text.splitlines(), 1) if "watlow_f4" in found)
+    code, _, err = bench("check", "s.yaml", "--bench", "b.yaml")
+    assert code == 2
+    assert err == [
+        f"b.yaml:{line}:5: driver: there is no driver 'watlow_f4'; did you mean 'watlow_f4t'?",
+        "s.yaml:2:5: unknown step 'mov'; did you mean 'move'?",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (b"", ":1:1: is empty, expected a mapping"),
+        (b"title: a\n\xff\xfe\n", ":2:1: is not UTF-8 text; save it as UTF-8"),
+        (b"x" * 10_000_000, ": has 10000000 bytes, at most 262144 are read; is it the right file?"),
+        (b"[" * 10_000, ":1:1: is nested more than 20 deep"),
+        (b"title: a\ntitle: b\n", ":2:1: the key 'title' stands twice; it is already in line 1"),
+        (b"steps: [wait: .nan s]\n", ":1:1: the key 'needs' is missing"),
+    ],
+)
+def test_a_hostile_file_is_refused_with_its_place(bench, tmp_path, content, problem):
+    (tmp_path / "s.yaml").write_bytes(content)
+    code, out, err = bench("check", "s.yaml")
+    assert (code, out) == (2, [])
+    assert err[0] == f"s.yaml{problem}"
+    assert all(line.startswith("s.yaml:") for line in err)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (("check", "smok"), "smok: there is no such sequence; did you mean 'smoke'?"),
+        (("check", "smoke.yml"), "smoke.yml: there is no such sequence; did you mean 'smoke'?"),
+        (("check", "nothing/smoke"), "nothing/smoke: there is no such file"),
+        (("check", "smoke", "--bench", "simulatd"), "simulatd: there is no such bench; did you mean 'simulated'?"),
+        (("check", "."), ".: is a folder"),
+        (("check", "smoke", "--preset", "quick"), "there is no preset 'quick'; none is known here"),
+        (("plan", "tumble_static", "--preset", "quik"), "there is no preset 'quik'; did you mean 'quick'?"),
+        (("check", "smoke", "--set", "gate"), "--set gate: expected name=value"),
+        (("check", "smoke", "--set", "gate=2 h"), "--set gate=2 h: 'gate' is 7200 s, expected at most 3600 s"),
+        (("plan", "smoke", "--set", "gate=5 V"), "--set gate=5 V: 'gate' is 5 V, expected a quantity in s"),
+    ],
+)
+def test_a_wrong_choice_is_told_in_one_line(bench, arguments, problem):
+    assert bench(*arguments) == (2, [], [problem])
+
+
+def test_several_wrong_choices_are_told_at_once(bench):
+    code, _, err = bench("check", "smoke", "--preset", "p", "--set", "gat=5 s", "--set", "soak=5 K", "--bench", "none")
+    assert code == 2
+    assert err[0].startswith("none: there is no such bench; expected ")
+    assert err[1:] == [
+        "there is no preset 'p'; none is known here",
+        "--set gat=5 s: there is no parameter 'gat'; did you mean 'gate'?",
+        "--set soak=5 K: kelvin is refused: write °C, for a difference too",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (("check", "smoke", "--bnch", "simulated"), "No such option: --bnch"),
+        (("check",), "Missing argument"),
+        (("check", "smoke", "tumble_static"), "unexpected extra argument"),
+        (("chek", "smoke"), "No such command 'chek'"),
+        (("check", "smoke", "--set"), "requires an argument"),
+        (("run", "smoke", "--seed", "one"), "Invalid value for '--seed'"),
+    ],
+)
+def test_a_wrong_word_on_the_command_line_is_exit_code_2(bench, arguments, problem):
+    code, out, err = bench(*arguments)
+    assert (code, out) == (2, [])
+    assert problem in "\n".join(err)
+
+
+def test_a_process_ends_with_exit_code_2_and_no_traceback(bench_command, tmp_path):
+    write(tmp_path, steps("wait: '${(1)(2)}'"))
+    done = bench_command("check", "s.yaml", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        "s.yaml:2:5: wait: '${(1)(2)}': expected numbers, names, + - * /, comparisons, and, or, not, if else, "
+        "abs, min, max, round, sqrt, sin, cos, len\n"
+    )
+
+
+# What is not loaded
+
+
+def loaded(code: str, modules: str) -> list[str]:
+    """Which of `modules` a fresh interpreter has loaded after `code`, unmeasured: coverage loads some of its own."""
+    ask = f"import json, sys\nprint(json.dumps([name for name in {modules.split()} if name in sys.modules]))"
+    unmeasured = {name: value for name, value in os.environ.items() if not name.startswith("COVERAGE")}
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}\n{ask}"], capture_output=True, text=True, check=True, cwd=ROOT, env=unmeasured
+    )
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def after_command(*arguments: str) -> str:
+    return (
+        f"import sys\nfrom bench.cli.main import run\nsys.argv = {['bench', *arguments]}\n"
+        "try:\n    run()\nexcept SystemExit as ended:\n    assert not ended.code, ended.code"
+    )
+
+
+HEAVY = "numpy scipy pymodbus can cantools serial matplotlib"
+
+
+def test_help_loads_next_to_nothing():
+    found = loaded(after_command("--help"), f"{HEAVY} asyncio pydantic pydantic_core ruamel simpleeval jinja2 typer")
+    assert found == ["typer"]
+
+
+@pytest.mark.parametrize("sequence", SEQUENCES)
+def test_checking_a_sequence_loads_no_arithmetic_and_no_wires(sequence):
+    found = loaded(after_command("check", sequence), f"{HEAVY} asyncio simulators pydantic_core ruamel")
+    assert found == ["pydantic_core", "ruamel"]
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "drivers").glob("*/wire.py")), ids=lambda path: path.parent.name)
+def test_a_wire_format_loads_nothing_that_opens_a_wire(path):
+    wire = f"drivers.{path.parent.name}.wire"
+    assert loaded(f"import {wire}", f"{wire} asyncio socket serial pymodbus can drivers.transport") == [wire]

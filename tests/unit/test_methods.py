@@ -1,0 +1,75 @@
+"""Test methods as a sequence sees them: known by entry point, without their arithmetic."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+import pytest
+from pydantic import ValidationError
+
+from bench.sequence.methods import TEMPERATURE_TUMBLE, known_methods
+from drivers.units import parse_unit
+from tests.support.runs import run_short
+from tests.support.sequences import plan_of, problems_of, steps
+
+
+@pytest.mark.parametrize("method", known_methods().values(), ids=lambda method: method.name)
+def test_a_method_is_found_under_its_own_name_and_can_be_imported(method):
+    assert known_methods()[method.name] is method
+    module, _, function = method.target.partition(":")
+    assert callable(getattr(import_module(module), function))
+    assert all(parse_unit(unit) for unit in method.quantities.values())
+
+
+def test_limits_may_name_what_a_run_finds_in_the_unit_it_is_found_in(tmp_path):
+    result = run_short(tmp_path)
+    assert result.results is not None
+    (unit,) = result.results.units
+    assert {finding.quantity: finding.unit for finding in unit.findings} == dict(TEMPERATURE_TUMBLE.quantities)
+
+
+@pytest.mark.parametrize(("raw", "degree"), [({}, 4), ({"degree": 1}, 1), ({"degree": 4}, 4)])
+def test_the_degree_of_the_temperature_model_is_1_to_4(raw, degree):
+    assert TEMPERATURE_TUMBLE.settings.model_validate(raw).model_dump() == {"degree": degree}
+
+
+@pytest.mark.parametrize("degree", [0, 5, 2.0, "2", True, None])
+def test_any_other_degree_is_refused(degree):
+    with pytest.raises(ValidationError):
+        TEMPERATURE_TUMBLE.settings.model_validate({"degree": degree})
+
+
+PLUGIN = """\
+from bench.sequence.methods import MethodDescription
+from drivers.fields import StrictModel
+
+
+class Settings(StrictModel):
+    depth: int = 1
+
+
+NOISE = MethodDescription("noise", "Noise", "my_noise:reduce", Settings, {"density": "µg/Hz^0.5"})
+"""
+
+
+@pytest.fixture
+def plugin(tmp_path, monkeypatch):
+    """An installed distribution with a method of its own."""
+    (tmp_path / "my_noise.py").write_text(PLUGIN)
+    information = tmp_path / "my_noise-1.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: my-noise\nVersion: 1\n")
+    (information / "entry_points.txt").write_text("[inertial_test_bench.methods]\nnoise = my_noise:NOISE\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    known_methods.cache_clear()
+    yield
+    known_methods.cache_clear()
+
+
+def test_a_method_of_a_plug_in_is_known_to_a_sequence(plugin, tmp_path):
+    body = steps("{acquire: counter, for: 1 h, label: rest}") + "results:\n  - {method: noise, data: rest, "
+    assert len(plan_of(tmp_path, body + "settings: {depth: 3}, limits: {density: {max: 5 µg/Hz^0.5}}}\n")) == 1
+    assert problems_of(tmp_path, body + "settings: {dept: 3}, limits: {density: {max: 5 µg}}}\n") == [
+        "4:44: dept: unknown key; did you mean 'depth'?",
+        "4:63: density is in g, expected a quantity in µg/Hz^0.5",
+    ]
