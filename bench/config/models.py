@@ -164,7 +164,7 @@ class Monitor(StrictModel):
     """How often devices are asked, the whole run long: those behind named readings, and all others."""
 
     period: PositiveSeconds = 1.0
-    devices: PositiveSeconds = 5.0
+    devices: PositiveSeconds = 10.0
 
 
 class ChamberSimulation(StrictModel):

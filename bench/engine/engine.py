@@ -142,20 +142,24 @@ class Engine:
 
     async def _step(self, planned: PlannedStep) -> None:
         index = self._indices[planned.id]
-        await self._durably("step_begins", planned)  # the intent is on the disk before anything moves
+        await self._record("step_begins", planned)  # the intent is on the disk before anything moves
         self._observer.step_begins(planned, index)
         try:
             result = await perform(planned, self._bench)
         except (DriverError, BenchError) as problem:
             raise StepError(f"{self._plan.where(planned)}: step {planned.id}: {problem}") from problem
-        await self._durably("step_ended", planned, **result)
+        await self._record("step_ended", planned, **result)
         self._observer.step_ended(planned, index)
 
-    async def _durably(self, kind: str, planned: PlannedStep, **data: Any) -> None:
-        """A journal entry that is on the disk when this returns; the teardown goes on without a disk."""
+    async def _record(self, kind: str, planned: PlannedStep, **data: Any) -> None:
+        """A journal entry of a step; an intent is on the disk, with all before it, when this returns.
+
+        The teardown goes on without a disk.
+        """
         try:
             self._writer.event(kind, planned.id, **data)
-            await self._writer.commit()
+            if kind == "step_begins":
+                await self._writer.commit()
         except StoreError:
             if planned.phase != "teardown":
                 raise

@@ -177,10 +177,9 @@ def encode_frames(dbc: Dbc, at_s: NDArray[np.float64], values: Mapping[str, Mapp
     for column, message in enumerate(messages):
         for name, integers in values[message.name].items():
             words[:, column] |= message.signal(name).bits(integers)
-    shape = words.shape
     return FrameBlock(
-        ids=np.broadcast_to(np.array([message.id for message in messages], np.uint32), shape).ravel(),
+        ids=np.array([[message.id for message in messages]], np.uint32).repeat(len(at_s), axis=0).ravel(),
         at_s=at_s.repeat(len(messages)),
-        dlc=np.broadcast_to(np.array([message.length for message in messages], np.uint8), shape).ravel(),
+        dlc=np.array([[message.length for message in messages]], np.uint8).repeat(len(at_s), axis=0).ravel(),
         data=words.astype("<u8", copy=False).view(np.uint8).reshape(-1, 8),
     )

@@ -109,7 +109,7 @@ def test_named_readings_cover_the_whole_run_every_second(short_run):
     steps = unit.at_s[1:] - unit.at_s[:-1]
     assert steps.max() < 1.5
     assert unit.at_s[-1] > short_run.bench_s - 15
-    assert (chamber.at_s[1:] - chamber.at_s[:-1]).max() < 6
+    assert (chamber.at_s[1:] - chamber.at_s[:-1]).max() < 11
 
 
 def test_frames_are_kept_only_during_acquisitions_and_none_is_missing(short_run):

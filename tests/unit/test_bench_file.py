@@ -84,7 +84,7 @@ def test_the_shipped_bench_is_what_it_says(shipped):
     assert shipped.devices["source"].options.range == 0.02
     assert shipped.readings["unit_temperature"].calibration.U.gain == 0.002
     assert shipped.places["a"].supply_current.max == 0.11
-    assert shipped.monitor.devices == 5.0
+    assert shipped.monitor.devices == 10.0
     assert shipped.simulation.start == dt.datetime(2026, 1, 1, tzinfo=dt.UTC)
     assert shipped.simulation.units == {"a": CONFIG / "uut" / "quartz_flexure.yaml"}
 

@@ -74,10 +74,10 @@ def test_the_total_is_the_sum_of_the_phases(tmp_path):
 @pytest.mark.parametrize(
     ("line", "size_bytes"),
     [
-        # each second the two channels of the counter, which a named reading is from; the six of the others every 5 s
-        ("wait: 1000 s", 100_000 + 1000 * (2 + 6 / 5) * 40),
+        # each second the two channels of the counter, which a named reading is from; the six of the others every 10 s
+        ("wait: 1000 s", 100_000 + 1000 * (2 + 6 / 10) * 40),
         # ten latches of three axes a second besides
-        ("{acquire: counter, for: 1000 s, label: a}", 100_000 + 1000 * (2 + 6 / 5) * 40 + 10_000 * 12),
+        ("{acquire: counter, for: 1000 s, label: a}", 100_000 + 1000 * (2 + 6 / 10) * 40 + 10_000 * 12),
     ],
 )
 def test_the_size_is_that_of_the_readings_and_of_the_latches(tmp_path, line, size_bytes):
