@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 REQUIRED = os.environ.get("BENCH_REQUIRE_PEERS") == "1"
-_MODULES = {"pymeasure": ("pymeasure", "pyvisa", "pyvisa_py")}
+_MODULES = {"pymeasure": ("pymeasure", "pyvisa", "pyvisa_py"), "msgpack": ("msgpack",)}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
