@@ -15,14 +15,15 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import (
-    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
     GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
     Strict,
     ValidationError,
+    WithJsonSchema,
     model_validator,
 )
 from pydantic_core import CoreSchema, InitErrorDetails, core_schema
@@ -33,6 +34,7 @@ from drivers.units import NO_DIMENSION, QuantityError, in_unit, parse_unit, quot
 from drivers.wording import expected, in_plain_words, in_words, telling
 
 DEFERRED = {"deferred": True}
+UNIT_KEYWORD = "x-unit"  # of a JSON Schema: the unit of a quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +49,21 @@ class InUnit:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_plain_validator_function(self._validate)
 
+    def __get_pydantic_json_schema__(self, _: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Text that names the unit; how to write it is for the reader, not for the validator of an editor."""
+        is_ratio = parse_unit(self.unit).dimension == NO_DIMENSION
+        allowed = (
+            number for number in (1, self.at_least, self.at_most) if number is not None and not self._refusal(number)
+        )
+        example = self._spelled(next(allowed))
+        bounds = (("at least", self.at_least), ("more than", self.above), ("at most", self.at_most))
+        words = [in_unit(self.unit), f"like {example}"]
+        words += [f"{what} {self._spelled(bound)}" for what, bound in bounds if bound is not None]
+        return {
+            "type": ["number", "string"] if is_ratio else "string", "minLength": 1,
+            "description": ", ".join(words), "examples": [example], UNIT_KEYWORD: self.unit,
+        }  # fmt: skip
+
     def _validate(self, raw: object, info: core_schema.ValidationInfo) -> float:
         if isinstance(raw, str) and "${" in raw and is_deferred(info.context):
             return math.nan
@@ -54,14 +71,20 @@ class InUnit:
             value = self._quantity(raw).to(self.unit)
         except QuantityError as problem:
             raise telling(str(problem)) from None
+        if refusal := self._refusal(value):
+            raise telling(f"is {self._spelled(value)}, expected {refusal}")
+        return value
+
+    def _refusal(self, value: float) -> str:
+        """The bound that a number does not keep, in words; empty when it keeps them all."""
         for bad, words, bound in (
             (self.at_least is not None and value < self.at_least, "at least", self.at_least),
             (self.above is not None and value <= self.above, "more than", self.above),
             (self.at_most is not None and value > self.at_most, "at most", self.at_most),
         ):
             if bad:
-                raise telling(f"is {self._spelled(value)}, expected {words} {self._spelled(bound)}")
-        return value
+                return f"{words} {self._spelled(bound)}"
+        return ""
 
     def _spelled(self, number: float | None) -> str:
         return f"{number:.12g} {self.unit}".rstrip()
@@ -107,32 +130,51 @@ Ratio = Annotated[float, InUnit("")]
 Hertz = Annotated[float, InUnit("Hz", above=0)]
 
 
-def _not_empty(raw: object) -> object:
-    if isinstance(raw, (list, tuple, Mapping)) and not raw:
-        raise expected("at least one", raw)
-    return raw
+@dataclass(frozen=True, slots=True)
+class _NotEmpty:
+    """Validates that a list or a mapping has something in it; min_length would count only what is valid inside."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self._validate, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        found = handler(schema)
+        return {**found, "minItems" if found["type"] == "array" else "minProperties": 1}
+
+    @staticmethod
+    def _validate(raw: object) -> object:
+        if isinstance(raw, (list, tuple, Mapping)) and not raw:
+            raise expected("at least one", raw)
+        return raw
 
 
-NOT_EMPTY = BeforeValidator(_not_empty)  # min_length would count only what is valid inside
+NOT_EMPTY = _NotEmpty()
 WholeNumber = Annotated[int, Strict()]
 Number = Annotated[float, Strict()]
 Flag = Annotated[bool, Strict()]
 
 
-def text_like(pattern: str, what: str) -> AfterValidator:
-    """A validator of text that fully matches `pattern`; `what` says to a person what that is."""
-    expression = re.compile(pattern)
+@dataclass(frozen=True, slots=True)
+class TextLike:
+    """Validates text that fully matches `pattern`; `what` says to a person what that is."""
 
-    def check(text: str) -> str:
-        if expression.fullmatch(text) is None:
-            raise expected(what, text)
+    pattern: str
+    what: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self._validate, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {**handler(schema), "pattern": f"^(?:{self.pattern})$", "description": self.what}
+
+    def _validate(self, text: str) -> str:
+        if re.fullmatch(self.pattern, text) is None:
+            raise expected(self.what, text)
         return text
-
-    return AfterValidator(check)
 
 
 Name = Annotated[
-    str, text_like("[a-z][a-z0-9_]{0,31}", "a name: at most 32 lower-case letters, digits and _, a letter first")
+    str, TextLike("[a-z][a-z0-9_]{0,31}", "a name: at most 32 lower-case letters, digits and _, a letter first")
 ]
 
 
@@ -143,7 +185,7 @@ def _as_written(raw: object) -> object:
     return str(raw) if isinstance(raw, int) and not isinstance(raw, bool) else raw
 
 
-Spelled = Annotated[str, BeforeValidator(_as_written)]
+Spelled = Annotated[str, BeforeValidator(_as_written), WithJsonSchema({"type": ["string", "integer"]})]
 
 
 def _date(raw: object) -> dt.date:
@@ -164,8 +206,14 @@ def _instant(raw: object) -> dt.datetime:
     raise expected("a time with its zone like 2026-01-31T08:00:00Z", raw)
 
 
-Date = Annotated[dt.date, BeforeValidator(_date)]
-Instant = Annotated[dt.datetime, BeforeValidator(_instant)]
+Date = Annotated[
+    dt.date,
+    BeforeValidator(_date),
+    WithJsonSchema({"type": "string", "pattern": r"^\d{4}-\d{2}-\d{2}$", "examples": ["2026-01-31"]}),
+]
+Instant = Annotated[
+    dt.datetime, BeforeValidator(_instant), WithJsonSchema({"type": "string", "examples": ["2026-01-31T08:00:00Z"]})
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +225,9 @@ class FileBeside:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_plain_validator_function(self._validate)
+
+    def __get_pydantic_json_schema__(self, _: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"type": "string", "minLength": 1, "description": "the name of a file beside this one, or below it"}
 
     def _validate(self, raw: object, info: core_schema.ValidationInfo) -> Path:
         context = info.context or {}

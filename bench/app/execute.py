@@ -16,6 +16,7 @@ from bench.app.request import PreparedRun
 from bench.clock import Clock, Stopwatch, wall_utc
 from bench.engine.engine import Observer, Outcome
 from bench.errors import BenchError, StoreError
+from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.loop import run as run_loop
 from bench.report.findings import Results
 from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, StoredRun
@@ -118,6 +119,8 @@ async def _run(prepared: PreparedRun, folder: Path, laboratory: Laboratory | Non
             observer,
             observer.reading,
             expected.of_phase(prepared.plan, "teardown"),
+            folder=folder,
+            can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
         )
         writer.event("run_ended", how=outcome.how)
     except StoreError as problem:

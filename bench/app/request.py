@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import shutil
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bench.config.bench import LoadedBench, load_bench
 from bench.config.load import find
 from bench.errors import InputError
-from bench.sequence.load import load_plan
+from bench.sequence.estimate import estimate
+from bench.sequence.load import load_judged_plan
 from bench.sequence.plan import Plan
+from bench.sequence.remarks import Remark
 from drivers.suggest import did_you_mean
 
 DEFAULT_BENCH = "simulated"
@@ -36,6 +39,15 @@ class RunRequest:
 
 
 @dataclass(frozen=True)
+class CheckedRun:
+    """A plan and the bench it fits, and what a person should know of them before they meet."""
+
+    plan: Plan
+    loaded: LoadedBench
+    warnings: tuple[Remark, ...]
+
+
+@dataclass(frozen=True)
 class PreparedRun:
     """A run whose files fit together: what it does, on what, how fast, and on which units by place."""
 
@@ -45,6 +57,7 @@ class PreparedRun:
     speed: float
     serials: Mapping[str, str]
     seed: int
+    warnings: tuple[Remark, ...] = ()
 
 
 def load_bench_named(name: str | None, *, simulate: bool = False) -> LoadedBench:
@@ -53,30 +66,46 @@ def load_bench_named(name: str | None, *, simulate: bool = False) -> LoadedBench
     return replace(loaded, bench=loaded.bench.all_simulated()) if simulate else loaded
 
 
-def load_plan_and_bench(request: RunRequest) -> tuple[Plan, LoadedBench]:
+def load_checked(request: RunRequest) -> CheckedRun:
     """The plan and the bench that a request names, checked; InputError lists what is wrong in both files."""
     found: list[str] = []
     loaded: LoadedBench | None = None
-    plan: Plan | None = None
+    judged: tuple[Plan, tuple[Remark, ...]] | None = None
     try:
         loaded = load_bench_named(request.bench, simulate=request.simulate)
     except InputError as error:
         found += error.problems
     try:
-        plan = load_plan(
+        judged = load_judged_plan(
             find(request.sequence, "sequences"), loaded.bench if loaded else None, preset=request.preset,
             settings=request.settings,
         )  # fmt: skip
     except InputError as error:
         found += error.problems
-    if plan is None or loaded is None:
+    if judged is None or loaded is None:
         raise InputError(*found)
-    return plan, loaded
+    plan, warnings = judged
+    return CheckedRun(plan, loaded, (*_little_disk_space(plan, loaded, request.runs), *warnings))
+
+
+def _little_disk_space(plan: Plan, loaded: LoadedBench, runs: Path) -> Iterator[Remark]:
+    """A warning when the run will not fit on the disk of the run directories."""
+    folder = next(folder for folder in (runs.absolute(), *runs.absolute().parents) if folder.is_dir())
+    free_bytes, size_bytes = shutil.disk_usage(folder).free, estimate(plan, loaded.bench).size_bytes
+    if size_bytes > free_bytes:
+        yield Remark(
+            "warning",
+            "little-disk-space",
+            (),
+            f"the run writes about {size_bytes / 1e6:.0f} MB, and {folder} has {free_bytes / 1e6:.0f} MB left",
+            "Make room, or name another place with --runs",
+        )
 
 
 def prepare(request: RunRequest) -> PreparedRun:
     """Reads and checks everything; InputError says what does not fit."""
-    plan, loaded = load_plan_and_bench(request)
+    checked = load_checked(request)
+    plan, loaded = checked.plan, checked.loaded
     speed = _speed(request, loaded)
     if not loaded.bench.is_simulated and not request.attended:
         raise InputError(
@@ -84,7 +113,7 @@ def prepare(request: RunRequest) -> PreparedRun:
             "Say so with --attended, or simulate every instrument with --simulate."
         )
     seed = loaded.bench.simulation.seed if request.seed is None else request.seed
-    return PreparedRun(request, plan, loaded, speed, _serials(request, loaded), seed)
+    return PreparedRun(request, plan, loaded, speed, _serials(request, loaded), seed, checked.warnings)
 
 
 def _speed(request: RunRequest, loaded: LoadedBench) -> float:

@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from bench.cli import devices, offline, running, stored
+from bench.cli import authoring, control, devices, offline, running, stored
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR
 from bench.errors import BenchError, InputError
 from drivers.errors import DriverError
@@ -23,6 +23,8 @@ running.register(app)
 stored.register(app)
 devices.register(app)
 offline.register(app)
+authoring.register(app)
+control.register(app)
 
 
 def run() -> None:

@@ -5,12 +5,19 @@ from __future__ import annotations
 import json
 import os
 import sys
+from collections.abc import Iterable
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bench.cli.exits import BENCH_ERROR, OF_VERDICT
+from bench.cli.exits import BENCH_ERROR, INPUT_ERROR, OF_VERDICT
+from bench.errors import InputError
+
+if TYPE_CHECKING:  # `bench --help` loads none of it
+    from bench.sequence.plan import Plan
+    from bench.sequence.remarks import Remark
 
 Sequence = Annotated[str, typer.Argument(help="A sequence file, or the name of a shipped one such as smoke.")]
 BenchOption = Annotated[
@@ -32,29 +39,76 @@ def register(app: typer.Typer) -> None:
     app.command()(run)
 
 
-def check(sequence: Sequence, bench: BenchOption = None, preset: Preset = None, set_: Settings = None) -> None:
+class Format(StrEnum):
+    """How what a check found is told."""
+
+    TEXT = "text"
+    JSON = "json"
+    SARIF = "sarif"
+    GITHUB = "github"
+
+
+def check(
+    sequence: Sequence,
+    bench: BenchOption = None,
+    preset: Preset = None,
+    set_: Settings = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors.")] = False,
+    format_: Annotated[
+        Format, typer.Option("--format", help="text: warnings on stderr; the others alone on stdout.")
+    ] = Format.TEXT,
+) -> None:
     """Check a sequence against a bench; nothing is opened."""
-    from bench.app.request import RunRequest, load_plan_and_bench
+    from bench.app.request import RunRequest, load_checked
+    from bench.report.remarks import RENDERERS, Shown
 
     request = RunRequest(sequence, bench=bench, preset=preset, settings=tuple(set_ or ()))
-    checked, loaded = load_plan_and_bench(request)
-    sys.stdout.write(f"{checked.document.path}: {len(checked)} steps, no problem on {loaded.document.path}\n")
+    try:
+        checked = load_checked(request)
+        document, warnings = checked.plan.document, checked.warnings
+        if strict and warnings:
+            raise InputError(*document.told((warning.place, warning.text) for warning in warnings))
+    except InputError as error:
+        if format_ is Format.TEXT:
+            raise
+        sys.stdout.write(RENDERERS[format_]([Shown.of_error(problem) for problem in error.problems]) + "\n")
+        raise typer.Exit(INPUT_ERROR) from None
+    if format_ is not Format.TEXT:
+        found = RENDERERS[format_]([Shown.of_remark(warning, document) for warning in warnings])
+        sys.stdout.write(f"{found}\n" if found else "")
+        return
+    _warn(checked.plan, warnings)
+    told = _counted(len(warnings), "warning") if warnings else "no problem"
+    steps = _counted(len(checked.plan), "step")
+    sys.stdout.write(f"{document.path}: {steps}, {told} on {checked.loaded.document.path}\n")
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def _warn(plan: Plan, warnings: Iterable[Remark]) -> None:
+    from bench.report.remarks import warning_line
+
+    for warning in warnings:
+        sys.stderr.write(warning_line(warning, plan.document) + "\n")
 
 
 def plan(sequence: Sequence, bench: BenchOption = None, preset: Preset = None, set_: Settings = None) -> None:
     """List the steps of a sequence with their durations; nothing is opened."""
-    from bench.app.request import RunRequest, load_plan_and_bench
+    from bench.app.request import RunRequest, load_checked
     from bench.report.shown import duration
     from bench.report.text import plan_table
     from bench.sequence.estimate import estimate
 
     request = RunRequest(sequence, bench=bench, preset=preset, settings=tuple(set_ or ()))
-    planned, loaded = load_plan_and_bench(request)
-    expected = estimate(planned, loaded.bench)
-    for line in plan_table(planned, expected):
+    checked = load_checked(request)
+    _warn(checked.plan, checked.warnings)
+    expected = estimate(checked.plan, checked.loaded.bench)
+    for line in plan_table(checked.plan, expected):
         sys.stdout.write(line + "\n")
     sys.stdout.write(
-        f"{len(planned)} steps, about {duration(expected.total_s)}, about {expected.size_bytes / 1e6:.0f} MB\n"
+        f"{len(checked.plan)} steps, about {duration(expected.total_s)}, about {expected.size_bytes / 1e6:.0f} MB\n"
     )
 
 
@@ -108,6 +162,7 @@ def run(
             attended=attended,
         )
     )
+    _warn(prepared.plan, prepared.warnings)
     with TerminalProgress(prepared.plan) as progress:
         result = execute(prepared, progress)
     if as_json:

@@ -13,6 +13,7 @@ from pydantic import (
     ModelWrapValidatorHandler,
     ValidationError,
     ValidationInfo,
+    WithJsonSchema,
     model_validator,
 )
 from pydantic_core import InitErrorDetails
@@ -64,7 +65,7 @@ class DeviceEntry(StrictModel):
     """One instrument; the blocks options, limits, safe and calibration.U are the driver's own models."""
 
     driver: Annotated[str, AfterValidator(_known_driver)]
-    connection: Annotated[Address, BeforeValidator(_address)]
+    connection: Annotated[Address, BeforeValidator(_address), WithJsonSchema({"type": "string"})]
     options: Any = None
     identity: IdentityPin = IdentityPin()
     limits: Any = None

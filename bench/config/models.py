@@ -27,8 +27,8 @@ from drivers.fields import (
     Ratio,
     Seconds,
     StrictModel,
+    TextLike,
     WholeNumber,
-    text_like,
 )
 from drivers.wording import expected, telling
 
@@ -82,7 +82,7 @@ class ThermometerCalibration(Calibration):
 class ReadingEntry(StrictModel):
     """A named reading: `DEVICE.CHANNEL`."""
 
-    from_: Annotated[str, text_like(r"[a-z][a-z0-9_]*\.[\w.]+", "DEVICE.CHANNEL")] = Field(alias="from")
+    from_: Annotated[str, TextLike(r"[a-z][a-z0-9_]*\.[\w.]+", "DEVICE.CHANNEL")] = Field(alias="from")
     limits: TemperatureWindow | None = None
     stale_after: PositiveSeconds = 10.0
     calibration: ThermometerCalibration | None = None

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Mapping
+import math
+from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, assert_never
 
@@ -13,7 +14,7 @@ from bench.engine.monitor import Monitor
 from bench.errors import StepError
 from bench.rig import Rig
 from bench.sequence.plan import PlannedStep
-from bench.sequence.steps import Acquire, Move, Ramp, SetOutput, Soak, Stable, Wait
+from bench.sequence.steps import Acquire, Move, Note, Ramp, SetOutput, Soak, Stable, Wait, WaitUntil
 from bench.store.writer import RunWriter
 from drivers.frame_block import FrameBlock
 
@@ -28,6 +29,7 @@ class Bench:
     rig: Rig
     monitor: Monitor
     writer: RunWriter
+    notice: Callable[[str], None]
 
 
 async def perform(planned: PlannedStep, bench: Bench) -> Mapping[str, Any]:
@@ -41,6 +43,11 @@ async def perform(planned: PlannedStep, bench: Bench) -> Mapping[str, Any]:
         case Wait():
             await asyncio.sleep(step.duration_s)
             return {}
+        case WaitUntil():
+            return await _wait_until(step, bench)
+        case Note():
+            bench.notice(step.text)
+            return {"note": step.text}
         case Ramp():
             await bench.rig.chamber(step.role).ramp_to(step.temperature_c, step.rate_c_per_min)
             return {"set_point_c": step.temperature_c}
@@ -70,6 +77,33 @@ async def _set_output(step: SetOutput, bench: Bench) -> Mapping[str, Any]:
     if window is not None and step.output == "on":
         window.on_since_s = asyncio.get_running_loop().time()
     return {"voltage_v": found.voltage_v, "current_a": found.current_a, "output": found.output}
+
+
+async def _wait_until(step: WaitUntil, bench: Bench) -> Mapping[str, Any]:
+    """Until every reading of the last `hold_s` fulfils the condition; StepError when that takes too long."""
+    loop = asyncio.get_running_loop()
+    began_s = loop.time()
+    low_c = -math.inf if step.above_c is None else step.above_c
+    high_c = math.inf if step.below_c is None else step.below_c
+    while True:
+        window = bench.monitor.last(step.role, step.hold_s)
+        covered = len(window) > 0 and window[-1, 0] - max(window[0, 0], began_s) >= WINDOW_COVERAGE * step.hold_s
+        if covered and ((low_c < window[:, 1]) & (window[:, 1] < high_c)).all():
+            return {"temperature_c": float(window[-1, 1]), "waited_s": loop.time() - began_s}
+        if loop.time() - began_s >= step.give_up_after_s:
+            found = f"{window[-1, 1]:.2f} °C" if len(window) else "unknown"
+            raise StepError(
+                f"{step.role} is {found} after {step.give_up_after_s / 60:.1f} min, expected {_condition(step)}. "
+                "Check the chamber and the sensor, or wait longer."
+            )
+        await asyncio.sleep(LOOK_EVERY_S)
+
+
+def _condition(step: WaitUntil) -> str:
+    above = "" if step.above_c is None else f"above {step.above_c:g} °C"
+    below = "" if step.below_c is None else f"below {step.below_c:g} °C"
+    held = f" for {step.hold_s:g} s" if step.hold_s else ""
+    return " and ".join(filter(None, (above, below))) + held
 
 
 async def _soak(step: Soak, bench: Bench) -> Mapping[str, Any]:

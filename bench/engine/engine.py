@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import traceback
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
@@ -52,17 +53,33 @@ class Engine:
     def __init__(self, plan: Plan, rig: Rig, monitor: Monitor, writer: RunWriter, observer: Observer) -> None:
         self._plan, self._rig, self._monitor = plan, rig, monitor
         self._writer, self._observer = writer, observer
-        self._bench = Bench(rig, monitor, writer)
+        self._bench = Bench(rig, monitor, writer, observer.notice)
         self._indices = {planned.id: index for index, planned in enumerate(plan)}
         self._body_task: asyncio.Task[None] | None = None
         self._teardown_task: asyncio.Task[None] | None = None
         self._aborting = False
+        self._going_on = asyncio.Event()
+        self._going_on.set()
+        self._last_step = False
         self.outcome = Outcome()
 
     @property
     def in_teardown(self) -> bool:
         """Whether the teardown has begun."""
         return self._teardown_task is not None
+
+    def pause(self) -> None:
+        """Holds before the next step; the devices stay as they are and go on being watched. Not in teardown."""
+        self._going_on.clear()
+
+    def resume(self) -> None:
+        """Goes on after a pause."""
+        self._going_on.set()
+
+    def stop_after_step(self) -> None:
+        """Ends setup and steps when the step under way is done; teardown runs."""
+        self._last_step = True
+        self._going_on.set()
 
     def stop(self) -> None:
         """Ends the step under way; teardown runs."""
@@ -130,7 +147,19 @@ class Engine:
 
     async def _body(self) -> None:
         for planned in (*self._plan.setup, *self._plan.steps):
+            await self._may_begin(planned)
             await self._step(planned)
+
+    async def _may_begin(self, planned: PlannedStep) -> None:
+        """Where a pause holds, and a stop after the step under way takes effect."""
+        if not self._going_on.is_set():
+            self._journal("operator", action="pause", before=planned.id)
+            self._observer.notice(f"Paused before step {planned.id}.")
+            await self._going_on.wait()
+            self._journal("operator", action="resume")
+        if self._last_step:
+            self.stop()
+            await asyncio.sleep(0)  # here the cancellation takes effect
 
     async def _teardown(self) -> None:
         """Every step is tried, also after one has failed."""
@@ -145,11 +174,24 @@ class Engine:
         await self._record("step_begins", planned)  # the intent is on the disk before anything moves
         self._observer.step_begins(planned, index)
         try:
-            result = await perform(planned, self._bench)
+            result = await self._in_time(planned)
         except (DriverError, BenchError) as problem:
             raise StepError(f"{self._plan.where(planned)}: step {planned.id}: {problem}") from problem
         await self._record("step_ended", planned, **result)
         self._observer.step_ended(planned, index)
+
+    async def _in_time(self, planned: PlannedStep) -> Mapping[str, Any]:
+        """Does the step; StepError when it takes longer than the timeout that the sequence gives it."""
+        limit = asyncio.timeout(planned.step.timeout_s)
+        try:
+            async with limit:
+                return await perform(planned, self._bench)
+        except TimeoutError:
+            if not limit.expired():  # a silent instrument is a TimeoutError too
+                raise
+        raise StepError(
+            f"takes longer than its timeout of {planned.step.timeout_s:g} s. Look what it waits for, or allow more."
+        )
 
     async def _record(self, kind: str, planned: PlannedStep, **data: Any) -> None:
         """A journal entry of a step; an intent is on the disk, with all before it, when this returns.

@@ -53,7 +53,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str) -> str:
         verdict=verdict,
         simulated=page.simulated(run.manifest, list(run.bench.devices)),
         problems=list(page.problems(run, not_evaluated, verdict)),
-        notes=[*page.past_due(instruments), *_flags(results)],
+        notes=[*page.past_due(instruments), *page.notes_of_steps(run), *_flags(results)],
         most_notes=MOST_NOTES,
         times=page.times(run),
         site=page.site(run),

@@ -72,6 +72,13 @@ def _unfinished(run: StoredRun) -> list[str]:
     return list(began)
 
 
+def notes_of_steps(run: StoredRun) -> Iterator[str]:
+    """What the sequence wrote into the record, and when."""
+    for event in run.reader.events("step_ended"):
+        if "note" in event.data:
+            yield f"{event.data['note']} ({duration(event.at_s)} after the start)"
+
+
 def past_due(instruments: Sequence[Instrument]) -> Iterator[str]:
     """A sentence for each calibration that was not valid any more."""
     for instrument in instruments:

@@ -36,23 +36,33 @@ def run_data(reader: RunReader, bench: BenchFile, serials: Mapping[str, str], la
     temperatures = {unit.temperature: reader.series(unit.temperature) for unit in units}
     frames = reader.frames_by_step()
     acquisitions = tuple(
-        _acquisition(event, state, frames.get(event.step, {}), decoders, temperatures)
-        for event, state in _acquired(reader, label)
+        _acquisition(event, dwell, state, frames.get(event.step, {}), decoders, temperatures)
+        for event, dwell, state in _acquired(reader, label)
     )
     return RunData(label, units, acquisitions, bench_record(bench))
 
 
-def _acquired(reader: RunReader, label: str) -> Iterator[tuple[Event, Mapping[str, float]]]:
-    """Finished acquisitions under a label, each with the angle and set point in force."""
+def _acquired(reader: RunReader, label: str) -> Iterator[tuple[Event, str, Mapping[str, float]]]:
+    """Finished acquisitions under a label, each with its dwell and with the angle and set point in force.
+
+    A dwell begins with a ramp and goes on in the block that the ramp stands in, which it is named after. Elsewhere it
+    is the block around that of the acquisition.
+    """
     state = {"angle_deg": 0.0, "set_point_c": float("nan")}
+    block = dwell = ""
     for event in reader.events("step_ended"):
         state.update({key: float(event.data[key]) for key in state if key in event.data})
+        if "set_point_c" in event.data:
+            block, _, visit = event.step.rpartition("/")
+            dwell = block if visit == "ramp" else event.step
         if event.data.get("label") == label:
-            yield event, dict(state)
+            inside = block and event.step.startswith(f"{block}/")
+            yield event, dwell if inside else event.step.rsplit("/", 2)[0], dict(state)
 
 
 def _acquisition(
     event: Event,
+    dwell: str,
     state: Mapping[str, float],
     frames: Mapping[str, FrameBlock],
     decoders: Mapping[str, _Decoder],
@@ -65,7 +75,7 @@ def _acquisition(
     begin_s, end_s = float(event.data["begin_s"]), float(event.data["end_s"])
     return Acquisition(
         step=event.step,
-        group="/".join(parts[:-2]) if len(parts) > 2 else parts[0],
+        group=dwell,
         loops=_loops(parts),
         begin_s=begin_s,
         end_s=end_s,

@@ -6,12 +6,15 @@ import asyncio
 import signal
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from bench.config.models import BenchFile
 from bench.engine.engine import Engine, Observer, Outcome
 from bench.engine.monitor import Monitor
+from bench.errors import InputError
 from bench.rig import OpenError, Rig
+from bench.runner.control import Handlers, control_socket
 from bench.sequence.plan import Plan
 from bench.store.writer import RunWriter
 from drivers.capabilities import Device
@@ -26,11 +29,14 @@ async def run_plan(
     observer: Observer,
     on_reading: Callable[[str, Reading], None],
     teardown_s: float,
+    *,
+    folder: Path,
+    can_pause: bool,
 ) -> tuple[Outcome, Mapping[str, Identity]]:
     """Opens the devices, runs the plan, makes everything safe, closes; how it ended, and who the devices were.
 
     SIGINT: the step ends and teardown runs; a second one, or SIGTERM, drops the teardown. `teardown_s` is its estimated
-    duration, to be told.
+    duration, to be told. While it runs a control socket takes commands; it is named in `folder`.
     """
     rig = Rig(devices)
     try:
@@ -39,11 +45,41 @@ async def run_plan(
                 writer.event("identified", device=role, **_facts(identity))
             monitor = Monitor(rig, bench, writer, on_reading)
             engine = Engine(plan, rig, monitor, writer, observer)
-            with _signals(engine, observer, teardown_s):
+            with _signals(engine, observer, teardown_s), control_socket(folder, _commands(engine, can_pause)):
                 return await engine.run(), rig.identities
     except OpenError as problem:
         writer.event("problem", text=str(problem))
         return Outcome("error", [str(problem)]), rig.identities
+
+
+def _commands(engine: Engine, can_pause: bool) -> Handlers:
+    """What the control socket takes, each as a function that does it and says so."""
+
+    def pause() -> str:
+        if not can_pause:
+            raise InputError("in virtual time at full speed nothing can be paused; run it with --speed 60, say")
+        if engine.in_teardown:
+            raise InputError("the teardown is under way, which is not paused")
+        engine.pause()
+        return "it pauses before its next step"
+
+    def resume() -> str:
+        engine.resume()
+        return "it goes on"
+
+    def stop() -> str:
+        engine.stop()
+        return "the step under way ends, teardown runs"
+
+    def stop_after_step() -> str:
+        engine.stop_after_step()
+        return "teardown runs after the step under way"
+
+    def abort() -> str:
+        engine.abort()
+        return "the teardown is dropped, all devices are made safe"
+
+    return {"pause": pause, "resume": resume, "stop": stop, "stop_after_step": stop_after_step, "abort": abort}
 
 
 def _facts(identity: Identity) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from bench.config.models import BenchFile
 from bench.sequence.methods import known_methods
 from bench.sequence.model import LimitEntry
 from bench.sequence.plan import Plan
-from bench.sequence.steps import NEEDS, Acquire, Move, Ramp, SetOutput, Soak, Step, Wait, verb_of
+from bench.sequence.steps import NEEDS, Acquire, Move, Note, Ramp, SetOutput, Soak, Step, Wait, WaitUntil, verb_of
 from drivers.capabilities import THERMOMETER
 from drivers.suggest import did_you_mean
 from drivers.units import QuantityError, quoted
@@ -57,7 +57,7 @@ def _steps(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
 
 def _role(plan: Plan, step: Step) -> Iterator[tuple[str, str]]:
     """A role that the sequence does not need, or that cannot do what the step says: the key, and what is wrong."""
-    if isinstance(step, Wait):
+    if isinstance(step, (Wait, Note)):
         return
     verb, needs = verb_of(step), plan.sequence.needs
     kind = needs.get(step.role)
@@ -74,7 +74,7 @@ def _role(plan: Plan, step: Step) -> Iterator[tuple[str, str]]:
 
 def _is_there(plan: Plan, step: Step, bench: BenchFile) -> bool:
     """Whether the bench has what the step acts on; what it lacks is told with the needs."""
-    if isinstance(step, (Wait, Soak)):
+    if isinstance(step, (Wait, Note, Soak, WaitUntil)):
         return True
     device = bench.devices.get(step.role)
     return device is not None and plan.sequence.needs[step.role] in device.description.capabilities
@@ -95,7 +95,7 @@ def _limits(step: Step, bench: BenchFile) -> Iterator[tuple[str, str]]:
             hold_s = step.until_stable.hold_s if step.until_stable else 0.0
             if step.give_up_after_s is not None and step.give_up_after_s < max(step.at_least_s, hold_s):
                 yield "give_up_after", "is shorter than the soak itself"
-        case Acquire() | Wait():
+        case Acquire() | Wait() | WaitUntil() | Note():
             pass
         case _:
             assert_never(step)

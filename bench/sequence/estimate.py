@@ -7,7 +7,7 @@ from typing import Any, assert_never
 
 from bench.config.models import BenchFile
 from bench.sequence.plan import Phase, Plan
-from bench.sequence.steps import Acquire, Move, Ramp, SetOutput, Soak, Step, Wait
+from bench.sequence.steps import Acquire, Move, Note, Ramp, SetOutput, Soak, Step, Wait, WaitUntil
 
 COMMAND_S = 0.05
 STORED_BYTES_PER_LATCH = 12  # three axes after compression
@@ -63,17 +63,13 @@ class _BenchState:
         match step:
             case Move():
                 return self._move_s(step)
-            case SetOutput():
+            case SetOutput() | Note():
                 return COMMAND_S
-            case Wait():
-                return step.duration_s
+            case Wait() | WaitUntil() | Soak() | Acquire():
+                return step.least_s
             case Ramp():
                 distance, self._set_point_c = abs(step.temperature_c - self._set_point_c), step.temperature_c
                 return distance / step.rate_c_per_min * 60 + COMMAND_S
-            case Soak():
-                return max(step.at_least_s, step.until_stable.hold_s if step.until_stable else 0.0)
-            case Acquire():
-                return step.duration_s
             case _:
                 assert_never(step)
 

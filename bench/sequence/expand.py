@@ -15,6 +15,8 @@ from bench.sequence.model import Outline
 from bench.sequence.plan import Phase, Plan, PlannedStep
 from bench.sequence.steps import STEPS, Step
 from bench.sequence.values import holds_expression, in_words, spelled, value_of
+from drivers.quantities import Quantity
+from drivers.units import NO_DIMENSION
 
 STEP_LIMIT = 100_000
 PHASES: tuple[Phase, ...] = ("setup", "steps", "teardown")
@@ -61,29 +63,54 @@ class _Expansion:
             if here in self._broken or self._count > STEP_LIMIT:
                 continue
             verb = next(iter(block))
-            if verb == "for_each":
-                yield from self._loop(phase, block, here, names, loops, path, seen)
+            if verb not in STEPS:
+                yield from self._passes(phase, block, here, names, loops, path, seen)
             elif (step := self._step(verb, block, here, names)) is not None:
                 seen[verb] += 1
                 yield PlannedStep(f"{path}/{_visit(verb, seen)}", phase, step, dict(loops), here)
 
-    def _loop(
+    def _passes(
         self, phase: Phase, block: Mapping[str, Any], here: Place, names: dict[str, Value], loops: dict[str, Value],
         path: str, seen: Counter[str],
     ) -> Iterator[PlannedStep]:  # fmt: skip
-        variable = str(block["for_each"])
-        for value in self._values(variable, block["in"], here, names):
-            label = f"{variable}={spelled(value)}"
+        for label, own in self._labels(block, here, names):
             seen[label] += 1
             inside = tuple(
                 self.group(
-                    phase, block["steps"], (*here, "steps"), {**names, variable: value}, {**loops, variable: value},
+                    phase, block["steps"], (*here, "steps"), {**names, **own}, {**loops, **own},
                     f"{path}/{_visit(label, seen)}",
                 )
             )  # fmt: skip
             if not inside:
                 return  # all of it is wrong, and has been told
             yield from inside
+
+    def _labels(
+        self, block: Mapping[str, Any], here: Place, names: Mapping[str, Value]
+    ) -> Iterator[tuple[str, dict[str, Value]]]:
+        """Each pass of a block: what it is called in ids, and the names it adds."""
+        match block:
+            case {"for_each": variable, "in": raw}:
+                for value in self._values(variable, raw, here, names):
+                    yield f"{variable}={spelled(value)}", {variable: value}
+            case {"repeat": raw}:
+                for number in range(1, self._count_of(raw, here, names) + 1):
+                    yield f"pass={number}", {}
+            case {"group": name}:
+                yield name, {}
+
+    def _count_of(self, raw: Any, here: Place, names: Mapping[str, Value]) -> int:
+        """How often a block is repeated; 0, and a problem noted, when that is wrong."""
+        try:
+            value = value_of(raw, names)
+        except ValueProblem as problem:
+            self._wrong(here, "repeat", str(problem))
+            return 0
+        count = value.base_value if isinstance(value, Quantity) and value.dimension == NO_DIMENSION else 0.0
+        if count < 1 or count != int(count):
+            self._wrong(here, "repeat", f"is {in_words(value)}, expected a whole number of at least 1")
+            return 0
+        return int(count)
 
     def _values(self, variable: str, raw: Any, here: Place, names: Mapping[str, Value]) -> tuple[Value, ...]:
         """What a loop runs over; nothing, and a problem noted, when that is wrong."""

@@ -16,6 +16,8 @@ from bench.sequence.expand import PHASES, expand
 from bench.sequence.expressions import Value, ValueProblem
 from bench.sequence.model import Outline, SequenceFile
 from bench.sequence.plan import Plan
+from bench.sequence.remarks import Remark
+from bench.sequence.rules import judge
 from bench.sequence.values import value_of
 from drivers.fields import DEFERRED
 from drivers.suggest import did_you_mean
@@ -28,10 +30,19 @@ def load_sequence(path: Path) -> tuple[Document, SequenceFile]:
 
 
 def load_plan(path: Path, bench: BenchFile | None, *, preset: str | None = None, settings: Iterable[str] = ()) -> Plan:
-    """The plan of a file, checked against a bench; without one, as far as that goes.
+    """The plan of a file, checked against a bench as `load_judged_plan` does, its warnings passed over."""
+    plan, _ = load_judged_plan(path, bench, preset=preset, settings=settings)
+    return plan
+
+
+def load_judged_plan(
+    path: Path, bench: BenchFile | None, *, preset: str | None = None, settings: Iterable[str] = ()
+) -> tuple[Plan, tuple[Remark, ...]]:
+    """The plan of a file, checked against a bench, and warnings; without a bench, checked as far as that goes.
 
     `settings` are `name=value` as given to --set. InputError lists every problem, whichever of reading, choosing,
-    unrolling and checking finds it: a step that is wrong in itself is left out, and the rest looked at.
+    unrolling and checking finds it: a step that is wrong in itself is left out, and the rest looked at. The rules on
+    the whole plan are held against a plan that lacks nothing.
     """
     document = read_document(path)
     outline, found = _outline(document)
@@ -42,7 +53,10 @@ def load_plan(path: Path, bench: BenchFile | None, *, preset: str | None = None,
     found += [*unrolling, *check(plan, bench)]
     if wishes or found:
         raise InputError(*wishes, *document.told(found))
-    return plan
+    remarks = judge(plan, bench) if bench is not None else ()
+    if errors := [(remark.place, remark.text) for remark in remarks if remark.severity == "error"]:
+        raise InputError(*document.told(errors))
+    return plan, remarks
 
 
 def _outline(document: Document) -> tuple[Outline, list[Problem]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, PlainValidator, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, PlainValidator, WithJsonSchema, model_validator
 
 from bench.sequence.expressions import Scalar, Value, ValueProblem
 from bench.sequence.steps import NEEDS, AnyBlock
@@ -33,7 +33,18 @@ def _value(raw: Any) -> Value:
         raise telling(str(problem)) from None
 
 
-AnyValue = Annotated[Any, AfterValidator(_value)]
+# For editors: how a document may write a value, see value_of.
+_ONE = {"type": ["string", "number", "boolean"], "minLength": 1}
+_END = {"type": ["string", "number"], "minLength": 1}
+_RANGE = {
+    "type": "object",
+    "properties": {"from": _END, "to": _END, "step": _END},
+    "required": ["from", "to"],
+    "additionalProperties": False,
+}
+_LIST = {"type": "array", "items": {"anyOf": [_ONE, _RANGE, {"type": "array"}]}}
+VALUE_SCHEMA = {"anyOf": [_ONE, _RANGE, _LIST], "description": "a value, a list of values, or a range {from, to, step}"}
+AnyValue = Annotated[Any, AfterValidator(_value), WithJsonSchema(VALUE_SCHEMA)]
 
 
 def _limit(raw: Any) -> Quantity:
@@ -43,7 +54,7 @@ def _limit(raw: Any) -> Quantity:
     return value
 
 
-Limit = Annotated[Quantity | None, PlainValidator(_limit)]
+Limit = Annotated[Quantity | None, PlainValidator(_limit), WithJsonSchema(_END)]
 
 
 class Parameter(StrictModel):
@@ -107,6 +118,8 @@ class Preset(StrictModel):
 class LimitEntry(StrictModel):
     """What a result may be; at least one of both."""
 
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+
     min: Limit = None
     max: Limit = None
 
@@ -131,7 +144,7 @@ class Outline(StrictModel):
 
     schema_: Literal["itb-sequence/1"] = Field(alias="schema")
     title: Text
-    needs: Mapping[Name, Annotated[str, AfterValidator(_kind)]]
+    needs: Mapping[Name, Annotated[str, AfterValidator(_kind), WithJsonSchema({"enum": list(KINDS)})]]
     parameters: Mapping[Name, Parameter] = {}
     presets: Mapping[Name, Preset] = {}
     results: tuple[ResultEntry, ...] = ()

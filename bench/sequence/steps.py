@@ -6,7 +6,7 @@ name states.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, PlainValidator, ValidationInfo, model_validator
 
@@ -31,7 +31,24 @@ from drivers.units import quoted
 from drivers.wording import expected, telling
 
 
-class Move(StrictModel):
+class Timed(StrictModel):
+    """What every step may say: how long it may take at most."""
+
+    timeout_s: PositiveSeconds | None = Field(None, alias="timeout")
+
+    @property
+    def least_s(self) -> float:
+        """The time that the step takes at least, by what it says itself."""
+        return 0.0
+
+    @model_validator(mode="after")
+    def _can_end_in_time(self) -> Self:
+        if self.timeout_s is not None and self.timeout_s <= self.least_s:
+            raise telling(f"its timeout of {self.timeout_s:g} s is over before the {self.least_s:g} s that it takes")
+        return self
+
+
+class Move(Timed):
     """Turns the head to an angle and waits until it stands there."""
 
     role: Name = Field(alias="move")
@@ -40,7 +57,7 @@ class Move(StrictModel):
     settle_s: Seconds = Field(0.0, alias="settle")
 
 
-class SetOutput(StrictModel):
+class SetOutput(Timed):
     """Sets a supply (voltage, current_limit) or a current source (current, compliance), and its output on or off."""
 
     role: Name = Field(alias="set")
@@ -64,13 +81,49 @@ class SetOutput(StrictModel):
         return self
 
 
-class Wait(StrictModel):
+class Wait(Timed):
     """Lets time pass."""
 
     duration_s: Seconds = Field(alias="wait")
 
+    @property
+    def least_s(self) -> float:
+        """The time itself."""
+        return self.duration_s
 
-class Ramp(StrictModel):
+
+class WaitUntil(Timed):
+    """Waits until a reading is above one value, below another, or both, and has been so for a time."""
+
+    role: Name = Field(alias="wait_until")
+    above_c: Celsius | None = Field(None, alias="above")
+    below_c: Celsius | None = Field(None, alias="below")
+    hold_s: Seconds = Field(0.0, alias="hold")
+    give_up_after_s: PositiveSeconds = Field(alias="give_up_after")
+
+    @property
+    def least_s(self) -> float:
+        """How long the condition must hold."""
+        return self.hold_s
+
+    @model_validator(mode="after")
+    def _can_come_true(self) -> Self:
+        if self.above_c is None and self.below_c is None:
+            raise telling("needs above, or below, or both")
+        if self.above_c is not None and self.below_c is not None and self.above_c >= self.below_c:
+            raise telling(f"nothing is above {self.above_c:g} °C and below {self.below_c:g} °C")
+        if self.give_up_after_s <= self.hold_s:
+            raise telling("'give_up_after' must be longer than 'hold'")
+        return self
+
+
+class Note(Timed):
+    """Writes a text into the record of the run, and shows it."""
+
+    text: Annotated[str, Field(min_length=1, max_length=500)] = Field(alias="note")
+
+
+class Ramp(Timed):
     """Takes the chamber's set point to a temperature; ends when the set point in force has arrived."""
 
     role: Name = Field(alias="ramp")
@@ -86,13 +139,18 @@ class Stable(StrictModel):
     hold_s: PositiveSeconds = Field(alias="hold")
 
 
-class Soak(StrictModel):
+class Soak(Timed):
     """Waits at a temperature: at least so long, and until a reading is stable."""
 
     role: Name = Field(alias="soak")
     at_least_s: Seconds = Field(alias="at_least")
     until_stable: Stable | None = None
     give_up_after_s: PositiveSeconds | None = Field(None, alias="give_up_after")
+
+    @property
+    def least_s(self) -> float:
+        """The fixed time, or the time to see that it is stable."""
+        return max(self.at_least_s, self.until_stable.hold_s if self.until_stable else 0.0)
 
     @model_validator(mode="after")
     def _bounded(self) -> Soak:
@@ -101,12 +159,17 @@ class Soak(StrictModel):
         return self
 
 
-class Acquire(StrictModel):
+class Acquire(Timed):
     """Counts pulses for a time, under a label that a result can name."""
 
     role: Name = Field(alias="acquire")
     duration_s: PositiveSeconds = Field(alias="for")
     label: Name
+
+    @property
+    def least_s(self) -> float:
+        """The counting time."""
+        return self.duration_s
 
 
 class ForEach(StrictModel):
@@ -117,11 +180,27 @@ class ForEach(StrictModel):
     steps: Annotated[tuple[AnyBlock, ...], NOT_EMPTY]
 
 
-Step = Move | SetOutput | Wait | Ramp | Soak | Acquire
+class Repeat(StrictModel):
+    """Does steps again and again, so many times."""
+
+    count: Any = Field(alias="repeat")
+    steps: Annotated[tuple[AnyBlock, ...], NOT_EMPTY]
+
+
+class Group(StrictModel):
+    """Steps under a name, which their ids then hold."""
+
+    name: Name = Field(alias="group")
+    steps: Annotated[tuple[AnyBlock, ...], NOT_EMPTY]
+
+
+Step = Move | SetOutput | Wait | WaitUntil | Note | Ramp | Soak | Acquire
+Block = ForEach | Repeat | Group
 STEPS: dict[str, type[Step]] = {
-    "move": Move, "set": SetOutput, "wait": Wait, "ramp": Ramp, "soak": Soak, "acquire": Acquire,
+    "move": Move, "set": SetOutput, "wait": Wait, "wait_until": WaitUntil, "note": Note, "ramp": Ramp, "soak": Soak,
+    "acquire": Acquire,
 }  # fmt: skip
-BLOCKS: dict[str, type[Step | ForEach]] = {**STEPS, "for_each": ForEach}
+BLOCKS: dict[str, type[Step | Block]] = {**STEPS, "for_each": ForEach, "repeat": Repeat, "group": Group}
 
 # The capability that a verb needs of its role.
 NEEDS: dict[str, tuple[str, ...]] = {
@@ -129,6 +208,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "set": ("power_supply", "current_source"),
     "ramp": ("thermal_chamber",),
     "soak": (THERMOMETER,),
+    "wait_until": (THERMOMETER,),
     "acquire": ("pulse_counter",),
 }
 
@@ -138,7 +218,7 @@ def verb_of(step: Step) -> str:
     return next(verb for verb, model in STEPS.items() if isinstance(step, model))
 
 
-def block_model(raw: object) -> type[Step | ForEach]:
+def block_model(raw: object) -> type[Step | Block]:
     """The model that a step's first key asks for; PydanticCustomError when it is not a verb."""
     if not isinstance(raw, dict) or not raw:
         raise expected("a step: a mapping whose first key is its verb", raw)
@@ -150,9 +230,10 @@ def block_model(raw: object) -> type[Step | ForEach]:
     raise telling(f"unknown step {quoted(verb)}{did_you_mean(verb, BLOCKS)}")
 
 
-def _block(raw: object, info: ValidationInfo) -> Step | ForEach:
+def _block(raw: object, info: ValidationInfo) -> Step | Block:
     return block_model(raw).model_validate(raw, context=info.context)
 
 
-AnyBlock = Annotated[Move | SetOutput | Wait | Ramp | Soak | Acquire | ForEach, PlainValidator(_block)]
-ForEach.model_rebuild()
+AnyBlock = Annotated[Step | Block, PlainValidator(_block)]
+for _model in (ForEach, Repeat, Group):
+    _model.model_rebuild()

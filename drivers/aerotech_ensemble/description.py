@@ -13,7 +13,7 @@ from drivers.fields import (
     PositiveSeconds,
     Range,
     StrictModel,
-    text_like,
+    TextLike,
 )
 
 
@@ -32,7 +32,7 @@ class EnsembleOptions(StrictModel):
     it and `rate` follows how long a move may take. `poll` is how often an axis that has nearly arrived is looked at.
     """
 
-    axis: Annotated[str, text_like("[A-Za-z][A-Za-z0-9_]{0,15}", "the name of an axis such as X")] = "X"
+    axis: Annotated[str, TextLike("[A-Za-z][A-Za-z0-9_]{0,15}", "the name of an axis such as X")] = "X"
     rate: DegreesPerSecond
     settle: SettleOptions
     approach_distance: Annotated[float, InUnit("°", above=0, at_most=30)] = 2.0

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Self
 
 from pydantic import ValidationError, model_validator
+from pydantic_core import InitErrorDetails
 
-from drivers.dbc_outline import outline
+from drivers.dbc_outline import lengths_bits, outline
 from drivers.description import DriverDescription
-from drivers.fields import NOT_EMPTY, FileBeside, Hertz, InUnit, PositiveSeconds, Ratio, StrictModel, text_like
+from drivers.fields import NOT_EMPTY, FileBeside, Hertz, InUnit, PositiveSeconds, Ratio, StrictModel, TextLike
 from drivers.suggest import did_you_mean
 from drivers.wording import problem_at
 
 IDLE_BLOCK_S = 10.0  # how long frames are left together while nobody acquires
 
-SignalName = Annotated[str, text_like(r"\w+\.\w+", "Message.Signal, a name of the DBC")]
+SignalName = Annotated[str, TextLike(r"\w+\.\w+", "Message.Signal, a name of the DBC")]
 
 
 class LatchOptions(StrictModel):
@@ -62,9 +63,23 @@ class CounterOptions(StrictModel):
             for place, name in named.items()
             if name is not None and name not in known
         ]
+        problems = problems or list(self._ambiguous())
         if problems:
             raise ValidationError.from_exception_data(type(self).__name__, problems)
         return self
+
+    def _ambiguous(self) -> Iterator[InitErrorDetails]:
+        """Counters that may come round between two latches, so that their difference tells nothing: methods.md 1.7."""
+        bits_of, pulses = lengths_bits(_text_of(self.dbc)), self.period * self.max_rate
+        for channel, signals in self.channels.items():
+            for key in ("positive", "negative"):
+                name = getattr(signals, key)
+                if name in bits_of and pulses >= 2 ** bits_of[name]:
+                    problem = (
+                        f"'{name}' has {bits_of[name]} bits and comes round after {2 ** bits_of[name]} pulses; "
+                        f"max_rate gives up to {pulses:.6g} in a period: shorten the period, or use a longer signal"
+                    )
+                    yield problem_at(("channels", channel, key), problem)
 
 
 class CounterUncertainty(StrictModel):
@@ -75,7 +90,11 @@ class CounterUncertainty(StrictModel):
 
 def signals_of(dbc: Path) -> Mapping[str, str]:
     """The signals of a DBC file: `Message.Signal` → unit."""
-    return outline(dbc.read_text(encoding="utf-8", errors="replace"))
+    return outline(_text_of(dbc))
+
+
+def _text_of(dbc: Path) -> str:
+    return dbc.read_text(encoding="utf-8", errors="replace")
 
 
 def channels(options: CounterOptions) -> Mapping[str, str]:

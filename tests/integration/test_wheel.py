@@ -59,5 +59,7 @@ def test_the_wheel_holds_the_packages_their_data_and_no_tests(wheel):
     assert tops - {"bench", "drivers", "simulators"} == {next(top for top in tops if top.endswith(".dist-info"))}
     assert "bench/shipped/config/uut/quartz_flexure.yaml" in names
     assert "bench/shipped/config/if_counter.dbc" in names
+    assert "bench/shipped/docs/schema/sequence.schema.json" in names
+    assert "bench/sequence/starter.yaml" in names
     assert any(name.endswith("report.html.j2") for name in names)
     assert "bench/py.typed" in names

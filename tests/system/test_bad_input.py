@@ -12,6 +12,7 @@ import pytest
 from bench.cli.main import run
 from tests.support.sequences import ROOT, TAIL, steps
 
+HEAD = "schema: itb-sequence/1\ntitle: T\n"
 SEQUENCES = sorted(path.stem for path in (ROOT / "sequences").glob("*.yaml"))
 BENCHES = sorted(path.stem for path in (ROOT / "config").glob("*.yaml"))
 
@@ -52,7 +53,7 @@ def test_a_preset_and_wishes_are_checked_too(bench):
 
 
 def test_a_plan_lists_when_each_step_begins_and_how_long_it_takes(bench):
-    code, out, err = bench("plan", "smoke", "--set", "positions=[0°]")
+    code, out, err = bench("plan", "smoke")
     assert (code, err) == (0, [])
     assert [line.rstrip() for line in out] == [
         "      begins        takes  step",
@@ -61,9 +62,15 @@ def test_a_plan_lists_when_each_step_begins_and_how_long_it_takes(bench):
         "     0:00:00         10 s  steps/temperature=20/soak",
         "     0:00:10          3 s  steps/temperature=20/position=0/move",
         "     0:00:13          5 s  steps/temperature=20/position=0/acquire",
-        "     0:00:18          0 s  teardown/set",
-        "     0:00:18          2 s  teardown/move",
-        "7 steps, about 20 s, about 0 MB",
+        "     0:00:18          8 s  steps/temperature=20/position=90/move",
+        "     0:00:26          5 s  steps/temperature=20/position=90/acquire",
+        "     0:00:31          8 s  steps/temperature=20/position=180/move",
+        "     0:00:38          5 s  steps/temperature=20/position=180/acquire",
+        "     0:00:43          8 s  steps/temperature=20/position=270/move",
+        "     0:00:51          5 s  steps/temperature=20/position=270/acquire",
+        "     0:00:56          0 s  teardown/set",
+        "     0:00:56         15 s  teardown/move",
+        "13 steps, about 71 s, about 0 MB",
     ]
 
 
@@ -101,6 +108,108 @@ def test_the_problems_of_the_bench_file_and_of_the_sequence_are_told_together(be
         f"b.yaml:{line}:5: driver: there is no driver 'watlow_f4'; did you mean 'watlow_f4t'?",
         "s.yaml:2:5: unknown step 'mov'; did you mean 'move'?",
     ]
+
+
+# Warnings
+
+COLD = steps("{ramp: chamber, to: -40 °C, at: 1 °C/min}") + "needs: {chamber: thermal_chamber}\n" + HEAD
+LEFT_COLD = (
+    "the last ramp goes to -40 °C; a unit colder than the room collects water when the door opens. "
+    "End the teardown with a ramp to 15 °C or above"
+)
+NO_TEARDOWN = (
+    "there is no teardown that takes 'chamber' back when the steps end, or one of them fails. "
+    "Write a teardown that takes the head to 0° and the chamber to room temperature"
+)
+WARNED = [
+    f"s.yaml:2:5: warning: {NO_TEARDOWN} [no-teardown]",
+    f"s.yaml:2:21: warning: {LEFT_COLD} [left-cold]",
+]
+
+
+@pytest.fixture
+def cold(tmp_path):
+    (tmp_path / "s.yaml").write_text(COLD, "utf-8")
+
+
+def test_warnings_are_told_on_stderr_and_counted(bench, cold):
+    code, (line,), err = bench("check", "s.yaml")
+    assert (code, err) == (0, WARNED)
+    assert line == f"s.yaml: 1 step, 2 warnings on {ROOT / 'config/simulated.yaml'}"
+
+
+def test_one_warning_is_no_plural(bench, tmp_path):
+    (tmp_path / "s.yaml").write_text(COLD + "teardown: [wait: 1 s]\n", "utf-8")
+    code, (line,), err = bench("check", "s.yaml")
+    assert (code, err) == (0, WARNED[1:])
+    assert " 2 steps, 1 warning on " in line
+
+
+def test_strict_takes_warnings_for_errors(bench, cold):
+    assert bench("check", "s.yaml", "--strict") == (2, [], [line.replace("warning: ", "") for line in WARNED])
+    code, _, err = bench("check", "smoke", "--strict")
+    assert (code, err) == (0, [])
+
+
+def test_plan_and_run_go_on_after_their_warnings(bench, cold):
+    code, out, err = bench("plan", "s.yaml")
+    assert (code, err) == (0, WARNED)
+    assert out[-1].startswith("1 steps, about 60 min")
+    code, _, err = bench("run", "s.yaml", "--bench", "simulated")
+    assert code == 0
+    assert err[:2] == WARNED
+
+
+@pytest.mark.parametrize(("options", "severity"), [((), "warning"), (("--strict",), "error")])
+def test_every_other_format_stands_alone_on_stdout(bench, cold, options, severity):
+    ended = 2 if severity == "error" else 0
+    code, (line,), err = bench("check", "s.yaml", "--format", "json", *options)
+    assert (code, err) == (ended, [])
+    assert json.loads(line)["found"][1] == {
+        "severity": severity, "rule": "left-cold", "file": "s.yaml", "line": 2, "column": 21, "text": LEFT_COLD,
+    }  # fmt: skip
+    assert bench("check", "s.yaml", "--format", "github", *options) == (
+        ended,
+        [
+            f"::{severity} file=s.yaml,line=2,col=5::{NO_TEARDOWN} [no-teardown]",
+            f"::{severity} file=s.yaml,line=2,col=21::{LEFT_COLD} [left-cold]",
+        ],
+        [],
+    )
+    code, (line,), err = bench("check", "s.yaml", "--format", "sarif", *options)
+    assert (code, err) == (ended, [])
+    (ran,) = json.loads(line)["runs"]
+    assert [result["level"] for result in ran["results"]] == [severity] * 2
+
+
+@pytest.mark.parametrize(
+    ("format_", "nothing"),
+    [("json", ['{"found": []}']), ("github", []), ("sarif", None)],
+    ids=["json", "github", "sarif"],
+)
+def test_nothing_found_is_told_in_each_format(bench, format_, nothing):
+    code, out, err = bench("check", "smoke", "--format", format_)
+    assert (code, err) == (0, [])
+    assert out == nothing if nothing is not None else json.loads(out[0])["runs"][0]["results"] == []
+
+
+def test_errors_of_files_and_wishes_are_told_in_the_format_asked_for(bench, tmp_path):
+    write(tmp_path, steps("mov: head"))
+    code, (line,), err = bench("check", "s.yaml", "--preset", "p", "--format", "json")
+    assert (code, err) == (2, [])
+    assert [(found["file"], found["line"], found["rule"]) for found in json.loads(line)["found"]] == [
+        (None, 1, "input"),
+        ("s.yaml", 2, "input"),
+    ]
+
+
+def test_an_unknown_format_is_exit_code_2(bench):
+    code, out, err = bench("check", "smoke", "--format", "xml")
+    assert (code, out) == (2, [])
+    assert "'xml' is not one of 'text', 'json', 'sarif', 'github'" in "\n".join(err)
+
+
+# Hostile files
 
 
 @pytest.mark.parametrize(

@@ -79,13 +79,6 @@ def test_a_unit_that_leaves_its_temperature_limits_is_an_error(tmp_path):
     assert "outside -55 to 23 °C" in result.problems[0]
 
 
-def test_a_unit_that_never_gets_stable_is_given_up_in_words(tmp_path):
-    bench = copy_bench(tmp_path / "config", ("limit_cycle: 0.2 °C", "limit_cycle: 20 °C"))
-    result = run_short(tmp_path / "runs", bench=bench)
-    assert "step steps/cycle=1/temperature=20/soak: unit_temperature is not stable after 4.0 h" in result.problems[0]
-    assert "allowed are 0.2 °C and 1 °C/h" in result.problems[0]
-
-
 def test_an_instrument_that_cannot_be_opened_ends_the_run_before_anything_moves(tmp_path):
     edit = ("connection: sim+tcp://127.0.0.1:5025", "connection: tcp://127.0.0.1:5")
     bench = copy_bench(tmp_path / "config", edit)

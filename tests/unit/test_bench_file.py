@@ -463,18 +463,18 @@ def test_all_slips_are_told_at_once_in_the_order_of_the_file(folder):
         ("seed: 1", "seed: one"),
     )
     assert problems(folder, text) == [
-        "b.yaml:7:1: titel: unknown key; did you mean 'title'?",
-        "b.yaml:11:3: height: 420 has no unit, write it like '420 m'",
-        "b.yaml:17:5: drivr: unknown key; did you mean 'driver'?",
-        "b.yaml:29:15: axs: unknown key; did you mean 'axis'?",
-        "b.yaml:51:5: calibration: is due on 2020-12-31, which is not after its date 2026-01-01",
-        "b.yaml:52:99: tim_base: unknown key; did you mean 'time_base'?",
-        "b.yaml:57:5: identity: is 5, expected a mapping",
-        "b.yaml:65:29: compliance: is in A, expected a quantity in V",
-        "b.yaml:82:3: input_axis: of at_0 and at_90 one is level and the other up or down: "
+        "b.yaml:8:1: titel: unknown key; did you mean 'title'?",
+        "b.yaml:12:3: height: 420 has no unit, write it like '420 m'",
+        "b.yaml:18:5: drivr: unknown key; did you mean 'driver'?",
+        "b.yaml:30:15: axs: unknown key; did you mean 'axis'?",
+        "b.yaml:52:5: calibration: is due on 2020-12-31, which is not after its date 2026-01-01",
+        "b.yaml:53:99: tim_base: unknown key; did you mean 'time_base'?",
+        "b.yaml:58:5: identity: is 5, expected a mapping",
+        "b.yaml:66:29: compliance: is in A, expected a quantity in V",
+        "b.yaml:83:3: input_axis: of at_0 and at_90 one is level and the other up or down: "
         "the axis turns in a vertical plane",
-        "b.yaml:87:3: the key 'channel' is missing",
-        "b.yaml:98:3: seed: is 'one', expected a whole number",
+        "b.yaml:88:3: the key 'channel' is missing",
+        "b.yaml:99:3: seed: is 'one', expected a whole number",
     ]
 
 
@@ -488,12 +488,12 @@ def test_all_names_that_do_not_fit_are_told_at_once_in_the_order_of_the_file(fol
         ("units: {a: uut", "units: {b: uut"),
     )
     assert problems(folder, text) == [
-        "b.yaml:73:5: there is no device 'countr'; did you mean 'counter'?",
-        "b.yaml:88:5: no counter has a channel 'w'; expected x, y or z",
-        "b.yaml:90:5: there is no reading 'unit_temp'; did you mean 'unit_temperature'?",
-        "b.yaml:91:5: 'suply' is not a power supply; did you mean 'supply'?",
-        "b.yaml:99:13: there is no device 'chambre'; did you mean 'chamber'?",
-        "b.yaml:101:11: there is no place 'b'; expected a",
+        "b.yaml:74:5: there is no device 'countr'; did you mean 'counter'?",
+        "b.yaml:89:5: no counter has a channel 'w'; expected x, y or z",
+        "b.yaml:91:5: there is no reading 'unit_temp'; did you mean 'unit_temperature'?",
+        "b.yaml:92:5: 'suply' is not a power supply; did you mean 'supply'?",
+        "b.yaml:100:13: there is no device 'chambre'; did you mean 'chamber'?",
+        "b.yaml:102:11: there is no place 'b'; expected a",
     ]
 
 
@@ -507,8 +507,8 @@ def test_a_kept_bench_file_outlives_the_files_that_it_names(tmp_path):
     with pytest.raises(InputError) as caught:
         load_bench(kept)
     assert caught.value.problems == (
-        f"{kept}:42:7: dbc: there is no file 'if_counter.dbc' beside this one",
-        f"{kept}:101:11: a: there is no file 'uut/quartz_flexure.yaml' beside this one",
+        f"{kept}:43:7: dbc: there is no file 'if_counter.dbc' beside this one",
+        f"{kept}:102:11: a: there is no file 'uut/quartz_flexure.yaml' beside this one",
     )
 
 

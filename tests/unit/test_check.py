@@ -161,7 +161,8 @@ def test_a_value_beyond_the_limits_of_the_bench_file_is_told_with_the_step(tmp_p
     ],
 )
 def test_limits_are_allowed_themselves(tmp_path, step):
-    assert len(plan_of(tmp_path, steps(step))) == 1
+    off = "teardown: [{set: supply, output: off}, {set: source, output: off}]\n"
+    assert len(plan_of(tmp_path, steps(step) + off).steps) == 1
 
 
 def test_a_value_beyond_the_limits_in_many_passes_is_told_once_with_the_first_step(tmp_path):

@@ -22,6 +22,8 @@ def estimated(folder, *lines, bench=BENCH):
         (["{acquire: counter, for: 5 s, label: a}"], [5]),
         (["{set: supply, output: off}"], [COMMAND_S]),
         (["{soak: unit_temperature, at_least: 5 min}"], [300]),
+        (["{wait_until: unit_temperature, above: 5 °C, hold: 1 min, give_up_after: 1 h}"], [60]),
+        (["note: It begins."], [COMMAND_S]),
         (
             ["{soak: unit_temperature, at_least: 5 s, until_stable: {band: 1 °C, slope: 1 °C/h, hold: 10 min}, "
              "give_up_after: 1 h}"],

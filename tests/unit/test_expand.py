@@ -43,6 +43,16 @@ def ids(plan) -> list[str]:
             ["a=true/wait", "a=x/wait", "a=1.5/wait", "a=120/wait", "a=1e-07/wait"],
         ),
         (loop("a", "[0.1, 0.10000000000000001]", "wait: 1 s"), ["a=0.1/wait", "a=0.1#2/wait"]),
+        (
+            "{repeat: 2, steps: [wait: 1 s, wait: 2 s]}",
+            ["pass=1/wait", "pass=1/wait#2", "pass=2/wait", "pass=2/wait#2"],
+        ),
+        (
+            "{repeat: '${1 + 1}', steps: [{repeat: 1, steps: [wait: 1 s]}]}",
+            ["pass=1/pass=1/wait", "pass=2/pass=1/wait"],
+        ),
+        ("{group: warm_up, steps: [wait: 1 s, wait: 2 s]}", ["warm_up/wait", "warm_up/wait#2"]),
+        (loop("a", "[1, 2]", "{group: b, steps: [wait: 1 s]}"), ["a=1/b/wait", "a=2/b/wait"]),
     ],
 )  # fmt: skip
 def test_an_id_names_a_step_by_its_loops_and_the_visit_of_the_same_value(tmp_path, block, expected):
@@ -105,7 +115,7 @@ def test_every_kind_of_step_is_in_the_unit_that_its_name_states(tmp_path):
         soak,
         "{acquire: counter, for: 1 min, label: tumble}",
         "{set: supply, voltage: 15000 mV, current_limit: 120 mA, output: on}",
-    )))  # fmt: skip
+    ) + "teardown: [{set: supply, output: off}]\n").steps)  # fmt: skip
     assert isinstance(ramp, Ramp)
     assert (ramp.temperature_c, ramp.rate_c_per_min) == (-40.0, 1.0)
     assert isinstance(move, Move)
@@ -137,6 +147,29 @@ def test_expressions_stand_in_nested_values_too(tmp_path):
 
 
 # Loops that are wrong
+
+
+@pytest.mark.parametrize(
+    ("count", "problem"),
+    [
+        ("0", "is 0, expected a whole number of at least 1"),
+        ("-1", "is -1, expected a whole number of at least 1"),
+        ("1.5", "is 1.5, expected a whole number of at least 1"),
+        ("2 s", "is 2 s, expected a whole number of at least 1"),
+        ("often", "is often, expected a whole number of at least 1"),
+        ("[1, 2]", "is 1, 2, expected a whole number of at least 1"),
+        ("'${n}'", "'${n}': there is no name 'n'; none is known here"),
+    ],
+)
+def test_steps_are_repeated_a_whole_number_of_times(tmp_path, count, problem):
+    block = f"{{repeat: {count}, steps: [wait: 1 s]}}"
+    assert problems_of(tmp_path, steps(block)) == [f"2:6: repeat: {problem}"]
+
+
+def test_a_repetition_adds_no_name_and_a_step_in_it_is_made_once(tmp_path):
+    plan = plan_of(tmp_path, steps("{repeat: 3, steps: [wait: 1 s]}"))
+    assert [planned.loops for planned in plan] == [{}, {}, {}]
+    assert len({id(planned.step) for planned in plan}) == 1
 
 
 @pytest.mark.parametrize(
@@ -218,7 +251,8 @@ def test_what_is_wrong_in_a_loop_is_told_once_and_not_in_every_pass(tmp_path, in
         ("{acquire: '${way}', for: 5 s, label: a}",
          "3:6: acquire: is '${way}', expected a name: at most 32 lower-case letters, digits and _, a letter first"),
         ("{'${way}': head, to: 5°}",
-         "3:5: unknown step '${way}'; expected move, set, wait, ramp, soak, acquire or for_each"),
+         "3:5: unknown step '${way}'; expected move, set, wait, wait_until, note, ramp, soak, acquire, for_each, "
+         "repeat or group"),
         ("wait: 'x ${way}'", "3:5: wait: 'x ${way}': an expression is the whole value, like ${a + b}"),
         ("wait: '${way}'", "3:5: wait: 'direct' is not a quantity; expected a quantity in s"),
         ("wait: '${list}'", "3:5: wait: is a list, expected a quantity in s"),

@@ -28,16 +28,16 @@ from drivers.fields import (
     Seconds,
     Spelled,
     StrictModel,
+    TextLike,
     WholeNumber,
     keys_of,
-    text_like,
 )
 from drivers.quantities import Quantity, parse
 from drivers.suggest import did_you_mean, nearest
 from drivers.wording import in_words
 
 Tilt = Annotated[float, InUnit("°", at_least=-30, at_most=30)]
-Axis = Annotated[str, text_like("[XYZ]", "the name of an axis such as X")]
+Axis = Annotated[str, TextLike("[XYZ]", "the name of an axis such as X")]
 
 
 def read(kind: Any, raw: object, context: dict[str, Any] | None = None) -> Any:

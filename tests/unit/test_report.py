@@ -219,7 +219,7 @@ def test_a_result_outside_its_limits_fails_and_one_close_to_them_is_marginal(tmp
 
 
 def test_a_dwell_that_was_left_out_and_a_limit_that_nothing_could_be_held_against(tmp_path):
-    run = run_short(tmp_path, sequence="smoke", settings=("positions=[0°, 90°, 180°]",))
+    run = run_short(tmp_path, sequence="smoke", settings=("positions=[0°, 90°, 180°, 180.01°]",))
     page = page_of(run.path)
     assert ("div", {"class": "verdict INCOMPLETE"}) in page.tags
     assert "Dwell 0 is left out: no usable reading near 270°." in page.parts["note"]

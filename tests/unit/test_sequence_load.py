@@ -17,6 +17,7 @@ from bench.sequence.values import in_words
 from tests.support.sequences import BENCH, ROOT, TAIL, plan_of, problems_of, steps
 
 NAME = "expected a name: at most 32 lower-case letters, digits and _, a letter first"
+KINDS = "move, set, wait, wait_until, note, ramp, soak, acquire, for_each, repeat or group"
 WAIT = "steps: [wait: 1 s]\n"
 
 
@@ -32,7 +33,7 @@ def chosen(plan: Plan) -> dict[str, str]:
     [
         ("mov: head", "2:5: unknown step 'mov'; did you mean 'move'?"),
         ("{to: 5°, move: head}", "2:5: the first key of a step is its verb: put 'move' before 'to'"),
-        ("{to: 5°}", "2:5: unknown step 'to'; expected move, set, wait, ramp, soak, acquire or for_each"),
+        ("{to: 5°}", f"2:5: unknown step 'to'; expected {KINDS}"),
         ("{}", "2:5: is empty, expected a step: a mapping whose first key is its verb"),
         ("move", "2:5: is 'move', expected a step: a mapping whose first key is its verb"),
         ("", "2:4: is empty, expected a step: a mapping whose first key is its verb"),
@@ -109,6 +110,28 @@ NOT_BOTH = "2:5: give voltage and current_limit, or current and compliance, not 
         (
             "{soak: unit_temperature, at_least: 5 s, until_stable: {band: 1 °C, slope: 1 °C/h, hold: 1 min}}",
             "2:5: 'until_stable' needs 'give_up_after': say when to stop waiting",
+        ),
+        ("{wait_until: unit_temperature, give_up_after: 1 h}", "2:5: needs above, or below, or both"),
+        ("{wait_until: unit_temperature, above: 5 °C}", "2:5: the key 'give_up_after' is missing"),
+        (
+            "{wait_until: unit_temperature, above: 5 °C, below: 5 °C, give_up_after: 1 h}",
+            "2:5: nothing is above 5 °C and below 5 °C",
+        ),
+        (
+            "{wait_until: unit_temperature, above: 5 °C, hold: 1 h, give_up_after: 60 min}",
+            "2:5: 'give_up_after' must be longer than 'hold'",
+        ),
+        ("{wait: 5 s, timeout: 5 s}", "2:5: its timeout of 5 s is over before the 5 s that it takes"),
+        (
+            "{acquire: counter, for: 5 s, label: a, timeout: 4 s}",
+            "2:5: its timeout of 4 s is over before the 5 s that it takes",
+        ),
+        ("{move: head, to: 5°, timeout: 0 s}", "2:26: timeout: is 0 s, expected more than 0 s"),
+        ("{note: ''}", "2:6: note: is empty, expected text"),
+        ("{repeat: 2, steps: []}", "2:17: steps: is empty, expected at least one"),
+        (
+            "{group: 2 a, steps: [wait: 1 s]}",
+            "2:6: group: is '2 a', expected a name: at most 32 lower-case letters, digits and _, a letter first",
         ),
     ],
 )
@@ -379,7 +402,7 @@ def test_every_problem_is_told_at_once_the_wishes_first_then_in_the_order_of_the
         "3:20: wait: 5 has no unit, write it like '5 s'",
         "6:5: to: 400 ° is above the 365 ° that the bench file allows 'head' (step steps/move)",
         "8:5: in: is empty, expected a list or a range with at least one value",
-        "9:24: unknown step 'nap'; expected move, set, wait, ramp, soak, acquire or for_each",
+        f"9:24: unknown step 'nap'; expected {KINDS}",
         "13:10: 'ramp' needs a thermal_chamber, 'head' is a positioner",
         "14:25: to: '${c}': there is no name 'c'; expected p or b",
         "16:19: output: is 'offf', expected 'on' or 'off'",

@@ -1,0 +1,69 @@
+"""schema, fmt, new: what helps to write sequences and bench files."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from bench.cli.exits import INPUT_ERROR
+
+schemas = typer.Typer(help="Print the JSON Schema of a kind of file.", no_args_is_help=True, rich_markup_mode=None)
+starters = typer.Typer(help="Write a starter file.", no_args_is_help=True, rich_markup_mode=None)
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands."""
+    app.add_typer(schemas, name="schema")
+    app.command("fmt")(format_files)
+    app.add_typer(starters, name="new")
+
+
+@schemas.command("sequence")
+def schema_of_sequences() -> None:
+    """Print the JSON Schema of sequence files."""
+    from bench.sequence.schema import sequence_schema
+
+    _print(sequence_schema())
+
+
+@schemas.command("bench")
+def schema_of_benches() -> None:
+    """Print the JSON Schema of bench files, with the blocks of every installed driver."""
+    from bench.config.schema import bench_schema
+
+    _print(bench_schema())
+
+
+def _print(schema: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(schema, ensure_ascii=False, indent=2) + "\n")
+
+
+def format_files(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE…", help="Sequence and bench files.")],
+    check: Annotated[bool, typer.Option("--check", help="Change nothing; exit 2 where a file would change.")] = False,
+) -> None:
+    """Indent YAML files as the shipped ones are; values, comments and spelling stay."""
+    from bench.config.layout import changes, write_over
+
+    changed = changes(files)
+    for path, text in changed.items():
+        if not check:
+            write_over(path, text)
+        sys.stdout.write(f"{path}\n")
+    if check and changed:
+        raise typer.Exit(INPUT_ERROR)
+
+
+@starters.command("sequence")
+def new_sequence(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The name of the sequence, such as warm_up.")],
+    folder: Annotated[Path, typer.Option("--dir", metavar="DIR", help="Where it is written.")] = Path("sequences"),
+) -> None:
+    """Write a commented sequence that runs on the shipped simulated bench, to start from."""
+    from bench.sequence.starter import write_starter
+
+    sys.stdout.write(f"{write_starter(name, folder)}\n")

@@ -1,0 +1,184 @@
+"""Files laid out as the shipped ones are: two spaces a level, a list two spaces in, no trailing spaces.
+
+Lines are moved sideways and nothing else: what stands in a line, and beside it as a comment, stays as it is written. A
+text whose value would change by that is refused.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import tempfile
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from enum import Enum, auto
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML, tokens
+
+from bench.config.document import parse_document, read_text
+from bench.errors import InputError
+
+STEP = 2
+_FLOW_OPENS = (tokens.FlowMappingStartToken, tokens.FlowSequenceStartToken)
+_FLOW_CLOSES = (tokens.FlowMappingEndToken, tokens.FlowSequenceEndToken)
+_DASHES = re.compile(r"^( *)((?:- +)+)(?=\S)")
+
+
+def changes(paths: Iterable[Path]) -> dict[Path, str]:
+    """The files that are laid out otherwise, with the text they should have; InputError tells what is no document."""
+    found: dict[Path, str] = {}
+    refused: list[str] = []
+    for path in paths:
+        try:
+            text = laid_out(read_text(path), path)
+            if text.encode() != path.read_bytes():
+                found[path] = text
+        except InputError as problem:
+            refused += problem.problems
+    if refused:
+        raise InputError(*refused)
+    return found
+
+
+def write_over(path: Path, text: str) -> None:
+    """Replaces a file by a new text, wholly or not at all; its mode stays. InputError when that cannot be done."""
+    target = path.resolve()
+    draft = ""
+    try:
+        handle, draft = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+        with os.fdopen(handle, "wb") as file:
+            file.write(text.encode())
+            os.fchmod(file.fileno(), target.stat().st_mode & 0o7777)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(draft, target)
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be written ({problem})") from None
+    finally:
+        with contextlib.suppress(OSError):
+            os.unlink(draft)
+
+
+def laid_out(text: str, path: Path) -> str:
+    """The text of a document as it should stand; InputError for what is not a document, or cannot be laid out."""
+    before = _ordered(text, path)
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    moved = _moved(lines, _survey(lines))
+    result = "\n".join(moved).rstrip("\n") + "\n"
+    try:
+        same = _ordered(result, path) == before
+    except InputError:
+        same = False
+    if not same:
+        raise InputError(f"{path}: cannot be laid out without a change of what it says; put its texts on one line each")
+    return result
+
+
+def _ordered(text: str, path: Path) -> str:
+    """A document's value with the order of its keys, which decides on a step's verb."""
+    return json.dumps(parse_document(text, path).value)
+
+
+@dataclass
+class _Survey:
+    """What the lines of a document are, by their numbers from 0."""
+
+    columns: dict[int, int]  # of lines that begin with a key, an item or a value: where they should begin
+    inside: set[int]  # lines in which a value goes on: they move with the line that it began in
+    verbatim: set[int]  # lines that end inside a text: the spaces at their end may belong to it
+
+
+class _Kind(Enum):
+    MAPPING = auto()
+    LIST = auto()
+    FLAT_LIST = auto()  # stands no deeper than its key, which YAML allows
+
+
+def _survey(lines: list[str]) -> _Survey:
+    survey = _Survey({}, set(), set())
+    levels: list[_Kind] = []
+    flow_depth = flow_line = 0
+    for token in YAML(typ="safe", pure=True).scan("\n".join(lines)):
+        line = token.start_mark.line
+        if not flow_depth:
+            flow_line = line
+            _follow(token, levels)
+            if (column := _column(token, levels)) is not None:
+                survey.columns.setdefault(line, column)
+        flow_depth += isinstance(token, _FLOW_OPENS) - isinstance(token, _FLOW_CLOSES)
+        if isinstance(token, _FLOW_CLOSES):
+            survey.inside.update(range(flow_line + 1, line + 1))
+        if isinstance(token, tokens.ScalarToken):
+            last = token.end_mark.line - (token.end_mark.column == 0)
+            survey.inside.update(range(line + 1, last + 1))
+            is_block = token.style in ("|", ">")
+            survey.verbatim.update(range(line + is_block, last + is_block))
+    return survey
+
+
+def _follow(token: Any, levels: list[_Kind]) -> None:
+    """Opens and closes the levels of indentation that begin and end before a token."""
+    if isinstance(token, tokens.BlockEntryToken) and levels[-1] is _Kind.MAPPING:
+        levels.append(_Kind.FLAT_LIST)
+    elif isinstance(token, (tokens.KeyToken, tokens.BlockEndToken)) and levels[-1] is _Kind.FLAT_LIST:
+        levels.pop()
+    if isinstance(token, tokens.BlockEndToken):
+        levels.pop()
+    elif isinstance(token, tokens.BlockMappingStartToken):
+        levels.append(_Kind.MAPPING)
+    elif isinstance(token, tokens.BlockSequenceStartToken):
+        levels.append(_Kind.LIST)
+
+
+def _column(token: Any, levels: list[_Kind]) -> int | None:
+    """Where a line that begins with this token should begin; None when lines begin with the next one."""
+    if isinstance(token, (tokens.KeyToken, tokens.ValueToken, tokens.BlockEntryToken)):
+        return STEP * (len(levels) - 1)
+    return STEP * len(levels) if isinstance(token, (tokens.ScalarToken, *_FLOW_OPENS)) else None
+
+
+def _moved(lines: list[str], survey: _Survey) -> Iterator[str]:
+    """The lines at their columns.
+
+    A comment goes where the next line goes if both stand in one column, else where the last line before it in its
+    column goes, and else as far as the line before it.
+    """
+    column = {number: len(line) - len(line.lstrip(" ")) for number, line in enumerate(lines)}
+    begins = [number for number in survey.columns if number not in survey.inside]
+    following = dict(pairwise(begins))
+    gone: dict[int, int] = {}  # by the column that lines had: the one that they have now
+    shift, next_one = 0, begins[0] if begins else None
+    for number, line in enumerate(lines):
+        kept = line if number in survey.verbatim else line.rstrip(" \t")
+        if number in survey.inside:
+            yield _shifted(kept, shift)
+        elif number in survey.columns:
+            shift = survey.columns[number] - column[number]
+            gone[column[number]] = survey.columns[number]
+            next_one = following.get(number)
+            yield _shifted(_DASHES.sub(_one_space, kept), shift)
+        elif kept.lstrip(" ").startswith("#"):
+            now = column[number]
+            goes = gone.get(now, now + shift)
+            if next_one is not None and column[next_one] == now:
+                goes = survey.columns[next_one]
+            yield _shifted(kept, goes - now)
+        else:
+            yield kept
+
+
+def _one_space(dashes: re.Match[str]) -> str:
+    return dashes[1] + "- " * dashes[2].count("-")
+
+
+def _shifted(line: str, by: int) -> str:
+    """A line so many columns to the right, or as far to the left as it has spaces."""
+    if by >= 0:
+        return " " * by + line if line else line
+    spaces = len(line) - len(line.lstrip(" "))
+    return line[min(-by, spaces) :]

@@ -1,0 +1,101 @@
+"""JSON Schemas (draft 2020-12) of documents, made from their models, for editors that complete and check while typing.
+
+A schema tells what may stand where: keys, types, names. It does not tell what goes together (that a range rises, that a
+signal is in the DBC, which of a step's keys is the first): that remains with `bench check`. Defaults are left out, for
+they are numbers in the unit of the model, not what a document would say.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue, models_json_schema
+from pydantic_core import core_schema
+
+from bench.config.models import BenchFile
+from drivers.description import DriverDescription, known_drivers
+
+Schema = dict[str, Any]
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def bench_schema() -> Schema:
+    """The schema of bench files, with the blocks of every installed driver."""
+    drivers = known_drivers()
+    blocks = [model for driver in drivers.values() for model in _blocks(driver).values()]
+    schema, refs = schema_of(BenchFile, blocks)
+    device = schema["$defs"]["DeviceEntry"]
+    device["properties"]["driver"] = {"enum": sorted(drivers)}
+    device["allOf"] = [when("driver", name, _as_driver(drivers[name], refs)) for name in sorted(drivers)]
+    return without_unused(schema)
+
+
+def schema_of(
+    document: type[BaseModel], parts: Iterable[type[BaseModel]]
+) -> tuple[Schema, Mapping[type[BaseModel], Schema]]:
+    """The schema of a document, and references to those of `parts` in it."""
+    models = list(dict.fromkeys((document, *parts)))
+    found, definitions = models_json_schema(
+        [(model, "validation") for model in models], schema_generator=_WithoutTitlesAndDefaults
+    )
+    refs = {model: dict(found[model, "validation"]) for model in models}
+    return {"$schema": DIALECT, **refs[document], **definitions}, refs
+
+
+def without_unused(schema: Schema) -> Schema:
+    """The schema without definitions that nothing refers to; pydantic leaves those that a field has replaced."""
+    text = json.dumps(schema)
+    used = {name: found for name, found in schema["$defs"].items() if f'"#/$defs/{name}"' in text}
+    return {**schema, "$defs": used}
+
+
+def when(key: str, value: str, then: Schema) -> Schema:
+    """`then` holds where `key` has this value."""
+    return {"if": {"properties": {key: {"const": value}}, "required": [key]}, "then": then}
+
+
+def object_of(properties: Mapping[str, Schema], models: Mapping[str, type[BaseModel]]) -> Schema:
+    """A mapping of which those keys are required whose models have required keys themselves."""
+    required = [
+        key for key, model in models.items() if any(field.is_required() for field in model.model_fields.values())
+    ]
+    return {"properties": dict(properties), **({"required": required} if required else {})}
+
+
+def _blocks(driver: DriverDescription) -> Mapping[str, type[BaseModel]]:
+    return {"options": driver.options, "limits": driver.limits, "safe": driver.safe, "U": driver.uncertainty}
+
+
+def _as_driver(driver: DriverDescription, refs: Mapping[type[BaseModel], Schema]) -> Schema:
+    """What an entry of this driver holds beyond what every entry does."""
+    own = dict(_blocks(driver))
+    uncertainty = {"U": own.pop("U")}
+    schemes = "|".join(sorted(driver.schemes))
+    return object_of(
+        {
+            "connection": {"pattern": rf"^(sim\+)?({schemes}):"},
+            **{name: refs[model] for name, model in own.items()},
+            "calibration": object_of({"U": refs[uncertainty["U"]]}, uncertainty),
+        },
+        own,
+    )
+
+
+class _WithoutTitlesAndDefaults(GenerateJsonSchema):
+    """Pydantic's, without the titles that only repeat the key, and closed where keys are names."""
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        """Never."""
+        return False
+
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
+        """The schema of the field alone."""
+        return self.generate_inner(schema["schema"])
+
+    def dict_schema(self, schema: core_schema.DictSchema) -> JsonSchemaValue:
+        """A key that is no name is refused."""
+        found = super().dict_schema(schema)
+        return {**found, "additionalProperties": False} if "patternProperties" in found else found

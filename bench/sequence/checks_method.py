@@ -1,0 +1,117 @@
+"""Rules on whether what is measured can give what is asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from bench.config.document import Place
+from bench.config.models import BenchFile
+from bench.sequence.methods import TEMPERATURE_TUMBLE, TemperatureTumbleSettings
+from bench.sequence.model import ResultEntry
+from bench.sequence.plan import Plan
+from bench.sequence.remarks import Found
+from bench.sequence.steps import Acquire, Move, Ramp, Soak
+
+TUMBLE_ANGLES = 4  # for K0, K1, K2 and the misalignment: methods.md 1.5
+CONSTANTS = {"c0": "K0", "K1": "K1", "d·K1": "misalignment", "c2": "K2"}  # by the terms of a tumble
+SAME_ANGLE_DIGITS = 3  # of an angle in °
+PEAK_TO_PEAK_SD = 6.0  # what noise spans over a soak, in its standard deviations
+OVER_TEMPERATURE = ("/temperature_coefficient", "/hysteresis", "/model_residual")
+
+Dwells = dict[str, tuple[float | None, list[float]]]
+
+
+def soak_never_stable(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A band that the noise of a simulated thermometer at a unit leaves again and again."""
+    span_c = PEAK_TO_PEAK_SD * bench.simulation.thermometer.noise
+    at_units = {unit.temperature for unit in bench.places.values()}
+    for planned in plan if bench.is_simulated else ():
+        step = planned.step
+        if isinstance(step, Soak) and step.until_stable and step.role in at_units and step.until_stable.band_c < span_c:
+            yield (
+                (*planned.place, "until_stable", "band"),
+                f"the noise of '{step.role}' alone spans about {span_c:g} °C, so that a band of "
+                f"{step.until_stable.band_c:g} °C is never held",
+                f"Give a band above {span_c:g} °C, or lower simulation.thermometer.noise of the bench file",
+            )
+
+
+def too_few_angles(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A tumble whose angles leave some of its four constants inseparable."""
+    for place, entry in _tumbles(plan):
+        for dwell, (_, angles_deg) in _dwells(plan, entry.data).items():
+            distinct = sorted({round(angle_deg, SAME_ANGLE_DIGITS) % 360 for angle_deg in angles_deg})
+            if len(distinct) < TUMBLE_ANGLES:
+                yield (
+                    (*place, "data"),
+                    f"a tumble needs at least {TUMBLE_ANGLES} distinct angles, '{entry.data}' has {len(distinct)} in "
+                    f"{dwell}: {_inseparable(distinct, bench)}",
+                    "Acquire near 0°, 90°, 180° and 270° at every temperature",
+                )
+                break  # the other dwells are likely alike
+
+
+def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:
+    """Which constants cannot be told apart, by the arithmetic of the reduction."""
+    import numpy as np  # only where a sequence is wrong: checking loads no arithmetic
+
+    from bench.analysis.tumble import IncompleteTumble, solve_tumble
+
+    axis, mount_deg = bench.fixture.input_axis, next(iter(bench.places.values())).mount_angle
+    turned_deg = axis.sense * np.array(angles_deg) + axis.offset_deg + mount_deg
+    try:
+        solve_tumble(np.radians(turned_deg), np.zeros(len(angles_deg)))
+    except IncompleteTumble as problem:
+        names = [CONSTANTS[name] for name in problem.names]
+        return f"{', '.join(names[:-1])} and {names[-1]} cannot be told apart"
+    raise AssertionError("fewer readings than constants determined them")
+
+
+def too_few_temperatures(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """Fewer temperatures than a model needs: its degree drops. One alone is no mistake unless a limit wants more."""
+    for place, entry in _tumbles(plan):
+        degree = TemperatureTumbleSettings.model_validate(entry.settings).degree
+        temperatures = {round(set_c, 6) for set_c, _ in _dwells(plan, entry.data).values() if set_c is not None}
+        judged = any(name.endswith(OVER_TEMPERATURE) for name in entry.limits)
+        if len(temperatures) <= degree and (len(temperatures) > 1 or judged):
+            found = max(len(temperatures), 1)
+            gives = f"a model of degree {found - 1}" if found > 1 else "no model over temperature"
+            yield (
+                (*place, "settings", "degree"),
+                f"a model of degree {degree} needs {degree + 1} temperatures; {found} give{'s' if found == 1 else ''} "
+                f"{gives}",
+                f"Measure at {degree + 1} temperatures, or "
+                + (f"write settings: {{degree: {found - 1}}}" if found > 1 else "drop the limits over temperature"),
+            )
+
+
+def _tumbles(plan: Plan) -> Iterator[tuple[Place, ResultEntry]]:
+    for index, entry in enumerate(plan.sequence.results):
+        if entry.method == TEMPERATURE_TUMBLE.name:
+            yield ("results", index), entry
+
+
+def _dwells(plan: Plan, label: str) -> Dwells:
+    """Set point and angles of the acquisitions under a label, by dwells as a run's record is divided into them.
+
+    A dwell begins with a ramp and goes on in the block that the ramp stands in; elsewhere it is the block around that
+    of the acquisition.
+    """
+    angle_deg, set_c = 0.0, math.nan
+    block = dwell = ""
+    dwells: Dwells = {}
+    for planned in plan:
+        match planned.step:
+            case Move():
+                angle_deg = planned.step.angle_deg
+            case Ramp():
+                set_c = planned.step.temperature_c
+                block, _, visit = planned.id.rpartition("/")
+                dwell = block if visit == "ramp" else planned.id
+            case Acquire() if planned.step.label == label:
+                inside = block and planned.id.startswith(f"{block}/")
+                group = dwell if inside else planned.id.rsplit("/", 2)[0]
+                first = None if math.isnan(set_c) else set_c
+                dwells.setdefault(group, (first, []))[1].append(angle_deg)
+    return dwells

@@ -1,0 +1,50 @@
+"""Rules on names that a sequence declares and does not use."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from bench.config.models import BenchFile
+from bench.sequence.plan import Plan
+from bench.sequence.remarks import Found
+from bench.sequence.values import holds_expression
+from drivers.capabilities import THERMOMETER
+
+_NAME = re.compile(r"[a-z]\w*", re.ASCII)
+
+
+def unused_parameter(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A parameter that no expression mentions: choosing it changes nothing."""
+    phases = [plan.document.value.get(phase) for phase in ("setup", "steps", "teardown")]
+    used = {name for expression in _expressions(phases) for name in _NAME.findall(expression)}
+    for name in plan.sequence.parameters:
+        if name not in used:
+            yield (
+                ("parameters", name),
+                f"no step uses the parameter '{name}', so that choosing it changes nothing",
+                f"Remove it, or write ${{{name}}} where it belongs",
+            )
+
+
+def unused_need(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A role that the bench must have for nothing; results take the unit's temperature without a step that says so."""
+    used = {getattr(planned.step, "role", None) for planned in plan}
+    for role, kind in plan.sequence.needs.items():
+        if role not in used and not (kind == THERMOMETER and plan.sequence.results):
+            yield (
+                ("needs", role),
+                f"no step uses '{role}', so that benches without a {kind} are refused for nothing",
+                "Remove it from the needs",
+            )
+
+
+def _expressions(raw: Any) -> Iterator[str]:
+    if isinstance(raw, dict):
+        raw = list(raw.values())
+    if isinstance(raw, list):
+        for part in raw:
+            yield from _expressions(part)
+    elif holds_expression(raw):
+        yield raw

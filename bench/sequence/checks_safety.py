@@ -1,0 +1,70 @@
+"""Rules on how a run leaves the bench and the unit, and on what watches over the unit meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from bench.config.models import BenchFile
+from bench.sequence.plan import Plan, PlannedStep
+from bench.sequence.remarks import Found
+from bench.sequence.steps import Move, Ramp, SetOutput
+
+DRY_FROM_C = 15.0  # the dew point of a laboratory is below it
+
+
+def left_energised(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """An output that is switched on, and not off again in the teardown, which runs even when a step fails."""
+    on: dict[str, PlannedStep] = {}
+    for planned in plan:
+        step = planned.step
+        if isinstance(step, SetOutput) and step.output == "on":
+            on.setdefault(step.role, planned)
+        elif isinstance(step, SetOutput) and planned.phase == "teardown":
+            on.pop(step.role, None)
+    for role, planned in on.items():
+        yield (
+            (*planned.place, "set"),
+            f"'{role}' is switched on here, and the teardown does not switch it off",
+            f"Write in the teardown: - {{set: {role}, output: off}}",
+        )
+
+
+def no_teardown(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A bench that something moves or heats, and nothing takes back."""
+    for planned in plan if not plan.teardown else ():
+        if isinstance(planned.step, (Move, Ramp)):
+            yield (
+                planned.place,
+                f"there is no teardown that takes '{planned.step.role}' back when the steps end, or one of them fails",
+                "Write a teardown that takes the head to 0° and the chamber to room temperature",
+            )
+            return
+
+
+def left_cold(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A unit that is colder than the room when the door opens."""
+    last = next((planned for planned in reversed(tuple(plan)) if isinstance(planned.step, Ramp)), None)
+    if last is not None and isinstance(last.step, Ramp) and last.step.temperature_c < DRY_FROM_C:
+        yield (
+            (*last.place, "to"),
+            f"the last ramp goes to {last.step.temperature_c:g} °C; a unit colder than the room collects water when "
+            "the door opens",
+            f"End the teardown with a ramp to {DRY_FROM_C:g} °C or above",
+        )
+
+
+def limit_below_window(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A supply that limits the current before the window of the unit on it can tell that it draws too much."""
+    for planned in plan:
+        step = planned.step
+        if not isinstance(step, SetOutput) or step.current_limit_a is None:
+            continue
+        for name, unit in bench.places.items():
+            if unit.supply == step.role and unit.supply_current and unit.supply_current.max > step.current_limit_a:
+                yield (
+                    (*planned.place, "current_limit"),
+                    f"the supply stops at {step.current_limit_a:g} A, the unit in place '{name}' may draw "
+                    f"{unit.supply_current.max:g} A, so that its window never tells that it draws too much",
+                    f"Give a current_limit of at least {unit.supply_current.max:g} A, or lower "
+                    f"places.{name}.supply_current.max of the bench file",
+                )

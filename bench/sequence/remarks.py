@@ -1,0 +1,40 @@
+"""What the rules say of a plan as a whole: remarks with a severity, each at its place in the document."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from bench.config.document import Place
+from bench.config.models import BenchFile
+from bench.sequence.plan import Plan
+
+Severity = Literal["error", "warning"]
+Found = tuple[Place, str, str]  # where a plan is not as it should be, what is wrong there, and what to do instead
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One thing that a whole plan is looked at for; `name` is stable, `title` says what holds when nothing is found."""
+
+    name: str
+    severity: Severity
+    title: str
+    find: Callable[[Plan, BenchFile], Iterator[Found]]
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """What a rule found: a run with an error is refused, a run with a warning goes on."""
+
+    severity: Severity
+    rule: str
+    place: Place
+    problem: str
+    advice: str
+
+    @property
+    def text(self) -> str:
+        """All of it but the place, in one line."""
+        return f"{self.problem}. {self.advice} [{self.rule}]"

@@ -1,0 +1,32 @@
+"""The rules that a plan is held against as a whole, once each of its steps is right by itself."""
+
+from __future__ import annotations
+
+from bench.config.models import BenchFile
+from bench.sequence.checks_method import soak_never_stable, too_few_angles, too_few_temperatures
+from bench.sequence.checks_names import unused_need, unused_parameter
+from bench.sequence.checks_safety import left_cold, left_energised, limit_below_window, no_teardown
+from bench.sequence.plan import Plan
+from bench.sequence.remarks import Remark, Rule
+
+RULES = (
+    Rule("left-energised", "error", "every output is off after the teardown", left_energised),
+    Rule("too-few-angles", "error", "a tumble has the angles that its constants need", too_few_angles),
+    Rule("too-few-temperatures", "warning", "a model over temperature has the degree asked for", too_few_temperatures),
+    Rule("soak-never-stable", "warning", "a soak can become stable", soak_never_stable),
+    Rule("no-teardown", "warning", "a teardown takes back what moved", no_teardown),
+    Rule("left-cold", "warning", "the unit is not left colder than the room", left_cold),
+    Rule("limit-below-window", "warning", "a unit that draws too much is noticed", limit_below_window),
+    Rule("unused-parameter", "warning", "every parameter is used", unused_parameter),
+    Rule("unused-need", "warning", "every need is used", unused_need),
+)
+
+
+def judge(plan: Plan, bench: BenchFile) -> tuple[Remark, ...]:
+    """What the rules find in a plan without other problems, in the order of the file; each place once for each rule."""
+    found = {
+        (rule.name, place): Remark(rule.severity, rule.name, place, problem, advice)
+        for rule in RULES
+        for place, problem, advice in reversed(list(rule.find(plan, bench)))  # of many passes the first is kept
+    }
+    return tuple(sorted(found.values(), key=lambda remark: (plan.document.mark(remark.place), remark.rule)))

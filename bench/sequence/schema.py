@@ -1,0 +1,55 @@
+"""The JSON Schema of sequence files; see bench.config.schema for what a schema tells and what not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bench.config.schema import Schema, object_of, schema_of, when, without_unused
+from bench.sequence.methods import known_methods
+from bench.sequence.model import VALUE_SCHEMA, ResultEntry, SequenceFile
+from bench.sequence.steps import BLOCKS
+from drivers.fields import UNIT_KEYWORD
+
+_STEP = {"$ref": "#/$defs/AnyBlock"}
+
+
+def sequence_schema() -> Schema:
+    """The schema of sequence files, with the settings and results of every installed method."""
+    methods = known_methods()
+    schema, refs = schema_of(
+        SequenceFile, [ResultEntry, *BLOCKS.values(), *(method.settings for method in methods.values())]
+    )
+    result = schema["$defs"][ResultEntry.__name__]
+    result["properties"]["method"] = {"enum": sorted(methods)}
+    result["allOf"] = []
+    for name, method in sorted(methods.items()):
+        settings = {"settings": method.settings}
+        limits = {"limits": {"propertyNames": {"enum": list(method.quantities)}}}
+        then = object_of({"settings": refs[method.settings], **limits}, settings)
+        result["allOf"].append(when("method", name, then))
+    for model in BLOCKS.values():
+        properties = schema["$defs"][model.__name__]["properties"]
+        properties.update({key: VALUE_SCHEMA for key, found in properties.items() if found == {}})
+    _complete(schema)
+    schema["$defs"]["AnyBlock"] = {
+        "description": "A step or a loop; its first key is its verb.",
+        "oneOf": [refs[model] for model in BLOCKS.values()],
+    }
+    return without_unused(schema)
+
+
+def _complete(node: Any) -> None:
+    """Says of every quantity that it may be an expression, and of every list of anything that it holds steps.
+
+    Pydantic cannot know either: a step's model is chosen by its verb, while it is validated.
+    """
+    if isinstance(node, list):
+        for item in node:
+            _complete(item)
+    elif isinstance(node, dict):
+        if UNIT_KEYWORD in node:
+            node["description"] += ", or an expression ${…}"
+        if node.get("items") == {}:
+            node["items"] = _STEP
+        for item in node.values():
+            _complete(item)

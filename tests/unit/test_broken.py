@@ -1,0 +1,65 @@
+"""Sequences with one fault each: tests/broken/*.yaml begin with what the checker must say, good/*.yaml with nothing."""
+
+from __future__ import annotations
+
+import pytest
+
+from bench.config.bench import load_bench
+from bench.errors import InputError
+from bench.report.remarks import warning_line
+from bench.sequence.load import load_judged_plan
+from bench.sequence.rules import RULES
+from tests.support.sequences import BENCH, ROOT
+
+FOLDER = ROOT / "tests/broken"
+BROKEN = sorted(FOLDER.glob("*.yaml"))
+GOOD = sorted((FOLDER / "good").glob("*.yaml"))
+SHIPPED = sorted((ROOT / "sequences").glob("*.yaml"))
+
+
+def expected_of(path):
+    """The comments at the beginning of a file: a line for each message."""
+    lines = path.read_text("utf-8").split("\n")
+    return [line[2:] for line in lines[: next(n for n, line in enumerate(lines) if not line.startswith("# "))]]
+
+
+def found_in(path, bench=BENCH, **wishes):
+    """What is said of a file, each line without the file's name."""
+    try:
+        plan, warnings = load_judged_plan(path, bench, **wishes)
+    except InputError as error:
+        told = error.problems
+    else:
+        told = [warning_line(warning, plan.document) for warning in warnings]
+    return [line.removeprefix(f"{path}:") for line in told]
+
+
+@pytest.mark.parametrize("path", BROKEN, ids=lambda path: path.stem)
+def test_a_broken_sequence_is_told_its_one_fault_at_its_place(path):
+    (expected,) = expected_of(path)
+    assert found_in(path) == [expected]
+
+
+@pytest.mark.parametrize("path", GOOD, ids=lambda path: path.stem)
+def test_a_good_sequence_is_told_nothing(path):
+    assert found_in(path) == []
+
+
+def test_there_are_sequences_for_every_rule():
+    told = [expected for path in BROKEN for expected in expected_of(path)]
+    assert len(told) >= 80
+    assert len(GOOD) >= 10
+    for rule in RULES:
+        ours = [expected for expected in told if expected.endswith(f" [{rule.name}]")]
+        assert ours, rule.name
+        assert all((" warning: " in expected) == (rule.severity == "warning") for expected in ours)
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+@pytest.mark.parametrize("bench", sorted((ROOT / "config").glob("*.yaml")), ids=lambda path: path.stem)
+def test_a_shipped_sequence_is_told_nothing_on_any_shipped_bench(path, bench):
+    loaded = load_bench(bench).bench
+    plan, warnings = load_judged_plan(path, loaded)
+    assert warnings == ()
+    for preset in plan.sequence.presets:
+        assert found_in(path, loaded, preset=preset) == []
