@@ -90,7 +90,7 @@ def test_a_paused_run_holds_before_its_next_step_goes_on_and_stops_after_a_step(
 
 
 def test_a_stop_ends_the_step(started):
-    run = started(*PACED)
+    run = started("smoke", "--speed", "20", "--set", "soak=1 h")
     run.wait_for(lambda: "steps/temperature=20/soak" in run.steps("step_begins"))
     assert run.tell("stop").stdout.endswith(": the step under way ends, teardown runs\n")
     assert run.finish() == 4
