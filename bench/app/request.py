@@ -29,6 +29,7 @@ class RunRequest:
     simulate: bool = False
     speed: str | None = None
     preset: str | None = None
+    parameters: Path | None = None
     settings: tuple[str, ...] = ()
     uut_model: Path | None = None
     seed: int | None = None
@@ -78,7 +79,7 @@ def load_checked(request: RunRequest) -> CheckedRun:
     try:
         judged = load_judged_plan(
             find(request.sequence, "sequences"), loaded.bench if loaded else None, preset=request.preset,
-            settings=request.settings,
+            parameters=request.parameters, settings=request.settings,
         )  # fmt: skip
     except InputError as error:
         found += error.problems

@@ -25,6 +25,10 @@ BenchOption = Annotated[
     typer.Option("--bench", metavar="FILE", envvar="BENCH_FILE", help="The bench file; the shipped simulated bench."),
 ]
 Preset = Annotated[str | None, typer.Option(help="A preset of the sequence.")]
+Parameters = Annotated[
+    Path | None,
+    typer.Option("--params", metavar="FILE", help="A YAML file of parameters: name: value, each in a line."),
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the sequence; may be given again."),
@@ -52,6 +56,7 @@ def check(
     sequence: Sequence,
     bench: BenchOption = None,
     preset: Preset = None,
+    params: Parameters = None,
     set_: Settings = None,
     strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors.")] = False,
     format_: Annotated[
@@ -62,7 +67,7 @@ def check(
     from bench.app.request import RunRequest, load_checked
     from bench.report.remarks import RENDERERS, Shown
 
-    request = RunRequest(sequence, bench=bench, preset=preset, settings=tuple(set_ or ()))
+    request = RunRequest(sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()))
     try:
         checked = load_checked(request)
         document, warnings = checked.plan.document, checked.warnings
@@ -94,14 +99,20 @@ def _warn(plan: Plan, warnings: Iterable[Remark]) -> None:
         sys.stderr.write(warning_line(warning, plan.document) + "\n")
 
 
-def plan(sequence: Sequence, bench: BenchOption = None, preset: Preset = None, set_: Settings = None) -> None:
+def plan(
+    sequence: Sequence,
+    bench: BenchOption = None,
+    preset: Preset = None,
+    params: Parameters = None,
+    set_: Settings = None,
+) -> None:
     """List the steps of a sequence with their durations; nothing is opened."""
     from bench.app.request import RunRequest, load_checked
     from bench.report.shown import duration
     from bench.report.text import plan_table
     from bench.sequence.estimate import estimate
 
-    request = RunRequest(sequence, bench=bench, preset=preset, settings=tuple(set_ or ()))
+    request = RunRequest(sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()))
     checked = load_checked(request)
     _warn(checked.plan, checked.warnings)
     expected = estimate(checked.plan, checked.loaded.bench)
@@ -121,6 +132,7 @@ def run(
         typer.Option(metavar="max|N", help="Bench seconds a second: max on a simulated bench, else 1."),
     ] = None,
     preset: Preset = None,
+    params: Parameters = None,
     set_: Settings = None,
     uut_model: Annotated[
         Path | None,
@@ -153,6 +165,7 @@ def run(
             simulate=simulate,
             speed=speed,
             preset=preset,
+            parameters=params,
             settings=tuple(set_ or ()),
             uut_model=uut_model,
             seed=seed,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -21,6 +22,7 @@ from bench.sequence.rules import judge
 from bench.sequence.values import value_of
 from drivers.fields import DEFERRED
 from drivers.suggest import did_you_mean
+from drivers.wording import in_words
 
 
 def load_sequence(path: Path) -> tuple[Document, SequenceFile]:
@@ -29,27 +31,33 @@ def load_sequence(path: Path) -> tuple[Document, SequenceFile]:
     return document, load(document, SequenceFile, **DEFERRED)
 
 
-def load_plan(path: Path, bench: BenchFile | None, *, preset: str | None = None, settings: Iterable[str] = ()) -> Plan:
+def load_plan(path: Path, bench: BenchFile | None, **wishes: Any) -> Plan:
     """The plan of a file, checked against a bench as `load_judged_plan` does, its warnings passed over."""
-    plan, _ = load_judged_plan(path, bench, preset=preset, settings=settings)
+    plan, _ = load_judged_plan(path, bench, **wishes)
     return plan
 
 
 def load_judged_plan(
-    path: Path, bench: BenchFile | None, *, preset: str | None = None, settings: Iterable[str] = ()
+    path: Path,
+    bench: BenchFile | None,
+    *,
+    preset: str | None = None,
+    parameters: Path | None = None,
+    settings: Iterable[str] = (),
 ) -> tuple[Plan, tuple[Remark, ...]]:
     """The plan of a file, checked against a bench, and warnings; without a bench, checked as far as that goes.
 
-    `settings` are `name=value` as given to --set. InputError lists every problem, whichever of reading, choosing,
-    unrolling and checking finds it: a step that is wrong in itself is left out, and the rest looked at. The rules on
-    the whole plan are held against a plan that lacks nothing.
+    A parameter has its default, else what the preset wants, the file `parameters` (a mapping of names to values), or
+    one of `settings` (`name=value` as given to --set): the last of these that names it. InputError lists every problem,
+    whichever of reading, choosing, unrolling and checking finds it: a step that is wrong in itself is left out, and the
+    rest looked at. The rules on the whole plan are held against a plan that lacks nothing.
     """
     document = read_document(path)
     outline, found = _outline(document)
     broken = {block for place, _ in found if (block := _block_around(place)) is not None}
-    wishes, parameters = _choose(outline, preset, settings)
+    wishes, chosen = _choose(outline, preset, parameters, settings)
     found += _preset_problems(outline)
-    plan, unrolling = expand(document, outline, parameters, preset, broken)
+    plan, unrolling = expand(document, outline, chosen, preset, broken)
     found += [*unrolling, *check(plan, bench)]
     if wishes or found:
         raise InputError(*wishes, *document.told(found))
@@ -79,8 +87,10 @@ def _block_around(place: Place) -> Place | None:
     return place[: numbers[-1] + 1] if numbers else None
 
 
-def _choose(outline: Outline, preset: str | None, settings: Iterable[str]) -> tuple[list[str], dict[str, Value]]:
-    """What is wrong with the wishes, and each parameter: its default, or what the preset or --set wants instead."""
+def _choose(
+    outline: Outline, preset: str | None, parameters: Path | None, settings: Iterable[str]
+) -> tuple[list[str], dict[str, Value]]:
+    """What is wrong with the wishes, and the value of each parameter."""
     values: dict[str, Value] = {name: parameter.default for name, parameter in outline.parameters.items()}
     found: list[str] = []
     if preset is not None and preset in outline.presets:
@@ -88,6 +98,10 @@ def _choose(outline: Outline, preset: str | None, settings: Iterable[str]) -> tu
         values.update({name: value for name, value in chosen.items() if not _problem(outline, name, value)})
     elif preset is not None:
         found.append(f"there is no preset '{preset}'{did_you_mean(preset, outline.presets)}")
+    if parameters is not None:
+        problems_there, given = _from_file(outline, parameters)
+        found += problems_there
+        values.update(given)
     for setting in settings:
         try:
             name, value = _setting(outline, setting)
@@ -97,6 +111,29 @@ def _choose(outline: Outline, preset: str | None, settings: Iterable[str]) -> tu
         except InputError as error:
             found += error.problems
     return found, values
+
+
+def _from_file(outline: Outline, path: Path) -> tuple[list[str], dict[str, Value]]:
+    """What is wrong with a file of parameters, and what it gives."""
+    try:
+        document = read_document(path)
+    except InputError as error:
+        return list(error.problems), {}
+    if not isinstance(document.value, dict):
+        return document.told([((), f"is {in_words(document.value)}, expected a mapping of parameters to values")]), {}
+    found: list[Problem] = []
+    given: dict[str, Value] = {}
+    for name, raw in document.value.items():
+        try:
+            value = value_of(raw)
+            problem = _problem(outline, name, value)
+        except ValueProblem as refused:
+            problem = f"'{name}' {refused}"
+        if problem:
+            found.append(((name,), problem))
+        else:
+            given[name] = value
+    return document.told(found), given
 
 
 def _setting(outline: Outline, setting: str) -> tuple[str, Value]:

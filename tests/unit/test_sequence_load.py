@@ -489,3 +489,55 @@ def test_any_change_of_a_shipped_sequence_gives_a_plan_or_says_what_is_wrong_whe
     assert found
     assert all(problem.startswith(f"{path}:") and "\n" not in problem for problem in found)
     assert len(set(found)) == len(found)
+
+
+# A file of parameters
+
+
+PARAMETERS = """\
+parameters:
+  angle: {help: h, default: 5°, min: 0°}
+  times: {help: h, default: [1 s, 2 s]}
+  count: {help: h, default: 3}
+presets:
+  far: {help: h, set: {angle: 90°, count: 4}}
+"""
+
+
+def with_file(folder, text, **wishes):
+    path = folder / "p.yaml"
+    path.write_text(text, "utf-8")
+    return {"tail": PARAMETERS + TAIL, "parameters": path, **wishes}
+
+
+def test_a_file_of_parameters_stands_between_the_preset_and_the_single_wishes(tmp_path):
+    wishes = with_file(
+        tmp_path, "angle: 45°\ntimes: {from: 1 s, to: 3 s, step: 1 s}\n", preset="far", settings=["angle=60°"]
+    )
+    assert chosen(plan_of(tmp_path, WAIT, **wishes)) == {"angle": "60 °", "times": "1 s, 2 s, 3 s", "count": "4"}
+    assert chosen(plan_of(tmp_path, WAIT, **with_file(tmp_path, "angle: 45°\n")))["angle"] == "45 °"
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("angel: 45°\n", "p.yaml:1:1: there is no parameter 'angel'; did you mean 'angle'?"),
+        ("angle: -45°\n", "p.yaml:1:1: 'angle' is -45 °, expected at least 0 °"),
+        ("count: 1\nangle: 5 s\n", "p.yaml:2:1: 'angle' is 5 s, expected a quantity in °"),
+        ("angle: 5 K\n", "p.yaml:1:1: 'angle' kelvin is refused: write °C, for a difference too"),
+        ("angle:\n", "p.yaml:1:1: 'angle' is empty, expected a value"),
+        ("[angle]\n", "p.yaml:1:1: is a list, expected a mapping of parameters to values"),
+        ("", "p.yaml:1:1: is empty, expected a mapping of parameters to values"),
+        ("angle: 5°\nangle: 6°\n", "p.yaml:2:1: the key 'angle' stands twice; it is already in line 1"),
+    ],
+)
+def test_what_is_wrong_with_a_file_of_parameters_is_told_at_its_place(tmp_path, text, problem):
+    assert problems_of(tmp_path, WAIT, **with_file(tmp_path, text)) == [f"{tmp_path}/{problem}"]
+
+
+def test_a_file_of_parameters_that_is_not_there_is_told_among_the_rest(tmp_path):
+    wishes = {"tail": PARAMETERS + TAIL, "parameters": tmp_path / "none.yaml", "settings": ["count=1 s"]}
+    assert problems_of(tmp_path, WAIT, **wishes) == [
+        f"{tmp_path}/none.yaml: there is no such file",
+        "--set count=1 s: 'count' is 1 s, expected a number without a unit",
+    ]
