@@ -182,4 +182,5 @@ def spell(quantity: Quantity) -> str:
 
 def _plain(value: Fraction) -> float:
     """As a person would write it: without the last bits that a conversion leaves, and without the sign of a zero."""
-    return float(f"{float(value):.15g}") + 0.0
+    rounded = float(f"{float(value):.15g}") + 0.0
+    return rounded if math.isfinite(rounded) else float(value)  # the largest numbers cannot be rounded up

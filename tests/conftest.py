@@ -10,8 +10,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
+# The same examples in every run, so that a change is judged by itself; HYPOTHESIS_PROFILE=explore looks for new ones.
+settings.register_profile("fixed", derandomize=True)
+settings.register_profile("explore", print_blob=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
 REQUIRED = os.environ.get("BENCH_REQUIRE_PEERS") == "1"
 _MODULES = {"pymeasure": ("pymeasure", "pyvisa", "pyvisa_py"), "msgpack": ("msgpack",)}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+import sys
 
 import pytest
 from hypothesis import assume, given, settings
@@ -436,3 +437,9 @@ def test_the_algebra_is_that_of_numbers(a, b, c):
     assume(c.base_value != 0)
     assert (a / c * c).dimension == a.dimension
     assert (a / c * c).base_value == pytest.approx(a.base_value, rel=1e-12)
+
+
+def test_the_largest_number_stays_finite_in_its_unit_and_in_words():
+    largest = Quantity(sys.float_info.max)
+    assert largest.to("") == sys.float_info.max
+    assert spell(largest) == "1.79769313486e+308"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bench.sequence.expressions import ValueProblem
@@ -173,6 +174,7 @@ NUMBERS = st.floats(allow_nan=True) | st.integers(-(10**6), 10**6) | st.sampled_
 
 @settings(max_examples=200, deadline=None)
 @given(NUMBERS, NUMBERS, NUMBERS)
+@example(0.0, sys.float_info.max, sys.float_info.max)
 def test_any_range_is_at_most_ten_thousand_finite_values_or_a_refusal(first, last, step):
     try:
         found = value_of(ends(first, last, step))
