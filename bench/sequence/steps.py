@@ -235,5 +235,3 @@ def _block(raw: object, info: ValidationInfo) -> Step | Block:
 
 
 AnyBlock = Annotated[Step | Block, PlainValidator(_block)]
-for _model in (ForEach, Repeat, Group):
-    _model.model_rebuild()
