@@ -11,6 +11,7 @@ import numpy as np
 from bench.analysis.rundata import Acquisition, BenchRecord, Counts, RunData, UnitUnderTest
 from bench.config.models import BenchFile
 from bench.errors import StoreError
+from bench.sequence.dwells import DwellNames
 from bench.store.reader import Event, RunReader, Series
 from drivers.can_counter import wire
 from drivers.can_counter.description import CounterOptions
@@ -43,21 +44,15 @@ def run_data(reader: RunReader, bench: BenchFile, serials: Mapping[str, str], la
 
 
 def _acquired(reader: RunReader, label: str) -> Iterator[tuple[Event, str, Mapping[str, float]]]:
-    """Finished acquisitions under a label, each with its dwell and with the angle and set point in force.
-
-    A dwell begins with a ramp and goes on in the block that the ramp stands in, which it is named after. Elsewhere it
-    is the block around that of the acquisition.
-    """
+    """Finished acquisitions under a label, each with its dwell and with the angle and set point in force."""
     state = {"angle_deg": 0.0, "set_point_c": float("nan")}
-    block = dwell = ""
+    dwells = DwellNames()
     for event in reader.events("step_ended"):
         state.update({key: float(event.data[key]) for key in state if key in event.data})
         if "set_point_c" in event.data:
-            block, _, visit = event.step.rpartition("/")
-            dwell = block if visit == "ramp" else event.step
+            dwells.ramped(event.step)
         if event.data.get("label") == label:
-            inside = block and event.step.startswith(f"{block}/")
-            yield event, dwell if inside else event.step.rsplit("/", 2)[0], dict(state)
+            yield event, dwells.of(event.step), dict(state)
 
 
 def _acquisition(

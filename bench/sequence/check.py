@@ -92,8 +92,7 @@ def _limits(step: Step, bench: BenchFile) -> Iterator[tuple[str, str]]:
         case SetOutput():
             yield from _output(step, bench.devices[step.role])
         case Soak():
-            hold_s = step.until_stable.hold_s if step.until_stable else 0.0
-            if step.give_up_after_s is not None and step.give_up_after_s < max(step.at_least_s, hold_s):
+            if step.give_up_after_s is not None and step.give_up_after_s < step.least_s:
                 yield "give_up_after", "is shorter than the soak itself"
         case Acquire() | Wait() | WaitUntil() | Note():
             pass

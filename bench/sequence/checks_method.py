@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from bench.config.document import Place
 from bench.config.models import BenchFile
+from bench.sequence.dwells import DwellNames
 from bench.sequence.methods import TEMPERATURE_TUMBLE, TemperatureTumbleSettings
 from bench.sequence.model import ResultEntry
 from bench.sequence.plan import Plan
@@ -93,13 +94,9 @@ def _tumbles(plan: Plan) -> Iterator[tuple[Place, ResultEntry]]:
 
 
 def _dwells(plan: Plan, label: str) -> Dwells:
-    """Set point and angles of the acquisitions under a label, by dwells as a run's record is divided into them.
-
-    A dwell begins with a ramp and goes on in the block that the ramp stands in; elsewhere it is the block around that
-    of the acquisition.
-    """
+    """Set point and angles of the acquisitions under a label, by dwells as a run's record is divided into them."""
     angle_deg, set_c = 0.0, math.nan
-    block = dwell = ""
+    names = DwellNames()
     dwells: Dwells = {}
     for planned in plan:
         match planned.step:
@@ -107,11 +104,8 @@ def _dwells(plan: Plan, label: str) -> Dwells:
                 angle_deg = planned.step.angle_deg
             case Ramp():
                 set_c = planned.step.temperature_c
-                block, _, visit = planned.id.rpartition("/")
-                dwell = block if visit == "ramp" else planned.id
+                names.ramped(planned.id)
             case Acquire() if planned.step.label == label:
-                inside = block and planned.id.startswith(f"{block}/")
-                group = dwell if inside else planned.id.rsplit("/", 2)[0]
                 first = None if math.isnan(set_c) else set_c
-                dwells.setdefault(group, (first, []))[1].append(angle_deg)
+                dwells.setdefault(names.of(planned.id), (first, []))[1].append(angle_deg)
     return dwells

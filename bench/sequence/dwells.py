@@ -1,0 +1,24 @@
+"""Which dwell an acquisition belongs to, by the ids of the steps: of a plan before the run, of its record after it."""
+
+from __future__ import annotations
+
+
+class DwellNames:
+    """Names dwells while the steps of a run are gone through in their order.
+
+    A dwell begins with a ramp and goes on in the block that the ramp stands in, which it is named after. Elsewhere it
+    is the block around that of the acquisition.
+    """
+
+    def __init__(self) -> None:
+        self._block = self._dwell = ""
+
+    def ramped(self, step_id: str) -> None:
+        """A ramp: what is acquired from now on in its block is another dwell."""
+        self._block, _, visit = step_id.rpartition("/")
+        self._dwell = self._block if visit == "ramp" else step_id
+
+    def of(self, step_id: str) -> str:
+        """The dwell of an acquisition."""
+        inside = self._block and step_id.startswith(f"{self._block}/")
+        return self._dwell if inside else step_id.rsplit("/", 2)[0]
