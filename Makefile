@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := bench drivers simulators
 
-.PHONY: demo test setup lint types contracts pytest truth profile benchmark peers clean
+.PHONY: demo test setup lint types contracts pytest truth hostile profile benchmark peers clean
 
 demo: $(VENV)/.core
 	$(BIN)/bench run sequences/tumble_static.yaml --bench config/simulated.yaml --operator demo
@@ -31,6 +31,10 @@ pytest: $(VENV)/.dev
 # Results against the simulated truth, 40 seeds on a perfect and on a full bench, then with errors planted.
 truth: $(VENV)/.dev
 	$(BIN)/python -m tests.truth --seeds 40
+
+# 100,000 mutated and hostile documents: each is read, or refused in our own words, within 100 ms.
+hostile: $(VENV)/.dev
+	$(BIN)/python -m tests.hostile --count 100000
 
 # Where the time of a simulated bench second goes, and our decoder beside cantools.
 profile: $(VENV)/.dev

@@ -41,3 +41,7 @@ class TimeError(BenchError):
     """Virtual time cannot go on: nothing is left to wait for, or one instant never ends."""
 
     code = "time"
+
+
+# Of what may be tried again in a sequence: a step that did not get there, a reading out of its window.
+CODES = tuple(error.code for error in (StepError, WindowError))

@@ -8,7 +8,7 @@ from contextlib import AsyncExitStack
 from typing import Self
 
 from bench.errors import BenchError
-from drivers.capabilities import Device, Positioner, PulseCounter, Source, ThermalChamber
+from drivers.capabilities import Device, Positioner, PulseCounter, RateTable, Source, ThermalChamber
 from drivers.errors import DriverError
 from drivers.values import Identity
 
@@ -59,6 +59,13 @@ class Rig:
         device = self.devices[role]
         if not isinstance(device, Positioner):
             raise TypeError(f"{role} is no positioner")
+        return device
+
+    def table(self, role: str) -> RateTable:
+        """The device of a role as a rate table."""
+        device = self.devices[role]
+        if not isinstance(device, RateTable):
+            raise TypeError(f"{role} is no rate table")
         return device
 
     def chamber(self, role: str) -> ThermalChamber:

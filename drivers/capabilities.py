@@ -58,6 +58,29 @@ class Positioner(Device, Protocol):
 
 
 @runtime_checkable
+class RateTable(Device, Protocol):
+    """An axis that turns without end, and swings."""
+
+    async def rotate_at(self, rate_dps: float, *, acceleration_dps2: float | None) -> None:
+        """Turns at `rate_dps`, returning when it is reached and read back; positive turns count the angle up.
+
+        `acceleration_dps2` is how fast the rate changes; None leaves that to the bench file.
+        """
+
+    async def oscillate(self, amplitude_deg: float, frequency_hz: float) -> None:
+        """Swings as a sine by ± `amplitude_deg` about the angle where it stands; returns when it does so fully."""
+
+    async def stop(self) -> None:
+        """Zero rate; returns when the axis is at rest."""
+
+    async def rate(self) -> Reading:
+        """The rate now (°/s)."""
+
+    async def angle(self) -> Reading:
+        """The angle now (°), whole turns included as far as the instrument tells them."""
+
+
+@runtime_checkable
 class ThermalChamber(Device, Protocol):
     """A chamber that ramps by itself."""
 
@@ -95,9 +118,11 @@ class PulseCounter(Device, Protocol):
 
 CAPABILITIES: Mapping[str, type] = {
     "positioner": Positioner,
+    "rate_table": RateTable,
     "thermal_chamber": ThermalChamber,
     "power_supply": Source,
     "current_source": Source,
     "pulse_counter": PulseCounter,
 }
 THERMOMETER = "thermometer"  # a named reading of any device, in °C
+READING = "reading"  # a named reading of any device, in any unit

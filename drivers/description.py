@@ -13,7 +13,7 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 
 from drivers.capabilities import Device
 from drivers.errors import WrongIdentity
@@ -37,10 +37,10 @@ class Nothing(StrictModel):
 class IdentityPin(StrictModel):
     """What the bench file says of an instrument; what it does not say is not compared."""
 
-    maker: Spelled | None = None
-    model: Spelled | None = None
-    serial: Spelled | None = None
-    firmware: Spelled | None = None
+    maker: Spelled | None = Field(None, description="as it answers")
+    model: Spelled | None = Field(None, description="as it answers")
+    serial: Spelled | None = Field(None, description="serial number; not compared where the wire cannot tell it")
+    firmware: Spelled | None = Field(None, description="version, as it answers")
 
 
 @dataclass(frozen=True)

@@ -71,3 +71,11 @@ class InstrumentFault(DriverError):
     """The instrument reports a fault of its own: an alarm, a trip, an interlock, a counter that stands still."""
 
     code = "fault"
+
+
+CODES = tuple(
+    error.code
+    for error in (
+        CannotConnect, LinkLost, NoAnswer, BadAnswer, Refused, WrongIdentity, BeyondLimit, NotSettled, InstrumentFault,
+    )
+)  # fmt: skip

@@ -162,20 +162,22 @@ class TextLike:
     what: str
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.no_info_after_validator_function(self._validate, handler(source))
+        return core_schema.no_info_after_validator_function(self.validate, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {**handler(schema), "pattern": f"^(?:{self.pattern})$", "description": self.what}
 
-    def _validate(self, text: str) -> str:
+    def validate(self, text: object) -> str:
+        """The text; raises what a person is to be told."""
+        if not isinstance(text, str):
+            raise expected("text", text)
         if re.fullmatch(self.pattern, text) is None:
             raise expected(self.what, text)
         return text
 
 
-Name = Annotated[
-    str, TextLike("[a-z][a-z0-9_]{0,31}", "a name: at most 32 lower-case letters, digits and _, a letter first")
-]
+NAME = TextLike("[a-z][a-z0-9_]{0,31}", "a name: at most 32 lower-case letters, digits and _, a letter first")
+Name = Annotated[str, NAME]
 
 
 def _as_written(raw: object) -> object:

@@ -15,8 +15,10 @@ from drivers.units import (
     NO_DIMENSION,
     Dimension,
     QuantityError,
+    base_unit,
     customary_unit,
     describe,
+    dimension_of,
     in_unit,
     normalise,
     parse_unit,
@@ -35,12 +37,18 @@ class Quantity:
     dimension: Dimension = NO_DIMENSION
 
     def to(self, unit: str) -> float:
-        """The number in `unit`, as a person would write it; QuantityError when the dimensions differ."""
+        """The number in `unit`, as a person would write it.
+
+        QuantityError when the dimensions differ, and when no number in `unit` is large enough.
+        """
         target = parse_unit(unit)
         if target.dimension != self.dimension:
             found = f"in {describe(self.dimension)}" if self.dimension != NO_DIMENSION else "a bare number"
             raise QuantityError(f"is {found}, expected {in_unit(unit)}")
-        return _plain(Fraction(self.base_value) / target.factor)
+        try:
+            return _plain(Fraction(self.base_value) / target.factor)
+        except OverflowError:
+            raise QuantityError("is not a finite number") from None
 
     def _same(self, other: object, verb: str) -> Quantity:
         value = as_quantity(other)
@@ -56,14 +64,14 @@ class Quantity:
 
     def __mul__(self, other: object) -> Quantity:
         value = as_quantity(other)
-        powers = tuple(a + b for a, b in zip(self.dimension, value.dimension, strict=True))
+        powers = dimension_of(a + b for a, b in zip(self.dimension, value.dimension, strict=True))
         return finite(self.base_value * value.base_value, powers)
 
     def __truediv__(self, other: object) -> Quantity:
         value = as_quantity(other)
         if value.base_value == 0:
             raise QuantityError("division by zero")
-        powers = tuple(a - b for a, b in zip(self.dimension, value.dimension, strict=True))
+        powers = dimension_of(a - b for a, b in zip(self.dimension, value.dimension, strict=True))
         return finite(self.base_value / value.base_value, powers)
 
     def __radd__(self, other: object) -> Quantity:
@@ -175,9 +183,16 @@ def _rounded(exactly: Fraction, dimension: Dimension) -> Quantity:
 
 
 def spell(quantity: Quantity) -> str:
-    """The quantity in its customary unit, like "20 °C" or "1 °C/min"; base units where there is none."""
+    """The quantity in its customary unit, like "20 °C" or "1 °C/min"; in base units where there is none.
+
+    Also in base units is a number too large for the customary one.
+    """
     unit = customary_unit(quantity.dimension)
-    return f"{quantity.to(unit):.12g} {unit}".rstrip()
+    try:
+        number = quantity.to(unit)
+    except QuantityError:
+        unit, number = base_unit(quantity.dimension), quantity.base_value
+    return f"{number:.12g} {unit}".rstrip()
 
 
 def _plain(value: Fraction) -> float:

@@ -11,6 +11,7 @@ import math
 import re
 import reprlib
 import unicodedata
+from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -18,6 +19,8 @@ from functools import lru_cache
 BASES = ("s", "m", "kg", "A", "°C", "°", "g", "pulse")
 Dimension = tuple[float, ...]
 NO_DIMENSION: Dimension = (0.0,) * len(BASES)
+_EXPONENT_LIMIT = 9
+_EXPONENT_DECIMALS = 4
 
 
 class QuantityError(ValueError):
@@ -32,12 +35,23 @@ class Unit:
     dimension: Dimension
 
     def __mul__(self, other: Unit) -> Unit:
-        powers = tuple(a + b for a, b in zip(self.dimension, other.dimension, strict=True))
+        powers = dimension_of(a + b for a, b in zip(self.dimension, other.dimension, strict=True))
         return Unit(self.factor * other.factor, powers)
 
     def __pow__(self, power: float) -> Unit:
         exact = int(power) if power == int(power) else power
-        return Unit(Fraction(self.factor**exact), tuple(p * power for p in self.dimension))
+        return Unit(Fraction(self.factor**exact), dimension_of(p * power for p in self.dimension))
+
+
+def dimension_of(powers: Iterable[float]) -> Dimension:
+    """The dimension with these exponents of `BASES`; QuantityError for exponents that cannot be written in a unit."""
+    exact = tuple(powers)
+    rounded = tuple(round(power, _EXPONENT_DECIMALS) for power in exact)
+    if any(abs(power) > _EXPONENT_LIMIT for power in rounded):
+        raise QuantityError(f"has a unit with an exponent beyond {_EXPONENT_LIMIT}")
+    if any(abs(power - near) > 1e-9 for power, near in zip(exact, rounded, strict=True)):
+        raise QuantityError(f"has a unit with an exponent of more than {_EXPONENT_DECIMALS} decimals")
+    return rounded
 
 
 def _unit(factor: float | Fraction, **powers: float) -> Unit:
@@ -106,7 +120,6 @@ _SAME = (("º", "°"), ("˚", "°"))  # before NFKC, which would take them apart
 _ALIKE = (("−", "-"), ("′′", '"'), ("′", "'"), ("μ", "µ"), ("⋅", "·"))
 _TOKEN = re.compile(r"\s*(?:(1(?!\d))|([^\s\d·*/^()+.,-]+)|([·*/()]))", re.ASCII)
 _EXPONENT = re.compile(r"\^\(-?\d+(?:\.\d+)?\)|\^?-?\d+(?:\.\d+)?", re.ASCII)
-_EXPONENT_LIMIT = 9
 _LENGTH_LIMIT = 200
 _SHOWN = reprlib.Repr()
 _SHOWN.maxstring = 60
@@ -201,10 +214,15 @@ _CUSTOMARY = (
 
 
 def customary_unit(dimension: Dimension) -> str:
-    """What people write a dimension in: "°C/min", "" for a ratio; a product of base units where there is no custom."""
+    """What people write a dimension in: "°C/min", "" for a ratio; `base_unit` where there is no custom."""
     for unit in _CUSTOMARY:
         if parse_unit(unit).dimension == dimension:
             return unit
+    return base_unit(dimension)
+
+
+def base_unit(dimension: Dimension) -> str:
+    """A dimension as a product of base units."""
     powers = list(zip(BASES, dimension, strict=True))
     above = "·".join(_power(base, power) for base, power in powers if power > 0) or "1"
     return above + "".join("/" + _power(base, -power) for base, power in powers if power < 0)

@@ -1,9 +1,10 @@
-"""One axis of an indexing head: where it is told to be, where its encoder says it is, and where it really is."""
+"""One axis of a head or a table: what it is told to do, where its encoder says it is, and where it really is."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,31 @@ class AxisErrors:
     repeatability_deg: float = 0.0
 
 
+class Profile(Protocol):
+    """What an axis was told to do: its angle and rate as exact functions of time."""
+
+    @property
+    def start_s(self) -> float:
+        """When it was told."""
+
+    @property
+    def duration_s(self) -> float:
+        """Until it is done: at rest, at its rate, or at the amplitude and frequency of its sine."""
+
+    @property
+    def endless(self) -> bool:
+        """Whether it goes on when it is done."""
+
+    def angle_deg(self, at_s: Angles) -> Angles:
+        """The angle at the times `at_s`."""
+
+    def angle_at(self, at_s: float) -> float:
+        """The angle at one time."""
+
+    def rate_at(self, at_s: float) -> float:
+        """The rate at one time, °/s."""
+
+
 @dataclass(frozen=True, slots=True)
 class Move:
     """A trapezoid of rate from rest to rest, beginning at `start_s`."""
@@ -36,6 +62,8 @@ class Move:
     distance_deg: float
     rate_dps: float
     acceleration_dps2: float
+
+    endless = False
 
     @property
     def _ramp_s(self) -> float:
@@ -69,57 +97,176 @@ class Move:
             return self.origin_deg + self.distance_deg
         return float(self.angle_deg(np.array([at_s]))[0])
 
+    def rate_at(self, at_s: float) -> float:
+        """The rate at one time, °/s."""
+        total, t = self.duration_s, at_s - self.start_s
+        ramping_s = max(0.0, min(t, total - t, self._ramp_s))
+        return math.copysign(ramping_s * self.acceleration_dps2, self.distance_deg)
+
+
+@dataclass(frozen=True, slots=True)
+class Slew:
+    """A quantity that goes from one value to another at a constant speed, and stays there."""
+
+    begin: float
+    end: float
+    speed: float
+
+    @property
+    def duration_s(self) -> float:
+        """From one value to the other."""
+        return abs(self.end - self.begin) / self.speed
+
+    def value(self, t_s: Angles) -> Angles:
+        """The quantity `t_s` after it began."""
+        return self.begin + math.copysign(self.speed, self.end - self.begin) * np.minimum(t_s, self.duration_s)
+
+    def integral(self, t_s: Angles) -> Angles:
+        """Its integral over the first `t_s`."""
+        slewing_s = np.minimum(t_s, self.duration_s)
+        slewed = (self.begin + 0.5 * math.copysign(self.speed, self.end - self.begin) * slewing_s) * slewing_s
+        return slewed + self.end * (t_s - slewing_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """A change of rate at a constant acceleration, and then turning on; a change to rate zero ends at rest."""
+
+    start_s: float
+    origin_deg: float
+    rate_dps: Slew
+
+    @property
+    def duration_s(self) -> float:
+        """Until the rate is reached."""
+        return self.rate_dps.duration_s
+
+    @property
+    def endless(self) -> bool:
+        """Whether it turns on."""
+        return self.rate_dps.end != 0
+
+    def angle_deg(self, at_s: Angles) -> Angles:
+        """The angle at the times `at_s`."""
+        return self.origin_deg + self.rate_dps.integral(np.maximum(at_s - self.start_s, 0))
+
+    def angle_at(self, at_s: float) -> float:
+        """The angle at one time."""
+        return float(self.angle_deg(np.array([at_s]))[0])
+
+    def rate_at(self, at_s: float) -> float:
+        """The rate at one time, °/s."""
+        return float(self.rate_dps.value(np.array([max(at_s - self.start_s, 0.0)]))[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Swing:
+    """A sine about an angle; its amplitude and its frequency grow from nothing."""
+
+    start_s: float
+    centre_deg: float
+    amplitude_deg: Slew
+    frequency_hz: Slew
+    phase_deg: float = 0.0
+
+    endless = True
+
+    @property
+    def duration_s(self) -> float:
+        """Until amplitude and frequency are reached."""
+        return max(self.amplitude_deg.duration_s, self.frequency_hz.duration_s)
+
+    def angle_deg(self, at_s: Angles) -> Angles:
+        """The angle at the times `at_s`."""
+        t = np.maximum(at_s - self.start_s, 0)
+        return self.centre_deg + self.amplitude_deg.value(t) * np.sin(self._phase(t))
+
+    def angle_at(self, at_s: float) -> float:
+        """The angle at one time."""
+        return float(self.angle_deg(np.array([at_s]))[0])
+
+    def rate_at(self, at_s: float) -> float:
+        """The rate at one time, °/s."""
+        t = np.array([max(at_s - self.start_s, 0.0)])
+        growing_dps = self.amplitude_deg.speed if t[0] < self.amplitude_deg.duration_s else 0.0
+        swinging = self.amplitude_deg.value(t) * 2 * math.pi * self.frequency_hz.value(t) * np.cos(self._phase(t))
+        return float((growing_dps * np.sin(self._phase(t)) + swinging)[0])
+
+    def _phase(self, t_s: Angles) -> Angles:
+        """In radians."""
+        return 2 * math.pi * self.frequency_hz.integral(t_s) + math.radians(self.phase_deg)
+
 
 class Axis:
-    """An axis that moves by trapezoids; times are true seconds of the world.
+    """An axis that moves, turns and swings; times are true seconds of the world.
 
-    Moves begin from rest: a move commanded while another is under way starts from where the axis then is.
+    Moves and swings begin from rest: one commanded while the axis is under way starts from where it then is.
     """
 
     def __init__(self, errors: AxisErrors, acceleration_dps2: float, draws: np.random.Generator) -> None:
         self._errors = errors
         self._acceleration = acceleration_dps2
         self._draws = draws
-        self._move = Move(0.0, 0.0, 0.0, 1.0, acceleration_dps2)
+        self._profile: Profile = Move(0.0, 0.0, 0.0, 1.0, acceleration_dps2)
         self._from_above = False
         self._scatter_deg = 0.0
         self._rest_deg: float | None = None  # where it truly stands at rest, once somebody asked
 
-    def start(self, at_s: float, target_deg: float, rate_dps: float) -> None:
+    def start(self, at_s: float, target_deg: float, rate_dps: float, acceleration_dps2: float | None = None) -> None:
         """Begins a move to `target_deg`; the world has caught up to `at_s` before."""
-        origin = self._move.angle_at(at_s)
-        self._move = Move(at_s, origin, target_deg - origin, rate_dps, self._acceleration)
-        self._rest_deg = None
+        origin = self._profile.angle_at(at_s)
+        self._begin(Move(at_s, origin, target_deg - origin, rate_dps, acceleration_dps2 or self._acceleration))
         if target_deg != origin:
             self._from_above = target_deg < origin
             self._scatter_deg = self._errors.repeatability_deg * float(self._draws.standard_normal())
 
+    def turn(self, at_s: float, rate_dps: float, acceleration_dps2: float) -> None:
+        """Changes the rate to `rate_dps`, from what it is now."""
+        rate = Slew(self._profile.rate_at(at_s), rate_dps, acceleration_dps2)
+        self._begin(Turn(at_s, self._profile.angle_at(at_s), rate))
+        if turning := rate.end or rate.begin:
+            self._from_above = turning < 0
+
+    def swing(self, at_s: float, amplitude_deg: Slew, frequency_hz: Slew, phase_deg: float) -> None:
+        """Begins to swing about where it is now."""
+        self._begin(Swing(at_s, self._profile.angle_at(at_s), amplitude_deg, frequency_hz, phase_deg))
+
     def stop(self, at_s: float) -> None:
         """Stands still where it is now."""
-        self._move = Move(at_s, self._move.angle_at(at_s), 0.0, 1.0, self._acceleration)
-        self._rest_deg = None
+        self._begin(Move(at_s, self._profile.angle_at(at_s), 0.0, 1.0, self._acceleration))
+
+    def done(self, at_s: float) -> bool:
+        """Whether the axis has come to what it was told to do."""
+        return at_s >= self._profile.start_s + self._profile.duration_s
 
     def moving(self, at_s: float) -> bool:
-        """Whether a move is under way."""
-        return at_s < self._move.start_s + self._move.duration_s
+        """Whether it is not at rest."""
+        return self._profile.endless or not self.done(at_s)
 
     def encoder_deg(self, at_s: float) -> float:
         """What the axis reports."""
-        return self._move.angle_at(at_s)
+        return self._profile.angle_at(at_s)
+
+    def rate_dps(self, at_s: float) -> float:
+        """How fast it turns."""
+        return self._profile.rate_at(at_s)
 
     def target_deg(self) -> float:
-        """Where the last command ends."""
-        return self._move.origin_deg + self._move.distance_deg
+        """Where the last command ends, if it does."""
+        return self._profile.angle_at(self._profile.start_s + self._profile.duration_s)
 
     def true_deg(self, at_s: Angles) -> Angles:
         """Where the axis really is."""
         if self.moving(float(at_s[0])):
-            angle = self._move.angle_deg(at_s)
+            angle = self._profile.angle_deg(at_s)
             return angle + self._error_deg(angle)
         if self._rest_deg is None:
             target = np.array([self.target_deg()])
             self._rest_deg = float(target[0] + self._error_deg(target)[0])
         return np.full_like(at_s, self._rest_deg)
+
+    def _begin(self, profile: Profile) -> None:
+        self._profile, self._rest_deg = profile, None
 
     def _error_deg(self, angle_deg: Angles) -> Angles:
         errors, turn = self._errors, np.radians(angle_deg)

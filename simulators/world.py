@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.motion import Axis, AxisErrors
+from simulators.motion import Axis, AxisErrors, Slew
 from simulators.thermal import ChamberPhysics, Thermal, UnitPhysics
 from simulators.unit_file import UnitFile, stream
 from simulators.uut import Hysteresis, Noise, UnitTruth, draw_unit
@@ -172,9 +172,17 @@ class World:
 
     # What instruments do to the world
 
-    def move(self, target_deg: float, rate_dps: float) -> None:
-        """The head starts for `target_deg`."""
-        self.axis.start(self.before_change(), target_deg, rate_dps)
+    def move(self, target_deg: float, rate_dps: float, acceleration_dps2: float | None = None) -> None:
+        """The head starts for `target_deg`, with the acceleration of the settings unless one is given."""
+        self.axis.start(self.before_change(), target_deg, rate_dps, acceleration_dps2)
+
+    def turn(self, rate_dps: float, acceleration_dps2: float) -> None:
+        """The table changes its rate."""
+        self.axis.turn(self.before_change(), rate_dps, acceleration_dps2)
+
+    def swing(self, amplitude_deg: Slew, frequency_hz: Slew, phase_deg: float) -> None:
+        """The table begins to swing about where it is."""
+        self.axis.swing(self.before_change(), amplitude_deg, frequency_hz, phase_deg)
 
     def stop(self) -> None:
         """The head stands still."""

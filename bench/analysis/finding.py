@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from bench.analysis.limits import Limits, judge
+
 COVERAGE = 2
 NEGLIGIBLE = 1e-4  # of the largest line of a budget: 1e-8 of its variance
 UNLIMITED_DOF = 1000  # more are reported as unlimited
@@ -41,7 +43,7 @@ class Finding:
     unit: str
     budget: tuple[BudgetLine, ...]
     steps: tuple[str, ...]
-    limits: tuple[float | None, float | None] | None = None
+    limits: Limits | None = None
     verdict: Verdict | None = None
     flags: tuple[str, ...] = ()
 
@@ -61,15 +63,19 @@ class Finding:
 
     @property
     def marginal(self) -> bool:
-        """Whether a limit is closer than 2 u."""
-        sides = [side for side in self.limits or () if side is not None]
-        return any(abs(self.value - side) < 2 * self.u for side in sides)
+        """Whether a limit is so close that the verdict could be another if the measurement were repeated."""
+        return self.limits is not None and self.limits.is_marginal(self.value, self.u)
 
-    def judged(self, low: float | None, high: float | None) -> Finding:
-        """The same finding with limits and, unless it is invalid, a verdict by simple acceptance."""
-        inside = (low is None or self.value >= low) and (high is None or self.value <= high)
-        verdict: Verdict = "INVALID" if self.verdict == "INVALID" else "PASS" if inside else "FAIL"
-        return replace(self, limits=(low, high), verdict=verdict)
+    def judged(self, limits: Limits) -> Finding:
+        """The same finding with limits and, unless it is invalid already, a verdict, flagged where that needs a reason.
+
+        A budget of nothing tells no uncertainty.
+        """
+        if self.verdict == "INVALID":
+            return replace(self, limits=limits)
+        judgement = judge(self.value, self.u or None, limits)
+        flags = self.flags if judgement.flag is None else (*self.flags, judgement.flag)
+        return replace(self, limits=limits, verdict=judgement.verdict, flags=flags)
 
 
 @dataclass(frozen=True, slots=True)

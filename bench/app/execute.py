@@ -118,7 +118,7 @@ async def _run(prepared: PreparedRun, folder: Path, laboratory: Laboratory | Non
             writer,
             observer,
             observer.reading,
-            expected.of_phase(prepared.plan, "teardown"),
+            expected.of_phase("teardown"),
             folder=folder,
             can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
         )

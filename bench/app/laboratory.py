@@ -25,6 +25,7 @@ from drivers.transport.address import Address
 from drivers.transport.frames import FrameLink
 from drivers.transport.memory import Line, join
 from drivers.transport.wires import RealWires
+from simulators.acutronic_acl import SimulatedAcutrol
 from simulators.aerotech_ensemble import SimulatedEnsemble
 from simulators.can_counter import CounterSettings, SimulatedCounter
 from simulators.faults import FaultPlan
@@ -144,6 +145,8 @@ def _instrument(role: str, entry: DeviceEntry, world: World, faults: FaultPlan) 
             return SimulatedF4T(
                 world, faults, unit_id=options.unit_id, loop=options.loop, word_order=options.word_order
             )
+        case "acutronic_acl":
+            return SimulatedAcutrol(world, faults, axis=options.axis, byte_order=options.byte_order)
         case "aerotech_ensemble":
             return SimulatedEnsemble(world, faults, axis=options.axis)
         case "scpi_supply":

@@ -1,4 +1,4 @@
-"""schema, fmt, new: what helps to write sequences and bench files."""
+"""schema, reference, fmt, new: what helps to write sequences and bench files."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ starters = typer.Typer(help="Write a starter file.", no_args_is_help=True, rich_
 def register(app: typer.Typer) -> None:
     """Adds the commands."""
     app.add_typer(schemas, name="schema")
+    app.command()(reference)
     app.command("fmt")(format_files)
     app.add_typer(starters, name="new")
 
@@ -40,6 +41,22 @@ def schema_of_benches() -> None:
 
 def _print(schema: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(schema, ensure_ascii=False, indent=2) + "\n")
+
+
+def reference(
+    page: Annotated[str, typer.Argument(metavar="PAGE", help="One of the pages that README lists.")] = "README",
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Write all pages there instead of printing one.")
+    ] = None,
+) -> None:
+    """Print a page of the reference in Markdown: steps, keys of files, methods, drivers, commands, errors."""
+    from bench.cli.reference import page_text, write_pages
+
+    if out is None:
+        sys.stdout.write(page_text(page))
+        return
+    for path in write_pages(out):
+        sys.stdout.write(f"{path}\n")
 
 
 def format_files(

@@ -60,7 +60,12 @@ def check(
     set_: Settings = None,
     strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors.")] = False,
     format_: Annotated[
-        Format, typer.Option("--format", help="text: warnings on stderr; the others alone on stdout.")
+        Format,
+        typer.Option(
+            "--format",
+            metavar="text|json|sarif|github",
+            help="text: warnings on stderr; the others alone on stdout.",
+        ),
     ] = Format.TEXT,
 ) -> None:
     """Check a sequence against a bench; nothing is opened."""
@@ -116,7 +121,7 @@ def plan(
     checked = load_checked(request)
     _warn(checked.plan, checked.warnings)
     expected = estimate(checked.plan, checked.loaded.bench)
-    for line in plan_table(checked.plan, expected):
+    for line in plan_table(expected):
         sys.stdout.write(line + "\n")
     sys.stdout.write(
         f"{len(checked.plan)} steps, about {duration(expected.total_s)}, about {expected.size_bytes / 1e6:.0f} MB\n"

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench.config.checks_interlocks import interlock_misfits
 from bench.config.document import Document, Place, Problem, read_document
 from bench.config.load import load
 from bench.config.models import BenchFile, PlaceEntry, ReadingEntry
@@ -39,6 +40,7 @@ def misfits(bench: BenchFile) -> Iterator[Problem]:
     """Names in one part of the file that another part does not have, each with its place."""
     for name, reading in bench.readings.items():
         yield from _reading(bench, name, reading)
+    yield from interlock_misfits(bench.interlocks, bench)
     for name, place in bench.places.items():
         yield from _place(bench, name, place)
     for name in bench.simulation.units:
@@ -60,10 +62,18 @@ def _reading(bench: BenchFile, name: str, reading: ReadingEntry) -> Iterator[Pro
     channels = device.description.channels_of(device.options)
     if reading.channel not in channels:
         yield place, f"{reading.device} has no channel '{reading.channel}'{did_you_mean(reading.channel, channels)}"
-    elif channels[reading.channel] != "°C":
-        yield place, f"{reading.from_} is in {channels[reading.channel]}; a named reading is a temperature in °C"
+    elif (unit := channels[reading.channel]) != "°C":
+        for key, given in (("limits", reading.limits), ("calibration", reading.calibration)):
+            if given is not None:
+                yield ("readings", name, key), f"is for a temperature, {reading.from_} is in {unit}"
     if name in bench.devices:
         yield ("readings", name), f"'{name}' is a device already; a reading needs a name of its own"
+
+
+def _is_temperature(bench: BenchFile, reading: ReadingEntry) -> bool:
+    """Whether a reading is in °C; one of a device that is not there is told elsewhere."""
+    device = bench.devices.get(reading.device)
+    return device is None or device.description.channels_of(device.options).get(reading.channel, "°C") == "°C"
 
 
 def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
@@ -80,6 +90,8 @@ def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
             (*where, "temperature"),
             f"there is no reading '{place.temperature}'{did_you_mean(place.temperature, bench.readings)}",
         )
+    elif not _is_temperature(bench, bench.readings[place.temperature]):
+        yield (*where, "temperature"), f"'{place.temperature}' is no temperature"
     supply = bench.devices.get(place.supply)
     if supply is None or "power_supply" not in supply.description.capabilities:
         supplies = [key for key, entry in bench.devices.items() if "power_supply" in entry.description.capabilities]

@@ -32,12 +32,12 @@ CoverageFactor = Annotated[Number, Field(gt=0, le=4)]
 class Calibration(StrictModel):
     """A certificate; `U` holds expanded uncertainties, under the names that the driver or the reading gives them."""
 
-    certificate: Text
-    laboratory: Text
-    date: Date
-    due: Date
-    k: CoverageFactor = 2.0
-    U: Any = Field(default_factory=dict)
+    certificate: Text = Field(description="its number")
+    laboratory: Text = Field(description="who issued it")
+    date: Date = Field(description="of the calibration")
+    due: Date = Field(description="of the next one")
+    k: CoverageFactor = Field(2.0, description="coverage factor of all in U")
+    U: Any = Field(default_factory=dict, description="expanded uncertainties; its keys are the driver's")
 
     @model_validator(mode="after")
     def _due_after_it_was_made(self) -> Self:
@@ -62,14 +62,16 @@ def _address(raw: object) -> Address:
 
 
 class DeviceEntry(StrictModel):
-    """One instrument; the blocks options, limits, safe and calibration.U are the driver's own models."""
+    """One instrument; the blocks `options`, `limits`, `safe` and `calibration.U` are the driver's own models."""
 
-    driver: Annotated[str, AfterValidator(_known_driver)]
-    connection: Annotated[Address, BeforeValidator(_address), WithJsonSchema({"type": "string"})]
-    options: Any = None
+    driver: Annotated[str, AfterValidator(_known_driver)] = Field(description="the name of an installed driver")
+    connection: Annotated[Address, BeforeValidator(_address), WithJsonSchema({"type": "string"})] = Field(
+        description="an address like tcp://192.168.1.10:502"
+    )
+    options: Any = Field(None, description="how the instrument is used; its keys are the driver's")
     identity: IdentityPin = IdentityPin()
-    limits: Any = None
-    safe: Any = None
+    limits: Any = Field(None, description="what the bench allows it; its keys are the driver's")
+    safe: Any = Field(None, description="the state in which it is safe; its keys are the driver's")
     calibration: Calibration | None = None
 
     @property

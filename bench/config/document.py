@@ -1,7 +1,8 @@
 """YAML 1.2 documents, strictly: a small safe subset, and the place of every value.
 
-Refused are files above 256 KiB, text that is not UTF-8, anchors, aliases, tags, merge keys, second documents, duplicate
-keys, nesting beyond 20 and more than 20 000 nodes; all of it on the stream of parser events, before anything is built.
+Refused are files above 64 KiB, text that is not UTF-8, more than 4000 lines, anchors, aliases, tags, merge keys, second
+documents, duplicate keys, nesting beyond 20 and more than 2000 values; all of it before anything is built. The limits
+are what the parser, written in Python, is through with in less than 100 ms, whatever stands in a file.
 Plain scalars are null, true, false, decimal integers and decimal floats; everything else is text, so `on`, `010`,
 `1_000`, `1:30`, `.nan` and dates stay what was written. Characters that a screen does not show, or shows in another
 order than they stand, are refused wherever they are.
@@ -12,7 +13,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +23,14 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from bench.errors import InputError
 from drivers.wording import in_words
 
-SIZE_LIMIT_BYTES = 256 * 1024
+SIZE_LIMIT_BYTES = 64 * 1024
+LINE_LIMIT = 4000
 DEPTH_LIMIT = 20
-NODE_LIMIT = 20_000
+NODE_LIMIT = 2000
 SCALAR_LIMIT = 4096
 _INVISIBLE = "contains the invisible character U+{:04X}; remove it"
 _ANCHORED = "anchors (&) and aliases (*) are not part of this language; repeat the value, or put text in quotes"
+_TAGGED = "tags (!) are not part of this language; put text in quotes"
 _DEEP = f"is nested more than {DEPTH_LIMIT} deep"
 
 _INTEGER = re.compile(r"-?(0|[1-9]\d{0,18})", re.ASCII)
@@ -36,7 +39,9 @@ _UNSEEN = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff"
     "\ufffe\uffff\U000e0000-\U000e007f]"
 )
-_TOO_DEEP = re.compile(rf"(?:[\[{{][^][{{}}]{{0,100}}){{{DEPTH_LIMIT + 1}}}")  # seen at once, where the parser labours
+# Seen at once, where the parser labours:
+_TOO_DEEP = re.compile(rf"(?:[\[{{][^][{{}}]{{0,100}}){{{DEPTH_LIMIT + 1}}}")
+_LONG_TAG = re.compile(r"^%TAG|(?<![^\s\[{,:-])!\S{100}", re.MULTILINE)
 _WORDS: dict[str, Any] = {"": None, "~": None, "null": None, "true": True, "false": False}
 
 # What the parser says of common slips, and what a person reads instead.
@@ -71,29 +76,47 @@ class Mark:
 
 @dataclass(frozen=True)
 class Document:
-    """A file's value (dict, list, str, int, float, bool, None), its text, and where each part of it stands."""
+    """A file's value (dict, list, str, int, float, bool, None), its text, and where each part of it stands.
+
+    `included` are other documents that stand for a part of this one: places in them continue the place of that part.
+    """
 
     path: Path
     text: str
     value: Any
     marks: dict[Place, Mark]
+    included: dict[Place, Document] = field(default_factory=dict)
+
+    def include(self, place: Place, other: Document) -> None:
+        """Lets another document stand for the part at `place`."""
+        owner, inner = self.owner(place)
+        owner.included[inner] = other
+
+    def owner(self, place: Place) -> tuple[Document, Place]:
+        """The document that a part is written in, and its place there."""
+        for length in range(1, len(place) if self.included else 0):
+            if inner := self.included.get(place[:length]):
+                return inner.owner(place[length:])
+        return self, place
 
     def mark(self, place: Place) -> Mark:
-        """Where a part stands, or the nearest part around it."""
-        for length in range(len(place), -1, -1):
-            if mark := self.marks.get(place[:length]):
+        """Where a part stands in the document that it is written in, or the nearest part around it."""
+        owner, inner = self.owner(place)
+        for length in range(len(inner), -1, -1):
+            if mark := owner.marks.get(inner[:length]):
                 return mark
         return Mark(1, 1)
 
     def where(self, place: Place) -> str:
         """`file:line:column` of a part, or of the nearest part around it."""
         mark = self.mark(place)
-        return f"{self.path}:{mark.line}:{mark.column}"
+        return f"{self.owner(place)[0].path}:{mark.line}:{mark.column}"
 
     def told(self, problems: Iterable[Problem]) -> list[str]:
-        """`file:line:column: what is wrong` for each problem, once, in the order of the file."""
-        found = sorted(dict.fromkeys((self.mark(place), problem) for place, problem in problems))
-        return [f"{self.path}:{mark.line}:{mark.column}: {problem}" for mark, problem in found]
+        """`file:line:column: what is wrong` for each problem, once; in the order of the file, then of included ones."""
+        found = dict.fromkeys((self.owner(place)[0].path, self.mark(place), problem) for place, problem in problems)
+        in_order = sorted(found, key=lambda item: (item[0] != self.path, *item))
+        return [f"{path}:{mark.line}:{mark.column}: {problem}" for path, mark, problem in in_order]
 
 
 def read_document(path: Path) -> Document:
@@ -122,11 +145,13 @@ def read_text(path: Path) -> str:
 def parse_document(text: str, path: Path) -> Document:
     """The document that `text` spells; `path` is only for messages."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n")
-    for bad, problem in ((_UNSEEN, _INVISIBLE), (_TOO_DEEP, _DEEP)):
+    for bad, problem in ((_UNSEEN, _INVISIBLE), (_TOO_DEEP, _DEEP), (_LONG_TAG, _TAGGED)):
         if found := bad.search(lines):
             line = lines.count("\n", 0, found.start()) + 1
             column = found.start() - lines.rfind("\n", 0, found.start())
             raise InputError(f"{path}:{line}:{column}: {problem.format(ord(found[0][0]))}")
+    if lines.count("\n") > LINE_LIMIT:
+        raise InputError(f"{path}:{LINE_LIMIT + 1}:1: has more than {LINE_LIMIT} lines")
     builder = _Builder(path)
     try:
         value = builder.build(YAML(typ="safe", pure=True).parse(lines))
@@ -188,7 +213,7 @@ class _Builder:
         if isinstance(event, events.AliasEvent) or event.anchor:
             self._refuse(event, _ANCHORED)
         if event.tag:
-            self._refuse(event, "tags (!) are not part of this language; put text in quotes")
+            self._refuse(event, _TAGGED)
         if isinstance(event, events.ScalarEvent):
             return self._scalar(event)
         if len(open_nodes) >= DEPTH_LIMIT:

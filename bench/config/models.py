@@ -11,6 +11,7 @@ from zoneinfo import ZoneInfo
 from pydantic import AfterValidator, Field, model_validator
 
 from bench.config.devices import Calibration, CoverageFactor, DeviceEntry, Text
+from bench.config.interlocks import InterlockEntry
 from drivers.fields import (
     NOT_EMPTY,
     Amperes,
@@ -44,23 +45,25 @@ def _zone(name: str) -> str:
 class Gravity(StrictModel):
     """Local gravity in m/s², its expanded uncertainty, and where it comes from."""
 
-    value: Annotated[float, InUnit("m/s²", at_least=9.7, at_most=9.9)]
-    U: Annotated[float, InUnit("m/s²", at_least=0)]
-    k: CoverageFactor = 2.0
-    origin: Literal["measured", "model"]
+    value: Annotated[float, InUnit("m/s²", at_least=9.7, at_most=9.9)] = Field(description="at the height of the units")
+    U: Annotated[float, InUnit("m/s²", at_least=0)] = Field(description="expanded uncertainty")
+    k: CoverageFactor = Field(2.0, description="coverage factor of U")
+    origin: Literal["measured", "model"] = Field(description="how the value was found")
 
 
 class Site(StrictModel):
     """Where the bench stands."""
 
-    latitude: Annotated[float, InUnit("°", at_least=-90, at_most=90)]
-    height: Annotated[float, InUnit("m", at_least=-500, at_most=9000)]
+    latitude: Annotated[float, InUnit("°", at_least=-90, at_most=90)] = Field(description="north of the equator")
+    height: Annotated[float, InUnit("m", at_least=-500, at_most=9000)] = Field(description="above sea level")
     gravity: Gravity
-    time_zone: Annotated[str, AfterValidator(_zone)] = "UTC"
+    time_zone: Annotated[str, AfterValidator(_zone)] = Field(
+        "UTC", description="of the times in reports, such as Europe/Berlin"
+    )
 
 
 class TemperatureWindow(Range):
-    """What a reading may be."""
+    """What a reading may be: from `min` to `max`; outside is an error of the bench."""
 
     min: Celsius
     max: Celsius
@@ -69,8 +72,8 @@ class TemperatureWindow(Range):
 class ThermometerUncertainty(StrictModel):
     """Expanded: an offset, and a gain error on the temperature in °C."""
 
-    offset: Annotated[float, InUnit("°C", at_least=0)] = 0.0
-    gain: Annotated[Ratio, InUnit("", at_least=0)] = 0.0
+    offset: Annotated[float, InUnit("°C", at_least=0)] = Field(0.0, description="the same at every temperature")
+    gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the temperature in °C, such as 0.2 %")
 
 
 class ThermometerCalibration(Calibration):
@@ -82,9 +85,11 @@ class ThermometerCalibration(Calibration):
 class ReadingEntry(StrictModel):
     """A named reading: `DEVICE.CHANNEL`."""
 
-    from_: Annotated[str, TextLike(r"[a-z][a-z0-9_]*\.[\w.]+", "DEVICE.CHANNEL")] = Field(alias="from")
+    from_: Annotated[str, TextLike(r"[a-z][a-z0-9_]*\.[\w.]+", "DEVICE.CHANNEL")] = Field(
+        alias="from", description="the device above, and what its driver calls the reading"
+    )
     limits: TemperatureWindow | None = None
-    stale_after: PositiveSeconds = 10.0
+    stale_after: PositiveSeconds = Field(10.0, description="an older value is not believed")
     calibration: ThermometerCalibration | None = None
 
     @property
@@ -104,8 +109,8 @@ Direction = Literal["level", "up", "down"]
 class InputAxis(StrictModel):
     """How the input axis lies in the fixture at two angles of the head."""
 
-    at_0: Direction
-    at_90: Direction
+    at_0: Direction = Field(description="where it points at a head angle of 0°")
+    at_90: Direction = Field(description="where it points at 90°")
 
     @model_validator(mode="after")
     def _turns_in_the_vertical_plane(self) -> InputAxis:
@@ -128,99 +133,137 @@ class InputAxis(StrictModel):
 class Level(StrictModel):
     """How far from level the fixture is when the head says it is level."""
 
-    value: Annotated[float, InUnit("arcsec")]
-    U: Arcseconds
-    k: CoverageFactor = 2.0
-    date: Date
+    value: Annotated[float, InUnit("arcsec")] = Field(description="as last measured")
+    U: Arcseconds = Field(description="expanded uncertainty")
+    k: CoverageFactor = Field(2.0, description="coverage factor of U")
+    date: Date = Field(description="of the measurement")
+
+
+class AngleRange(Range):
+    """Angles of the head from `min` to `max`, modulo a turn."""
+
+    min: Degrees
+    max: Degrees
 
 
 class FixtureEntry(StrictModel):
-    """What holds the units on the head."""
+    """What holds the units on the head.
 
-    serial: Text
+    `mounts` are the ways in which a unit can be fixed by hand, by what each adds to the mount angle of its place; the
+    first is how units are fixed when a run begins. At `forbidden` angles of the head something would touch.
+    """
+
+    serial: Text = Field(description="serial number of the fixture")
     input_axis: InputAxis
     level: Level
+    mounts: Mapping[Name, Degrees] = {}
+    forbidden: tuple[AngleRange, ...] = ()
 
 
 class CurrentWindow(Range):
-    """What a unit may draw while its supply is on."""
+    """What a unit may draw while its supply is on: from `min` to `max`; outside is an error of the bench."""
 
     min: Amperes
     max: Amperes
 
 
-class PlaceEntry(StrictModel):
-    """A place for a unit under test: how it lies, what counts it, what warms and feeds it."""
+class Nominal(StrictModel):
+    """What a unit of this type is made to be."""
 
-    channel: str
-    type: Text = "accelerometer channel"
-    mount_angle: Degrees = 0.0
-    temperature: Name
-    supply: Name
+    K1: Annotated[float, InUnit("A/g", above=0)] = Field(description="scale factor")
+    S: Annotated[float, InUnit("Hz/A", above=0)] | None = Field(None, description="scale of its converter")
+    max_current: Annotated[float, InUnit("A", above=0)] | None = Field(None, description="the most it may be fed")
+
+
+class PlaceEntry(StrictModel):
+    """A place for a unit under test: how it lies, what counts it, what warms and feeds it.
+
+    `source` is the current source whose current goes into its converter.
+    """
+
+    channel: str = Field(description="the channel of the counter that counts its pulses")
+    type: Text = Field("accelerometer channel", description="what the unit is, for the report")
+    mount_angle: Degrees = Field(0.0, description="how it is turned in the fixture; added to the head angle")
+    temperature: Name = Field(description="the reading of the thermometer at the unit")
+    supply: Name = Field(description="the device that feeds the unit")
     supply_current: CurrentWindow | None = None
+    source: Name | None = None
+    nominal: Nominal | None = None
 
 
 class Monitor(StrictModel):
     """How often devices are asked, the whole run long: those behind named readings, and all others."""
 
-    period: PositiveSeconds = 1.0
-    devices: PositiveSeconds = 10.0
+    period: PositiveSeconds = Field(1.0, description="of the devices behind named readings")
+    devices: PositiveSeconds = Field(10.0, description="of all other devices")
 
 
 class ChamberSimulation(StrictModel):
     """How the simulated chamber behaves."""
 
-    start: Celsius = 20.0
-    natural_period: PositiveSeconds = 360.0
-    damping: Annotated[Ratio, InUnit("", above=0, at_most=5)] = 0.5
-    limit_cycle: Annotated[float, InUnit("°C", at_least=0)] = 0.2
-    limit_cycle_period: PositiveSeconds = 90.0
+    start: Celsius = Field(20.0, description="of the air when a run begins")
+    natural_period: PositiveSeconds = Field(360.0, description="of the control loop")
+    damping: Annotated[Ratio, InUnit("", above=0, at_most=5)] = Field(
+        0.5, description="of the control loop; 1 is critical"
+    )
+    limit_cycle: Annotated[float, InUnit("°C", at_least=0)] = Field(
+        0.2, description="root mean square of how the air swings at rest"
+    )
+    limit_cycle_period: PositiveSeconds = Field(90.0, description="how long one such swing takes")
 
 
 class HeadSimulation(StrictModel):
     """How the simulated head behaves."""
 
-    backlash: Arcseconds = 1.0
-    acceleration: Annotated[float, InUnit("°/s²", above=0)] = 40.0
+    backlash: Arcseconds = Field(1.0, description="between its two directions")
+    acceleration: Annotated[float, InUnit("°/s²", above=0)] = Field(40.0, description="of every move")
 
 
 class ThermometerSimulation(StrictModel):
     """How the simulated thermometers at the units behave."""
 
-    noise: Annotated[float, InUnit("°C", at_least=0)] = 0.005
-    lag: PositiveSeconds = 20.0
+    noise: Annotated[float, InUnit("°C", at_least=0)] = Field(0.005, description="standard deviation of a reading")
+    lag: PositiveSeconds = Field(20.0, description="time constant behind the unit")
 
 
 class FaultSimulation(StrictModel):
     """An instrument that breaks on purpose."""
 
-    device: Name
-    kind: Literal["silent", "cut", "frozen", "stuck", "restart"]
-    at: Seconds
+    device: Name = Field(description="which one, as in devices")
+    kind: Literal["silent", "cut", "frozen", "stuck", "restart"] = Field(
+        description="it answers nothing, loses the connection, its values stand still, it carries out no command, or a "
+        "counter loses its power for a moment"
+    )
+    at: Seconds = Field(description="when, after the beginning of the run")
 
 
 class Simulation(StrictModel):
     """What no certificate states; the errors that certificates bound are drawn from them with sd = U / k."""
 
-    seed: Annotated[WholeNumber, Field(ge=0, lt=2**63)] = 1
-    start: Instant = dt.datetime.fromisoformat("2026-01-01T00:00:00+00:00")
-    units: Mapping[Name, Annotated[Path, FileBeside()]] = {}
-    ambient: Celsius = 22.0
+    seed: Annotated[WholeNumber, Field(ge=0, lt=2**63)] = Field(1, description="the same one gives the same run")
+    start: Instant = Field(
+        dt.datetime.fromisoformat("2026-01-01T00:00:00+00:00"), description="when simulated runs begin"
+    )
+    units: Mapping[Name, Annotated[Path, FileBeside()]] = Field({}, description="the truth of the unit in each place")
+    ambient: Celsius = Field(22.0, description="temperature of the room")
     chamber: ChamberSimulation = ChamberSimulation()
     head: HeadSimulation = HeadSimulation()
     thermometer: ThermometerSimulation = ThermometerSimulation()
-    host_clock: Annotated[Ratio, InUnit("", at_least=0)] = 20e-6
+    host_clock: Annotated[Ratio, InUnit("", at_least=0)] = Field(
+        20e-6, description="standard deviation of the host clock against the true second"
+    )
     faults: tuple[FaultSimulation, ...] = ()
 
 
 class BenchFile(StrictModel):
     """One `config/*.yaml`: a bench."""
 
-    schema_: Literal["itb-bench/1"] = Field(alias="schema")
-    title: Text
+    schema_: Literal["itb-bench/1"] = Field(alias="schema", description="what the file is")
+    title: Text = Field(description="what the report calls the bench")
     site: Site
     devices: Annotated[Mapping[Name, DeviceEntry], NOT_EMPTY]
     readings: Mapping[Name, ReadingEntry] = {}
+    interlocks: Mapping[Name, InterlockEntry] = {}
     fixture: FixtureEntry
     places: Annotated[Mapping[Name, PlaceEntry], NOT_EMPTY]
     monitor: Monitor = Monitor()

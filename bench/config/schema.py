@@ -1,8 +1,9 @@
 """JSON Schemas (draft 2020-12) of documents, made from their models, for editors that complete and check while typing.
 
 A schema tells what may stand where: keys, types, names. It does not tell what goes together (that a range rises, that a
-signal is in the DBC, which of a step's keys is the first): that remains with `bench check`. Defaults are left out, for
-they are numbers in the unit of the model, not what a document would say.
+signal is in the DBC, which of a step's keys is the first): that remains with `bench check`. Descriptions say what a key
+means and how its value is written; defaults are spelled as a document would. The reference pages are made from these
+schemas as well.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pydantic_core import core_schema
 
 from bench.config.models import BenchFile
 from drivers.description import DriverDescription, known_drivers
+from drivers.fields import UNIT_KEYWORD
 
 Schema = dict[str, Any]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -39,7 +41,7 @@ def schema_of(
     """The schema of a document, and references to those of `parts` in it."""
     models = list(dict.fromkeys((document, *parts)))
     found, definitions = models_json_schema(
-        [(model, "validation") for model in models], schema_generator=_WithoutTitlesAndDefaults
+        [(model, "validation") for model in models], schema_generator=_AsDocumentsSayIt
     )
     refs = {model: dict(found[model, "validation"]) for model in models}
     return {"$schema": DIALECT, **refs[document], **definitions}, refs
@@ -84,16 +86,29 @@ def _as_driver(driver: DriverDescription, refs: Mapping[type[BaseModel], Schema]
     )
 
 
-class _WithoutTitlesAndDefaults(GenerateJsonSchema):
-    """Pydantic's, without the titles that only repeat the key, and closed where keys are names."""
+class _AsDocumentsSayIt(GenerateJsonSchema):
+    """Pydantic's without titles that only repeat the key; closed where keys are names."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:
         """Never."""
         return False
 
+    def generate_inner(self, schema: Any) -> JsonSchemaValue:
+        """The description of a field says what it means, then how its value is written."""
+        found = super().generate_inner(schema)
+        if schema["type"] == "model-field":
+            how = self.generate_inner(schema["schema"]).get("description")
+            if how and how != found["description"]:
+                return {**found, "description": f"{found['description']}; {how}"}
+        return found
+
     def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
-        """The schema of the field alone."""
-        return self.generate_inner(schema["schema"])
+        """The schema of the field, with its default where a document could say it."""
+        found = self.generate_inner(schema["schema"])
+        default = schema.get("default")
+        if unit := found.get(UNIT_KEYWORD):
+            return {**found, "default": f"{default:.12g} {unit}"}
+        return {**found, "default": default} if isinstance(default, (str, int, float)) else found
 
     def dict_schema(self, schema: core_schema.DictSchema) -> JsonSchemaValue:
         """A key that is no name is refused."""

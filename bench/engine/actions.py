@@ -1,76 +1,158 @@
-"""Each kind of step as one short function."""
+"""Each kind of step as one short function, and what is done when one is cut short."""
 
 from __future__ import annotations
 
 import asyncio
+import importlib
 import math
-from collections.abc import AsyncIterator, Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, assert_never
 
-import numpy as np
-
+from bench.config.models import BenchFile
+from bench.engine import measuring, waiting
+from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
-from bench.errors import StepError
+from bench.engine.questions import Desk, Question
 from bench.rig import Rig
-from bench.sequence.plan import PlannedStep
-from bench.sequence.steps import Acquire, Move, Note, Ramp, SetOutput, Soak, Stable, Wait, WaitUntil
+from bench.sequence.custom import Custom, known_steps
+from bench.sequence.measuring import Acquire, Measure, Tare
+from bench.sequence.step_fields import is_known
+from bench.sequence.steps import Step
+from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
+from bench.sequence.talk import Alarm, Note, Prompt
+from bench.sequence.waits import Soak, Wait, WaitUntil
 from bench.store.writer import RunWriter
-from drivers.frame_block import FrameBlock
+from drivers.quantities import Quantity
+from drivers.units import customary_unit
 
-LOOK_EVERY_S = 5.0
-WINDOW_COVERAGE = 0.95  # of the hold time must be covered by readings before it is judged
+Found = Mapping[str, Any]  # what a step found, for the journal
+SWEEP_STEPS_PER_OCTAVE = 6
 
 
 @dataclass(frozen=True)
 class Bench:
-    """What a step acts with."""
+    """What a step acts with. `angles_deg` are where the last moves went, by role."""
 
+    file: BenchFile
     rig: Rig
     monitor: Monitor
     writer: RunWriter
+    journal: Journal
+    desk: Desk
     notice: Callable[[str], None]
+    angles_deg: dict[str, float] = field(default_factory=dict)
 
 
-async def perform(planned: PlannedStep, bench: Bench) -> Mapping[str, Any]:
-    """Does a step; what it found, for the journal."""
-    step = planned.step
+async def perform(step: Step, step_id: str, bench: Bench) -> Found:  # noqa: C901  one case for each kind of step
+    """Does a step; what it found."""
     match step:
         case Move():
             return await _move(step, bench)
+        case Rotate():
+            return await _rotate(step, bench)
+        case Oscillate():
+            return await _oscillate(step, bench)
         case SetOutput():
             return await _set_output(step, bench)
+        case Ramp():
+            await bench.rig.chamber(step.role).ramp_to(step.temperature_c, step.rate_c_per_min)
+            return {"set_point_c": step.temperature_c}
         case Wait():
             await asyncio.sleep(step.duration_s)
             return {}
         case WaitUntil():
-            return await _wait_until(step, bench)
+            return await waiting.until(step, bench.monitor)
+        case Soak():
+            return await waiting.soak(step, bench.monitor)
+        case Acquire():
+            return await measuring.acquire(step, step_id, bench.rig, bench.writer)
+        case Measure():
+            return await measuring.measure(step, step_id, bench)
+        case Tare():
+            return await measuring.tare(step, step_id, bench)
+        case Prompt():
+            return await _ask(step, step_id, bench)
         case Note():
             bench.notice(step.text)
             return {"note": step.text}
-        case Ramp():
-            await bench.rig.chamber(step.role).ramp_to(step.temperature_c, step.rate_c_per_min)
-            return {"set_point_c": step.temperature_c}
-        case Soak():
-            return await _soak(step, bench)
-        case Acquire():
-            return await _acquire(step, planned.id, bench)
+        case Alarm():
+            bench.notice(f"\a*** {step.text} ***")
+            return {"alarm": step.text}
+        case Custom():
+            return await _custom(step, bench)
         case _:
             assert_never(step)
 
 
-async def _move(step: Move, bench: Bench) -> Mapping[str, Any]:
+async def leave(step: Step, bench: Bench) -> None:
+    """Brings to rest what a step that was cut short has set going."""
+    match step:
+        case Move():
+            await bench.rig.positioner(step.role).stop()
+        case Rotate() | Oscillate():
+            await bench.rig.table(step.role).stop()
+        case Ramp():
+            await bench.rig.chamber(step.role).hold()
+        case _:
+            pass
+
+
+async def _move(step: Move, bench: Bench) -> Found:
     head = bench.rig.positioner(step.role)
-    reading = await head.move_to(step.angle_deg, approach=step.approach, settle_s=step.settle_s)
+    from_deg = bench.angles_deg.get(step.role)
+    if from_deg is None and (step.by_deg is not None or step.way != "as_written"):
+        from_deg = (await head.angle()).value
+    target_deg = step.target_deg(from_deg or 0.0)
+    bench.angles_deg.pop(step.role, None)
+    reading = await head.move_to(target_deg, approach=step.approach, settle_s=step.settle_s)
+    bench.angles_deg[step.role] = target_deg
     return {"angle_deg": reading.value}
 
 
-async def _set_output(step: SetOutput, bench: Bench) -> Mapping[str, Any]:
+async def begin_turning(step: Rotate | Oscillate, bench: Bench) -> None:
+    """Sets the table going."""
+    table = bench.rig.table(step.role)
+    bench.angles_deg.pop(step.role, None)
+    if isinstance(step, Rotate):
+        await table.rotate_at(step.rate_dps, acceleration_dps2=step.acceleration_dps2)
+    else:
+        await table.oscillate(step.amplitude_deg, step.highest_hz)
+
+
+async def _rotate(step: Rotate, bench: Bench) -> Found:
+    await begin_turning(step, bench)
+    await asyncio.sleep(step.least_s)
+    rate = await bench.rig.table(step.role).rate()
+    await bench.rig.table(step.role).stop()
+    return {"rate_dps": rate.value}
+
+
+async def _oscillate(step: Oscillate, bench: Bench) -> Found:
+    """A sweep goes in steps of a constant ratio, each for the same time."""
+    table = bench.rig.table(step.role)
+    bench.angles_deg.pop(step.role, None)
+    frequencies = [step.highest_hz]
+    if step.sweep is not None:
+        octaves = math.log2(step.sweep.to_hz / step.sweep.from_hz)
+        count = max(round(abs(octaves) * SWEEP_STEPS_PER_OCTAVE), 1)
+        frequencies = [step.sweep.from_hz * 2 ** (octaves * index / count) for index in range(count + 1)]
+    for frequency_hz in frequencies:
+        await table.oscillate(step.amplitude_deg, frequency_hz)
+        await asyncio.sleep(step.least_s / len(frequencies))
+    await table.stop()
+    return {"frequencies_hz": frequencies}
+
+
+async def _set_output(step: SetOutput, bench: Bench) -> Found:
     source = bench.rig.source(step.role)
     window = bench.monitor.windows.get(step.role)
     if window is not None:
         window.on_since_s = None
     level = step.voltage_v if step.voltage_v is not None else step.current_a
+    if step.acceleration_g is not None and step.place is not None:
+        nominal = bench.file.places[step.place].nominal
+        level = step.acceleration_g * nominal.K1 if nominal is not None else math.nan
     limit = step.current_limit_a if step.current_limit_a is not None else step.compliance_v
     await source.set(level or 0.0, limit=limit or 0.0, output=step.output == "on")
     found = await source.read()
@@ -79,82 +161,28 @@ async def _set_output(step: SetOutput, bench: Bench) -> Mapping[str, Any]:
     return {"voltage_v": found.voltage_v, "current_a": found.current_a, "output": found.output}
 
 
-async def _wait_until(step: WaitUntil, bench: Bench) -> Mapping[str, Any]:
-    """Until every reading of the last `hold_s` fulfils the condition; StepError when that takes too long."""
-    loop = asyncio.get_running_loop()
-    began_s = loop.time()
-    low_c = -math.inf if step.above_c is None else step.above_c
-    high_c = math.inf if step.below_c is None else step.below_c
-    while True:
-        window = bench.monitor.last(step.role, step.hold_s)
-        covered = len(window) > 0 and window[-1, 0] - max(window[0, 0], began_s) >= WINDOW_COVERAGE * step.hold_s
-        if covered and ((low_c < window[:, 1]) & (window[:, 1] < high_c)).all():
-            return {"temperature_c": float(window[-1, 1]), "waited_s": loop.time() - began_s}
-        if loop.time() - began_s >= step.give_up_after_s:
-            found = f"{window[-1, 1]:.2f} °C" if len(window) else "unknown"
-            raise StepError(
-                f"{step.role} is {found} after {step.give_up_after_s / 60:.1f} min, expected {_condition(step)}. "
-                "Check the chamber and the sensor, or wait longer."
-            )
-        await asyncio.sleep(LOOK_EVERY_S)
+async def _ask(step: Prompt, step_id: str, bench: Bench) -> Found:
+    question = Question(step_id, step.text, step.allowed, step.input, step.picture, step.expect)
+    bench.journal.write("asked", step_id, text=step.text, expected=question.expected)
+    answer = await bench.desk.ask(question, step.give_up_after_s)
+    found: dict[str, Any] = {"question": step.text, "by": answer.by, **_told(answer.value)}
+    if step.name is not None:
+        found["as"] = step.name
+    if step.expect is not None and step.expect.mount is not None:
+        found["mount"] = step.expect.mount
+    return found
 
 
-def _condition(step: WaitUntil) -> str:
-    above = "" if step.above_c is None else f"above {step.above_c:g} °C"
-    below = "" if step.below_c is None else f"below {step.below_c:g} °C"
-    held = f" for {step.hold_s:g} s" if step.hold_s else ""
-    return " and ".join(filter(None, (above, below))) + held
+def _told(value: Quantity | str) -> dict[str, Any]:
+    if isinstance(value, str) or not is_known(value):
+        return {"value": str(value)}
+    unit = customary_unit(value.dimension)
+    return {"value": value.to(unit), "unit": unit}
 
 
-async def _soak(step: Soak, bench: Bench) -> Mapping[str, Any]:
-    """At least so long, then until the reading is stable; StepError when that takes too long."""
-    loop = asyncio.get_running_loop()
-    began_s = loop.time()
-    await asyncio.sleep(step.at_least_s)
-    while step.until_stable is not None:
-        spread_c, slope_c_per_h = _steadiness(
-            bench.monitor.last(step.role, step.until_stable.hold_s), step.until_stable
-        )
-        if spread_c <= step.until_stable.band_c and abs(slope_c_per_h) <= step.until_stable.slope_c_per_h:
-            break
-        waited_s = loop.time() - began_s
-        if step.give_up_after_s is not None and waited_s >= step.give_up_after_s:
-            raise StepError(
-                f"{step.role} is not stable after {waited_s / 3600:.1f} h: over the last "
-                f"{step.until_stable.hold_s / 60:g} min it spread over {spread_c:.2f} °C with a slope of "
-                f"{slope_c_per_h:.2f} °C/h, allowed are {step.until_stable.band_c:g} °C and "
-                f"{step.until_stable.slope_c_per_h:g} °C/h. Check the chamber, or widen the band."
-            )
-        await asyncio.sleep(LOOK_EVERY_S)
-    newest = bench.monitor.latest(step.role)
-    return {"temperature_c": newest.value if newest else None, "soaked_s": loop.time() - began_s}
-
-
-def _steadiness(window: np.ndarray[Any, np.dtype[np.float64]], stable: Stable) -> tuple[float, float]:
-    """Max - min in °C and the fitted slope in °C/h; infinite while the readings do not cover the hold time."""
-    if len(window) < 3 or window[-1, 0] - window[0, 0] < WINDOW_COVERAGE * stable.hold_s:
-        return float("inf"), float("inf")
-    hours = (window[:, 0] - window[:, 0].mean()) / 3600
-    values = window[:, 1]
-    return float(np.ptp(values)), float(hours @ (values - values.mean()) / (hours @ hours))
-
-
-async def _acquire(step: Acquire, step_id: str, bench: Bench) -> Mapping[str, Any]:
-    """Records frames for the time asked; the last block is cut at its end."""
-    counter = bench.rig.counter(step.role)
-    began_s = asyncio.get_running_loop().time()
-    gate = asyncio.timeout_at(began_s + step.duration_s)
-    async with counter.acquire() as blocks:
-        try:
-            async with gate:
-                await _record(blocks, step, step_id, bench.writer)
-        except TimeoutError:
-            if not gate.expired():  # a silent counter is a TimeoutError too
-                raise
-    await _record(blocks, step, step_id, bench.writer)
-    return {"label": step.label, "begin_s": began_s, "end_s": asyncio.get_running_loop().time()}
-
-
-async def _record(blocks: AsyncIterator[FrameBlock], step: Acquire, step_id: str, writer: RunWriter) -> None:
-    async for block in blocks:
-        writer.frames(step.role, step_id, block)
+async def _custom(step: Custom, bench: Bench) -> Found:
+    description = known_steps()[step.name]
+    settings = description.settings.model_validate(dict(step.settings))
+    module, _, function = description.target.partition(":")
+    found: Found = await getattr(importlib.import_module(module), function)(settings, bench)
+    return found

@@ -10,9 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from bench.config.channels import period_s
 from bench.config.models import BenchFile, ReadingEntry
+from bench.engine.interlocks import Change, Interlocks
 from bench.errors import BenchError, WindowError
 from bench.rig import Rig
+from bench.sequence.readings import unit_of
 from bench.store.writer import RunWriter
 from drivers.errors import DriverError
 from drivers.values import Reading
@@ -48,14 +51,22 @@ class _Channel:
 class Monitor:
     """Polls every device at its period from `start` to `stop`.
 
-    What it finds wrong it says once, by the future `fault`; the device concerned is not polled any more.
+    What it finds wrong it says once, by the future `fault`; the device concerned is not polled any more. An interlock
+    that trips or is good again goes into the journal, then to `on_interlock`, which the engine sets before `start`.
     Concurrency: one task for each device, owned by this object.
     """
 
     def __init__(
-        self, rig: Rig, bench: BenchFile, writer: RunWriter, on_reading: Callable[[str, Reading], None]
+        self,
+        rig: Rig,
+        bench: BenchFile,
+        interlocks: Interlocks,
+        writer: RunWriter,
+        on_reading: Callable[[str, Reading], None],
     ) -> None:
         self._rig, self._bench, self._writer, self._on_reading = rig, bench, writer, on_reading
+        self._interlocks = interlocks
+        self.on_interlock: Callable[[Change], None] = lambda _change: None
         self._channels: dict[str, _Channel] = {}
         self._names = {reading.from_: name for name, reading in bench.readings.items()}
         self._tasks: list[asyncio.Task[None]] = []
@@ -78,32 +89,41 @@ class Monitor:
         if self._tasks:
             await asyncio.wait(self._tasks)
 
+    def report(self, problem: Exception) -> None:
+        """Ends the run by a problem, unless another one has already."""
+        if not self.fault.done():
+            self.fault.set_result(problem)
+
     def latest(self, name: str) -> Reading | None:
-        """The newest value of a named reading."""
-        channel = self._channels.get(self._bench.readings[name].from_)
+        """The newest value of a named reading, or of DEVICE.CHANNEL."""
+        channel = self._channels.get(self._source(name))
         return channel.values[-1] if channel and channel.values else None
 
+    def unit_of(self, name: str) -> str:
+        """The unit of a reading."""
+        return unit_of(name, self._bench) or ""
+
+    def _source(self, name: str) -> str:
+        """DEVICE.CHANNEL of a named reading, and of one that is named so already."""
+        return self._bench.readings[name].from_ if name in self._bench.readings else name
+
     def last(self, name: str, span_s: float) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """The values of a named reading over the last `span_s` before the newest: (N, 2), time and value."""
-        channel = self._channels.get(self._bench.readings[name].from_)
+        """The values of a reading over the last `span_s` before the newest: (N, 2), time and value."""
+        channel = self._channels.get(self._source(name))
         if channel is None or not channel.values:
             return np.empty((0, 2))
         begin_s = channel.values[-1].at_s - span_s - 1e-6
         return np.array([reading for reading in channel.values if reading.at_s >= begin_s])
 
-    def _period_s(self, role: str) -> float:
-        named = any(reading.device == role for reading in self._bench.readings.values())
-        return self._bench.monitor.period if named else self._bench.monitor.devices
-
     async def _watch(self, role: str) -> None:
-        period_s, device = self._period_s(role), self._rig.devices[role]
+        every_s, device = period_s(role, self._bench), self._rig.devices[role]
         units = self._bench.devices[role].description.channels_of(self._bench.devices[role].options)
         loop = asyncio.get_running_loop()
         due_s = loop.time()
         try:
             while True:
                 self._take(role, await device.poll(), units)
-                due_s = max(due_s + period_s, loop.time())
+                due_s = max(due_s + every_s, loop.time())
                 await asyncio.sleep(due_s - loop.time())
         except (DriverError, BenchError) as problem:
             self._writer_event("fault", device=role, problem=str(problem))
@@ -121,11 +141,19 @@ class Monitor:
             channel.extend(values)
             self._writer.readings(channel.name, channel.unit, values)
             self._on_reading(channel.name, values[-1])
+            self._interlocks.take(source, values)
+        self._look_at_interlocks()
         if role in self.windows:
             self._judge_current(role, self.windows[role])
         for name, entry in self._bench.readings.items():
             if entry.device == role:
                 self._judge_reading(name, entry)
+
+    def _look_at_interlocks(self) -> None:
+        for change in self._interlocks.look(asyncio.get_running_loop().time()):
+            facts = {"name": change.name, "action": change.action, "tripped": change.tripped}
+            self._writer_event("interlock", **facts, since_s=change.since_s, text=change.text)
+            self.on_interlock(change)
 
     def _judge_current(self, role: str, window: Window) -> None:
         current = self._channels.get(f"{role}.current")

@@ -9,8 +9,9 @@ from importlib import import_module
 from typing import Any, Literal
 
 from bench.analysis.finding import COVERAGE, BudgetLine, Finding, TemperatureModel, UnitResult
+from bench.analysis.limits import Limits
 from bench.analysis.rundata import RunData
-from bench.sequence.check import limits_in
+from bench.sequence.limits import limits_in
 from bench.sequence.methods import known_methods
 from bench.sequence.model import ResultEntry, SequenceFile
 
@@ -61,8 +62,7 @@ def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str)
 def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str]) -> UnitResult:
     limits = {name: limits_in(limit, quantities[name]) for name, limit in entry.limits.items()}
     findings = [
-        finding.judged(*limits[finding.quantity]) if finding.quantity in limits else finding
-        for finding in unit.findings
+        finding.judged(limits[finding.quantity]) if finding.quantity in limits else finding for finding in unit.findings
     ]
     undetermined = [name for name in limits if name not in {finding.quantity for finding in findings}]
     return dataclasses.replace(
@@ -86,8 +86,8 @@ def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str) ->
 
 
 def _finding(finding: Finding) -> dict[str, Any]:
-    low, high = finding.limits or (None, None)
-    limits = {key: side for key, side in (("min", low), ("max", high)) if side is not None}
+    limits = finding.limits or Limits()
+    sides = {key: side for key, side in (("min", limits.low), ("max", limits.high)) if side is not None}
     return {
         "id": finding.id,
         "uut": finding.uut,
@@ -100,7 +100,8 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "k": COVERAGE,
         "expanded": COVERAGE * finding.u,
         "dof": finding.dof,
-        "limits": limits or None,
+        "limits": sides or None,
+        "guard": limits.guard_k,
         "verdict": finding.verdict,
         "marginal": finding.marginal,
         "flags": list(finding.flags),

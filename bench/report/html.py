@@ -9,6 +9,7 @@ from functools import lru_cache
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from bench.analysis.finding import COVERAGE, UnitResult
+from bench.analysis.limits import Limits
 from bench.analysis.rundata import RunData
 from bench.report import page, tables
 from bench.report.budgets import Budget, BudgetsOfDwells, budget, budgets_of_dwells
@@ -18,7 +19,7 @@ from bench.report.plots import Plot, unit_plots
 from bench.report.stored import BENCH_COPY, StoredRun
 from bench.report.svg import drawing
 from bench.report.words import flag_in_words
-from bench.sequence.check import limits_in
+from bench.sequence.limits import limits_in
 from bench.sequence.methods import known_methods
 
 TEMPLATE = "report.html.j2"
@@ -91,7 +92,7 @@ def _sections(run: StoredRun, results: Results) -> Iterator[UnitSection]:
         yield _section(unit, f"{unit.place}-{number}", limits)
 
 
-def _section(unit: UnitResult, name: str, limits: Mapping[str, tables.Limits]) -> UnitSection:
+def _section(unit: UnitResult, name: str, limits: Mapping[str, Limits]) -> UnitSection:
     dwells = tables.at_dwells(unit)
     first = next(iter(dwells.values()), {})
     numbers = tables.dwell_numbers(unit)

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bench.analysis.rundata import Acquisition, BenchRecord, Counts, RunData, UnitUnderTest
 from bench.config.models import BenchFile
-from bench.errors import StoreError
 from bench.sequence.dwells import DwellNames
+from bench.store.counts import CountDecoder
 from bench.store.reader import Event, RunReader, Series
-from drivers.can_counter import wire
 from drivers.can_counter.description import CounterOptions
-from drivers.dbc import Dbc, DbcError
 from drivers.frame_block import FrameBlock
 
 ARCSEC_DEG = 1 / 3600
@@ -30,7 +27,7 @@ def run_data(reader: RunReader, bench: BenchFile, serials: Mapping[str, str], la
         for place, serial in serials.items()
     )
     decoders = {
-        role: _Decoder(entry.options, reader.folder)
+        role: CountDecoder(entry.options, reader.folder)
         for role, entry in bench.devices.items()
         if isinstance(entry.options, CounterOptions)
     }
@@ -60,7 +57,7 @@ def _acquisition(
     dwell: str,
     state: Mapping[str, float],
     frames: Mapping[str, FrameBlock],
-    decoders: Mapping[str, _Decoder],
+    decoders: Mapping[str, CountDecoder],
     temperatures: Mapping[str, Series],
 ) -> Acquisition:
     counts: dict[str, Counts] = {}
@@ -92,38 +89,6 @@ def _loops(parts: list[str]) -> dict[str, float]:
             except ValueError:
                 continue
     return found
-
-
-class _Decoder:
-    """Frames of one counter into counts, by the DBC kept in the run."""
-
-    def __init__(self, options: CounterOptions, folder: Path) -> None:
-        self._options = options
-        path = folder / options.dbc.name
-        try:
-            channels = {name: channel.model_dump() for name, channel in options.channels.items()}
-            dbc = Dbc(path.read_text(encoding="utf-8", errors="replace"))
-            self._format = wire.counter_format(dbc, options.latch.model_dump(), options.latch.tick_period, channels)
-        except (OSError, DbcError) as problem:
-            raise StoreError(f"{path}: the frames of this run cannot be decoded ({problem})") from problem
-
-    def counts(self, block: FrameBlock) -> dict[str, Counts]:
-        found = {}
-        for name in self._options.channels:
-            raw = wire.decode_counts(self._format, name, block)
-            found[name] = Counts(
-                sequence=raw.sequence,
-                tick=raw.tick,
-                positive=raw.positive,
-                negative=raw.negative,
-                tick_bits=raw.tick_bits,
-                counter_bits=raw.counter_bits,
-                tick_period_s=self._options.latch.tick_period,
-                max_rate_pps=self._options.max_rate,
-                lost=raw.lost,
-                restarts=raw.restarts,
-            )
-        return found
 
 
 def bench_record(bench: BenchFile) -> BenchRecord:

@@ -6,12 +6,21 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from bench.analysis.finding import COVERAGE, Finding, TemperatureModel, UnitResult
+from bench.analysis.limits import Limits
 from bench.report.shown import SHOWN, decimals, shown
-from bench.report.words import CONTENTS, limits_in_words, name_of, quantity_in_words, unit_shown, where
+from bench.report.words import (
+    CONTENTS,
+    REASONS,
+    bands_in_words,
+    limits_in_words,
+    name_of,
+    quantity_in_words,
+    unit_shown,
+    where,
+)
 
 POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 SEVERITY = ("FAIL", "INVALID", "PASS", None)
-Limits = tuple[float | None, float | None]
 
 
 @dataclass(frozen=True)
@@ -23,6 +32,7 @@ class Row:
     value: str
     unit: str
     limits: str
+    bands: str
     verdict: str
     marginal: bool = False
     where: str = ""
@@ -83,7 +93,7 @@ def dwell_numbers(unit: UnitResult) -> dict[str, int]:
 
 def verdict_rows(unit: UnitResult, limits: Mapping[str, Limits]) -> Iterator[Row]:
     """For each quantity that the sequence limits the finding that is worst; without one it is not judged."""
-    for quantity, sides in limits.items():
+    for quantity, allowed in limits.items():
         found = [finding for finding in unit.findings if finding.quantity == quantity]
         if found:
             worst = min(found, key=lambda finding: (SEVERITY.index(finding.verdict), _margin(finding)))
@@ -94,17 +104,15 @@ def verdict_rows(unit: UnitResult, limits: Mapping[str, Limits]) -> Iterator[Row
                 name="",
                 value="not determined",
                 unit=unit_shown(quantity, ""),
-                limits=limits_in_words(quantity, sides),
+                limits=limits_in_words(quantity, allowed),
+                bands=bands_in_words(quantity, allowed),
                 verdict="not judged",
             )
 
 
 def _margin(finding: Finding) -> float:
     """How far inside its limits a value is; negative outside."""
-    low, high = finding.limits or (None, None)
-    sides = [finding.value - low] if low is not None else []
-    sides += [high - finding.value] if high is not None else []
-    return min(sides, default=0.0)
+    return 0.0 if finding.limits is None else finding.limits.room(finding.value)
 
 
 def _remark(found: Sequence[Finding]) -> str:
@@ -121,16 +129,19 @@ def _remark(found: Sequence[Finding]) -> str:
 
 
 def _row(finding: Finding, dwells: Mapping[str, int], remark: str = "") -> Row:
+    limits = finding.limits or Limits()
+    reasons = [REASONS[flag] for flag in finding.flags if flag in REASONS]
     return Row(
         quantity=quantity_in_words(finding.quantity),
         name=name_of(finding),
         value=shown(finding),
         unit=unit_shown(finding.quantity, finding.unit),
-        limits=limits_in_words(finding.quantity, finding.limits or (None, None)),
+        limits=limits_in_words(finding.quantity, limits),
+        bands=bands_in_words(finding.quantity, limits),
         verdict=finding.verdict or "",
         marginal=finding.marginal,
         where=where(finding.at, dwells),
-        remark=remark,
+        remark="; ".join(filter(None, [*reasons, remark])),
     )
 
 
@@ -179,7 +190,7 @@ def _notes(finding: Finding) -> Iterator[str]:
         yield f"{finding.quantity} marginal"
     for flag in finding.flags:
         if flag not in CONTENTS:
-            yield f"{finding.quantity}: {flag}"
+            yield f"{finding.quantity}: {REASONS.get(flag, flag)}"
 
 
 def model_table(model: TemperatureModel) -> ModelTable:

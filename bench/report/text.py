@@ -7,20 +7,18 @@ from collections.abc import Iterator
 from bench.analysis.finding import Finding, UnitResult
 from bench.report.findings import Results
 from bench.report.shown import SHOWN, duration, shown
+from bench.report.tables import over_run_rows, verdict_rows
 from bench.report.words import flag_in_words
 from bench.sequence.estimate import Estimate
-from bench.sequence.plan import Plan
 
 _AT_DWELLS = ("K0", "K1_si", "K2", "misalignment")
 
 
-def plan_table(plan: Plan, expected: Estimate) -> Iterator[str]:
+def plan_table(expected: Estimate) -> Iterator[str]:
     """A line for each step: when it begins, how long it takes, what it is."""
     yield f"{'begins':>12}  {'takes':>11}  step"
-    begins_s = 0.0
-    for planned, takes_s in zip(plan, expected.steps_s, strict=True):
-        yield f"{_clock(begins_s):>12}  {duration(takes_s):>11}  {planned.id}"
-        begins_s += takes_s
+    for span in expected.spans:
+        yield f"{_clock(span.begin_s):>12}  {duration(span.duration_s):>11}  {span.step.id}"
 
 
 def _clock(seconds: float) -> str:
@@ -59,9 +57,10 @@ def _dwell_table(unit: UnitResult) -> Iterator[str]:
 
 
 def _summary_table(unit: UnitResult) -> Iterator[str]:
-    for finding in unit.findings:
-        if "@" not in finding.id:
-            _, label = SHOWN.get(finding.quantity, (1.0, finding.unit))
-            verdict = (finding.verdict or "") + (" marginal" if finding.marginal else "")
-            yield f"  {finding.quantity:<28} {shown(finding):>24} {label:<8} {verdict}"
+    """What is judged at the dwells, the worst of each; then what is found over temperature."""
+    at_dwells = {found.quantity: found.limits for found in unit.findings if "@" in found.id and found.limits}
+    for row in [*verdict_rows(unit, at_dwells), *over_run_rows(unit)]:
+        verdict = row.verdict + (" marginal" if row.marginal else "")
+        told = "; ".join(filter(None, (row.limits, row.bands, row.remark)))
+        yield f"  {row.quantity:<28} {row.value:>24} {row.unit:<10} {verdict:<14} {told}".rstrip()
     yield ""

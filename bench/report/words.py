@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bench.analysis.finding import Finding
+from bench.analysis.limits import GUARD_BANDS_MEET, IN_GUARD_BAND, U_UNKNOWN, Limits
 from bench.report.shown import SHOWN
 
 ENDINGS = {
@@ -20,6 +21,11 @@ ENDINGS = {
     "running": "It was still going on when this report was written.",
 }
 QUANTITIES = {"K1": "K1 per local g", "K1_si": "K1 per m/s²", "K2": "K2 + asymmetry"}
+REASONS = {
+    IN_GUARD_BAND: "inside its limits, but within their guard band",
+    GUARD_BANDS_MEET: "its uncertainty is so large that no value could pass the guard band",
+    U_UNKNOWN: "its uncertainty is not known, and the guard band needs it",
+}
 CONTENTS = {"contains:K3": "contains K3", "contains:asymmetry": "contains the converter's asymmetry"}
 
 _READINGS = {
@@ -78,13 +84,23 @@ def unit_shown(quantity: str, unit: str) -> str:
     return SHOWN.get(quantity, (1.0, unit))[1]
 
 
-def limits_in_words(quantity: str, limits: tuple[float | None, float | None]) -> str:
-    """Limits in the unit shown: "-50 to 50", "at most 200"; empty when there are none."""
+def limits_in_words(quantity: str, limits: Limits) -> str:
+    """Limits in the unit shown: "-50 to 50", "at most 200", "11300 ± 50"; empty when there are none."""
     factor = SHOWN.get(quantity, (1.0, ""))[0]
-    low, high = (None if side is None else f"{side * factor:.6g}" for side in limits)
+    low, high = (None if side is None else f"{side * factor:.12g}" for side in (limits.low, limits.high))
+    if limits.target is not None and limits.high is not None:
+        return f"{limits.target * factor:.12g} ± {(limits.high - limits.target) * factor:.6g}"
     if low is not None and high is not None:
         return f"{low} to {high}"
     return f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""
+
+
+def bands_in_words(quantity: str, limits: Limits) -> str:
+    """What else limits state: "guard band 2 u", "marginal within 50"; empty when they state only themselves."""
+    factor = SHOWN.get(quantity, (1.0, ""))[0]
+    guard = "" if limits.guard_k is None else f"guard band {limits.guard_k:g} u"
+    marginal = "" if limits.marginal is None else f"marginal within {limits.marginal * factor:.12g}"
+    return ", ".join(filter(None, (guard, marginal)))
 
 
 def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:

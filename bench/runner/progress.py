@@ -12,6 +12,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgres
 from rich.text import Text
 
 from bench.clock import Clock, Stopwatch
+from bench.engine.questions import Question
 from bench.report.shown import duration
 from bench.sequence.estimate import Estimate
 from bench.sequence.plan import Plan, PlannedStep
@@ -33,7 +34,7 @@ class TerminalProgress:
         self._steps = len(plan)
         self._console = Console(stderr=True)
         self._watch = Stopwatch()
-        self._begins_s: list[float] = []
+        self._spans_s: list[tuple[float, float]] = []
         self._total_s = 1.0
         self.readings: dict[str, Reading] = {}
         self.said: list[str] = []
@@ -64,18 +65,14 @@ class TerminalProgress:
 
     def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
         """The directory is made; the clock is that of the bench."""
-        begins_s = 0.0
-        for takes_s in expected.steps_s:
-            self._begins_s.append(begins_s)
-            begins_s += takes_s
-        self._begins_s.append(begins_s)
-        self._total_s = max(begins_s, 1.0)
+        self._spans_s = [(span.begin_s, span.end_s) for span in expected.spans]
+        self._total_s = max(expected.total_s, 1.0)
         self._progress.update(self._task, total=self._total_s)
         self.notice(f"run {path}, about {duration(self._total_s)} of bench time, from {clock.utc():%Y-%m-%d %H:%M} UTC")
 
     def step_begins(self, planned: PlannedStep, index: int) -> None:
         """A step of the plan begins."""
-        expected_s, self._step_ends_s = self._begins_s[index], self._begins_s[index + 1]
+        expected_s, self._step_ends_s = self._spans_s[index]
         self._step_late_s = self.now_s - expected_s
         self._progress.update(self._task, completed=expected_s, description=f"{index + 1}/{self._steps} {planned.id}")
         share = expected_s / self._total_s
@@ -94,6 +91,11 @@ class TerminalProgress:
         if reading.at_s >= self._next_stride_s:
             self._next_stride_s = reading.at_s + BAR_STRIDE * self._total_s
             self._progress.update(self._task, completed=min(reading.at_s - self._step_late_s, self._step_ends_s))
+
+    def asked(self, question: Question) -> None:
+        """A question to a person is open."""
+        picture = f"\nPicture: {question.picture}" if question.picture else ""
+        self.notice(f"\a{question.text}{picture}\nAnswer with 'bench answer RUN ANSWER': {question.expected}")
 
     def notice(self, text: str) -> None:
         """Something a person should see now."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from bench.clock import Clock
+from bench.engine.questions import Question
 from bench.sequence.estimate import Estimate
 from bench.sequence.plan import PlannedStep
 from drivers.values import Reading
@@ -27,6 +28,9 @@ class Quiet:
 
     def reading(self, name: str, reading: Reading) -> None:
         """Nothing to show."""
+
+    def asked(self, question: Question) -> None:
+        """Nobody to show it to."""
 
     def notice(self, text: str) -> None:
         """Kept."""

@@ -11,6 +11,7 @@ from typing import Any
 
 from bench.config.models import BenchFile
 from bench.engine.engine import Engine, Observer, Outcome
+from bench.engine.interlocks import Interlocks
 from bench.engine.monitor import Monitor
 from bench.errors import InputError
 from bench.rig import OpenError, Rig
@@ -43,8 +44,9 @@ async def run_plan(
         async with rig:
             for role, identity in rig.identities.items():
                 writer.event("identified", device=role, **_facts(identity))
-            monitor = Monitor(rig, bench, writer, on_reading)
-            engine = Engine(plan, rig, monitor, writer, observer)
+            interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
+            monitor = Monitor(rig, bench, interlocks, writer, on_reading)
+            engine = Engine(plan, bench, rig, monitor, writer, observer)
             with _signals(engine, observer, teardown_s), control_socket(folder, _commands(engine, can_pause)):
                 return await engine.run(), rig.identities
     except OpenError as problem:

@@ -8,11 +8,14 @@ from collections.abc import Iterator
 from bench.config.document import Place
 from bench.config.models import BenchFile
 from bench.sequence.dwells import DwellNames
+from bench.sequence.measuring import Acquire
 from bench.sequence.methods import TEMPERATURE_TUMBLE, TemperatureTumbleSettings
 from bench.sequence.model import ResultEntry
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Found
-from bench.sequence.steps import Acquire, Move, Ramp, Soak
+from bench.sequence.stimulus import Move, Ramp
+from bench.sequence.travel import angles_before
+from bench.sequence.waits import Soak
 
 TUMBLE_ANGLES = 4  # for K0, K1, K2 and the misalignment: methods.md 1.5
 CONSTANTS = {"c0": "K0", "K1": "K1", "d·K1": "misalignment", "c2": "K2"}  # by the terms of a tumble
@@ -98,10 +101,10 @@ def _dwells(plan: Plan, label: str) -> Dwells:
     angle_deg, set_c = 0.0, math.nan
     names = DwellNames()
     dwells: Dwells = {}
-    for planned in plan:
+    for planned, from_deg in angles_before(plan):
         match planned.step:
             case Move():
-                angle_deg = planned.step.angle_deg
+                angle_deg = planned.step.target_deg(from_deg)
             case Ramp():
                 set_c = planned.step.temperature_c
                 names.ramped(planned.id)

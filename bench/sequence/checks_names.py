@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from bench.config.models import BenchFile
-from bench.sequence.plan import Plan
+from bench.sequence.plan import PHASES, Plan
 from bench.sequence.remarks import Found
+from bench.sequence.steps import Step
 from bench.sequence.values import holds_expression
 from drivers.capabilities import THERMOMETER
 
@@ -17,7 +18,7 @@ _NAME = re.compile(r"[a-z]\w*", re.ASCII)
 
 def unused_parameter(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A parameter that no expression mentions: choosing it changes nothing."""
-    phases = [plan.document.value.get(phase) for phase in ("setup", "steps", "teardown")]
+    phases = [plan.document.value.get(phase) for phase in PHASES]
     used = {name for expression in _expressions(phases) for name in _NAME.findall(expression)}
     for name in plan.sequence.parameters:
         if name not in used:
@@ -30,7 +31,8 @@ def unused_parameter(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 def unused_need(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A role that the bench must have for nothing; results take the unit's temperature without a step that says so."""
-    used = {getattr(planned.step, "role", None) for planned in plan}
+    used = {name for planned in plan for name in _mentioned(planned.step)}
+    used |= {name.partition(".")[0] for entry in plan.sequence.interlocks.values() for name in entry.names}
     for role, kind in plan.sequence.needs.items():
         if role not in used and not (kind == THERMOMETER and plan.sequence.results):
             yield (
@@ -38,6 +40,13 @@ def unused_need(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
                 f"no step uses '{role}', so that benches without a {kind} are refused for nothing",
                 "Remove it from the needs",
             )
+
+
+def _mentioned(step: Step) -> Iterator[str]:
+    """The roles and readings that a step names."""
+    for key in ("role", "of", "reading"):
+        if name := getattr(step, key, None):
+            yield name.partition(".")[0]
 
 
 def _expressions(raw: Any) -> Iterator[str]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from bench.config.models import BenchFile
 from bench.sequence.plan import Plan, PlannedStep
 from bench.sequence.remarks import Found
-from bench.sequence.steps import Move, Ramp, SetOutput
+from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 
 DRY_FROM_C = 15.0  # the dew point of a laboratory is below it
 
@@ -32,7 +32,7 @@ def left_energised(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 def no_teardown(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A bench that something moves or heats, and nothing takes back."""
     for planned in plan if not plan.teardown else ():
-        if isinstance(planned.step, (Move, Ramp)):
+        if isinstance(planned.step, (Move, Rotate, Oscillate, Ramp)):
             yield (
                 planned.place,
                 f"there is no teardown that takes '{planned.step.role}' back when the steps end, or one of them fails",

@@ -1,25 +1,32 @@
-"""Unrolls loops and evaluates expressions: a sequence becomes a plan."""
+"""Makes a plan of a sequence: unrolls loops, evaluates expressions, takes in the sequences that it calls."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from bench.config.document import Document, Place, Problem
 from bench.config.load import problems
+from bench.sequence.called import given_to, read_called
 from bench.sequence.expressions import Value, ValueProblem
+from bench.sequence.inside import UNROLLED
+from bench.sequence.measuring import Measure
 from bench.sequence.model import Outline
-from bench.sequence.plan import Phase, Plan, PlannedStep
+from bench.sequence.outline import block_around
+from bench.sequence.plan import PHASES, Node, Nodes, Plan
+from bench.sequence.scope import Scope
 from bench.sequence.steps import STEPS, Step
-from bench.sequence.values import holds_expression, in_words, spelled, value_of
-from drivers.quantities import Quantity
-from drivers.units import NO_DIMENSION
+from bench.sequence.talk import Prompt
+from bench.sequence.unroll import Raw, Wrong, nodes_of
+from drivers.fields import DEFERRED
 
 STEP_LIMIT = 100_000
-PHASES: tuple[Phase, ...] = ("setup", "steps", "teardown")
+Measured = Callable[[str], Value | None]  # an example of what a reading gives; None when its unit is not known
 
 
 def expand(
@@ -28,145 +35,113 @@ def expand(
     parameters: Mapping[str, Value],
     preset: str | None = None,
     broken: Collection[Place] = (),
+    measured: Measured = lambda _: None,
 ) -> tuple[Plan, list[Problem]]:
     """The plan of a sequence with these parameters, without what is wrong, and what is wrong.
 
-    `broken` are the places of steps and loops that are not to be looked at.
+    `broken` are the places of steps and blocks that are not to be looked at. A sequence that is called is kept with the
+    document, and what it needs with the outline.
     """
-    expansion = _Expansion(document, broken)
+    expansion = Expansion(document, broken, measured)
+    known: dict[str, Value | None] = {}
     setup, steps, teardown = (
-        tuple(expansion.group(phase, document.value.get(phase) or (), (phase,), dict(parameters), {}, phase))
+        expansion.nodes(
+            document.value.get(phase) or (), (phase,), Scope(phase, phase, dict(parameters), {}, known)
+        )
         for phase in PHASES
-    )
+    )  # fmt: skip
+    needs = {**expansion.needs, **outline.needs}
+    outline = outline.model_copy(update={"needs": needs}) if expansion.needs else outline
     plan = Plan(document, outline, parameters, preset, setup=setup, steps=steps, teardown=teardown)
     return plan, expansion.problems
 
 
-class _Expansion:
+class Expansion:
     """One pass over a document, collecting problems on the way; what was wrong once is not looked at again."""
 
-    def __init__(self, document: Document, broken: Collection[Place]) -> None:
+    def __init__(self, document: Document, broken: Collection[Place], measured: Measured) -> None:
         self._document = document
         self._broken = set(broken)
+        self._measured = measured
         self._made: dict[tuple[Place, tuple[Value, ...]], Step] = {}  # by the values of the names that a step mentions
         self._count = 0
+        self._callers: tuple[Path, ...] = (document.path.resolve(),)
+        self.needs: dict[str, str] = {}
         self.problems: list[Problem] = []
 
-    def group(
-        self, phase: Phase, raw: Sequence[Mapping[str, Any]], place: Place, names: dict[str, Value],
-        loops: dict[str, Value], path: str,
-    ) -> Iterator[PlannedStep]:  # fmt: skip
-        """The planned steps of a list of steps and loops."""
+    def nodes(self, raw: Sequence[Raw], place: Place, scope: Scope) -> Nodes:
+        """What a list of steps and blocks comes to."""
         seen: Counter[str] = Counter()
+        found: list[Node] = []
         for index, block in enumerate(raw):
             here: Place = (*place, index)
             if here in self._broken or self._count > STEP_LIMIT:
                 continue
-            verb = next(iter(block))
-            if verb not in STEPS:
-                yield from self._passes(phase, block, here, names, loops, path, seen)
-            elif (step := self._step(verb, block, here, names)) is not None:
-                seen[verb] += 1
-                yield PlannedStep(f"{path}/{_visit(verb, seen)}", phase, step, dict(loops), here)
+            try:
+                found += nodes_of(self, block, here, scope, seen)
+            except Wrong as wrong:
+                self._broken.add(here)
+                self.problems.append(((*here, wrong.key), f"{wrong.key}: {wrong}"))
+        return tuple(found)
 
-    def _passes(
-        self, phase: Phase, block: Mapping[str, Any], here: Place, names: dict[str, Value], loops: dict[str, Value],
-        path: str, seen: Counter[str],
-    ) -> Iterator[PlannedStep]:  # fmt: skip
-        for label, own in self._labels(block, here, names):
-            seen[label] += 1
-            inside = tuple(
-                self.group(
-                    phase, block["steps"], (*here, "steps"), {**names, **own}, {**loops, **own},
-                    f"{path}/{_visit(label, seen)}",
-                )
-            )  # fmt: skip
-            if not inside:
-                return  # all of it is wrong, and has been told
-            yield from inside
-
-    def _labels(
-        self, block: Mapping[str, Any], here: Place, names: Mapping[str, Value]
-    ) -> Iterator[tuple[str, dict[str, Value]]]:
-        """Each pass of a block: what it is called in ids, and the names it adds."""
-        match block:
-            case {"for_each": variable, "in": raw}:
-                for value in self._values(variable, raw, here, names):
-                    yield f"{variable}={spelled(value)}", {variable: value}
-            case {"repeat": raw}:
-                for number in range(1, self._count_of(raw, here, names) + 1):
-                    yield f"pass={number}", {}
-            case {"group": name}:
-                yield name, {}
-
-    def _count_of(self, raw: Any, here: Place, names: Mapping[str, Value]) -> int:
-        """How often a block is repeated; 0, and a problem noted, when that is wrong."""
-        try:
-            value = value_of(raw, names)
-        except ValueProblem as problem:
-            self._wrong(here, "repeat", str(problem))
-            return 0
-        count = value.base_value if isinstance(value, Quantity) and value.dimension == NO_DIMENSION else 0.0
-        if count < 1 or count != int(count):
-            self._wrong(here, "repeat", f"is {in_words(value)}, expected a whole number of at least 1")
-            return 0
-        return int(count)
-
-    def _values(self, variable: str, raw: Any, here: Place, names: Mapping[str, Value]) -> tuple[Value, ...]:
-        """What a loop runs over; nothing, and a problem noted, when that is wrong."""
-        if variable in names:
-            return self._wrong(here, "for_each", f"the name '{variable}' is taken; choose another for this loop")
-        try:
-            values = value_of(raw, names)
-        except ValueProblem as problem:
-            return self._wrong(here, "in", str(problem))
-        if not isinstance(values, tuple) or not values:
-            found = "empty" if values == () else in_words(values)
-            return self._wrong(here, "in", f"is {found}, expected a list or a range with at least one value")
-        return values
-
-    def _wrong(self, here: Place, key: str, problem: str) -> tuple[Value, ...]:
-        self._broken.add(here)
-        self.problems.append(((*here, key), f"{key}: {problem}"))
-        return ()
-
-    def _step(self, verb: str, block: Mapping[str, Any], here: Place, names: Mapping[str, Value]) -> Step | None:
+    def step(self, verb: str, block: Raw, here: Place, scope: Scope) -> Step | None:
         """The step with its expressions evaluated; None, and its problems noted, when it does not validate."""
         self._count += 1
         if self._count > STEP_LIMIT:
             self.problems.append((here, f"the plan has more than {STEP_LIMIT} steps"))
             return None
         text = str(block)
-        key = (here, tuple(value for name, value in names.items() if name in text))
-        if key not in self._made and (step := self._made_anew(verb, block, here, names)):
+        key = (here, tuple(value for name, value in scope.names.items() if name in text))
+        if key not in self._made and (step := self._made_anew(verb, block, here, scope)):
             self._made[key] = step
         return self._made.get(key)
 
-    def _made_anew(self, verb: str, block: Mapping[str, Any], here: Place, names: Mapping[str, Value]) -> Step | None:
+    def _made_anew(self, verb: str, block: Raw, here: Place, scope: Scope) -> Step | None:
         found: list[Problem] = []
-        ready = {key: _evaluated(raw, (*here, key), names, found) for key, raw in block.items()}
+        model = STEPS[verb]
+        ready = {
+            key: UNROLLED if key == "during" else scope.evaluated(raw, (*here, key), found)
+            for key, raw in block.items()
+        }
         if not found:
+            found = scope.misfits(model, ready, here)
+        if not found:
+            owner, inner = self._document.owner(here)
+            waits = DEFERRED if any(scope.waits(raw) for raw in ready.values()) else {}
             try:
-                return STEPS[verb].model_validate(ready)
+                return model.model_validate(ready, context={**waits, "folder": owner.path.parent})
             except ValidationError as error:
-                found.extend(problems(self._document.value, error, here))
+                outer = here[: len(here) - len(inner)]
+                found += [((*outer, *place), problem) for place, problem in problems(owner.value, error, inner)]
         self._broken.add(here)
         self.problems += found
         return None
 
+    def call(self, block: Raw, here: Place, scope: Scope) -> tuple[Scope, Mapping[str, Any], Place]:
+        """Takes a called sequence in; where it is looked at, what its phases hold, and its place."""
+        try:
+            folder = self._document.owner(here)[0].path.parent
+            document, outline, found = read_called(folder, block["call"], self._callers)
+        except ValueProblem as problem:
+            raise Wrong("call", str(problem)) from None
+        place = (*here, "call")
+        self._document.include(place, document)
+        self._broken |= {(*place, *inner) for at, _ in found if (inner := block_around(at)) is not None}
+        self.problems += [((*place, *at), problem) for at, problem in found]
+        names = given_to(outline, block.get("with", {}), scope, (*here, "with"), self.problems)
+        for role, kind in outline.needs.items():
+            if self.needs.setdefault(role, kind) != kind:
+                raise Wrong("call", f"it needs '{role}' as a {kind}, another sequence as a {self.needs[role]}")
+        self._callers = (*self._callers, document.path.resolve())
+        return replace(scope.inside(document.path.stem), names=names), document.value, place
 
-def _evaluated(raw: Any, place: Place, names: Mapping[str, Value], found: list[Problem]) -> Any:
-    """A value of a step with its expressions evaluated; what is wrong with them goes to `found`."""
-    if isinstance(raw, Mapping):
-        return {key: _evaluated(value, (*place, key), names, found) for key, value in raw.items()}
-    if not holds_expression(raw):
-        return raw
-    try:
-        return value_of(raw, names)
-    except ValueProblem as problem:
-        found.append((place, f"{place[-1]}: {problem}"))
-        return None
+    def returned(self) -> None:
+        """The called sequence is at its end."""
+        self._callers = self._callers[:-1]
 
-
-def _visit(label: str, seen: Counter[str]) -> str:
-    return label if seen[label] == 1 else f"{label}#{seen[label]}"
+    def note_measured(self, step: Step, scope: Scope) -> None:
+        """What later expressions know the step's value by."""
+        if isinstance(step, Measure) and step.name is not None:
+            scope.measured[step.name] = self._measured(step.reading)
+        elif isinstance(step, Prompt) and step.name is not None:
+            scope.measured[step.name] = step.example

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from drivers.quantities import Quantity, as_quantity, parse
 from drivers.suggest import did_you_mean
-from drivers.units import QuantityError, quoted
+from drivers.units import QuantityError, dimension_of, quoted
 from drivers.wording import in_words
 
 Scalar = Quantity | bool | str
@@ -61,6 +61,14 @@ def evaluate(expression: str, names: Mapping[str, Value]) -> Value:
     except (ValueError, ArithmeticError, MemoryError, RecursionError):
         reason = "is too deep or too large to be worked out"
     raise ValueProblem(f"{quoted(f'${{{expression}}}')}: {reason}")
+
+
+def names_in(expression: str) -> frozenset[str]:
+    """The names of values that an expression mentions; none for what is no expression, which `evaluate` tells."""
+    try:
+        return _read(expression).names
+    except ValueProblem:
+        return frozenset()
 
 
 class _Read(NamedTuple):
@@ -140,7 +148,7 @@ def _root(value: object) -> Quantity:
     quantity = as_quantity(value)
     if quantity.base_value < 0:
         raise QuantityError("the square root of a negative quantity")
-    return Quantity(math.sqrt(quantity.base_value), tuple(power / 2 for power in quantity.dimension))
+    return Quantity(math.sqrt(quantity.base_value), dimension_of(power / 2 for power in quantity.dimension))
 
 
 def _turning(function: Callable[[float], float]) -> Callable[[object], Quantity]:

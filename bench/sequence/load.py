@@ -6,17 +6,17 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from bench.config.document import Document, Place, Problem, parse_document, read_document
-from bench.config.load import load, problems
+from bench.config.document import Document, Problem, parse_document, read_document
+from bench.config.load import load
 from bench.config.models import BenchFile
 from bench.errors import InputError
 from bench.sequence.check import check
-from bench.sequence.expand import PHASES, expand
+from bench.sequence.expand import expand
 from bench.sequence.expressions import Value, ValueProblem
 from bench.sequence.model import Outline, SequenceFile
+from bench.sequence.outline import block_around, outline_of
 from bench.sequence.plan import Plan
+from bench.sequence.readings import example_of
 from bench.sequence.remarks import Remark
 from bench.sequence.rules import judge
 from bench.sequence.values import value_of
@@ -28,7 +28,7 @@ from drivers.wording import in_words
 def load_sequence(path: Path) -> tuple[Document, SequenceFile]:
     """A sequence file, its expressions not yet evaluated; InputError lists every problem with its place."""
     document = read_document(path)
-    return document, load(document, SequenceFile, **DEFERRED)
+    return document, load(document, SequenceFile, **DEFERRED, files_needed=False)
 
 
 def load_plan(path: Path, bench: BenchFile | None, **wishes: Any) -> Plan:
@@ -53,11 +53,11 @@ def load_judged_plan(
     rest looked at. The rules on the whole plan are held against a plan that lacks nothing.
     """
     document = read_document(path)
-    outline, found = _outline(document)
-    broken = {block for place, _ in found if (block := _block_around(place)) is not None}
+    outline, found = outline_of(document)
+    broken = {block for place, _ in found if (block := block_around(place)) is not None}
     wishes, chosen = _choose(outline, preset, parameters, settings)
     found += _preset_problems(outline)
-    plan, unrolling = expand(document, outline, chosen, preset, broken)
+    plan, unrolling = expand(document, outline, chosen, preset, broken, lambda name: example_of(name, bench))
     found += [*unrolling, *check(plan, bench)]
     if wishes or found:
         raise InputError(*wishes, *document.told(found))
@@ -65,26 +65,6 @@ def load_judged_plan(
     if errors := [(remark.place, remark.text) for remark in remarks if remark.severity == "error"]:
         raise InputError(*document.told(errors))
     return plan, remarks
-
-
-def _outline(document: Document) -> tuple[Outline, list[Problem]]:
-    """The outline of a sequence and what is wrong with its steps; InputError when the outline itself is wrong."""
-    value = document.value
-    try:
-        return SequenceFile.model_validate(value, context=DEFERRED), []
-    except ValidationError as error:
-        found = list(problems(value, error))
-    if any(_block_around(place) is None for place, _ in found):
-        raise InputError(*document.told(found))
-    return Outline.model_validate({key: part for key, part in value.items() if key not in PHASES}), found
-
-
-def _block_around(place: Place) -> Place | None:
-    """The innermost step or loop that a place belongs to: it ends with its number in a list of steps."""
-    if not place or place[0] not in PHASES:
-        return None
-    numbers = [index for index, part in enumerate(place) if isinstance(part, int) and place[index - 1] in PHASES]
-    return place[: numbers[-1] + 1] if numbers else None
 
 
 def _choose(

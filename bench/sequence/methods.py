@@ -36,7 +36,7 @@ class MethodDescription:
 class TemperatureTumbleSettings(StrictModel):
     """Settings of the static temperature tumble."""
 
-    degree: Annotated[WholeNumber, Field(ge=1, le=4)] = 4
+    degree: Annotated[WholeNumber, Field(ge=1, le=4)] = Field(4, description="of the polynomials over temperature")
 
 
 TEMPERATURE_TUMBLE = MethodDescription(

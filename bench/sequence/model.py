@@ -5,19 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, ConfigDict, Field, PlainValidator, WithJsonSchema, model_validator
+from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema, WrapValidator, model_validator
 
+from bench.config.interlocks import InterlockEntry
 from bench.sequence.expressions import Scalar, Value, ValueProblem
-from bench.sequence.steps import NEEDS, AnyBlock
-from bench.sequence.values import in_words, value_of
-from drivers.fields import NOT_EMPTY, Name, StrictModel
+from bench.sequence.inside import AnyBlock, Steps
+from bench.sequence.limits import LimitEntry, quantity
+from bench.sequence.steps import NEEDS
+from bench.sequence.values import QUANTITY_SCHEMA, VALUE_SCHEMA, in_words, value_of
+from drivers.capabilities import READING
+from drivers.fields import Name, StrictModel
 from drivers.quantities import Quantity
 from drivers.suggest import did_you_mean
 from drivers.units import customary_unit, in_unit, quoted
-from drivers.wording import expected, telling
+from drivers.wording import telling
 
 Text = Annotated[str, Field(min_length=1, max_length=500)]
-KINDS = tuple(dict.fromkeys(kind for kinds in NEEDS.values() for kind in kinds))
+KINDS = (*dict.fromkeys(kind for kinds in NEEDS.values() for kind in kinds), READING)
 
 
 def _kind(kind: str) -> str:
@@ -33,37 +37,19 @@ def _value(raw: Any) -> Value:
         raise telling(str(problem)) from None
 
 
-# For editors: how a document may write a value, see value_of.
-_ONE = {"type": ["string", "number", "boolean"], "minLength": 1}
-_END = {"type": ["string", "number"], "minLength": 1}
-_RANGE = {
-    "type": "object",
-    "properties": {"from": _END, "to": _END, "step": _END},
-    "required": ["from", "to"],
-    "additionalProperties": False,
-}
-_LIST = {"type": "array", "items": {"anyOf": [_ONE, _RANGE, {"type": "array"}]}}
-VALUE_SCHEMA = {"anyOf": [_ONE, _RANGE, _LIST], "description": "a value, a list of values, or a range {from, to, step}"}
 AnyValue = Annotated[Any, AfterValidator(_value), WithJsonSchema(VALUE_SCHEMA)]
 
 
-def _limit(raw: Any) -> Quantity:
-    value = _value(raw)
-    if not isinstance(value, Quantity):
-        raise expected("a quantity", raw)
-    return value
-
-
-Limit = Annotated[Quantity | None, PlainValidator(_limit), WithJsonSchema(_END)]
+Limit = Annotated[Quantity | None, PlainValidator(quantity), WithJsonSchema(QUANTITY_SCHEMA)]
 
 
 class Parameter(StrictModel):
     """A value that a run may choose: its kind and unit are those of the default, its range is checked."""
 
-    help: Text
-    default: AnyValue
-    min: Limit = None
-    max: Limit = None
+    help: Text = Field(description="what it is, for the person who chooses")
+    default: AnyValue = Field(description="gives the kind and the unit")
+    min: Limit = Field(None, description="the lowest value allowed, of each in a list")
+    max: Limit = Field(None, description="the highest value allowed, of each in a list")
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
@@ -111,48 +97,41 @@ class Parameter(StrictModel):
 class Preset(StrictModel):
     """Values for several parameters under one name."""
 
-    help: Text
-    set: Mapping[Name, AnyValue]
+    help: Text = Field(description="what it is for")
+    set: Mapping[Name, AnyValue] = Field(description="the parameters and what they are")
 
 
-class LimitEntry(StrictModel):
-    """What a result may be; at least one of both."""
-
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
-
-    min: Limit = None
-    max: Limit = None
-
-    @model_validator(mode="after")
-    def _something(self) -> Self:
-        if self.min is None and self.max is None:
-            raise telling("needs min or max, or both")
-        return self
+def _without_names(raw: Any, _handler: Any) -> LimitEntry:
+    """Limits whose expressions are evaluated at once: those of a result have no names that could be known later."""
+    return LimitEntry.model_validate(raw)
 
 
 class ResultEntry(StrictModel):
     """A reduction of the acquisitions under a label."""
 
-    method: str
-    data: Name
-    settings: Any = Field(default_factory=dict)
-    limits: Mapping[str, LimitEntry] = {}
+    method: str = Field(description="the name of an installed method")
+    data: Name = Field(description="the label of the acquisitions")
+    settings: Any = Field(default_factory=dict, description="the method's own")
+    limits: Mapping[str, Annotated[LimitEntry, WrapValidator(_without_names)]] = {}
 
 
 class Outline(StrictModel):
     """All that a sequence file says besides its steps."""
 
-    schema_: Literal["itb-sequence/1"] = Field(alias="schema")
-    title: Text
-    needs: Mapping[Name, Annotated[str, AfterValidator(_kind), WithJsonSchema({"enum": list(KINDS)})]]
+    schema_: Literal["itb-sequence/1"] = Field(alias="schema", description="what the file is")
+    title: Text = Field(description="what the report calls it")
+    needs: Mapping[Name, Annotated[str, AfterValidator(_kind), WithJsonSchema({"enum": list(KINDS)})]] = Field(
+        description="what the steps act on, called as on the bench"
+    )
     parameters: Mapping[Name, Parameter] = {}
     presets: Mapping[Name, Preset] = {}
+    interlocks: Mapping[Name, InterlockEntry] = {}
     results: tuple[ResultEntry, ...] = ()
 
 
 class SequenceFile(Outline):
     """One `sequences/*.yaml`."""
 
-    setup: tuple[AnyBlock, ...] = ()
-    steps: Annotated[tuple[AnyBlock, ...], NOT_EMPTY]
-    teardown: tuple[AnyBlock, ...] = ()
+    setup: tuple[AnyBlock, ...] = Field((), description="before the measurement")
+    steps: Steps = Field(description="the measurement")
+    teardown: tuple[AnyBlock, ...] = Field((), description="at the end, whatever happened before")

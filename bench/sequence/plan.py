@@ -1,25 +1,40 @@
-"""A plan: every step of a run, in order, with its values and a stable id. Data; it can be listed, counted, checked."""
+"""A plan: every step of a run with its values and a stable id, in the order and nesting in which they are done.
+
+Data; it can be listed, counted, checked. What is known before the run is unrolled. What depends on measurements stays a
+node: alternatives, passes, attempts.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 from bench.config.document import Document, Place
 from bench.sequence.expressions import Value
 from bench.sequence.model import Outline
+from bench.sequence.step_fields import OnFailure
 from bench.sequence.steps import Step
 
 Phase = Literal["setup", "steps", "teardown"]
+PHASES: tuple[Phase, ...] = ("setup", "steps", "teardown")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """Expressions that wait for measurements: what the document says, and the names whose values are known."""
+
+    raw: Any
+    names: Mapping[str, Value]
+
+
+@dataclass(frozen=True, slots=True)
 class PlannedStep:
     """One step of a run.
 
     `id` names it by its loops (`steps/temperature=-40/position=90#2/acquire`; `#n` marks the n-th visit of the same
-    value). `loops` holds the variables around it, outermost first; `place` is where it stands in the document.
+    value). `loops` holds the variables around it, outermost first; `place` is where it stands in the document. Where it
+    has expressions over measurements they are `waiting`, and its numbers not-a-number until they are known.
     """
 
     id: str
@@ -27,6 +42,119 @@ class PlannedStep:
     step: Step
     loops: Mapping[str, Value]
     place: Place
+    waiting: Waiting | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Meanwhile:
+    """A step that lasts as long as other steps do."""
+
+    step: PlannedStep
+    body: Nodes
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """Steps with a teardown of their own, or with something to happen when they fail."""
+
+    id: str
+    body: Nodes
+    teardown: Nodes
+    on_failure: OnFailure | None
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Alternatives:
+    """What is done when a condition over measurements is true, and what when it is not."""
+
+    id: str
+    condition: Waiting
+    then: Nodes
+    otherwise: Nodes
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Passes:
+    """What is done again as long as a condition over measurements is true; ids are those of the first pass."""
+
+    id: str
+    condition: Waiting
+    at_most: int
+    body: Nodes
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Branches:
+    """What is done at the same time."""
+
+    id: str
+    branches: Mapping[str, Nodes]
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Attempts:
+    """What is done again when it fails with one of these kinds of errors."""
+
+    id: str
+    count: int
+    delay_s: float
+    on: tuple[str, ...]
+    body: Nodes
+    place: Place
+
+
+Node = PlannedStep | Meanwhile | Section | Alternatives | Passes | Branches | Attempts
+Nodes = tuple[Node, ...]
+
+
+def leaves(nodes: Nodes) -> Iterator[PlannedStep]:
+    """The steps of nodes in the order of the document: of all alternatives, of one pass and one attempt."""
+    for node in nodes:
+        match node:
+            case PlannedStep():
+                yield node
+            case Meanwhile():
+                yield node.step
+                yield from leaves(node.body)
+            case Section():
+                yield from leaves(node.body)
+                yield from leaves(node.teardown)
+            case Alternatives():
+                yield from leaves(node.then)
+                yield from leaves(node.otherwise)
+            case Passes() | Attempts():
+                yield from leaves(node.body)
+            case Branches():
+                for branch in node.branches.values():
+                    yield from leaves(branch)
+
+
+def renamed(nodes: Nodes, old: str, new: str) -> Nodes:
+    """The same nodes with another beginning of their ids."""
+    return tuple(_renamed(node, old, new) for node in nodes)
+
+
+def _renamed(node: Node, old: str, new: str) -> Node:
+    if isinstance(node, Meanwhile):
+        step = replace(node.step, id=node.step.id.replace(old, new, 1))
+        return Meanwhile(step, renamed(node.body, old, new))
+    named = replace(node, id=node.id.replace(old, new, 1))
+    match named:
+        case PlannedStep():
+            return named
+        case Section():
+            return replace(named, body=renamed(named.body, old, new), teardown=renamed(named.teardown, old, new))
+        case Alternatives():
+            then, otherwise = renamed(named.then, old, new), renamed(named.otherwise, old, new)
+            return replace(named, then=then, otherwise=otherwise)
+        case Branches():
+            return replace(named, branches={key: renamed(nodes, old, new) for key, nodes in named.branches.items()})
+        case Passes() | Attempts():
+            return replace(named, body=renamed(named.body, old, new))
 
 
 @dataclass(frozen=True)
@@ -37,9 +165,13 @@ class Plan:
     sequence: Outline
     parameters: Mapping[str, Value]
     preset: str | None
-    setup: tuple[PlannedStep, ...]
-    steps: tuple[PlannedStep, ...]
-    teardown: tuple[PlannedStep, ...]
+    setup: Nodes
+    steps: Nodes
+    teardown: Nodes
+    _flat: tuple[PlannedStep, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_flat", tuple(leaves((*self.setup, *self.steps, *self.teardown))))
 
     @property
     def name(self) -> str:
@@ -47,13 +179,12 @@ class Plan:
         return self.document.path.stem
 
     def __iter__(self) -> Iterator[PlannedStep]:
-        yield from self.setup
-        yield from self.steps
-        yield from self.teardown
+        """Every step, as `leaves` gives them."""
+        return iter(self._flat)
 
     def __len__(self) -> int:
-        return len(self.setup) + len(self.steps) + len(self.teardown)
+        return len(self._flat)
 
-    def where(self, step: PlannedStep) -> str:
-        """`file:line:column` of a step."""
-        return self.document.where(step.place)
+    def where(self, place: Place) -> str:
+        """`file:line:column` of a step, also of one in a sequence that this one calls."""
+        return self.document.where(place)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+from bench.config.interlocks import INTERLOCKS
 from bench.config.schema import Schema, object_of, schema_of, when, without_unused
 from bench.sequence.methods import known_methods
-from bench.sequence.model import VALUE_SCHEMA, ResultEntry, SequenceFile
+from bench.sequence.model import ResultEntry, SequenceFile
 from bench.sequence.steps import BLOCKS
+from bench.sequence.values import VALUE_SCHEMA
 from drivers.fields import UNIT_KEYWORD
 
+_WORDS = {"description", "default"}  # of a schema that says nothing of the value itself
 _STEP = {"$ref": "#/$defs/AnyBlock"}
 
 
@@ -29,8 +32,9 @@ def sequence_schema() -> Schema:
         result["allOf"].append(when("method", name, then))
     for model in BLOCKS.values():
         properties = schema["$defs"][model.__name__]["properties"]
-        properties.update({key: VALUE_SCHEMA for key, found in properties.items() if found == {}})
-    _complete(schema)
+        properties.update({key: VALUE_SCHEMA | found for key, found in properties.items() if not found.keys() - _WORDS})
+    interlocks = {model.__name__ for model in INTERLOCKS.values()}  # hold no expressions, and no steps
+    _complete([part for name, part in schema["$defs"].items() if name not in interlocks])
     schema["$defs"]["AnyBlock"] = {
         "description": "A step or a loop; its first key is its verb.",
         "oneOf": [refs[model] for model in BLOCKS.values()],

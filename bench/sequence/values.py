@@ -15,6 +15,18 @@ LIST_LIMIT = 10_000
 _KEYS = ("from", "to", "step")
 _MARGIN = Decimal("1e-9")  # of a step: for units whose numbers are no decimals, such as radians
 
+# For editors: how a document may write a value, see value_of.
+QUANTITY_SCHEMA = {"type": ["string", "number"], "minLength": 1}
+_ONE = {"type": ["string", "number", "boolean"], "minLength": 1}
+_RANGE = {
+    "type": "object",
+    "properties": {"from": QUANTITY_SCHEMA, "to": QUANTITY_SCHEMA, "step": QUANTITY_SCHEMA},
+    "required": ["from", "to"],
+    "additionalProperties": False,
+}
+_LIST = {"type": "array", "items": {"anyOf": [_ONE, _RANGE, {"type": "array"}]}}
+VALUE_SCHEMA = {"anyOf": [_ONE, _RANGE, _LIST], "description": "a value, a list of values, or a range {from, to, step}"}
+
 
 def holds_expression(raw: object) -> bool:
     """Whether a raw value is an expression, or text with one in it."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
+from pydantic import Field
+
 from drivers.description import DriverDescription
 from drivers.fields import (
     Arcseconds,
@@ -18,26 +20,28 @@ from drivers.fields import (
 
 
 class SettleOptions(StrictModel):
-    """When the axis stands: within `band` of the target for `hold`; not there `give_up` after it should: NotSettled."""
+    """When the axis stands."""
 
-    band: Annotated[float, InUnit("arcsec", above=0)]
-    hold: PositiveSeconds
-    give_up: PositiveSeconds = 30.0
+    band: Annotated[float, InUnit("arcsec", above=0)] = Field(description="how far from the target it may be")
+    hold: PositiveSeconds = Field(description="how long it must have been no farther away")
+    give_up: PositiveSeconds = Field(30.0, description="so long after it should stand, it is an error that it does not")
 
 
 class EnsembleOptions(StrictModel):
-    """How the axis is moved.
+    """How the axis is moved; from `rate` and `acceleration` follows how long a move may take."""
 
-    `approach_distance` is where an approach from one side begins. `acceleration` is the controller's own setting; from
-    it and `rate` follows how long a move may take. `poll` is how often an axis that has nearly arrived is looked at.
-    """
-
-    axis: Annotated[str, TextLike("[A-Za-z][A-Za-z0-9_]{0,15}", "the name of an axis such as X")] = "X"
-    rate: DegreesPerSecond
+    axis: Annotated[str, TextLike("[A-Za-z][A-Za-z0-9_]{0,15}", "the name of an axis such as X")] = Field(
+        "X", description="as the controller calls it"
+    )
+    rate: DegreesPerSecond = Field(description="of every move")
     settle: SettleOptions
-    approach_distance: Annotated[float, InUnit("°", above=0, at_most=30)] = 2.0
-    acceleration: Annotated[float, InUnit("°/s²", above=0)] = 40.0
-    poll: Annotated[float, InUnit("s", above=0, at_most=5)] = 0.1
+    approach_distance: Annotated[float, InUnit("°", above=0, at_most=30)] = Field(
+        2.0, description="how far from its target an approach from one side begins"
+    )
+    acceleration: Annotated[float, InUnit("°/s²", above=0)] = Field(40.0, description="the controller's own setting")
+    poll: Annotated[float, InUnit("s", above=0, at_most=5)] = Field(
+        0.1, description="how often an axis that has nearly arrived is looked at"
+    )
 
 
 class AngleRange(Range):
@@ -48,7 +52,7 @@ class AngleRange(Range):
 
 
 class RateRange(StrictModel):
-    """The fastest move."""
+    """The fastest move: `max`."""
 
     max: DegreesPerSecond
 
@@ -61,11 +65,11 @@ class EnsembleLimits(StrictModel):
 
 
 class EnsembleUncertainty(StrictModel):
-    """What a certificate states of the axis, expanded: `harmonics` 1, 2, … of the error over a turn."""
+    """What a certificate states of the axis, expanded."""
 
-    zero: Arcseconds = 0.0
-    harmonics: tuple[Arcseconds, ...] = ()
-    repeatability: Arcseconds = 0.0
+    zero: Arcseconds = Field(0.0, description="of the angle 0°")
+    harmonics: tuple[Arcseconds, ...] = Field((), description="1, 2, … of the error over a turn")
+    repeatability: Arcseconds = Field(0.0, description="of coming to the same angle again")
 
 
 DESCRIPTION = DriverDescription(

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Self
 
-from pydantic import ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
 from drivers.dbc_outline import lengths_bits, outline
@@ -23,26 +23,26 @@ SignalName = Annotated[str, TextLike(r"\w+\.\w+", "Message.Signal, a name of the
 class LatchOptions(StrictModel):
     """The frame that says when the counters were latched."""
 
-    tick: SignalName
-    tick_period: PositiveSeconds
-    sequence: SignalName
-    boot_count: SignalName | None = None
+    tick: SignalName = Field(description="the time of the latch")
+    tick_period: PositiveSeconds = Field(description="what one count of the tick lasts")
+    sequence: SignalName = Field(description="the number of the latch")
+    boot_count: SignalName | None = Field(None, description="counts restarts of the counter")
 
 
 class ChannelOptions(StrictModel):
-    """The signals of one pair of counters; `sequence` tells the latch they belong to."""
+    """The signals of one pair of counters."""
 
-    positive: SignalName
-    negative: SignalName
-    sequence: SignalName
+    positive: SignalName = Field(description="the counter of positive pulses")
+    negative: SignalName = Field(description="the counter of negative pulses")
+    sequence: SignalName = Field(description="the number of the latch that they belong to")
 
 
 class CounterOptions(StrictModel):
     """Where in the frames the counters are; names are Message.Signal of the DBC."""
 
-    dbc: Annotated[Path, FileBeside()]
-    period: PositiveSeconds
-    max_rate: Hertz
+    dbc: Annotated[Path, FileBeside()] = Field(description="describes the frames")
+    period: PositiveSeconds = Field(description="from latch to latch")
+    max_rate: Hertz = Field(description="of the pulses; bounds the gap over which a counter stays unambiguous")
     latch: LatchOptions
     channels: Annotated[dict[str, ChannelOptions], NOT_EMPTY]
 
@@ -85,7 +85,7 @@ class CounterOptions(StrictModel):
 class CounterUncertainty(StrictModel):
     """What a certificate states of the counter, expanded."""
 
-    time_base: Annotated[Ratio, InUnit("", at_least=0)] = 0.0
+    time_base: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of its clock, such as 1 ppm")
 
 
 def signals_of(dbc: Path) -> Mapping[str, str]:

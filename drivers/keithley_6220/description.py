@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import AfterValidator
+from pydantic import AfterValidator, Field
 
 from drivers.description import DriverDescription
 from drivers.fields import Amperes, InUnit, Range, StrictModel
@@ -22,13 +22,16 @@ def _known_range(range_a: float) -> float:
 class KeithleyOptions(StrictModel):
     """How the source is used.
 
-    `range` is fixed for all levels. `compliance` is the most that a sequence may ask for. `terminator` ends lines in
-    both directions and must be the one in the instrument's communication menu: on RS-232 it acts on a CR, with or
-    without an LF after it; over TCP (6221) `lf` is usual.
+    `terminator` ends lines in both directions and must be the one in the instrument's communication menu: on RS-232 it
+    acts on a CR, with or without an LF after it; over TCP (6221) `lf` is usual.
     """
 
-    range: Annotated[float, InUnit("A", above=0), AfterValidator(_known_range)]
-    compliance: Annotated[float, InUnit("V", at_least=COMPLIANCE_MIN_V, at_most=COMPLIANCE_MAX_V)]
+    range: Annotated[float, InUnit("A", above=0), AfterValidator(_known_range)] = Field(
+        description="the one range for all levels, 2 nA to 20 mA in decades or 100 mA"
+    )
+    compliance: Annotated[float, InUnit("V", at_least=COMPLIANCE_MIN_V, at_most=COMPLIANCE_MAX_V)] = Field(
+        description="the most that a sequence may ask for"
+    )
     terminator: Terminator = "crlf"
 
 

@@ -9,13 +9,13 @@ from drivers.fields import InUnit, StrictModel
 
 
 class VoltageRange(StrictModel):
-    """The highest level."""
+    """The highest level: `max`."""
 
     max: Annotated[float, InUnit("V", above=0)]
 
 
 class CurrentRange(StrictModel):
-    """The highest current limit."""
+    """The highest current limit: `max`."""
 
     max: Annotated[float, InUnit("A", above=0)]
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from drivers.suggest import did_you_mean
 from drivers.units import quoted
@@ -26,12 +27,20 @@ _SERIAL_OPTIONS: Mapping[str, tuple[str, ...]] = {
     "flow": ("none", "rtscts", "xonxoff"),
 }
 
-# scheme: what follows the colon, the options and their values, and an example for messages
-_SCHEMES: Mapping[str, tuple[re.Pattern[str], Mapping[str, tuple[str, ...]], str]] = {
-    "tcp": (_TCP, {}, "tcp://192.168.1.10:502"),
-    "serial": (_DEVICE_FILE, _SERIAL_OPTIONS, "serial:///dev/ttyUSB0?baud=9600"),
-    "slcan": (_DEVICE_FILE, {"bitrate": _ANY_NUMBER, "baud": _ANY_NUMBER}, "slcan:///dev/ttyACM0?bitrate=500000"),
-    "can": (_INTERFACE, {"bitrate": _ANY_NUMBER}, "can:socketcan/can0?bitrate=500000"),
+
+class Scheme(NamedTuple):
+    """How addresses of one kind are written: `form` is what follows the colon; options without values are numbers."""
+
+    form: re.Pattern[str]
+    options: Mapping[str, tuple[str, ...]]
+    example: str
+
+
+SCHEMES: Mapping[str, Scheme] = {
+    "tcp": Scheme(_TCP, {}, "tcp://192.168.1.10:502"),
+    "serial": Scheme(_DEVICE_FILE, _SERIAL_OPTIONS, "serial:///dev/ttyUSB0?baud=9600"),
+    "slcan": Scheme(_DEVICE_FILE, {"bitrate": _ANY_NUMBER, "baud": _ANY_NUMBER}, "slcan:///dev/ttyACM0?bitrate=500000"),
+    "can": Scheme(_INTERFACE, {"bitrate": _ANY_NUMBER}, "can:socketcan/can0?bitrate=500000"),
 }
 
 
@@ -54,10 +63,10 @@ class Address:
     def parse(cls, text: str) -> Address:
         """The address that `text` spells; AddressError says what is wrong with it."""
         scheme, colon, rest = text.removeprefix(_SIMULATED).partition(":")
-        if not colon or scheme not in _SCHEMES:
-            examples = " or ".join(_SCHEMES[known][2] for known in ("tcp", "serial"))
+        if not colon or scheme not in SCHEMES:
+            examples = " or ".join(SCHEMES[known].example for known in ("tcp", "serial"))
             raise AddressError(f"{quoted(text)} is not an address; expected one like {examples}")
-        form, known_options, example = _SCHEMES[scheme]
+        form, known_options, example = SCHEMES[scheme]
         where, _, query = rest.partition("?")
         found = form.fullmatch(where)
         parts = found.groupdict(default="") if found else {}

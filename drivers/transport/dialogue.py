@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from drivers.errors import LinkLost, NoAnswer
 from drivers.transport.address import Address
-from drivers.transport.exchange import LineExchange, Pace, Proof
+from drivers.transport.exchange import Framing, LineExchange, Pace, Proof
 from drivers.transport.wires import Wires
 
 SERIAL_GAP_S = 0.02  # some twenty bytes at 9600 baud
@@ -23,9 +23,11 @@ class Dialogue:
     """
 
     def __init__(
-        self, device: str, wires: Wires, address: Address, proof: Proof, *, end: bytes = b"\n", pace: Pace | None = None
-    ) -> None:
-        self._device, self._wires, self._address, self._proof, self._end = device, wires, address, proof, end
+        self, device: str, wires: Wires, address: Address, proof: Proof, *, end: bytes = b"\n",
+        framing: Framing | None = None, pace: Pace | None = None,
+    ) -> None:  # fmt: skip
+        self._device, self._wires, self._address, self._proof = device, wires, address, proof
+        self._end, self._framing = end, framing
         self._serial = address.scheme == "serial"
         pace = pace or Pace()
         self._pace = replace(pace, gap_s=max(pace.gap_s, SERIAL_GAP_S)) if self._serial else pace
@@ -66,7 +68,7 @@ class Dialogue:
             self._line.close()
 
     def _new_line(self) -> LineExchange:
-        return LineExchange(self._device, self._proof, end=self._end, pace=self._pace)
+        return LineExchange(self._device, self._proof, end=self._end, framing=self._framing, pace=self._pace)
 
 
 @asynccontextmanager

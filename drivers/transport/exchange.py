@@ -24,6 +24,9 @@ T = TypeVar("T")
 ANSWER_LIMIT_BYTES = 65_536
 DRAIN_LIMIT_S = 10.0
 
+Framing = Callable[[bytearray], tuple[int, int] | None]
+"""Finds the first whole answer in what was received: its length without and with its end; None until it is there."""
+
 
 @dataclass(frozen=True, slots=True)
 class Pace:
@@ -46,16 +49,31 @@ class Proof:
     check: Callable[[bytes], object]
 
 
+def lines_ending(end: bytes) -> Framing:
+    """Answers that end with `end`."""
+
+    def first_line(received: bytearray) -> tuple[int, int] | None:
+        cut = received.find(end)
+        return None if cut < 0 else (cut, cut + len(end))
+
+    return first_line
+
+
 class LineExchange(asyncio.Protocol):
     """A line-terminated dialogue with one instrument; give it to a transport, then `ask`.
+
+    `framing` is for instruments whose answers are no lines: it finds them.
 
     Concurrency: callers queue for the line. Cancelling an exchange leaves the channel untrusted, as a timeout does.
     """
 
-    def __init__(self, device: str, proof: Proof, *, end: bytes = b"\n", pace: Pace | None = None) -> None:
+    def __init__(
+        self, device: str, proof: Proof, *, end: bytes = b"\n", framing: Framing | None = None, pace: Pace | None = None
+    ) -> None:
         self.device = device
         self._proof = proof
         self._end = end
+        self._framing = framing or lines_ending(end)
         self._pace = pace or Pace()
         self._turn = asyncio.Lock()
         self._received = bytearray()
@@ -196,12 +214,13 @@ class LineExchange(asyncio.Protocol):
         self._transport.write(command + self._end)
 
     async def _line(self) -> bytes:
-        while (cut := self._received.find(self._end)) < 0:
+        while (found := self._framing(self._received)) is None:
             if len(self._received) > ANSWER_LIMIT_BYTES:
                 raise BadAnswer(self.device, "an answer without an end", received=self._leftover())
             await self._more()
-        line = bytes(self._received[:cut])
-        del self._received[: cut + len(self._end)]
+        length, whole = found
+        line = bytes(self._received[:length])
+        del self._received[:whole]
         return line
 
     async def _more(self) -> None:

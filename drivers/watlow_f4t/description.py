@@ -21,18 +21,16 @@ from drivers.watlow_f4t.wire import WordOrder
 
 
 class F4TOptions(StrictModel):
-    """How the controller is spoken to.
+    """How the controller is spoken to."""
 
-    `word_order` is the controller's own setting. `block_reads: false` is for controllers, or gateways, that refuse a
-    request over several values. `poll` is how often a ramp that has nearly arrived is looked at.
-    """
-
-    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = 1
-    loop: Annotated[WholeNumber, Field(ge=1, le=4)] = 1
-    word_order: WordOrder = "low_first"
-    poll: Annotated[float, InUnit("s", above=0, at_most=30)] = 1.0
-    answer_timeout: PositiveSeconds = 3.0
-    block_reads: Flag = True
+    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="its Modbus address")
+    loop: Annotated[WholeNumber, Field(ge=1, le=4)] = Field(1, description="the control loop of the chamber")
+    word_order: WordOrder = Field("low_first", description="as it is set in the controller")
+    poll: Annotated[float, InUnit("s", above=0, at_most=30)] = Field(
+        1.0, description="how often a ramp that has nearly arrived is looked at"
+    )
+    answer_timeout: PositiveSeconds = Field(3.0, description="how long an answer may take")
+    block_reads: Flag = Field(True, description="false for what refuses a request over several values, as gateways may")
 
 
 class TemperatureRange(Range):
@@ -43,7 +41,7 @@ class TemperatureRange(Range):
 
 
 class RampRateRange(StrictModel):
-    """The fastest ramp."""
+    """The fastest ramp: `max`."""
 
     max: CelsiusPerMinute
 
@@ -58,7 +56,7 @@ class F4TLimits(StrictModel):
 class F4TSafe(StrictModel):
     """Where the set point goes when the bench is made safe."""
 
-    temperature: Celsius = 25.0
+    temperature: Celsius = Field(25.0, description="the set point")
 
 
 DESCRIPTION = DriverDescription(

@@ -17,6 +17,19 @@ def test_a_schema_is_printed_as_it_is_kept(bench_command, kind):
     assert done.stdout == (ROOT / f"docs/schema/{kind}.schema.json").read_text("utf-8")
 
 
+def test_a_page_of_the_reference_is_printed_as_it_is_kept(bench_command):
+    done = bench_command("reference", "rules")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == (ROOT / "docs/reference/rules.md").read_text("utf-8")
+
+
+def test_all_pages_of_the_reference_are_written_and_named(tmp_path, bench_command):
+    done = bench_command("reference", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert sorted(done.stdout.split()) == sorted(map(str, tmp_path.iterdir()))
+    assert f"{tmp_path / 'README.md'}" in done.stdout
+
+
 def test_fmt_writes_and_names_the_files_that_change(tmp_path, bench_command):
     wide, good = tmp_path / "wide.yaml", tmp_path / "good.yaml"
     wide.write_text("a:\n    b: 1   # why\n")

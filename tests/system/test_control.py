@@ -49,8 +49,10 @@ class Running:
             return [event.step for event in reader.events(kind)]
 
     def operator(self) -> list[str]:
+        """What the operator did: held and released the run, or what his action is called."""
         with RunReader(self.path) as reader:
-            return [event.data["action"] for event in reader.events("operator")]
+            events = reader.events("held", "released", "operator")
+            return [event.data.get("action", event.kind) for event in events]
 
     def finish(self) -> int:
         self.process.communicate(timeout=40)
@@ -76,7 +78,7 @@ def test_a_paused_run_holds_before_its_next_step_goes_on_and_stops_after_a_step(
     run = started(*PACED)
     told = run.tell("pause")
     assert told.stdout == f"{run.path.name}: it pauses before its next step\n"
-    run.wait_for(lambda: run.operator() == ["pause"])
+    run.wait_for(lambda: run.operator() == ["held"])
     held = run.steps("step_begins")
     time.sleep(1.0)  # twenty seconds of bench time
     assert run.steps("step_begins") == held
@@ -84,7 +86,7 @@ def test_a_paused_run_holds_before_its_next_step_goes_on_and_stops_after_a_step(
     run.wait_for(lambda: run.steps("step_begins") != held)
     assert run.tell("stop", "--after-step").stdout.endswith(": teardown runs after the step under way\n")
     assert run.finish() == 4
-    assert run.operator() == ["pause", "resume", "stop"]
+    assert run.operator() == ["held", "released", "stop"]
     assert run.steps("step_ended") == run.steps("step_begins"), "no step was cut short"
     assert run.steps("step_ended")[-2:] == ["teardown/set", "teardown/move"]
 
@@ -101,7 +103,7 @@ def test_a_stop_ends_the_step(started):
 def test_a_paused_run_can_be_aborted(started):
     run = started(*PACED)
     run.tell("pause")
-    run.wait_for(lambda: run.operator() == ["pause"])
+    run.wait_for(lambda: run.operator() == ["held"])
     assert run.tell("abort").stdout.endswith(": the teardown is dropped, all devices are made safe\n")
     assert run.finish() == 4
     assert not [step for step in run.steps("step_begins") if step.startswith("teardown")]

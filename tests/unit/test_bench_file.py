@@ -97,8 +97,8 @@ def test_a_bench_comes_with_the_document_it_was_read_from(folder):
 
 def test_every_shipped_bench_file_fits_together():
     files = sorted(CONFIG.glob("*.yaml"))
-    assert [path.name for path in files] == ["simulated.yaml", "simulated_wires.yaml"]
-    assert [load_bench(path).bench.is_simulated for path in files] == [True, False]
+    assert [path.name for path in files] == ["rate_table.yaml", "simulated.yaml", "simulated_wires.yaml"]
+    assert [load_bench(path).bench.is_simulated for path in files] == [True, True, False]
 
 
 def test_a_bench_is_simulated_when_no_instrument_is_real(folder, shipped):
@@ -221,7 +221,7 @@ def test_a_missing_key_is_named_where_it_belongs(folder, old, new, at, key):
     check(folder, old, new, at, f"the key '{key}' is missing")
 
 
-DRIVERS = "aerotech_ensemble, can_counter, keithley_6220, scpi_supply or watlow_f4t"
+DRIVERS = "acutronic_acl, aerotech_ensemble, can_counter, keithley_6220, scpi_supply or watlow_f4t"
 
 
 @pytest.mark.parametrize(
@@ -395,8 +395,6 @@ def test_limits_without_the_default_safe_temperature_ask_for_one(folder, safe):
          "counter has no channel 'Temperatures.Unt'; did you mean 'Temperatures.Unit'?"),
         ("from: counter.Temperatures.Unit", "from: source.voltage", "from:",
          "source has no channel 'voltage'; expected current"),
-        ("from: counter.Temperatures.Unit", "from: supply.current", "from:",
-         "supply.current is in A; a named reading is a temperature in °C"),
         ("unit_temperature:\n    from", "chamber: {from: chamber.process_value}\n  unit_temperature:\n    from",
          "chamber: {from", "'chamber' is a device already; a reading needs a name of its own"),
         ("channel: x", "channel: w", "channel: w", "no counter has a channel 'w'; expected x, y or z"),
@@ -414,6 +412,16 @@ def test_limits_without_the_default_safe_temperature_ask_for_one(folder, safe):
 )  # fmt: skip
 def test_a_name_that_another_part_does_not_have_is_told_those_it_has(folder, old, new, at, problem):
     check(folder, old, new, at, problem)
+
+
+def test_a_reading_may_be_in_any_unit_but_then_it_is_no_temperature(folder):
+    text = SHIPPED.replace("from: counter.Temperatures.Unit", "from: supply.current")
+    calibration = place_of(text, "calibration:\n      {certificate: SIM-2026-0103")
+    assert problems(folder, text) == [
+        f"{place_of(text, 'limits: {min: -55 °C')}: is for a temperature, supply.current is in A",
+        f"{calibration}: is for a temperature, supply.current is in A",
+        f"{place_of(text, 'temperature: unit_temperature')}: 'unit_temperature' is no temperature",
+    ]
 
 
 def test_readings_may_be_left_out_but_not_where_a_place_needs_one(folder):
@@ -551,7 +559,7 @@ def test_a_file_that_is_nowhere_is_told_the_nearest_that_is_known(here):
     (here / "sequences" / "my_dwell.yaml").touch()
     assert lost("simulatd", "config") == "simulatd: there is no such bench; did you mean 'simulated'?"
     assert lost("my_dwel", "sequences") == "my_dwel: there is no such sequence; did you mean 'my_dwell'?"
-    assert lost("zzz", "config") == "zzz: there is no such bench; expected simulated or simulated_wires"
+    assert lost("zzz", "config") == "zzz: there is no such bench; expected rate_table, simulated or simulated_wires"
     assert lost("zzz.yaml", "config") == "zzz.yaml: there is no such file"
     assert lost("lab/zzz", "config") == "lab/zzz: there is no such file"
 

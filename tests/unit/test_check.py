@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bench.sequence.check import limits_in
 from bench.sequence.load import load_plan
-from bench.sequence.model import LimitEntry
 from tests.support.sequences import BENCH, ROOT, plan_of, problems_of, steps
 
 SHIPPED = sorted((ROOT / "sequences").glob("*.yaml"))
@@ -232,18 +230,14 @@ def test_the_settings_are_those_of_the_method(tmp_path, settings, problems):
     ("limit", "problem"),
     [
         ("K0: {min: 5 mg, max: -5 mg}", "K0: min is above max"),
-        ("K0: {max: 5}", "K0 is a bare number, expected a quantity in g"),
-        ("K2: {max: 5 mg}", "K2 is in g, expected a quantity in g/g²"),
-        ("misalignment: {min: 5 mrad, max: 1 g}", "misalignment is in g, expected a quantity in rad"),
-        ("K1/hysteresis: {max: 5 mg}", "K1/hysteresis is in g, expected a number without a unit"),
         ("k0: {max: 1 g}", "temperature_tumble has no result 'k0'; did you mean 'K0'?"),
         ("bias: {max: 1 g}", f"temperature_tumble has no result 'bias'; expected {ALL}"),
         ("misalignmnt: {max: 1 mrad}", "temperature_tumble has no result 'misalignmnt'; did you mean 'misalignment'?"),
-        ("K0/hysteresis: {}", "K0/hysteresis: needs min or max, or both"),
+        ("K0/hysteresis: {}", "K0/hysteresis: needs min or max, or both, or a target with its tolerance"),
         ("K0/hysteresis: 5 mg", "K0/hysteresis: is '5 mg', expected a mapping"),
     ],
 )
-def test_a_limit_is_a_known_result_in_its_unit(tmp_path, limit, problem):
+def test_a_limit_is_that_of_a_known_result(tmp_path, limit, problem):
     entry = f"{{method: temperature_tumble, data: tumble, limits: {{{limit}}}}}"
     assert result_problems(tmp_path, entry) == [f"5:57: {problem}"]
 
@@ -254,9 +248,15 @@ def test_a_limit_is_a_known_result_in_its_unit(tmp_path, limit, problem):
         ("K0: {max: 1 apple}", "5:62: max: 'apple' is not a known unit"),
         ("K0: {max: [1 g]}", "5:62: max: is a list, expected a quantity"),
         ("K0: {mx: 1 g, min: 0 g}", "5:62: mx: unknown key; did you mean 'max'?"),
+        ("K0: {max: 5}", "5:62: max: is a bare number, expected a quantity in g"),
+        ("K2: {max: 5 mg}", "5:62: max: is in g, expected a quantity in g/g²"),
+        ("misalignment: {min: 5 mrad, max: 1 g}", "5:85: max: is in g, expected a quantity in rad"),
+        ("K1/hysteresis: {max: 5 mg}", "5:73: max: is in g, expected a number without a unit"),
+        ("K1: {target: 9 g, relative: 1 %}", "5:62: target: is in g, expected a quantity in pulse/s/g"),
+        ("K0: {max: 5 mg, marginal: 5 mV}", "5:73: marginal: is in V, expected a quantity in g"),
     ],
 )
-def test_a_side_of_a_limit_is_a_quantity(tmp_path, limit, problem):
+def test_a_side_of_a_limit_is_a_quantity_in_the_unit_of_the_result(tmp_path, limit, problem):
     entry = f"{{method: temperature_tumble, data: tumble, limits: {{{limit}}}}}"
     assert result_problems(tmp_path, entry) == [problem]
 
@@ -271,9 +271,3 @@ def test_the_label_of_a_step_that_is_wrong_otherwise_is_known(tmp_path):
     assert problems_of(tmp_path, body + "results: [{method: temperature_tumble, data: tumble}]\n") == [
         "2:24: for: 5 has no unit, write it like '5 s'"
     ]
-
-
-def test_limits_are_numbers_in_the_unit_of_the_result():
-    assert limits_in(LimitEntry(min="-5 mg", max="5 mg"), "g") == (-0.005, 0.005)
-    assert limits_in(LimitEntry(max="200 µg"), "g") == (None, 2e-4)
-    assert limits_in(LimitEntry(min="-150 ppm/°C"), "1/°C") == (-1.5e-4, None)

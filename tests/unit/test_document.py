@@ -187,6 +187,8 @@ TAGS = "tags (!) are not part of this language; put text in quotes"
         ("a: !!python/object/apply:os.system [ls]", f"f.yaml:1:4: {TAGS}"),
         ("a: ! 1", f"f.yaml:1:4: {TAGS}"),
         ("!!map {a: 1}", f"f.yaml:1:1: {TAGS}"),
+        ("a: 1\nb: [!<" + "x" * 60_000 + "> 1]", f"f.yaml:2:5: {TAGS}"),
+        ("%TAG ! tag:x,2000:\n---\na: 1", f"f.yaml:1:1: {TAGS}"),
         ("a: 1\n---\nb: 2\n", "f.yaml:2:1: a second document begins; one file holds one"),
         ("a: 1\n...\nb: 2\n", "f.yaml:3:1: a second document begins; one file holds one"),
         ("a: 1e999", "f.yaml:1:4: 1e999 is not a finite number"),
@@ -287,10 +289,11 @@ DEEP = "is nested more than 20 deep"
         ("x: " + "y" * 4097, "1:4: is longer than 4096 characters"),
         (f"x: '{'y' * 4097}'", "1:4: is longer than 4096 characters"),
         ("x: |\n" + "  y\n" * 2049, "1:4: is longer than 4096 characters"),
-        ("- 1\n" * 20_000, "20000:3: has more than 20000 values"),
-        ("{a: [1, 2], b: " + "[" + "1," * 19_994 + "1]}", "1:40003: has more than 20000 values"),
+        ("- 1\n" * 2000, "2000:3: has more than 2000 values"),
+        ("{a: [1, 2], b: " + "[" + "1," * 1994 + "1]}", "1:4003: has more than 2000 values"),
+        ("#\n" * 4000 + "\n", "4001:1: has more than 4000 lines"),
     ],
-    ids=["brackets", "braces", "dashes", "lines", "siblings", "plain", "quoted", "block", "list", "keys count"],
+    ids=["brackets", "braces", "dashes", "lines", "siblings", "plain", "quoted", "block", "list", "keys", "many lines"],
 )
 def test_a_document_beyond_a_limit_is_refused_where_it_passes_it(text, problem):
     assert refusal(text) == f"f.yaml:{problem}"
@@ -300,7 +303,8 @@ def test_a_document_at_a_limit_is_read():
     assert value("[" * 20 + "]" * 20) is not None
     assert value("{a: " * 20 + "1" + "}" * 20) is not None
     assert value("x: " + "y" * 4096) == {"x": "y" * 4096}
-    assert len(value("- 1\n" * 19_999)) == 19_999  # and the list itself
+    assert len(value("- 1\n" * 1999)) == 1999  # and the list itself
+    assert value("#\n" * 3999 + "1\n") == 1
 
 
 @pytest.mark.parametrize("text", ["[" * 10_000, "{a: " * 10_000, "[a, " * 10_000, "{" * 10_000, "a: [\n" * 10_000])
@@ -352,15 +356,15 @@ def test_a_file_that_is_not_utf_8_is_refused_with_its_line(tmp_path, content, li
     assert read_refusal(path) == f"{path}:{line}:1: is not UTF-8 text; save it as UTF-8"
 
 
-def test_a_file_beyond_256_kib_is_refused_before_it_is_read(tmp_path):
+def test_a_file_beyond_64_kib_is_refused_before_it_is_read(tmp_path):
     path = tmp_path / "f.yaml"
     with path.open("wb") as file:
         file.truncate(10_000_000)  # its zero bytes would be refused if they were looked at
-    problem = f"{path}: has 10000000 bytes, at most 262144 are read; is it the right file?"
+    problem = f"{path}: has 10000000 bytes, at most 65536 are read; is it the right file?"
     assert read_refusal(path) == problem
 
 
-def test_a_file_of_256_kib_is_read(tmp_path):
+def test_a_file_of_64_kib_is_read(tmp_path):
     assert read_document(written(tmp_path, b"a: 1\n" + b"#" * (SIZE_LIMIT_BYTES - 5))).value == {"a": 1}
 
 

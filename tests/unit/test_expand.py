@@ -6,8 +6,10 @@ import pytest
 
 from bench.sequence import expand
 from bench.sequence.load import load_plan
-from bench.sequence.steps import Acquire, Move, Ramp, Soak, Wait
+from bench.sequence.measuring import Acquire
+from bench.sequence.stimulus import Move, Ramp
 from bench.sequence.values import in_words
+from bench.sequence.waits import Soak, Wait
 from tests.support.sequences import BENCH, ROOT, plan_of, problems_of, steps
 
 
@@ -76,7 +78,7 @@ def test_a_step_knows_its_loops_outermost_first_and_its_place(tmp_path):
     last = plan.steps[-1]
     assert {name: in_words(value) for name, value in last.loops.items()} == {"a": "1", "b": "2 s"}
     assert list(last.loops) == ["a", "b"]
-    assert plan.where(last) == f"{tmp_path / 's.yaml'}:3:69"
+    assert plan.where(last.place) == f"{tmp_path / 's.yaml'}:3:69"
     assert plan.name == "s"
     assert plan.steps[0].loops == {}
 
@@ -119,7 +121,7 @@ def test_every_kind_of_step_is_in_the_unit_that_its_name_states(tmp_path):
     assert isinstance(ramp, Ramp)
     assert (ramp.temperature_c, ramp.rate_c_per_min) == (-40.0, 1.0)
     assert isinstance(move, Move)
-    assert (move.angle_deg, move.approach, move.settle_s) == (90.0, "from_below", 1.5)
+    assert (move.to_deg, move.approach, move.settle_s) == (90.0, "from_below", 1.5)
     assert isinstance(soaked, Soak)
     assert soaked.until_stable is not None
     assert (soaked.at_least_s, soaked.give_up_after_s) == (3600.0, 14400.0)
@@ -251,8 +253,8 @@ def test_what_is_wrong_in_a_loop_is_told_once_and_not_in_every_pass(tmp_path, in
         ("{acquire: '${way}', for: 5 s, label: a}",
          "3:6: acquire: is '${way}', expected a name: at most 32 lower-case letters, digits and _, a letter first"),
         ("{'${way}': head, to: 5°}",
-         "3:5: unknown step '${way}'; expected move, set, wait, wait_until, note, ramp, soak, acquire, for_each, "
-         "repeat or group"),
+         "3:5: unknown step '${way}'; expected move, rotate, oscillate, set, ramp, soak, wait, wait_until, acquire, "
+         "measure, tare, prompt, note, alarm, custom, for_each, repeat, group, if, while, parallel, call or retry"),
         ("wait: 'x ${way}'", "3:5: wait: 'x ${way}': an expression is the whole value, like ${a + b}"),
         ("wait: '${way}'", "3:5: wait: 'direct' is not a quantity; expected a quantity in s"),
         ("wait: '${list}'", "3:5: wait: is a list, expected a quantity in s"),

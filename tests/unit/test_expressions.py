@@ -173,6 +173,8 @@ def test_what_cannot_be_worked_out_is_told_with_the_expression(expression, reaso
     ("expression", "reason"),
     [
         ("'5 K' + t", "kelvin is refused: write °C, for a difference too"),
+        ("sqrt(sqrt(sqrt(sqrt('1 s^0.1'))))", "has a unit with an exponent of more than 4 decimals"),
+        ("'1 m^5' * '1 m^5'", "has a unit with an exponent beyond 9"),
         ("'1_0' + n", "'1_0' is not a quantity; write 1500 or 1.5, nothing between the digits"),
         ("'5 apples'", "'apples' is not a known unit"),
         ("''", "is empty, expected a value"),

@@ -71,5 +71,5 @@ def test_a_method_of_a_plug_in_is_known_to_a_sequence(plugin, tmp_path):
     assert len(plan_of(tmp_path, body + "settings: {depth: 3}, limits: {density: {max: 5 µg/Hz^0.5}}}\n")) == 1
     assert problems_of(tmp_path, body + "settings: {dept: 3}, limits: {density: {max: 5 µg}}}\n") == [
         "4:44: dept: unknown key; did you mean 'depth'?",
-        "4:63: density is in g, expected a quantity in µg/Hz^0.5",
+        "4:73: max: is in g, expected a quantity in µg/Hz^0.5",
     ]

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulators.motion import Axis, AxisErrors, Move
+from simulators.motion import Axis, AxisErrors, Move, Slew, Swing, Turn
 
 ARCSEC = 1 / 3600
 
@@ -161,3 +161,97 @@ def test_one_look_across_the_end_of_a_move_sees_it_come_to_rest() -> None:
     across = head.true_deg(np.array([4.9, 5.0, 5.1]))
     assert across[1] == across[2] == pytest.approx(true_at(head, 6.0), abs=1e-12)
     assert across[0] < across[1]
+
+
+# Turning and swinging
+
+
+def test_a_turn_changes_its_rate_and_goes_on() -> None:
+    turn = Turn(10.0, 5.0, Slew(-20.0, 40.0, 30.0))
+    assert (turn.duration_s, turn.endless) == (2.0, True)
+    times = np.array([9.0, 10.0, 11.0, 12.0, 14.0])
+    assert turn.angle_deg(times) == pytest.approx([5, 5, 0, 25, 105])  # back by 6.7°, to rest, and on
+    assert [turn.rate_at(at_s) for at_s in times] == pytest.approx([-20, -20, 10, 40, 40])
+    assert turn.angle_at(14.0) == turn.angle_deg(times)[-1]
+    assert not Turn(0.0, 0.0, Slew(20.0, 0.0, 40.0)).endless
+
+
+@pytest.mark.parametrize("phase_deg", [0.0, 90.0])
+def test_a_swing_grows_to_its_amplitude_and_frequency(phase_deg: float) -> None:
+    swing = Swing(10.0, 40.0, Slew(0.0, 3.0, 1.5), Slew(0.0, 2.0, 0.5), phase_deg)
+    assert (swing.duration_s, swing.endless) == (4.0, True)
+    assert swing.angle_at(10.0) == 40.0
+    times = np.linspace(14, 16, 401)
+    expected = 3 * np.sin(2 * np.pi * 2 * (times - 14) + np.radians(phase_deg))  # 4 turns of phase by then
+    assert swing.angle_deg(times) == pytest.approx(40 + expected, abs=1e-9)
+    assert swing.rate_at(14.0) == pytest.approx(12 * np.pi * np.cos(np.radians(phase_deg)))
+
+
+@given(
+    begin_dps=st.floats(-400, 400),
+    end_dps=st.floats(-400, 400),
+    acceleration_dps2=st.floats(1, 4000),
+    amplitude_deg=st.floats(0.01, 100),
+    frequency_hz=st.floats(0.05, 20),
+    run_up_s=st.floats(0.5, 20),
+)
+def test_the_rate_that_is_told_is_that_of_the_angle(
+    begin_dps: float,
+    end_dps: float,
+    acceleration_dps2: float,
+    amplitude_deg: float,
+    frequency_hz: float,
+    run_up_s: float,
+) -> None:
+    amplitude, frequency = (Slew(0.0, end, end / run_up_s) for end in (amplitude_deg, frequency_hz))
+    for profile in (
+        Move(0.0, 10.0, begin_dps, 50.0, acceleration_dps2),
+        Turn(0.0, 10.0, Slew(begin_dps, end_dps, acceleration_dps2)),
+        Swing(0.0, 10.0, amplitude, frequency),
+    ):
+        times_s, half_s = np.linspace(0.001, 2 * profile.duration_s + 1, 57), 1e-6
+        times_s = times_s[np.abs(times_s - profile.duration_s) > 2 * half_s]  # the amplitude stops growing at once
+        rates_dps = (profile.angle_deg(times_s + half_s) - profile.angle_deg(times_s - half_s)) / (2 * half_s)
+        assert rates_dps == pytest.approx([profile.rate_at(float(at_s)) for at_s in times_s], abs=0.01)
+
+
+def test_an_axis_turns_from_what_it_does_and_comes_to_rest() -> None:
+    table = axis()
+    table.turn(0.0, 20.0, 40.0)
+    assert (table.moving(0.0), table.done(0.4), table.done(0.5), table.moving(1e6)) == (True, False, True, True)
+    assert (table.rate_dps(0.25), table.rate_dps(100.0), table.encoder_deg(2.0)) == (10.0, 20.0, 35.0)
+    assert table.true_deg(np.array([1.0, 2.0])) == pytest.approx([15, 35])
+    table.turn(2.0, -20.0, 40.0)
+    assert (table.encoder_deg(2.5), table.rate_dps(2.5), table.rate_dps(3.0)) == (40.0, 0.0, -20.0)
+    table.turn(3.0, 0.0, 20.0)
+    assert (table.moving(3.9), table.moving(4.0), table.target_deg()) == (True, False, 25.0)
+    assert table.encoder_deg(100.0) == true_at(table, 100.0) == 25.0
+    table.turn(100.0, 0.0, 20.0)
+    assert not table.moving(100.0)
+    table.start(100.0, 0.0, 20.0, 400.0)
+    assert table.encoder_deg(100.0 + 25 / 20 + 20 / 400) == 0.0
+
+
+def test_an_axis_swings_about_where_it_stands() -> None:
+    table = axis()
+    go(table, 0.0, 30.0)
+    table.swing(50.0, Slew(0.0, 2.0, 2.0), Slew(0.0, 1.0, 1.0), 0.0)
+    assert (table.done(50.9), table.done(51.0), table.moving(1e6)) == (False, True, True)
+    assert (table.encoder_deg(50.0), table.encoder_deg(51.25 + 0.5)) == pytest.approx((30.0, 32.0))
+    table.turn(52.0, 0.0, 1000.0)
+    assert not table.moving(52.1)
+
+
+def test_backlash_shows_while_it_turns_down_and_stays_when_nothing_turns() -> None:
+    table = axis(backlash_deg=ARCSEC)
+    for at_s, rate_dps, error_arcsec in (
+        (0.0, 10.0, 0),
+        (100.0, -10.0, 1),
+        (200.0, 0.0, 1),
+        (300.0, 0.0, 1),
+        (400.0, 10.0, 0),
+    ):
+        table.turn(at_s, rate_dps, 40.0)
+        assert (true_at(table, at_s + 50) - table.encoder_deg(at_s + 50)) / ARCSEC == pytest.approx(
+            error_arcsec, abs=1e-6
+        )

@@ -15,7 +15,8 @@ from bench.app.request import RunRequest, prepare
 from bench.report.course import BINS, envelope
 from bench.report.page import simulated
 from bench.report.stored import open_run
-from bench.report.words import flag_in_words, limits_in_words, where
+from bench.report.text import results_text
+from bench.report.words import flag_in_words, where
 from bench.report.write import write_report
 from bench.runner.quiet import Quiet
 from tests.support.runs import ROOT, copy_bench, read_json, run_short
@@ -218,6 +219,23 @@ def test_a_result_outside_its_limits_fails_and_one_close_to_them_is_marginal(tmp
     assert "K0 FAIL; misalignment marginal" in page.text
 
 
+def test_limits_stand_in_the_report_as_they_are_declared_and_why_a_value_was_not_accepted(tmp_path):
+    k1 = "K1: {target: 11300 pulse/s/g, relative: 0.5 %, guard: 2, marginal: 5 pulse/s/g}"
+    run = run_limited(tmp_path, f"{{{k1}, misalignment: {{max: 320 µrad, guard: 2}}}}")
+    page = page_of(run.path)
+    text = page.parts["verdicts"]
+    assert re.search(r"K1 per local g .* pulse/s/g 11300 ± 56.5 guard band 2 u, marginal within 5 PASS dwell 0", text)
+    assert re.search(r"µrad at most 320 guard band 2 u FAIL marginal dwell 0.* inside its limits, but within", text)
+    assert "misalignment: inside its limits, but within their guard band" in page.parts["unit-a-0"]
+    assert "JCGM 106" in page.parts["meaning"]
+    told = results_text(run.results)
+    assert re.search(r"K1 per local g +\d+\.\d+ ± \d\.\d+ pulse/s/g +PASS +11300 ± 56.5; guard band 2 u, marg", told)
+    assert re.search(r"misalignment .* FAIL marginal +at most 320; guard band 2 u; inside its limits, but", told)
+    (found,) = [found for found in read_json(run, "results.json")["findings"] if found["quantity"] == "misalignment"]
+    assert (found["limits"], found["guard"], found["verdict"]) == ({"max": 320e-6}, 2, "FAIL")
+    assert found["flags"] == ["guard_band"]
+
+
 def test_a_dwell_that_was_left_out_and_a_limit_that_nothing_could_be_held_against(tmp_path):
     run = run_short(tmp_path, sequence="smoke", settings=("positions=[0°, 90°, 180°, 180.01°]",))
     page = page_of(run.path)
@@ -365,9 +383,7 @@ def test_flags_are_sentences(flag, words):
     assert flag_in_words(flag) == words
 
 
-def test_limits_and_conditions_are_words():
-    assert limits_in_words("K2", (None, None)) == ""
-    assert limits_in_words("K0", (1e-6, None)) == "at least 1"
+def test_conditions_are_words():
     assert (
         where({"dwells": ["a", "b"], "temperature_set_c": 20.0}, {"a": 4, "b": 7}) == "dwells 4 and 7, set point 20 °C"
     )

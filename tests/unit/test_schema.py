@@ -12,6 +12,7 @@ from jsonschema import Draft202012Validator
 
 from bench.config.bench import load_bench
 from bench.config.document import parse_document, read_document
+from bench.config.interlocks import INTERLOCKS
 from bench.config.load import load
 from bench.config.models import BenchFile
 from bench.config.schema import bench_schema
@@ -95,11 +96,28 @@ def test_shipped_files_are_valid_and_name_their_schema(kind, path):
 @pytest.mark.parametrize("kind", SCHEMAS)
 def test_every_quantity_names_its_unit_with_an_example_in_it(kind):
     quantities = [node for node in nodes(SCHEMAS[kind]) if UNIT_KEYWORD in node]
+    fixed = [node for model in INTERLOCKS.values() for node in nodes(SCHEMAS[kind]["$defs"][model.__name__])]
     assert len(quantities) > 10
     for node in quantities:
         parse(node["examples"][0]).to(node[UNIT_KEYWORD])
         assert node["examples"][0] in node["description"]
-        assert ("${…}" in node["description"]) == (kind == "sequence")
+        assert ("${…}" in node["description"]) == (kind == "sequence" and node not in fixed)
+
+
+@pytest.mark.parametrize("kind", SCHEMAS)
+def test_every_default_is_spelled_as_a_document_would(kind):
+    with_default = [node for node in nodes(SCHEMAS[kind]) if "default" in node and "type" in node]
+    assert len(with_default) > 3
+    for node in with_default:
+        assert list(Draft202012Validator(node).iter_errors(node["default"])) == []
+        if unit := node.get(UNIT_KEYWORD):
+            parse(node["default"]).to(unit)
+
+
+def test_a_description_says_what_a_key_means_and_how_its_value_is_written():
+    monitor = SCHEMAS["bench"]["$defs"]["Monitor"]["properties"]
+    assert monitor["devices"]["description"] == "of all other devices; a quantity in s, like 1 s, more than 0 s"
+    assert monitor["devices"]["default"] == "10 s"
 
 
 def test_every_verb_has_its_alternative_and_every_list_of_steps_holds_steps():

@@ -17,7 +17,10 @@ from bench.sequence.values import in_words
 from tests.support.sequences import BENCH, ROOT, TAIL, plan_of, problems_of, steps
 
 NAME = "expected a name: at most 32 lower-case letters, digits and _, a letter first"
-KINDS = "move, set, wait, wait_until, note, ramp, soak, acquire, for_each, repeat or group"
+KINDS = (
+    "move, rotate, oscillate, set, ramp, soak, wait, wait_until, acquire, measure, tare, prompt, note, alarm, custom, "
+    "for_each, repeat, group, if, while, parallel, call or retry"
+)
 WAIT = "steps: [wait: 1 s]\n"
 
 
@@ -49,7 +52,7 @@ def test_a_step_begins_with_its_verb(tmp_path, step, problem):
     [
         ("{move: head, too: 5°}", ["2:18: too: unknown key; did you mean 'to'?"]),
         ("{move: head, to: 5°, aproach: direct}", ["2:26: aproach: unknown key; did you mean 'approach'?"]),
-        ("{move: head}", ["2:5: the key 'to' is missing"]),
+        ("{move: head}", ["2:5: a move needs one of to and by, it has none of them"]),
         ("{ramp: chamber}", ["2:5: the key 'at' is missing", "2:5: the key 'to' is missing"]),
         ("{set: supply}", ["2:5: the key 'output' is missing"]),
         ("{for_each: a, steps: [wait: 1 s]}", ["2:5: the key 'in' is missing"]),
@@ -172,8 +175,8 @@ def test_steps_stand_in_lists(tmp_path, body, problem):
         ),
         (
             "schema: itb-sequence/1\ntitle: T\nneeds: {arm: robot}\n",
-            "4:9: arm: there is no kind of device 'robot'; expected positioner, power_supply, current_source, "
-            "thermal_chamber, thermometer or pulse_counter",
+            "4:9: arm: there is no kind of device 'robot'; expected positioner, rate_table, power_supply, "
+            "current_source, thermal_chamber, thermometer, pulse_counter or reading",
         ),
     ],
 )

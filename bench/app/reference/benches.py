@@ -1,0 +1,68 @@
+"""The pages on bench files: their keys, and what each installed driver takes."""
+
+from __future__ import annotations
+
+import inspect
+
+from bench.app.reference.keys import Blocks, keys, part, table
+from bench.config.models import BenchFile
+from drivers.description import DriverDescription, known_drivers
+from drivers.transport.address import SCHEMES
+
+
+def bench_page() -> Blocks:
+    """Every key of a bench file but those that belong to a driver."""
+    return [
+        "# Bench files",
+        "A file in `config/`, like [the shipped one](../../config/simulated.yaml): the instruments of a bench, their "
+        "limits and certificates, and where the units are. `bench devices --bench FILE` checks it and asks every "
+        "instrument who it is. The `options`, `limits`, `safe` and `calibration.U` of a device are its driver's: "
+        "[drivers](drivers.md).",
+        "NAME is a name of your own. A key whose default is empty may be left out. How quantities and names are "
+        "written: [values](sequence.md#values).",
+        *keys(BenchFile, 2),
+    ]
+
+
+def drivers_page() -> Blocks:
+    """What each installed driver can do, how it is reached, and the keys that a device entry has for it."""
+    drivers = known_drivers()
+    return [
+        "# Drivers",
+        "The instruments that a [bench file](bench.md) may name, installed plug-ins among them.",
+        table(
+            ("`driver`", "instrument"),
+            ((f"[`{name}`](#{name})", drivers[name].title) for name in sorted(drivers)),
+        ),
+        "## Connections",
+        "`sim+` before an address puts the simulator at its other end.",
+        table(("scheme", "written like", "options after `?`"), map(_connection, SCHEMES)),
+        *(block for name in sorted(drivers) for block in _driver(drivers[name])),
+    ]
+
+
+def _connection(name: str) -> tuple[str, str, str]:
+    scheme = SCHEMES[name]
+    options = (f"`{key}`" + (f": {', '.join(values)}" if values else "") for key, values in scheme.options.items())
+    return f"`{name}`", f"`{scheme.example}`", "; ".join(options)
+
+
+def _driver(driver: DriverDescription) -> Blocks:
+    facts = [
+        ("is a", ", ".join(f"`{name}`" for name in sorted(driver.capabilities))),
+        ("is reached by", ", ".join(f"`{scheme}`" for scheme in sorted(driver.schemes))),
+        ("readings", _readings(driver)),
+    ]
+    blocks = [
+        *part(driver.options, "options", 3),
+        *part(driver.limits, "limits", 3),
+        *part(driver.safe, "safe", 3),
+        *part(driver.uncertainty, "calibration.U", 3),
+    ]
+    return [f"## {driver.name}", f"{driver.title[:1].upper()}{driver.title[1:]}.", table(("", ""), facts), *blocks]
+
+
+def _readings(driver: DriverDescription) -> str:
+    if callable(driver.channels):
+        return inspect.getdoc(driver.channels) or ""
+    return ", ".join(f"`{name}` ({unit})" for name, unit in driver.channels.items())

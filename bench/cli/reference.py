@@ -1,0 +1,102 @@
+"""The reference pages: those made from the models, and the one on the commands, which only this layer knows."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from bench.app.reference.benches import bench_page, drivers_page
+from bench.app.reference.keys import Blocks, table
+from bench.app.reference.problems import errors_page, rules_page
+from bench.app.reference.sequences import methods_page, sequence_page, steps_page
+from bench.cli.exits import ABORTED, BENCH_ERROR, FAIL, INPUT_ERROR, PASS
+from bench.errors import InputError
+from drivers.suggest import did_you_mean
+
+INDEX = "README"
+
+
+def index_page() -> Blocks:
+    """The list of pages."""
+    rows = ((f"[{name}]({name}.md)", inspect.getdoc(page) or "") for name, page in PAGES.items() if name != INDEX)
+    return [
+        "# Reference",
+        "What may be written in files and on the command line, and what the program answers. These pages are made from "
+        "the program itself: `bench reference PAGE` prints one of them, with the plug-ins that are installed, and "
+        "`bench reference --out docs/reference` writes them again.",
+        table(("page", "tells"), rows),
+    ]
+
+
+def commands_page() -> Blocks:
+    """Every command with its arguments and options, and the exit codes."""
+    from bench.cli.main import app
+
+    blocks = [
+        "# Commands",
+        f"Exit codes: {PASS} pass, {FAIL} the unit fails, {INPUT_ERROR} bad input, {BENCH_ERROR} the bench failed, "
+        f"{ABORTED} aborted.",
+    ]
+    for name, command in _commands(typer.main.get_command(app), "bench"):
+        blocks += [f"## {name}", command.help]
+        if command.params:
+            blocks.append(table(("argument or option", "default", "meaning"), map(_parameter, command.params)))
+    return blocks
+
+
+def _commands(command: Any, name: str) -> Iterator[tuple[str, Any]]:
+    """The commands inside a command, at every depth, each with the words that call it."""
+    for word, inner in getattr(command, "commands", {}).items():
+        yield f"{name} {word}", inner
+        yield from _commands(inner, f"{name} {word}")
+
+
+def _parameter(parameter: Any) -> tuple[str, str, str]:
+    """How a parameter is written, what holds without it, and what it means."""
+    words = [] if parameter.param_type_name == "argument" else [*parameter.opts]
+    if not (words and parameter.is_flag):
+        words.append(parameter.metavar or parameter.name.strip("_").upper())
+    default = getattr(parameter.default, "value", parameter.default)
+    without = f"${parameter.envvar}" if parameter.envvar else "" if default in (None, False, "") else str(default)
+    return (
+        f"`{' '.join(words)}`",
+        "required" if parameter.required else f"`{without}`" if without else "",
+        parameter.help or "",
+    )
+
+
+PAGES: Mapping[str, Callable[[], Blocks]] = {
+    INDEX: index_page,
+    "sequence": sequence_page,
+    "steps": steps_page,
+    "methods": methods_page,
+    "bench": bench_page,
+    "drivers": drivers_page,
+    "commands": commands_page,
+    "rules": rules_page,
+    "errors": errors_page,
+}
+
+
+def page_text(name: str) -> str:
+    """A page as Markdown; InputError when there is no page of that name."""
+    if name not in PAGES:
+        raise InputError(f"there is no page '{name}'{did_you_mean(name, PAGES)}")
+    return "\n\n".join(PAGES[name]()) + "\n"
+
+
+def write_pages(folder: Path) -> list[Path]:
+    """Writes every page to `folder/PAGE.md`; InputError when that cannot be done."""
+    paths = []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in PAGES:
+            paths.append(folder / f"{name}.md")
+            paths[-1].write_text(page_text(name), "utf-8")
+    except OSError as problem:
+        raise InputError(f"{folder}: cannot be written to ({problem})") from None
+    return paths

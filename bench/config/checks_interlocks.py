@@ -1,0 +1,88 @@
+"""Interlocks against a bench: whether it has what they look at, and whether their limits are in its unit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from bench.config.channels import Channel, channels_of
+from bench.config.document import Place, Problem
+from bench.config.interlocks import (
+    INTERLOCKS,
+    AgeInterlock,
+    AnyInterlock,
+    DifferenceInterlock,
+    RateInterlock,
+    ReadingInterlock,
+    rate_unit,
+)
+from bench.config.models import BenchFile
+from drivers.quantities import Quantity
+from drivers.suggest import did_you_mean
+from drivers.units import NO_DIMENSION, QuantityError
+
+
+def interlock_misfits(entries: Mapping[str, AnyInterlock], bench: BenchFile) -> Iterator[Problem]:
+    """What is wrong with interlocks on a bench; places are those of a document with the key `interlocks`."""
+    channels = channels_of(bench) if entries else {}
+    for name, entry in entries.items():
+        place: Place = ("interlocks", name)
+        if all(reading in channels for reading in entry.names):
+            found = _misfits(entry, channels)
+        else:
+            found = _unknown_names(entry, channels, bench)
+        yield from (((*place, *part), problem) for part, problem in found)
+
+
+def _unknown_names(entry: AnyInterlock, channels: Mapping[str, Channel], bench: BenchFile) -> Iterator[Problem]:
+    """What the bench does not have; a named reading that is from nowhere is told at its own place."""
+    key = next(key for key, model in INTERLOCKS.items() if isinstance(entry, model))
+    for index, name in enumerate(entry.names):
+        if name not in channels and name not in bench.readings:
+            yield (key, index) if len(entry.names) > 1 else (key,), _unknown(name, channels)
+
+
+def _unknown(name: str, channels: Mapping[str, Channel]) -> str:
+    device, _, channel = name.partition(".")
+    of_device = [known.partition(".")[2] for known in channels if known.startswith(f"{device}.")]
+    if channel and of_device:
+        return f"{device} has no channel '{channel}'{did_you_mean(channel, of_device)}"
+    return f"there is no reading '{name}'{did_you_mean(name, channels)}"
+
+
+def _misfits(entry: AnyInterlock, channels: Mapping[str, Channel]) -> Iterator[Problem]:
+    """Limits in another unit than what is looked at, and what can never trip or never be good."""
+    channel = channels[entry.names[0]]
+    match entry:
+        case ReadingInterlock():
+            yield from _in_unit(channel.unit, above=entry.above, below=entry.below)
+        case RateInterlock():
+            yield from _in_unit(rate_unit(channel.unit), above=entry.above)
+        case DifferenceInterlock():
+            other = channels[entry.names[1]]
+            if channel.source == other.source:
+                yield ("difference",), "the difference of a reading from itself is always 0"
+            elif channel.unit != other.unit:
+                is_in = [f"{name} is in {channels[name].unit or 'no unit'}" for name in entry.names]
+                yield ("difference",), f"{is_in[0]}, {is_in[1]}: they have no difference"
+            else:
+                yield from _in_unit(channel.unit, above=entry.above)
+        case AgeInterlock():
+            if entry.above_s <= channel.usual_age_s:
+                yield (
+                    ("above",),
+                    f"above: the newest value of {entry.reading} is up to {channel.usual_age_s:g} s old when nothing "
+                    f"is wrong; expected more than that",
+                )
+
+
+def _in_unit(unit: str, **limits: Quantity | None) -> Iterator[Problem]:
+    for key, limit in limits.items():
+        if limit is None:
+            continue
+        try:
+            limit.to(unit)
+        except QuantityError as problem:
+            if limit.dimension == NO_DIMENSION:
+                yield (key,), f"{key}: {limit} has no unit, write it like '{limit} {unit}'"
+            else:
+                yield (key,), f"{key}: {problem}"

@@ -1,0 +1,170 @@
+"""Interlocks as bench files and sequences declare them: a condition over live readings, and what it does to a run.
+
+The first key says what is looked at: a reading, its rate of change, the difference of two, or the age of the newest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PlainValidator,
+    WithJsonSchema,
+    WrapValidator,
+    model_validator,
+)
+
+from drivers.fields import PositiveSeconds, Seconds, StrictModel, TextLike
+from drivers.quantities import Quantity, as_quantity, parse
+from drivers.suggest import did_you_mean
+from drivers.units import QuantityError, quoted
+from drivers.wording import expected, telling
+
+# Hold: the chamber's set point stays where it is, and no further step begins. Pause: no further step begins. Stop: the
+# step under way ends, the teardown runs. Abort: everything is made safe at once.
+Action = Literal["hold", "pause", "stop", "abort"]
+PASSING: tuple[Action, ...] = ("hold", "pause")  # after which a run goes on by itself
+
+ReadingName = Annotated[
+    str,
+    TextLike(r"[a-z][a-z0-9_]{0,31}(\.\w+)*", "a named reading, or DEVICE.CHANNEL such as chamber.process_value"),
+]
+
+
+def _limit(raw: object) -> Quantity:
+    try:
+        return parse(raw) if isinstance(raw, str) and raw else as_quantity(raw)
+    except QuantityError as problem:
+        if isinstance(raw, str) and raw:
+            raise telling(str(problem)) from None
+        raise expected("a quantity like 85 °C", raw) from None
+
+
+def _above_zero(limit: Quantity) -> Quantity:
+    if limit.base_value <= 0:
+        raise telling(f"is {limit}, expected more than 0: it is compared with the size, whatever the direction")
+    return limit
+
+
+def _pair(raw: object) -> object:
+    if not isinstance(raw, (list, tuple)) or len(raw) != 2:
+        raise telling("needs two readings, like [chamber.process_value, chamber.set_point]")
+    return raw
+
+
+# A quantity whose unit is that of the reading it is compared with.
+Limit = Annotated[
+    Quantity,
+    PlainValidator(_limit),
+    WithJsonSchema(
+        {"type": ["number", "string"], "minLength": 1, "description": "a quantity in the unit of what is looked at"}
+    ),
+]
+Size = Annotated[Limit, AfterValidator(_above_zero)]
+
+
+class InterlockBase(StrictModel):
+    """What every interlock says: how long its condition must hold before it trips, and what happens then.
+
+    After a hold and a pause the run goes on by itself when the condition has been good for `good_for`.
+    """
+
+    for_s: Seconds = Field(0.0, alias="for", description="how long it must be so before it trips")
+    then: Action = Field(description="what happens when it trips")
+    good_for_s: Seconds = Field(
+        0.0, alias="good_for", description="how long it must be good before the run goes on after a hold or a pause"
+    )
+
+    @model_validator(mode="after")
+    def _goes_on_only_after_a_pause(self) -> Self:
+        if self.then not in PASSING and "good_for_s" in self.model_fields_set:
+            raise telling(f"'good_for' goes with hold and pause: after '{self.then}' the run does not go on")
+        return self
+
+
+class ReadingInterlock(InterlockBase):
+    """Trips while a reading is above one value or below another."""
+
+    reading: ReadingName = Field(description="what is looked at")
+    above: Limit | None = Field(None, description="a larger value is bad")
+    below: Limit | None = Field(None, description="a smaller value is bad")
+
+    @model_validator(mode="after")
+    def _can_be_good(self) -> Self:
+        if self.above is None and self.below is None:
+            raise telling("needs above, or below, or both")
+        if self.above is not None and self.below is not None:
+            if self.above.dimension != self.below.dimension:
+                raise telling(f"above is {self.above}, below is {self.below}: they need the same unit")
+            if self.above <= self.below:
+                raise telling(f"every value is above {self.above} or below {self.below}: nothing would be good")
+        return self
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What is looked at."""
+        return (self.reading,)
+
+
+class RateInterlock(InterlockBase):
+    """Trips while a reading rises or falls faster than a rate, by its mean over the last `over`."""
+
+    reading: ReadingName = Field(alias="rate_of", description="whose rate of change is looked at")
+    over_s: PositiveSeconds = Field(alias="over", description="the time whose mean rate is taken")
+    above: Size = Field(description="rising or falling faster is bad")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What is looked at."""
+        return (self.reading,)
+
+
+class DifferenceInterlock(InterlockBase):
+    """Trips while two readings are farther apart than so much."""
+
+    names: Annotated[tuple[ReadingName, ReadingName], BeforeValidator(_pair)] = Field(
+        alias="difference", description="the two that are compared"
+    )
+    above: Size = Field(description="a larger difference is bad, whichever of them is the higher")
+
+
+class AgeInterlock(InterlockBase):
+    """Trips while the newest value of a reading is older than so much."""
+
+    reading: ReadingName = Field(alias="age_of", description="whose newest value is looked at")
+    above_s: PositiveSeconds = Field(alias="above", description="an older value is bad")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What is looked at."""
+        return (self.reading,)
+
+
+AnyInterlock = ReadingInterlock | RateInterlock | DifferenceInterlock | AgeInterlock
+INTERLOCKS: dict[str, type[AnyInterlock]] = {
+    "reading": ReadingInterlock, "rate_of": RateInterlock, "difference": DifferenceInterlock, "age_of": AgeInterlock,
+}  # fmt: skip
+
+
+def _by_first_key(raw: Any, _handler: Any) -> AnyInterlock:
+    """The model that the first key asks for; without the context of a document: there are no expressions in it."""
+    if not isinstance(raw, Mapping) or not raw:
+        raise expected("an interlock: a mapping whose first key says what is looked at", raw)
+    first = str(next(iter(raw)))
+    if first in INTERLOCKS:
+        return INTERLOCKS[first].model_validate(raw)
+    if later := [key for key in raw if key in INTERLOCKS]:
+        raise telling(f"the first key of an interlock says what is looked at: put '{later[0]}' before {quoted(first)}")
+    raise telling(f"the first key says what is looked at, not {quoted(first)}{did_you_mean(first, INTERLOCKS)}")
+
+
+InterlockEntry = Annotated[AnyInterlock, WrapValidator(_by_first_key)]
+
+
+def rate_unit(unit: str) -> str:
+    """What the rate of change of a reading in `unit` is written in."""
+    return "°C/min" if unit == "°C" else f"{unit or 1}/s"

@@ -1,0 +1,96 @@
+"""What the operator and interlocks want of a run while it goes on: hold, skip, repeat, end after the step."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Literal
+
+from bench.engine.journal import Journal
+
+Wish = Literal["skip", "repeat", "hold"]
+OPERATOR = "operator"
+
+
+class StepUnderWay:
+    """A step that can be cut short: its time limit, and who wants what of it instead."""
+
+    def __init__(self, limit: asyncio.Timeout) -> None:
+        self._limit = limit
+        self.wish: Wish | None = None
+
+    def cut(self, wish: Wish) -> None:
+        """Ends the step now."""
+        self.wish = wish
+        self._limit.reschedule(asyncio.get_running_loop().time())
+
+
+class Control:
+    """Holds steps back while anybody has a reason to, and cuts those under way short.
+
+    Concurrency: one loop; its methods may be called at any time, also from within the steps.
+    """
+
+    def __init__(self, journal: Journal, notice: Callable[[str], None]) -> None:
+        self._journal, self._notice = journal, notice
+        self._reasons: set[str] = set()
+        self._repeat_last = False
+        self._woken = asyncio.Event()
+        self.last_step = False
+        self.under_way: dict[str, StepUnderWay] = {}
+
+    def hold(self, by: str) -> None:
+        """No step begins until `by` lets go."""
+        self._reasons.add(by)
+
+    def release(self, by: str) -> None:
+        """`by` has no reason any more."""
+        self._reasons.discard(by)
+        if not self._reasons:
+            self._woken.set()
+
+    def release_all(self) -> None:
+        """Nobody has a reason any more."""
+        for by in tuple(self._reasons):
+            self.release(by)
+
+    @property
+    def held(self) -> bool:
+        """Whether anybody holds the run."""
+        return bool(self._reasons)
+
+    @property
+    def held_by(self) -> str:
+        """Who holds the run."""
+        return ", ".join(sorted(self._reasons))
+
+    def cut(self, wish: Wish, only: Callable[[str], bool] = lambda _: True) -> list[str]:
+        """Cuts the steps under way short, or those of them that are meant; their ids."""
+        cut = [step for step in self.under_way if only(step)]
+        for step in cut:
+            self.under_way[step].cut(wish)
+        return cut
+
+    def repeat_last(self) -> None:
+        """Lets the step before the one that is held back be done again."""
+        self._repeat_last = True
+        self._woken.set()
+
+    async def may_begin(self, step: str) -> bool:
+        """Returns when a step may begin: true, or false when the one before it is to be done again first."""
+        while self._reasons:
+            if self._repeat_last:
+                self._repeat_last = False
+                return False
+            await self._wait_for_change(step)
+        self._repeat_last = False
+        return True
+
+    async def _wait_for_change(self, step: str) -> None:
+        for by in sorted(self._reasons - self._journal.state.held):
+            self._journal.try_to_write("held", step, by=by)
+            self._notice(f"Held before step {step} by the {by}.")
+        self._woken.clear()
+        await self._woken.wait()
+        for by in sorted(self._journal.state.held - self._reasons):
+            self._journal.try_to_write("released", by=by)

@@ -1,0 +1,172 @@
+"""Steps that measure: frames recorded under a label, single values held against limits."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import AsyncIterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
+from bench.analysis.limits import judge
+from bench.config.models import BenchFile
+from bench.errors import StepError
+from bench.rig import Rig
+from bench.sequence.limits import limits_in
+from bench.sequence.measuring import Acquire, Measure, Tare
+from bench.sequence.readings import PULSE_RATE, is_pulse_rate
+from bench.sequence.stimulus import TURN_DEG
+from bench.store.counts import CountDecoder
+from bench.store.writer import RunWriter
+from drivers.can_counter.description import CounterOptions
+from drivers.capabilities import PulseCounter, RateTable
+from drivers.frame_block import FrameBlock
+
+if TYPE_CHECKING:  # which calls the functions here
+    from bench.engine.actions import Bench
+
+TURN_LOOK_S = 0.02  # how closely the end of the last turn is looked for
+
+
+async def acquire(step: Acquire, step_id: str, rig: Rig, writer: RunWriter) -> Mapping[str, Any]:
+    """Records frames for the time or the turns asked; the last block is cut at its end."""
+    counter = rig.counter(step.role)
+    began_s = asyncio.get_running_loop().time()
+    async with counter.acquire() as blocks:
+        if step.turns is not None and step.of is not None:
+            await _until(_turned(rig.table(step.of), step.turns), blocks, step, step_id, writer)
+        else:
+            await _until(asyncio.sleep(step.least_s), blocks, step, step_id, writer)
+    await _record(blocks, step, step_id, writer)
+    return {"label": step.label, "begin_s": began_s, "end_s": asyncio.get_running_loop().time()}
+
+
+async def record_during(step: Acquire, step_id: str, rig: Rig, writer: RunWriter, over: asyncio.Event) -> None:
+    """Records frames until `over` is set."""
+    async with rig.counter(step.role).acquire() as blocks:
+        await _until(over.wait(), blocks, step, step_id, writer)
+    await _record(blocks, step, step_id, writer)
+
+
+async def _until(end: Any, blocks: AsyncIterator[FrameBlock], step: Acquire, step_id: str, writer: RunWriter) -> None:
+    """Records while `end` is awaited; a counter that fails meanwhile ends the waiting."""
+    ending = asyncio.ensure_future(end)
+    recording = asyncio.create_task(_record(blocks, step, step_id, writer), name=f"record {step_id}")
+    try:
+        await asyncio.wait([ending, recording], return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        open_tasks = [task for task in (ending, recording) if not task.done()]
+        for task in open_tasks:
+            task.cancel()
+        if open_tasks:
+            await asyncio.wait(open_tasks)
+    for task in (recording, ending):
+        if not task.cancelled() and (problem := task.exception()) is not None:
+            raise problem
+
+
+async def _turned(table: RateTable, turns: float) -> None:
+    """Returns when the table has turned so far; StepError when it does not turn."""
+    begin, rate = await table.angle(), await table.rate()
+    if rate.value == 0:
+        raise StepError("the table whose turns are counted does not turn; put this step into the 'during' of a rotate")
+    while True:
+        angle = await table.angle()
+        left_deg = turns * TURN_DEG - abs(angle.value - begin.value)
+        if left_deg <= 0:
+            return
+        await asyncio.sleep(max(left_deg / abs(rate.value) / 2, TURN_LOOK_S))
+
+
+async def _record(blocks: AsyncIterator[FrameBlock], step: Acquire, step_id: str, writer: RunWriter) -> None:
+    async for block in blocks:
+        writer.frames(step.role, step_id, block)
+
+
+async def measure(step: Measure, step_id: str, bench: Bench) -> Mapping[str, Any]:
+    """One value, less the tare where asked, and what the limits say of it; its standard uncertainty where known."""
+    value, u, unit = await _value(step.reading, step.duration_s, step_id, bench)
+    if step.net:
+        tares = bench.journal.state.tares
+        if step.reading not in tares:
+            raise StepError(f"{step.reading} has not been tared; put a tare step before this one")
+        value -= tares[step.reading]
+    found: dict[str, Any] = {"reading": step.reading, "value": value, "unit": unit, "u": u}
+    if step.name is not None:
+        found["as"] = step.name
+    if step.limits is not None:
+        limits = limits_in(step.limits, unit)
+        judged = judge(value, u, limits)
+        found |= {
+            "limits": {"min": limits.low, "max": limits.high, "guard": limits.guard_k},
+            "verdict": judged.verdict, "marginal": judged.marginal,
+        }  # fmt: skip
+        if judged.verdict != "PASS":
+            bench.notice(f"{step_id}: {step.reading} is {value:.6g} {unit}: {judged.verdict}")
+    return found
+
+
+async def tare(step: Tare, step_id: str, bench: Bench) -> Mapping[str, Any]:
+    """The mean that later measures start from."""
+    value, u, unit = await _value(step.reading, step.duration_s, step_id, bench)
+    return {"tare": step.reading, "value": value, "unit": unit, "u": u}
+
+
+async def _value(name: str, duration_s: float | None, step_id: str, bench: Bench) -> tuple[float, float | None, str]:
+    """A reading's mean over a time or its newest value, its standard uncertainty where it is known, and its unit."""
+    if is_pulse_rate(name, bench.file):
+        return *await _pulse_rate(name, duration_s or 0.0, step_id, bench), PULSE_RATE
+    unit = bench.monitor.unit_of(name)
+    await asyncio.sleep(duration_s or 0.0)
+    window = bench.monitor.last(name, duration_s or 0.0)
+    if not len(window):
+        raise StepError(f"{name} has given no value yet. Check the device, or wait before measuring.")
+    values = window[:, 1]
+    mean = float(values.mean())
+    scatter = float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0
+    return mean, _uncertainty(name, mean, scatter, bench.file), unit
+
+
+def _uncertainty(name: str, value: float, scatter: float, file: BenchFile) -> float | None:
+    """Of the scatter of the mean and the certificate of a named reading; None without a certificate."""
+    entry = file.readings.get(name)
+    if entry is None or entry.calibration is None:
+        return None
+    certificate = entry.calibration
+    return math.hypot(scatter, certificate.U.offset / certificate.k, certificate.U.gain * value / certificate.k)
+
+
+async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) -> tuple[float, float | None]:
+    """The net pulse rate of a counter's channel, counted for a time; the frames are kept with the step."""
+    role, _, channel = name.partition(".")
+    options = bench.file.devices[role].options
+    counter = bench.rig.counter(role)
+    if not isinstance(options, CounterOptions):
+        raise StepError(f"the pulses of {role} cannot be counted here")
+    block = await _frames(counter, duration_s)
+    if len(block):
+        bench.writer.frames(role, step_id, block)
+    rate = mean_rate(CountDecoder(options, options.dbc.parent).counts(block)[channel])
+    if math.isnan(rate.net_pps):
+        raise StepError(f"{name}: too few latches came in {duration_s:g} s; count longer, or check the counter")
+    return rate.net_pps, RESOLUTION_COUNTS / rate.span_s
+
+
+async def _frames(counter: PulseCounter, duration_s: float) -> FrameBlock:
+    """All frames of a time."""
+    kept: list[FrameBlock] = []
+
+    async def keep(blocks: AsyncIterator[FrameBlock]) -> None:
+        async for block in blocks:
+            kept.append(block)  # noqa: PERF401  a comprehension would lose what came before the end
+
+    gate = asyncio.timeout(duration_s)
+    async with counter.acquire() as blocks:
+        try:
+            async with gate:
+                await keep(blocks)
+        except TimeoutError:
+            if not gate.expired():  # a silent counter is a TimeoutError too
+                raise
+    await keep(blocks)
+    return FrameBlock.joined(kept) if kept else FrameBlock.empty()

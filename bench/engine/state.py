@@ -1,0 +1,103 @@
+"""What a run has come to, as a fold over its journal: the engine keeps it up to date by the entries that it writes.
+
+Reading the journal again gives the same state. The values that expressions see are part of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+from bench.sequence.expressions import Value
+from drivers.quantities import Quantity
+from drivers.units import parse_unit
+
+
+class Entry(Protocol):
+    """An entry of a journal."""
+
+    @property
+    def kind(self) -> str:
+        """What happened."""
+
+    @property
+    def step(self) -> str:
+        """The step that it happened in; "" outside steps."""
+
+    @property
+    def data(self) -> Mapping[str, Any]:
+        """What is known of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunState:
+    """Which steps are under way and how many are done, what was measured, what holds the run, and what went wrong.
+
+    `held` are the reasons why no step begins. `left_out` are steps that were skipped, or failed and were passed over.
+    `limits_failed` are measurements outside their limits, and those that could not be decided are `undecided`.
+    """
+
+    under_way: tuple[str, ...] = ()
+    done: int = 0
+    variables: Mapping[str, Value] = field(default_factory=dict)
+    tares: Mapping[str, float] = field(default_factory=dict)
+    held: frozenset[str] = frozenset()
+    left_out: tuple[str, ...] = ()
+    limits_failed: tuple[str, ...] = ()
+    undecided: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()
+    questions: tuple[str, ...] = ()
+
+
+def replayed(entries: Iterable[Entry]) -> RunState:
+    """The state that the entries of a journal lead to."""
+    state = RunState()
+    for entry in entries:
+        state = advanced(state, entry.kind, entry.step, entry.data)
+    return state
+
+
+def advanced(state: RunState, kind: str, step: str, data: Mapping[str, Any]) -> RunState:
+    """The state after one more entry; kinds that say nothing about it leave it as it is."""
+    match kind:
+        case "step_begins":
+            return replace(state, under_way=(*state.under_way, step))
+        case "step_ended":
+            return _ended(replace(_without(state, step), done=state.done + 1), step, data)
+        case "step_failed" | "step_cut" | "answered":
+            return _without(state, step)
+        case "left_out":
+            return replace(state, left_out=(*state.left_out, step))
+        case "held":
+            return replace(state, held=state.held | {str(data["by"])})
+        case "released":
+            return replace(state, held=state.held - {str(data["by"])})
+        case "asked":
+            return replace(state, questions=(*state.questions, step))
+        case "problem":
+            return replace(state, problems=(*state.problems, str(data["text"])))
+        case _:
+            return state
+
+
+def _without(state: RunState, step: str) -> RunState:
+    under_way = tuple(other for other in state.under_way if other != step)
+    questions = tuple(other for other in state.questions if other != step)
+    return replace(state, under_way=under_way, questions=questions)
+
+
+def _ended(state: RunState, step: str, data: Mapping[str, Any]) -> RunState:
+    if "as" in data:
+        value: Any = data["value"]
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            unit = parse_unit(data["unit"])
+            value = Quantity(float(value) * float(unit.factor), unit.dimension)
+        state = replace(state, variables={**state.variables, str(data["as"]): value})
+    if "tare" in data:
+        state = replace(state, tares={**state.tares, str(data["tare"]): float(data["value"])})
+    if data.get("verdict") == "FAIL":
+        return replace(state, limits_failed=(*state.limits_failed, step))
+    if data.get("verdict") == "INVALID":
+        return replace(state, undecided=(*state.undecided, step))
+    return state

@@ -1,0 +1,133 @@
+"""Steps that hold steps: loops, alternatives, branches, attempts, other sequences."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
+
+from pydantic import AfterValidator, ConfigDict, Field, WithJsonSchema, model_validator
+
+from bench.errors import CODES
+from bench.sequence.inside import AnyBlock, Steps
+from bench.sequence.step_fields import OnFailure
+from bench.sequence.values import VALUE_SCHEMA
+from drivers.errors import CODES as DEVICE_CODES
+from drivers.fields import NAME, NOT_EMPTY, Name, Seconds, StrictModel, TextLike, WholeNumber
+from drivers.suggest import did_you_mean
+from drivers.units import quoted
+from drivers.wording import telling
+
+RETRIED = (*DEVICE_CODES, *CODES)
+
+
+def _variables(raw: object) -> object:
+    """The name of a loop's variable, or a mapping of names to what each goes through."""
+    for name in raw if isinstance(raw, Mapping) and raw else [raw]:
+        NAME.validate(name)
+    return raw
+
+
+_NAME_SCHEMA = {"type": "string", "pattern": f"^(?:{NAME.pattern})$"}
+_VARIABLES_SCHEMA = {
+    "anyOf": [
+        _NAME_SCHEMA,
+        {"type": "object", "minProperties": 1, "propertyNames": _NAME_SCHEMA, "additionalProperties": VALUE_SCHEMA},
+    ]
+}
+_ONE_FORM: dict[str, Any] = {"if": {"properties": {"for_each": {"type": "string"}}}, "then": {"required": ["in"]}}
+
+
+class ForEach(StrictModel):
+    """Does steps again for each value of a list or range; the name holds the value inside.
+
+    With a mapping of names to lists, for each combination: the last name goes round fastest.
+    """
+
+    model_config = ConfigDict(json_schema_extra=_ONE_FORM)
+
+    variable: Annotated[Any, AfterValidator(_variables), WithJsonSchema(_VARIABLES_SCHEMA)] = Field(alias="for_each")
+    values: Any = Field(
+        None, alias="in", description="the values it goes through: a list, a range, or an expression of one"
+    )
+    steps: Steps = Field(description="done for each")
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        if isinstance(self.variable, Mapping):
+            if "values" in self.model_fields_set:
+                raise telling("with a mapping of names to lists there is no 'in'")
+        elif "values" not in self.model_fields_set:
+            raise telling("the key 'in' is missing")
+        return self
+
+
+class Repeat(StrictModel):
+    """Does steps again and again, so many times."""
+
+    count: Any = Field(alias="repeat")
+    steps: Steps = Field(description="done each time")
+
+
+class Group(StrictModel):
+    """Steps under a name, which their ids then hold. Its teardown runs also when its setup or its steps fail."""
+
+    name: Name = Field(alias="group")
+    setup: tuple[AnyBlock, ...] = Field((), description="done first")
+    steps: Steps = Field(description="done then")
+    teardown: tuple[AnyBlock, ...] = Field((), description="done at the end, also after a failure")
+    on_failure: OnFailure | None = Field(
+        None, description="what the run does when one of them fails; it stops unless given"
+    )
+
+
+class If(StrictModel):
+    """Does steps when a condition is true, others when it is not."""
+
+    condition: Any = Field(alias="if")
+    then: Steps = Field(description="done when it is true")
+    otherwise: tuple[AnyBlock, ...] = Field((), alias="else", description="done when it is not")
+
+
+class While(StrictModel):
+    """Does steps again as long as a condition is true, and at most so often."""
+
+    condition: Any = Field(alias="while")
+    at_most: Any = Field(description="how many passes at most")
+    steps: Steps = Field(description="done in each pass")
+
+
+class Parallel(StrictModel):
+    """Does branches at the same time, each with devices of its own; it ends when all have ended."""
+
+    branches: Annotated[Mapping[Name, Steps], NOT_EMPTY] = Field(alias="parallel")
+
+
+class Call(StrictModel):
+    """Does what another sequence beside this one says, with parameters given to it; its results are not taken over."""
+
+    file: Annotated[str, TextLike(r"[a-z][a-z0-9_]*\.yaml", "the name of a sequence file beside this one")] = Field(
+        alias="call"
+    )
+    with_: Mapping[Name, Any] = Field(
+        default_factory=dict, alias="with", description="its parameters and what they are"
+    )
+
+
+def _code(code: str) -> str:
+    if code not in RETRIED:
+        raise telling(f"there is no kind of error {quoted(code)}{did_you_mean(code, RETRIED)}")
+    return code
+
+
+class Retry(StrictModel):
+    """Does steps again when one of them fails, so many attempts in all; by default after any error of a device."""
+
+    attempts: Annotated[WholeNumber, Field(ge=2, le=100)] = Field(alias="retry")
+    delay_s: Seconds = Field(0.0, alias="delay", description="the time between two attempts")
+    on: Annotated[tuple[Annotated[str, AfterValidator(_code)], ...], NOT_EMPTY] = Field(
+        DEVICE_CODES, description="the codes of errors after which it is tried again; all of a device unless given"
+    )
+    steps: Steps = Field(description="done in each attempt")
+
+
+Block = ForEach | Repeat | Group | If | While | Parallel | Call | Retry

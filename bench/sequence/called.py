@@ -1,0 +1,59 @@
+"""Sequences that another one calls: found beside it, with the parameters that it gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from bench.config.document import Document, Place, Problem, read_document
+from bench.errors import InputError
+from bench.sequence.expressions import Value, ValueProblem
+from bench.sequence.model import Outline
+from bench.sequence.outline import outline_of
+from bench.sequence.scope import Scope
+from drivers.suggest import did_you_mean
+
+DEPTH_LIMIT = 8  # sequences that call one another
+
+
+def read_called(folder: Path, name: str, callers: tuple[Path, ...]) -> tuple[Document, Outline, list[Problem]]:
+    """A called file, its outline and what is wrong with its steps; ValueProblem when it cannot be called at all."""
+    path = folder / name
+    if path.resolve() in callers:
+        chain = " calls ".join(caller.name for caller in callers[callers.index(path.resolve()) :])
+        raise ValueProblem(f"{chain} calls {name}: a sequence cannot call itself")
+    if len(callers) > DEPTH_LIMIT:
+        raise ValueProblem(f"sequences call one another more than {DEPTH_LIMIT} deep")
+    try:
+        document = read_document(path)
+        return document, *outline_of(document)
+    except InputError as error:
+        more = f" (and {len(error.problems) - 1} more)" if len(error.problems) > 1 else ""
+        raise ValueProblem(f"{error.problems[0]}{more}") from None
+
+
+def given_to(
+    outline: Outline, wishes: Mapping[str, Any], scope: Scope, place: Place, found: list[Problem]
+) -> dict[str, Value]:
+    """The parameters of a called sequence: what it is given, else its defaults; `found` takes what is wrong."""
+    values: dict[str, Value] = {name: parameter.default for name, parameter in outline.parameters.items()}
+    for name, raw in wishes.items():
+        here = (*place, name)
+        if name not in outline.parameters:
+            found.append((here, f"there is no parameter '{name}'{did_you_mean(name, outline.parameters)}"))
+            continue
+        if scope.waits(raw):
+            found.append((here, f"'{name}' depends on a measurement; what is called must be known before the run"))
+            continue
+        try:
+            value = scope.value(raw)
+        except ValueProblem as problem:
+            found.append((here, f"{name}: {problem}"))
+            continue
+        refusal = "is not known" if value is None else outline.parameters[name].problem_with(value)
+        if value is None or refusal:
+            found.append((here, f"'{name}' {refusal}"))
+        else:
+            values[name] = value
+    return values

@@ -1,0 +1,57 @@
+"""Steps that plug-ins bring: `custom: NAME` with settings of the plug-in's own.
+
+The entry-point group `inertial_test_bench.steps` finds their descriptions; what does the step is imported when it runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import entry_points
+from typing import Any
+
+from pydantic import BaseModel, Field
+
+from bench.sequence.step_fields import StepBase
+from drivers.fields import Name
+
+ENTRY_POINTS = "inertial_test_bench.steps"
+
+
+def _no_time(_: Any) -> float:
+    return 0.0
+
+
+@dataclass(frozen=True)
+class StepDescription:
+    """A plug-in's step as a sequence sees it.
+
+    `settings` validates what stands under `with`. `target` is "module:function", an
+    `async def function(settings, bench: bench.engine.actions.Bench) -> Mapping[str, Any]` whose result goes into the
+    journal. `capability` is what the step's role must be, "" when it needs no device. `takes_s` tells from the settings
+    how long it takes.
+    """
+
+    name: str
+    title: str
+    target: str
+    settings: type[BaseModel]
+    capability: str = ""
+    takes_s: Callable[[Any], float] = _no_time
+
+
+class Custom(StepBase):
+    """A step of a plug-in, with the settings that it takes; `role` is the device that it acts on, if it does."""
+
+    name: Name = Field(alias="custom")
+    role: Name | None = Field(None, description="the device that it acts on")
+    settings: Mapping[str, Any] = Field(
+        default_factory=dict, alias="with", description="the settings of the plug-in's step"
+    )
+
+
+@lru_cache(maxsize=1)
+def known_steps() -> Mapping[str, StepDescription]:
+    """Every installed plug-in's step by name."""
+    return {point.name: point.load() for point in entry_points(group=ENTRY_POINTS)}

@@ -1,0 +1,74 @@
+"""What all steps have in common, and the kinds of values that only steps have."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import ConfigDict, Field, PlainValidator, ValidationInfo, WithJsonSchema, model_validator
+
+from drivers.fields import PositiveSeconds, StrictModel, is_deferred
+from drivers.quantities import Quantity, as_quantity, parse
+from drivers.units import QuantityError
+from drivers.wording import expected, telling
+
+OnFailure = Literal["stop", "continue", "ask"]
+Text = Annotated[str, Field(min_length=1, max_length=500)]
+UNKNOWN = Quantity(math.nan)  # what an expression has whose value is not known yet
+
+
+class StepBase(StrictModel):
+    """What every step may say: how long it may take at most, and what happens when it fails."""
+
+    timeout_s: PositiveSeconds | None = Field(None, alias="timeout", description="the longest it may take")
+    on_failure: OnFailure | None = Field(None, description="what the run does when it fails; it stops unless given")
+
+    @property
+    def least_s(self) -> float:
+        """The time that the step takes at least, by what it says itself."""
+        return 0.0
+
+    @model_validator(mode="after")
+    def _can_end_in_time(self) -> Self:
+        if self.timeout_s is not None and self.timeout_s <= self.least_s:
+            raise telling(f"its timeout of {self.timeout_s:g} s is over before the {self.least_s:g} s that it takes")
+        return self
+
+
+def _any_quantity(raw: object, info: ValidationInfo) -> Quantity:
+    if isinstance(raw, str) and "${" in raw and is_deferred(info.context):
+        return UNKNOWN
+    try:
+        if isinstance(raw, str) and raw:
+            return parse(raw)
+        return as_quantity(raw)
+    except QuantityError as problem:
+        if isinstance(raw, str) and raw:
+            raise telling(str(problem)) from None
+        raise expected("a quantity like 20 °C", raw) from None
+
+
+# A quantity whose unit is that of the reading it is compared with.
+AnyQuantity = Annotated[
+    Quantity, PlainValidator(_any_quantity), WithJsonSchema({"type": ["number", "string"], "minLength": 1})
+]
+
+
+def is_known(value: Quantity | None) -> bool:
+    """Whether a value is there, and no expression that waits for a measurement."""
+    return value is not None and not math.isnan(value.base_value)
+
+
+def one_of(*keys: tuple[str, ...]) -> ConfigDict:
+    """For editors: of several sets of keys a step has exactly one."""
+    return ConfigDict(json_schema_extra={"oneOf": [{"required": list(names)} for names in keys]})
+
+
+def choice_of(keys: dict[str, Any], what: str) -> str:
+    """The one key of several that a step gives; raises when it gives none of them, or two."""
+    given = [key for key, value in keys.items() if value is not None]
+    if len(given) != 1:
+        found = f"has {' and '.join(given)}" if given else "has none of them"
+        names = [*keys]
+        raise telling(f"{what} needs one of {', '.join(names[:-1])} and {names[-1]}, it {found}")
+    return given[0]

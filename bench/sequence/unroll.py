@@ -1,0 +1,234 @@
+"""What each kind of step and block in a document comes to in a plan."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from bench.config.document import Place
+from bench.sequence.blocks import Retry
+from bench.sequence.expressions import Value, ValueProblem
+from bench.sequence.inside import UNROLLED
+from bench.sequence.measuring import Measure
+from bench.sequence.plan import (
+    PHASES,
+    Alternatives,
+    Attempts,
+    Branches,
+    Meanwhile,
+    Node,
+    Nodes,
+    Passes,
+    Phase,
+    PlannedStep,
+    Section,
+    Waiting,
+)
+from bench.sequence.scope import Scope
+from bench.sequence.steps import STEPS
+from bench.sequence.talk import Prompt
+from bench.sequence.values import in_words, spelled
+from drivers.quantities import Quantity
+from drivers.units import NO_DIMENSION
+
+if TYPE_CHECKING:  # which calls what is here for the steps inside a block
+    from bench.sequence.expand import Expansion
+
+Raw = Mapping[str, Any]
+Seen = Counter[str]
+
+
+class Wrong(ValueProblem):
+    """What is wrong with a key of a block."""
+
+    def __init__(self, key: str, problem: str) -> None:
+        super().__init__(problem)
+        self.key = key
+
+
+def nodes_of(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
+    """What a step or a block comes to; raises Wrong. `seen` counts the labels of its siblings before it."""
+    verb = next(iter(block))
+    make = _step if verb in STEPS else _BLOCKS[verb]
+    return make(run, block, here, scope, seen)
+
+
+def _step(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
+    verb = next(iter(block))
+    step = run.step(verb, block, here, scope)
+    if step is None:
+        return
+    name = getattr(step, "name", None) if isinstance(step, (Measure, Prompt)) else None
+    if name is not None and name in scope.names:
+        raise Wrong("as", f"the name '{name}' is taken; choose another")
+    seen[verb] += 1
+    label = _visit(verb, seen)
+    waiting = None
+    if any(scope.waits(raw) for key, raw in block.items() if key != "during"):
+        waiting = Waiting({key: UNROLLED if key == "during" else raw for key, raw in block.items()}, scope.names)
+    planned = PlannedStep(f"{scope.path}/{label}", scope.phase, step, dict(scope.loops), here, waiting)
+    run.note_measured(step, scope)
+    if "during" in block:
+        body = run.nodes(block["during"], (*here, "during"), replace(scope, path=f"{scope.path}/{label}"))
+        yield Meanwhile(planned, body)
+    else:
+        yield planned
+
+
+def _for_each(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
+    variable = block["for_each"]
+    product = isinstance(variable, Mapping)
+    lists = variable if product else {variable: block["in"]}
+    loops = [(name, _values(name, raw, "for_each" if product else "in", scope)) for name, raw in lists.items()]
+    yield from _loop(run, loops, block, here, scope, seen)
+
+
+def _loop(
+    run: Expansion, loops: Sequence[tuple[str, tuple[Value, ...]]], block: Raw, here: Place, scope: Scope, seen: Seen
+) -> Iterator[Node]:
+    """The steps of a loop for each value of its first variable, inside it for each of the others."""
+    (variable, values), *others = loops
+    for value in values:
+        label = f"{variable}={spelled(value)}"
+        seen[label] += 1
+        inside = scope.inside(_visit(label, seen), **{variable: value})
+        if others:
+            yield from _loop(run, others, block, here, inside, Counter())
+        else:
+            yield from run.nodes(block["steps"], (*here, "steps"), inside)
+
+
+def _values(variable: str, raw: Any, key: str, scope: Scope) -> tuple[Value, ...]:
+    """What a loop runs over."""
+    if variable in scope.names or variable in scope.measured:
+        raise Wrong("for_each", f"the name '{variable}' is taken; choose another for this loop")
+    if scope.waits(raw):
+        raise Wrong(key, "depends on a measurement; what a loop goes through must be known before the run")
+    try:
+        values = scope.value(raw)
+    except ValueProblem as problem:
+        raise Wrong(key, str(problem)) from None
+    if not isinstance(values, tuple) or not values:
+        found = "empty" if values == () else in_words(() if values is None else values)
+        raise Wrong(key, f"is {found}, expected a list or a range with at least one value")
+    return values
+
+
+def _repeat(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
+    for number in range(1, _count(block["repeat"], "repeat", scope) + 1):
+        label = f"pass={number}"
+        seen[label] += 1
+        yield from run.nodes(block["steps"], (*here, "steps"), scope.inside(_visit(label, seen)))
+
+
+def _count(raw: Any, key: str, scope: Scope) -> int:
+    """A whole number of at least 1."""
+    if scope.waits(raw):
+        raise Wrong(key, "depends on a measurement; use while, which has a condition")
+    try:
+        value = scope.value(raw)
+    except ValueProblem as problem:
+        raise Wrong(key, str(problem)) from None
+    count = value.base_value if isinstance(value, Quantity) and value.dimension == NO_DIMENSION else 0.0
+    if count < 1 or count != int(count):
+        raise Wrong(key, f"is {in_words(() if value is None else value)}, expected a whole number of at least 1")
+    return int(count)
+
+
+def _group(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
+    name = block["group"]
+    seen[name] += 1
+    inner = scope.inside(_visit(name, seen))
+    yield from _section(run, block, here, inner, block.get("on_failure"), here)
+
+
+def _call(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
+    inner, phases, place = run.call(block, here, scope)
+    label = inner.path.rpartition("/")[2]
+    seen[label] += 1
+    inner = replace(inner, path=f"{scope.path}/{_visit(label, seen)}")
+    yield from _section(run, phases, place, inner, None, here)
+    run.returned()
+
+
+def _section(run: Expansion, phases: Raw, place: Place, scope: Scope, on_failure: Any, here: Place) -> Iterator[Node]:
+    """The phases of a group or a called sequence, in a section of its own where one is needed."""
+    setup, steps, teardown = (
+        run.nodes(phases.get(phase) or (), (*place, phase), _phase_of(scope, phase)) for phase in PHASES
+    )
+    if teardown or on_failure:
+        yield Section(scope.path, (*setup, *steps), teardown, on_failure, here)
+    else:
+        yield from (*setup, *steps)
+
+
+def _phase_of(scope: Scope, phase: Phase) -> Scope:
+    if phase == "steps":
+        return scope
+    inner = replace(scope, path=f"{scope.path}/{phase}")
+    return replace(inner, phase="teardown") if phase == "teardown" else inner
+
+
+def _if(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
+    try:
+        condition = scope.condition(block["if"])
+    except ValueProblem as problem:
+        raise Wrong("if", str(problem)) from None
+    seen["if"] += 1
+    label = _visit("if", seen)
+    if isinstance(condition, bool):
+        branch = "then" if condition else "else"
+        yield from _branch(run, block, here, scope, branch, label)
+        return
+    then, otherwise = (_branch(run, block, here, scope, branch, label) for branch in ("then", "else"))
+    yield Alternatives(f"{scope.path}/{label}", condition, then, otherwise, here)
+
+
+def _branch(run: Expansion, block: Raw, here: Place, scope: Scope, branch: str, label: str) -> Nodes:
+    path = f"{scope.path}/{label.replace('if', branch, 1)}"
+    return run.nodes(block.get(branch) or (), (*here, branch), replace(scope, path=path))
+
+
+def _while(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
+    at_most = _count(block["at_most"], "at_most", scope)
+    seen["while"] += 1
+    label = _visit("while", seen)
+    inside = replace(scope, path=f"{scope.path}/{label}/pass=1")
+    body = run.nodes(block["steps"], (*here, "steps"), inside)  # what it measures, its condition may ask for
+    try:
+        condition = scope.condition(block["while"])
+    except ValueProblem as problem:
+        raise Wrong("while", str(problem)) from None
+    if isinstance(condition, bool):
+        raise Wrong("while", "does not depend on a measurement, so it never changes; use repeat, or if")
+    yield Passes(f"{scope.path}/{label}", condition, at_most, body, here)
+
+
+def _parallel(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
+    seen["parallel"] += 1
+    path = f"{scope.path}/{_visit('parallel', seen)}"
+    branches = {
+        name: run.nodes(raw, (*here, "parallel", name), replace(scope, path=f"{path}/{name}"))
+        for name, raw in block["parallel"].items()
+    }
+    yield Branches(path, branches, here)
+
+
+def _retry(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
+    seen["retry"] += 1
+    path = f"{scope.path}/{_visit('retry', seen)}"
+    model = Retry.model_validate({**block, "steps": UNROLLED})
+    body = run.nodes(block["steps"], (*here, "steps"), replace(scope, path=path))
+    yield Attempts(path, model.attempts, model.delay_s, model.on, body, here)
+
+
+_BLOCKS: Mapping[str, Callable[[Expansion, Raw, Place, Scope, Seen], Iterator[Node]]] = {
+    "for_each": _for_each, "repeat": _repeat, "group": _group, "call": _call, "if": _if, "while": _while,
+    "parallel": _parallel, "retry": _retry,
+}  # fmt: skip
+
+
+def _visit(label: str, seen: Counter[str]) -> str:
+    return label if seen[label] == 1 else f"{label}#{seen[label]}"

@@ -1,0 +1,81 @@
+"""Steps that wait: for a time, for a reading, for the unit to have the temperature of the chamber."""
+
+from __future__ import annotations
+
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from bench.config.interlocks import ReadingName
+from bench.sequence.step_fields import AnyQuantity, StepBase, is_known
+from drivers.fields import CelsiusPerHour, Name, PositiveCelsius, PositiveSeconds, Seconds, StrictModel
+from drivers.wording import telling
+
+
+class Wait(StepBase):
+    """Lets time pass."""
+
+    duration_s: Seconds = Field(alias="wait")
+
+    @property
+    def least_s(self) -> float:
+        """The time itself."""
+        return self.duration_s
+
+
+class WaitUntil(StepBase):
+    """Waits until a reading is above one value, below another, or both, and has been so for a time."""
+
+    reading: ReadingName = Field(alias="wait_until")
+    above: AnyQuantity | None = Field(None, description="in the unit of the reading")
+    below: AnyQuantity | None = Field(None, description="in the unit of the reading")
+    hold_s: Seconds = Field(0.0, alias="hold", description="how long it must have been so")
+    give_up_after_s: PositiveSeconds = Field(alias="give_up_after", description="so late it is an error")
+
+    @property
+    def least_s(self) -> float:
+        """How long the condition must hold."""
+        return self.hold_s
+
+    @model_validator(mode="after")
+    def _can_come_true(self) -> Self:
+        if self.above is None and self.below is None:
+            raise telling("needs above, or below, or both")
+        if self.above is not None and self.below is not None and is_known(self.above) and is_known(self.below):
+            if self.above.dimension != self.below.dimension:
+                raise telling(f"above is {self.above}, below is {self.below}: they need the same unit")
+            if self.above >= self.below:
+                raise telling(f"nothing is above {self.above} and below {self.below}")
+        if self.give_up_after_s <= self.hold_s:
+            raise telling("'give_up_after' must be longer than 'hold'")
+        return self
+
+
+class Stable(StrictModel):
+    """Stable means: over the last `hold`, max - min within band and a fitted slope within slope."""
+
+    band_c: PositiveCelsius = Field(alias="band", description="how far apart the highest and the lowest value may be")
+    slope_c_per_h: CelsiusPerHour = Field(alias="slope", description="the steepest fitted line")
+    hold_s: PositiveSeconds = Field(alias="hold", description="the time over which both are looked at")
+
+
+class Soak(StepBase):
+    """Waits at a temperature: at least so long, and until a reading is stable."""
+
+    role: Name = Field(alias="soak")
+    at_least_s: Seconds = Field(alias="at_least", description="the shortest time")
+    until_stable: Stable | None = None
+    give_up_after_s: PositiveSeconds | None = Field(
+        None, alias="give_up_after", description="not stable by then is an error"
+    )
+
+    @property
+    def least_s(self) -> float:
+        """The fixed time, or the time to see that it is stable."""
+        return max(self.at_least_s, self.until_stable.hold_s if self.until_stable else 0.0)
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Soak:
+        if self.until_stable is not None and self.give_up_after_s is None:
+            raise telling("'until_stable' needs 'give_up_after': say when to stop waiting")
+        return self

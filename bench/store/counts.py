@@ -1,0 +1,45 @@
+"""From recorded frames to counts, by the DBC that was kept for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bench.analysis.rundata import Counts
+from bench.errors import StoreError
+from drivers.can_counter import wire
+from drivers.can_counter.description import CounterOptions
+from drivers.dbc import Dbc, DbcError
+from drivers.frame_block import FrameBlock
+
+
+class CountDecoder:
+    """Decodes the frames of one counter; StoreError when its DBC in `folder` cannot be read."""
+
+    def __init__(self, options: CounterOptions, folder: Path) -> None:
+        self._options = options
+        path = folder / options.dbc.name
+        try:
+            channels = {name: channel.model_dump() for name, channel in options.channels.items()}
+            dbc = Dbc(path.read_text(encoding="utf-8", errors="replace"))
+            self._format = wire.counter_format(dbc, options.latch.model_dump(), options.latch.tick_period, channels)
+        except (OSError, DbcError) as problem:
+            raise StoreError(f"{path}: the frames of this run cannot be decoded ({problem})") from problem
+
+    def counts(self, block: FrameBlock) -> dict[str, Counts]:
+        """The counts of every channel in these frames."""
+        found = {}
+        for name in self._options.channels:
+            raw = wire.decode_counts(self._format, name, block)
+            found[name] = Counts(
+                sequence=raw.sequence,
+                tick=raw.tick,
+                positive=raw.positive,
+                negative=raw.negative,
+                tick_bits=raw.tick_bits,
+                counter_bits=raw.counter_bits,
+                tick_period_s=self._options.latch.tick_period,
+                max_rate_pps=self._options.max_rate,
+                lost=raw.lost,
+                restarts=raw.restarts,
+            )
+        return found

@@ -1,0 +1,1 @@
+"""Rate tables behind an Acutronic Acutrol3000 controller, in its command language ACL over TCP."""

@@ -1,0 +1,116 @@
+"""What a bench file says of a rate table on an Acutrol3000."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from drivers.acutronic_acl.wire import ByteOrder
+from drivers.description import DriverDescription
+from drivers.fields import (
+    Arcseconds,
+    Degrees,
+    DegreesPerSecond,
+    Hertz,
+    InUnit,
+    PositiveSeconds,
+    Range,
+    StrictModel,
+    WholeNumber,
+)
+from drivers.wording import telling
+
+DegreesPerSecondSquared = Annotated[float, InUnit("°/s²", above=0)]
+
+
+class SettleOptions(StrictModel):
+    """When the axis stands."""
+
+    band: Annotated[float, InUnit("arcsec", above=0)] = Field(description="how far from the target it may be")
+    hold: PositiveSeconds = Field(description="how long it must have been no farther away")
+    give_up: PositiveSeconds = Field(
+        30.0, description="so long after it should stand, turn or swing, it is an error that it does not"
+    )
+
+
+class AclOptions(StrictModel):
+    """How the axis is moved."""
+
+    axis: Annotated[WholeNumber, Field(ge=1, le=9)] = Field(1, description="its number at the controller")
+    rate: DegreesPerSecond = Field(description="of every move")
+    acceleration: DegreesPerSecondSquared = Field(
+        description="of moves, of stops, and of changes of rate for which no other is given"
+    )
+    settle: SettleOptions
+    rate_band: DegreesPerSecond = Field(
+        0.01, description="how far from the rate that was asked for it may turn, and how fast at rest"
+    )
+    approach_distance: Annotated[float, InUnit("°", above=0, at_most=30)] = Field(
+        2.0, description="how far from its target an approach from one side begins"
+    )
+    poll: Annotated[float, InUnit("s", above=0, at_most=5)] = Field(
+        0.1, description="how often a motion is looked at until it is done"
+    )
+    byte_order: ByteOrder = Field("little", description="of the two numbers in front of every answer")
+
+
+class AngleRange(Range):
+    """From `min` to `max`, both allowed; less than a turn apart, since the controller tells angles within one."""
+
+    min: Degrees
+    max: Degrees
+
+    @model_validator(mode="after")
+    def _within_a_turn(self) -> Self:
+        if self.max - self.min >= 360:
+            raise telling("min and max are a turn or more apart; leave limits.angle out for an axis without ends")
+        return self
+
+
+class RateRange(StrictModel):
+    """The fastest turning, either way: `max`."""
+
+    max: DegreesPerSecond
+
+
+class AccelerationRange(StrictModel):
+    """The fastest change of rate: `max`."""
+
+    max: DegreesPerSecondSquared
+
+
+class FrequencyRange(StrictModel):
+    """The fastest sine: `max`."""
+
+    max: Hertz
+
+
+class AclLimits(StrictModel):
+    """What the bench allows the axis; the controller's own limits hold as well."""
+
+    angle: AngleRange | None = Field(None, description="without it the axis has no ends")
+    rate: RateRange
+    acceleration: AccelerationRange
+    frequency: FrequencyRange
+
+
+class AclUncertainty(StrictModel):
+    """What a certificate states of the axis, expanded."""
+
+    zero: Arcseconds = Field(0.0, description="of the angle 0°")
+    harmonics: tuple[Arcseconds, ...] = Field((), description="1, 2, … of the error over a turn")
+    repeatability: Arcseconds = Field(0.0, description="of coming to the same angle again")
+
+
+DESCRIPTION = DriverDescription(
+    name="acutronic_acl",
+    title="rate table on an Acutronic Acutrol3000 (ACL)",
+    capabilities=frozenset({"positioner", "rate_table"}),
+    schemes=frozenset({"tcp"}),
+    target="drivers.acutronic_acl.driver:AcutronicAcl",
+    options=AclOptions,
+    limits=AclLimits,
+    uncertainty=AclUncertainty,
+    channels={"angle": "°", "rate": "°/s"},
+)

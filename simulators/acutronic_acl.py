@@ -1,0 +1,308 @@
+"""A rate table on an Acutrol3000: one axis, its modes and limits, its interlock, its lock-outs, its TCP port."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from drivers import scpi
+from drivers.acutronic_acl import wire
+from drivers.acutronic_acl.wire import (
+    ByteOrder,
+    Dynamics,
+    Interlock,
+    InterlockInput,
+    Mode,
+    Reply,
+    SoftwareFault,
+    Supervisor,
+)
+from simulators.faults import FaultPlan
+from simulators.motion import Slew
+from simulators.world import World
+
+BRAKE_DPS2 = 400.0  # how the table slows down when its drive drops out
+TURN_DEG = 360.0
+DEFAULT_DPS, DEFAULT_DPS2 = 100.0, 100.0
+MESSAGE_LIMIT_BYTES = 32_768
+OK = Reply(wire.NO_ERROR, "OK")
+Handler = Callable[[Sequence[str]], str | None]
+
+
+class Refusal(Exception):
+    """A command that is not carried out. The maker does not publish the error codes: these are our own."""
+
+    def __init__(self, code: int, text: str) -> None:
+        super().__init__(text)
+        self.reply = Reply(code, text)
+
+
+UNKNOWN, BAD_ARGUMENT, NOT_NOW, LOCKED = 1, 2, 3, 4
+
+
+@dataclass
+class Limits:
+    """How fast a mode moves the axis, and changes its rate."""
+
+    rate_dps: float = DEFAULT_DPS
+    acceleration_dps2: float = DEFAULT_DPS2
+
+
+class SimulatedAcutrol:
+    """A controller with one axis without ends, which is the axis of the world; de-energised until it is told.
+
+    A fault drops the drive and latches, with the status as it was, until it is reset. A mode other than OFF is entered
+    at rest only, and a sine is set up before it is entered; jerk is not limited. Angles are told from -180° to 180°.
+    `frozen`: the readings stand still. `stuck`: demands are accepted and the table does not follow.
+    """
+
+    def __init__(
+        self, world: World, faults: FaultPlan, *, axis: int = 1, byte_order: ByteOrder = "little", serial: str = "0"
+    ) -> None:
+        self.faults = faults
+        self.interlock, self.mode = Interlock.OPEN, Mode.OFF
+        self.supervisor = Supervisor(0)
+        self._world, self._axis, self._order = world, str(axis), byte_order
+        self._identity = f"Acutronic R&D USA,Acutrol3000,{serial},A8800-SIM"
+        self._limits = {mode: Limits() for mode in Mode}
+        self._demand_deg = self._demand_dps = 0.0
+        self._sine = (0.0, 0.0, 0.0)  # °, Hz, ° of phase
+        self._slews = (10.0, 10.0)  # °/s, Hz/s
+        self._tripped, self._inputs = SoftwareFault(0), InterlockInput(0)
+        self._latched: Dynamics | None = None  # the status of before a fault
+        self._seen = (0.0, 0.0)
+        self._commands: dict[str, Handler] = {
+            "*IDN?": lambda _: self._identity,
+            "UTILITY:LOCKOUT": lambda words: self._lock(Supervisor.LOCKOUT, words),
+            "UTILITY:REMOTELOCKOUT": lambda words: self._lock(Supervisor.REMOTE_LOCKOUT, words),
+            "INTERLOCK:RESET": self._reset,
+            "INTERLOCK:CLOSE": self._close,
+            "INTERLOCK:OPEN": self._open,
+            "INTERLOCK?": self._on_axis(lambda: self.interlock.value),
+            **{f"MODE:{mode.value.upper()}": self._enter(mode) for mode in Mode},
+            "MODE?": self._on_axis(lambda: self.mode.value),
+            "LIMIT:RATE": self._limit_rate,
+            "LIMIT:ACCELERATION": self._limit_acceleration,
+            "DEMAND:POSITION": self._position,
+            "DEMAND:RATE": self._rate,
+            "DEMAND:OSCILLATOR": self._oscillator,
+            "CONFIGURE:OSCILLATOR": self._configure,
+            "READ:POSITION?": self._on_axis(lambda: _spell(self._read()[0])),
+            "READ:RATE?": self._on_axis(lambda: _spell(self._read()[1])),
+            "STATUS:CSR?": self._register,
+        }
+
+    def session(self) -> AclSession:
+        """A new connection."""
+        return AclSession(self)
+
+    def trip(self, fault: SoftwareFault, inputs: InterlockInput) -> None:
+        """A fault comes up: the drive drops out, the table slows down, the status stays as it was."""
+        self._tripped, self._inputs = self._tripped | fault, self._inputs | inputs
+        self._latched = self._dynamics()
+        self.interlock = Interlock.FAULT
+        self._leave(BRAKE_DPS2)
+
+    def at_panel(self, message: str) -> Reply:
+        """Carries out what somebody asks at the front panel, unless it is locked out."""
+        if Supervisor.LOCKOUT in self.supervisor:
+            return Reply(LOCKED, "front panel locked")
+        return self.execute(message)
+
+    def answer(self, line: bytes) -> bytes:
+        """Carries one message out; its answer as it goes over the wire."""
+        return wire.render(self.execute(line.decode("latin-1").strip()), self._order)
+
+    def execute(self, message: str) -> Reply:
+        """Carries one message out: the answers to its queries, or OK, or the first error."""
+        answers: list[str] = []
+        try:
+            for command in scpi.commands(message):
+                answer = self._handler(command.header)([part.strip() for part in command.argument.split(",")])
+                answers += [] if answer is None else [answer]
+        except Refusal as refusal:
+            return refusal.reply
+        except (ValueError, IndexError):
+            return Reply(BAD_ARGUMENT, "bad argument")
+        return Reply(wire.NO_ERROR, ";".join(answers)) if answers else OK
+
+    def _handler(self, header: str) -> Handler:
+        """What carries out a command, each of whose words may be cut short; READ needs no question mark."""
+        if "READ".startswith(header.partition(":")[0]):
+            header = header.removesuffix("?") + "?"
+        for spelled, handler in self._commands.items():
+            full, given = spelled.removesuffix("?").split(":"), header.removesuffix("?").split(":")
+            same_kind = spelled.endswith("?") == header.endswith("?") and len(full) == len(given)
+            if same_kind and all(part and word.startswith(part) for word, part in zip(full, given, strict=True)):
+                return handler
+        raise Refusal(UNKNOWN, "unknown command")
+
+    def _on_axis(self, answer: Callable[[], str]) -> Handler:
+        def handle(words: Sequence[str]) -> str:
+            self._check_axis(words[0])
+            return answer()
+
+        return handle
+
+    def _check_axis(self, word: str) -> None:
+        if word != self._axis:
+            raise Refusal(BAD_ARGUMENT, "no such axis")
+
+    # Interlock and lock-outs
+
+    def _lock(self, bit: Supervisor, words: Sequence[str]) -> None:
+        locked = {"ON": True, "OFF": False}.get(words[0].upper())
+        if locked is None:
+            raise Refusal(BAD_ARGUMENT, "neither ON nor OFF")
+        self.supervisor = self.supervisor | bit if locked else self.supervisor & ~bit
+
+    def _reset(self, _: Sequence[str]) -> None:
+        if self.interlock is Interlock.FAULT:
+            self.interlock, self._latched = Interlock.OPEN, None
+            self._tripped, self._inputs = SoftwareFault(0), InterlockInput(0)
+
+    def _close(self, words: Sequence[str]) -> None:
+        self._check_axis(words[0])
+        if self.interlock is Interlock.FAULT:
+            raise Refusal(NOT_NOW, "interlock fault")
+        self.interlock = Interlock.CLOSED
+
+    def _open(self, words: Sequence[str]) -> None:
+        self._check_axis(words[0])
+        if self.interlock is Interlock.CLOSED:
+            self.interlock = Interlock.OPEN
+            self._leave(self._limits[Mode.OFF].acceleration_dps2)
+
+    def _leave(self, acceleration_dps2: float) -> None:
+        self.mode = Mode.OFF
+        self._world.turn(0.0, acceleration_dps2)
+
+    # Modes and demands
+
+    def _enter(self, mode: Mode) -> Handler:
+        follow = {Mode.POSITION: self._go, Mode.RATE: self._turn, Mode.SYNTHESIS: self._swing}.get(mode)
+
+        def handle(words: Sequence[str]) -> None:
+            self._check_axis(words[0])
+            if mode is Mode.OFF:
+                self._leave(self._limits[Mode.OFF].acceleration_dps2)
+                return
+            if follow is None or self.interlock is not Interlock.CLOSED:
+                raise Refusal(NOT_NOW, "mode cannot be entered")
+            if mode is not self.mode and self._world.axis.moving(self._world.now()):
+                raise Refusal(NOT_NOW, "axis is moving")
+            self.mode = mode
+            follow()
+
+        return handle
+
+    def _limit_rate(self, words: Sequence[str]) -> None:
+        self._limits_of(words).rate_dps = _positive(words[2])
+
+    def _limit_acceleration(self, words: Sequence[str]) -> None:
+        self._limits_of(words).acceleration_dps2 = _positive(words[2])
+
+    def _limits_of(self, words: Sequence[str]) -> Limits:
+        self._check_axis(words[1])
+        return self._limits[wire.spelled(words[0], Mode)]
+
+    def _position(self, words: Sequence[str]) -> None:
+        self._check_axis(words[0])
+        self._demand_deg = scpi.number(words[1])
+        if self.mode is Mode.POSITION:
+            self._go()
+
+    def _rate(self, words: Sequence[str]) -> None:
+        self._check_axis(words[0])
+        self._demand_dps = scpi.number(words[1])
+        if self.mode is Mode.RATE:
+            self._turn()
+
+    def _oscillator(self, words: Sequence[str]) -> None:
+        self._check_axis(words[0])
+        if self.mode is Mode.SYNTHESIS:
+            raise Refusal(NOT_NOW, "a sine under way is not changed here")
+        self._sine = (scpi.number(words[1]), scpi.number(words[2]), scpi.number(words[3]))
+
+    def _configure(self, words: Sequence[str]) -> None:
+        self._check_axis(words[0])
+        enabled, *slews, kind, law = words[1:6]
+        if [word.upper()[:1] for word in (enabled, kind, law)] != ["E", "P", "L"]:
+            raise Refusal(BAD_ARGUMENT, "only linear slews of an angle are simulated")
+        self._slews = (_positive(slews[0]), _positive(slews[1]))
+
+    def _go(self) -> None:
+        limits, here_deg = self._limits[Mode.POSITION], self._world.axis.encoder_deg(self._world.now())
+        target_deg = here_deg + math.remainder(self._demand_deg - here_deg, TURN_DEG)
+        if not self.faults.active("stuck"):
+            self._world.move(target_deg, limits.rate_dps, limits.acceleration_dps2)
+
+    def _turn(self) -> None:
+        limits = self._limits[Mode.RATE]
+        rate_dps = min(max(self._demand_dps, -limits.rate_dps), limits.rate_dps)
+        if not self.faults.active("stuck"):
+            self._world.turn(rate_dps, limits.acceleration_dps2)
+
+    def _swing(self) -> None:
+        amplitude_deg, frequency_hz, phase_deg = self._sine
+        if not self.faults.active("stuck"):
+            amplitude, frequency = Slew(0.0, amplitude_deg, self._slews[0]), Slew(0.0, frequency_hz, self._slews[1])
+            self._world.swing(amplitude, frequency, phase_deg)
+
+    # Readings
+
+    def _read(self) -> tuple[float, float]:
+        """Angle and rate as they are told, ° and °/s."""
+        if not self.faults.active("frozen"):
+            now, axis = self._world.now(), self._world.axis
+            self._seen = math.remainder(axis.encoder_deg(now), TURN_DEG), axis.rate_dps(now)
+        return self._seen
+
+    def _register(self, words: Sequence[str]) -> str:
+        registers: dict[str, int] = {
+            f"A{self._axis}DYN": self._dynamics(),
+            f"A{self._axis}SWFAULT": self._tripped,
+            f"A{self._axis}INTLK": self._inputs,
+            "SUP0": self.supervisor,
+        }
+        if words[0].upper() not in registers:
+            raise Refusal(BAD_ARGUMENT, "no such register")
+        return str(int(registers[words[0].upper()]))
+
+    def _dynamics(self) -> Dynamics:
+        if self._latched is not None:
+            return self._latched
+        now, axis = self._world.now(), self._world.axis
+        swinging = Dynamics.AT_AMPLITUDE | Dynamics.AT_FREQUENCY if axis.moving(now) else Dynamics(0)
+        reached = {
+            Mode.POSITION: Dynamics.POSITION_COMPLETE, Mode.RATE: Dynamics.RATE_COMPLETE, Mode.SYNTHESIS: swinging
+        }  # fmt: skip
+        return reached.get(self.mode, Dynamics(0)) if axis.done(now) else Dynamics(0)
+
+
+class AclSession:
+    """One connection: messages end with LF or CR LF."""
+
+    def __init__(self, controller: SimulatedAcutrol) -> None:
+        self._controller = controller
+        self._rest = b""
+
+    def feed(self, data: bytes) -> bytes:
+        """Takes bytes in any portions; the answers to the messages that they complete."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > MESSAGE_LIMIT_BYTES:
+            self._rest = b""
+        return b"".join(self._controller.answer(line) for line in lines)
+
+
+def _positive(text: str) -> float:
+    value = scpi.number(text)
+    if value <= 0:
+        raise Refusal(BAD_ARGUMENT, "not above zero")
+    return value
+
+
+def _spell(value: float) -> str:
+    """With five digits after the point, as fine as the encoder; never -0."""
+    return f"{round(value, 5) + 0.0:.5f}"

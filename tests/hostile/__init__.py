@@ -1,0 +1,1 @@
+"""Documents that nobody should write, against everything that reads documents."""
