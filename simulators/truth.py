@@ -20,13 +20,17 @@ from simulators.world import World
 
 @dataclass(frozen=True, slots=True)
 class DwellAsMeasured:
-    """What the results say of a dwell: host time of its middle, indicated temperature, and nominal head angles."""
+    """What the results say of a dwell: host time of its middle, indicated temperature, nominal angles.
+
+    Those of the head, and what the mount of the fixture added, each for every reading.
+    """
 
     key: str
     place: str
     at_s: float
     temperature_c: float
     head_deg: tuple[float, ...]
+    mounted_deg: tuple[float, ...]
 
 
 def truth_record(world: World, dwells: Sequence[DwellAsMeasured]) -> dict[str, Any]:
@@ -57,9 +61,10 @@ def _dwell(world: World, dwell: DwellAsMeasured) -> dict[str, Any]:
     true_s = world.true_time(dwell.at_s)
     times, added_g = np.array(unit.bias_history).T
     drifted_g = float(np.interp(true_s, times, added_g))
+    fixed_deg = settings.fixture.offset_deg + unit.settings.mount_angle_deg
     axis_deg = tuple(
-        settings.fixture.sense * head_deg + settings.fixture.offset_deg + unit.settings.mount_angle_deg
-        for head_deg in dwell.head_deg
+        settings.fixture.sense * head_deg + fixed_deg + mounted_deg
+        for head_deg, mounted_deg in zip(dwell.head_deg, dwell.mounted_deg, strict=True)
     )
     constants = channel_constants(unit.truth, settings.gravity_mps2, axis_deg, dwell.temperature_c, drifted_g)
     return {"temperature_c": dwell.temperature_c, "drifted_g": drifted_g, "axis_deg": axis_deg, **constants}

@@ -52,6 +52,7 @@ class WorldSettings:
     axis: AxisErrors = field(default_factory=AxisErrors)
     axis_acceleration_dps2: float = 40.0
     level_deg: float = 0.0
+    mounted_deg: float = 0.0  # what the mount that units are fixed in adds to their mount angles
     fixture: Fixture = field(default_factory=Fixture)
     chamber: ChamberPhysics = field(default_factory=ChamberPhysics)
     thermometer_lag_s: float = 20.0
@@ -68,6 +69,7 @@ class SimulatedUnit:
         self.truth: UnitTruth = draw_unit(self.settings.unit, settings.seed, place)
         self._index, self._world = index, world
         self._attitude_deg = self.settings.mount_angle_deg + settings.level_deg + settings.fixture.offset_deg
+        self.mounted_deg = settings.mounted_deg
         self._sense = settings.fixture.sense
         self._noise = Noise(self.truth, settings.seed, place)
         self._hysteresis = Hysteresis(self.truth, settings.chamber.start_c)
@@ -106,7 +108,8 @@ class SimulatedUnit:
 
     def force_g(self, at_s: Array) -> tuple[Array, Array, Array]:
         """Specific force along the input, pendulous and output axes, in local g."""
-        above_horizontal = np.radians(self._sense * self._world.axis.true_deg(at_s) + self._attitude_deg)
+        fixed_deg = self._attitude_deg + self.mounted_deg
+        above_horizontal = np.radians(self._sense * self._world.axis.true_deg(at_s) + fixed_deg)
         return np.sin(above_horizontal), np.cos(above_horizontal), np.zeros_like(above_horizontal)
 
     def thermometer_c(self, at_s: Array) -> Array:
@@ -200,6 +203,12 @@ class World:
             if unit.settings.supply == supply and on != (unit.powered_at_s is not None):
                 unit.powered_at_s = now if on else None
                 self.thermal.power(index, on)
+
+    def fix_units(self, mounted_deg: float) -> None:
+        """Somebody fixes all units in another way, which adds `mounted_deg` to their mount angles."""
+        self.before_change()
+        for unit in self.units.values():
+            unit.mounted_deg = mounted_deg
 
     def load_a(self, supply: str) -> float:
         """What the units on a supply draw while its output is on."""

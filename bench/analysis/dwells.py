@@ -106,7 +106,8 @@ def _solved(
 ) -> Dwell:
     """The solution of one dwell; raises IncompleteTumble."""
     head_deg = np.array([acquisition.angle_deg for acquisition in used])
-    angle = np.radians(bench.sense * head_deg + bench.offset_deg + unit.mount_angle_deg + bench.level_deg)
+    fixed_deg = np.array([acquisition.mounted_deg for acquisition in used]) + unit.mount_angle_deg
+    angle = np.radians(bench.sense * head_deg + bench.offset_deg + fixed_deg + bench.level_deg)
     tumble = solve_tumble(angle, np.array(rates))
     sine, cosine = np.sin(angle), np.cos(angle)
     gate_s = np.mean([acquisition.end_s - acquisition.begin_s for acquisition in used])

@@ -37,8 +37,9 @@ class Counts:
 class Acquisition:
     """One acquisition: its step and the group of steps it belongs to, and what the bench did meanwhile.
 
-    `angle_deg` is what the head read back, `set_c` the chamber's set point; `counts` by channel; `temperatures_c` the
-    values of each named reading between `begin_s` and `end_s` of bench time.
+    `angle_deg` is what the head read back, `mounted_deg` what the mount of the fixture adds to the mount angles,
+    `set_c` the chamber's set point; `counts` by channel; `temperatures_c` the values of each named reading between
+    `begin_s` and `end_s` of bench time.
     """
 
     step: str
@@ -50,6 +51,7 @@ class Acquisition:
     set_c: float
     counts: Mapping[str, Counts]
     temperatures_c: Mapping[str, Array]
+    mounted_deg: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +13,10 @@ from bench.analysis.rundata import Acquisition, UnitUnderTest
 from bench.app.devices import open_devices
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
 from bench.app.request import PreparedRun
+from bench.app.technician import Technician
 from bench.clock import Clock, Stopwatch, wall_utc
 from bench.engine.engine import Observer, Outcome
+from bench.engine.questions import Desk
 from bench.errors import BenchError, StoreError
 from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.loop import run as run_loop
@@ -121,6 +123,7 @@ async def _run(prepared: PreparedRun, folder: Path, laboratory: Laboratory | Non
             expected.of_phase("teardown"),
             folder=folder,
             can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
+            on_desk=_technician(prepared, laboratory),
         )
         writer.event("run_ended", how=outcome.how)
     except StoreError as problem:
@@ -133,6 +136,15 @@ async def _run(prepared: PreparedRun, folder: Path, laboratory: Laboratory | Non
             if str(problem) not in outcome.problems:
                 outcome.problems.append(str(problem))
     return _Run(outcome, manifest.instruments(bench, identities), laboratory, clock.monotonic() - began_s)
+
+
+def _technician(prepared: PreparedRun, laboratory: Laboratory | None) -> Callable[[Desk], object] | None:
+    """Who answers in a simulated run: a script, or at full speed somebody who does what he is asked."""
+    bench = prepared.loaded.bench
+    if prepared.script is None and prepared.speed < AS_FAST_AS_POSSIBLE:
+        return None
+    world = laboratory.world if laboratory is not None else None
+    return lambda desk: Technician(desk, prepared.script or {}, bench, world)
 
 
 def _keep_inputs(prepared: PreparedRun, folder: Path) -> dict[str, str]:
@@ -208,4 +220,5 @@ def _dwell(label: str, unit: UnitUnderTest, group: str, members: Sequence[Acquis
         at_s=sum(member.begin_s + member.end_s for member in members) / (2 * len(members)),
         temperature_c=sum(float(member.temperatures_c[unit.temperature].mean()) for member in members) / len(members),
         head_deg=tuple(member.angle_deg for member in members),
+        mounted_deg=tuple(member.mounted_deg for member in members),
     )

@@ -109,6 +109,7 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -
             repeatability_deg=stated.repeatability_u_deg,
         ),
         axis_acceleration_dps2=simulation.head.acceleration,
+        mounted_deg=bench.fixture.mounted_deg(),
         level_deg=stated.level_deg + draw(stated.level_u_deg, "level"),
         fixture=Fixture(stated.sense, stated.offset_deg),
         chamber=ChamberPhysics(

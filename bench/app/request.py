@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bench.config.bench import LoadedBench, load_bench
 from bench.config.load import find
@@ -16,6 +17,9 @@ from bench.sequence.load import load_judged_plan
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Remark
 from drivers.suggest import did_you_mean
+
+if TYPE_CHECKING:  # checking a sequence needs no simulators
+    from bench.app.technician import Script
 
 DEFAULT_BENCH = "simulated"
 
@@ -37,6 +41,7 @@ class RunRequest:
     operator: str = ""
     runs: Path = Path("runs")
     attended: bool = False
+    answers: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,7 @@ class PreparedRun:
     serials: Mapping[str, str]
     seed: int
     warnings: tuple[Remark, ...] = ()
+    script: Script | None = None
 
 
 def load_bench_named(name: str | None, *, simulate: bool = False) -> LoadedBench:
@@ -114,7 +120,23 @@ def prepare(request: RunRequest) -> PreparedRun:
             "Say so with --attended, or simulate every instrument with --simulate."
         )
     seed = loaded.bench.simulation.seed if request.seed is None else request.seed
-    return PreparedRun(request, plan, loaded, speed, _serials(request, loaded), seed, checked.warnings)
+    serials, script = _serials(request, loaded), _script(request, plan, loaded, speed)
+    return PreparedRun(request, plan, loaded, speed, serials, seed, checked.warnings, script)
+
+
+def _script(request: RunRequest, plan: Plan, loaded: LoadedBench, speed: float) -> Script | None:
+    """What a scripted technician answers; None leaves it to people. InputError where nobody could answer."""
+    from bench.app.technician import read_script, unanswered
+
+    if request.answers is not None and not loaded.bench.is_simulated:
+        raise InputError(f"--answers {request.answers}: people answer on a bench with real connections")
+    script = read_script(request.answers, plan, loaded.bench)
+    if speed == math.inf and (missing := unanswered(plan, script)):
+        raise InputError(
+            f"{plan.document.path}: at full speed nobody can type what {', '.join(missing)} asks for. "
+            "Give it with --answers FILE, or run with --speed 60 and answer with 'bench answer'."
+        )
+    return script if request.answers is not None else None
 
 
 def _speed(request: RunRequest, loaded: LoadedBench) -> float:

@@ -153,6 +153,9 @@ def run(
     attended: Annotated[
         bool, typer.Option("--attended", help="Somebody stays with the bench; needed with real connections.")
     ] = False,
+    answers: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="What a scripted technician answers on a simulated bench.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the results as JSON, alone on stdout.")] = False,
 ) -> None:
     """Run a sequence on a bench."""
@@ -178,6 +181,7 @@ def run(
             operator=operator or os.environ.get("USER", ""),
             runs=runs,
             attended=attended,
+            answers=answers,
         )
     )
     _warn(prepared.plan, prepared.warnings)

@@ -147,17 +147,21 @@ class AngleRange(Range):
 
 
 class FixtureEntry(StrictModel):
-    """What holds the units on the head.
-
-    `mounts` are the ways in which a unit can be fixed by hand, by what each adds to the mount angle of its place; the
-    first is how units are fixed when a run begins. At `forbidden` angles of the head something would touch.
-    """
+    """What holds the units on the head."""
 
     serial: Text = Field(description="serial number of the fixture")
     input_axis: InputAxis
     level: Level
-    mounts: Mapping[Name, Degrees] = {}
-    forbidden: tuple[AngleRange, ...] = ()
+    mounts: Mapping[Name, Degrees] = Field(
+        {},
+        description="ways in which units can be fixed by hand, by what each adds to the mount angles; a run begins "
+        "with the first",
+    )
+    forbidden: tuple[AngleRange, ...] = Field((), description="angles of the head at which something would touch")
+
+    def mounted_deg(self, mount: str | None = None) -> float:
+        """What a mount adds to the mount angles; without a name the first one, 0 when there is none."""
+        return self.mounts[mount] if mount is not None else next(iter(self.mounts.values()), 0.0)
 
 
 class CurrentWindow(Range):

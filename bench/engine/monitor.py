@@ -99,6 +99,10 @@ class Monitor:
         channel = self._channels.get(self._source(name))
         return channel.values[-1] if channel and channel.values else None
 
+    def newest(self) -> dict[str, tuple[Reading, str]]:
+        """The newest value of every channel that was read, by its name on this bench, with its unit."""
+        return {channel.name: (channel.values[-1], channel.unit) for channel in self._channels.values()}
+
     def unit_of(self, name: str) -> str:
         """The unit of a reading."""
         return unit_of(name, self._bench) or ""

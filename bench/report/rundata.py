@@ -9,7 +9,7 @@ import numpy as np
 
 from bench.analysis.rundata import Acquisition, BenchRecord, Counts, RunData, UnitUnderTest
 from bench.config.models import BenchFile
-from bench.sequence.dwells import DwellNames
+from bench.sequence.dwells import DwellNames, first_visit
 from bench.store.counts import CountDecoder
 from bench.store.reader import Event, RunReader, Series
 from drivers.can_counter.description import CounterOptions
@@ -35,21 +35,30 @@ def run_data(reader: RunReader, bench: BenchFile, serials: Mapping[str, str], la
     frames = reader.frames_by_step()
     acquisitions = tuple(
         _acquisition(event, dwell, state, frames.get(event.step, {}), decoders, temperatures)
-        for event, dwell, state in _acquired(reader, label)
+        for event, dwell, state in _acquired(reader, bench, label)
     )
     return RunData(label, units, acquisitions, bench_record(bench))
 
 
-def _acquired(reader: RunReader, label: str) -> Iterator[tuple[Event, str, Mapping[str, float]]]:
-    """Finished acquisitions under a label, each with its dwell and with the angle and set point in force."""
-    state = {"angle_deg": 0.0, "set_point_c": float("nan")}
+def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple[Event, str, Mapping[str, float]]]:
+    """Finished acquisitions under a label, each with its dwell and with the angle, mount and set point in force.
+
+    Of a step that was done again only the last time counts.
+    """
+    state = {"angle_deg": 0.0, "mounted_deg": bench.fixture.mounted_deg(), "set_point_c": float("nan")}
     dwells = DwellNames()
+    found: dict[str, tuple[Event, str, Mapping[str, float]]] = {}
     for event in reader.events("step_ended"):
         state.update({key: float(event.data[key]) for key in state if key in event.data})
+        if "mount" in event.data:
+            state["mounted_deg"] = bench.fixture.mounted_deg(event.data["mount"])
         if "set_point_c" in event.data:
-            dwells.ramped(event.step)
+            dwells.ramped(first_visit(event.step))
         if event.data.get("label") == label:
-            yield event, dwells.of(event.step), dict(state)
+            step = first_visit(event.step)
+            found.pop(step, None)
+            found[step] = (event, dwells.of(step), dict(state))
+    yield from found.values()
 
 
 def _acquisition(
@@ -73,6 +82,7 @@ def _acquisition(
         end_s=end_s,
         angle_deg=state["angle_deg"],
         set_c=state["set_point_c"],
+        mounted_deg=state["mounted_deg"],
         counts=counts,
         temperatures_c={name: series.between(begin_s, end_s).values for name, series in temperatures.items()},
     )

@@ -1,4 +1,4 @@
-"""The control socket of a run: pause, resume, stop and abort from another process of the same user.
+"""The control socket of a run: what another process of the same user tells it, and asks of it.
 
 A Unix socket in a folder of the user's own, named in the run's `runner.json`. One line of JSON in, one out. It lives in
 a thread, so that it answers in real time whatever time the run keeps; what it is told is done in the run's own loop.
@@ -26,15 +26,18 @@ from bench.store.runs import json_text, summary, write_whole
 RUNNER = "runner.json"
 ANSWER_S = 10.0
 LINE_LIMIT_BYTES = 4096
+ANSWER_LIMIT_BYTES = 2**20
 
-Handlers = Mapping[str, Callable[[], str]]
+Arguments = Mapping[str, str]
+Handlers = Mapping[str, Callable[[Arguments], str]]
 
 
 @contextmanager
 def control_socket(folder: Path, handlers: Handlers) -> Iterator[None]:
     """Serves `handlers` while inside; each does what its name says, in the running loop, and returns what to answer.
 
-    A handler refuses by raising InputError. Raises StoreError when the socket or `runner.json` cannot be made.
+    A handler is given what was said besides its name; it refuses by raising InputError. Raises StoreError when the
+    socket or `runner.json` cannot be made.
     """
     try:
         address = _own_folder() / f"{os.getpid()}-{folder.name[:40]}.sock"
@@ -54,7 +57,7 @@ def control_socket(folder: Path, handlers: Handlers) -> Iterator[None]:
             path.unlink(missing_ok=True)
 
 
-def tell(run: Path, command: str) -> str:
+def tell(run: Path, command: str, **arguments: str) -> str:
     """Gives a command to a run that is under way; what it answers. Raises InputError when nobody does."""
     found = summary(run)
     try:
@@ -62,8 +65,8 @@ def tell(run: Path, command: str) -> str:
         with socket.socket(socket.AF_UNIX) as client:
             client.settimeout(2 * ANSWER_S)
             client.connect(address)
-            client.sendall(json.dumps({"command": command}).encode() + b"\n")
-            answer = json.loads(client.makefile("rb").readline(LINE_LIMIT_BYTES))
+            client.sendall(json.dumps({"command": command, **arguments}).encode() + b"\n")
+            answer = json.loads(client.makefile("rb").readline(ANSWER_LIMIT_BYTES))
     except (OSError, ValueError, KeyError, TypeError) as problem:
         if found.state != "running":
             raise InputError(f"{found.id}: this run is not under way, it is {found.state}") from None
@@ -107,11 +110,13 @@ class _Request(socketserver.StreamRequestHandler):
         if struct.unpack("3i", credentials)[1] not in (0, os.getuid()):
             return {"refused": "this run belongs to another user"}
         try:
-            handler = self.server.handlers[json.loads(self.rfile.readline(LINE_LIMIT_BYTES))["command"]]
-        except (ValueError, KeyError, TypeError, RecursionError):
+            said = json.loads(self.rfile.readline(LINE_LIMIT_BYTES))
+            handler = self.server.handlers[said.pop("command")]
+            arguments = {str(key): str(value) for key, value in said.items()}
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             return {"refused": f"expected one of {', '.join(self.server.handlers)}"}
         try:
-            return {"done": _in_loop(self.server.loop, handler).result(ANSWER_S)}
+            return {"done": _in_loop(self.server.loop, lambda: handler(arguments)).result(ANSWER_S)}
         except InputError as problem:
             return {"refused": str(problem)}
         except (RuntimeError, TimeoutError):

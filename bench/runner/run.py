@@ -13,9 +13,11 @@ from bench.config.models import BenchFile
 from bench.engine.engine import Engine, Observer, Outcome
 from bench.engine.interlocks import Interlocks
 from bench.engine.monitor import Monitor
-from bench.errors import InputError
+from bench.engine.questions import Desk
 from bench.rig import OpenError, Rig
-from bench.runner.control import Handlers, control_socket
+from bench.runner.commands import commands_of
+from bench.runner.control import control_socket
+from bench.runner.terminal import answers_from_terminal
 from bench.sequence.plan import Plan
 from bench.store.writer import RunWriter
 from drivers.capabilities import Device
@@ -33,11 +35,13 @@ async def run_plan(
     *,
     folder: Path,
     can_pause: bool,
+    on_desk: Callable[[Desk], object] | None = None,
 ) -> tuple[Outcome, Mapping[str, Identity]]:
     """Opens the devices, runs the plan, makes everything safe, closes; how it ended, and who the devices were.
 
     SIGINT: the step ends and teardown runs; a second one, or SIGTERM, drops the teardown. `teardown_s` is its estimated
-    duration, to be told. While it runs a control socket takes commands; it is named in `folder`.
+    duration, to be told. While it runs a control socket takes commands; it is named in `folder`. `on_desk` is given the
+    desk at which questions are asked, before the first one.
     """
     rig = Rig(devices)
     try:
@@ -47,41 +51,18 @@ async def run_plan(
             interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
             monitor = Monitor(rig, bench, interlocks, writer, on_reading)
             engine = Engine(plan, bench, rig, monitor, writer, observer)
-            with _signals(engine, observer, teardown_s), control_socket(folder, _commands(engine, can_pause)):
+            if on_desk is not None:
+                on_desk(engine.desk)
+            commands = commands_of(engine, monitor, can_pause=can_pause)
+            with (
+                _signals(engine, observer, teardown_s),
+                control_socket(folder, commands),
+                answers_from_terminal(engine.desk, observer, can_wait=can_pause),
+            ):
                 return await engine.run(), rig.identities
     except OpenError as problem:
         writer.event("problem", text=str(problem))
         return Outcome("error", [str(problem)]), rig.identities
-
-
-def _commands(engine: Engine, can_pause: bool) -> Handlers:
-    """What the control socket takes, each as a function that does it and says so."""
-
-    def pause() -> str:
-        if not can_pause:
-            raise InputError("in virtual time at full speed nothing can be paused; run it with --speed 60, say")
-        if engine.in_teardown:
-            raise InputError("the teardown is under way, which is not paused")
-        engine.pause()
-        return "it pauses before its next step"
-
-    def resume() -> str:
-        engine.resume()
-        return "it goes on"
-
-    def stop() -> str:
-        engine.stop()
-        return "the step under way ends, teardown runs"
-
-    def stop_after_step() -> str:
-        engine.stop_after_step()
-        return "teardown runs after the step under way"
-
-    def abort() -> str:
-        engine.abort()
-        return "the teardown is dropped, all devices are made safe"
-
-    return {"pause": pause, "resume": resume, "stop": stop, "stop_after_step": stop_after_step, "abort": abort}
 
 
 def _facts(identity: Identity) -> dict[str, Any]:

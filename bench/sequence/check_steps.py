@@ -125,6 +125,8 @@ def limit_problems(  # noqa: C901  one case for each kind of step
 
 
 def _move(step: Move, head: DeviceEntry, target_deg: float) -> Found:
+    if "positioner" not in head.description.capabilities:
+        yield "move", f"'{step.role}' turns at rates only; it cannot be sent to an angle"
     key = "by" if step.by_deg is not None else "to"
     target = list(_beyond(head, step.role, key, "angle", target_deg, "°"))
     yield from target

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 
+def first_visit(step_id: str) -> str:
+    """The id of a step, without the `~2`, `~3`, … that it has in a record when it was done again."""
+    return step_id.partition("~")[0]
+
+
 class DwellNames:
     """Names dwells while the steps of a run are gone through in their order.
 

@@ -33,7 +33,7 @@ BLOCKS: dict[str, type[Step | Block]] = {
 
 # The capability that a verb needs of its role.
 NEEDS: dict[str, tuple[str, ...]] = {
-    "move": ("positioner",),
+    "move": ("positioner", "rate_table"),
     "rotate": ("rate_table",),
     "oscillate": ("rate_table",),
     "set": ("power_supply", "current_source"),

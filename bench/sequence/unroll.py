@@ -195,15 +195,14 @@ def _while(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) ->
     at_most = _count(block["at_most"], "at_most", scope)
     seen["while"] += 1
     label = _visit("while", seen)
-    inside = replace(scope, path=f"{scope.path}/{label}/pass=1")
-    body = run.nodes(block["steps"], (*here, "steps"), inside)  # what it measures, its condition may ask for
     try:
         condition = scope.condition(block["while"])
     except ValueProblem as problem:
         raise Wrong("while", str(problem)) from None
     if isinstance(condition, bool):
         raise Wrong("while", "does not depend on a measurement, so it never changes; use repeat, or if")
-    yield Passes(f"{scope.path}/{label}", condition, at_most, body, here)
+    inside = replace(scope, path=f"{scope.path}/{label}/pass=1")
+    yield Passes(f"{scope.path}/{label}", condition, at_most, run.nodes(block["steps"], (*here, "steps"), inside), here)
 
 
 def _parallel(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:

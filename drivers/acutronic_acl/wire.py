@@ -97,7 +97,7 @@ class Reply(NamedTuple):
 
 
 class State(NamedTuple):
-    """One look at an axis, out of one servo frame: ° within one turn, °/s, and what it is doing."""
+    """One look at an axis, out of one servo frame: °, °/s, and what it is doing."""
 
     angle_deg: float
     rate_dps: float

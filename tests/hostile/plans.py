@@ -50,6 +50,8 @@ def _step(rng: random.Random, level: int) -> Any:
 
 
 def _of_a_step(rng: random.Random, verb: str, key: str, level: int) -> Any:
+    if key == "parallel":
+        return {name: [_step(rng, level + 1)] for name in "ab"}
     if key in _HOLD_STEPS and rng.random() < 0.95:
         return [_step(rng, level + 1) for _ in range(rng.choice((0, 1, 1, 2, 5)))]
     if rng.random() < 0.1:
@@ -59,7 +61,7 @@ def _of_a_step(rng: random.Random, verb: str, key: str, level: int) -> Any:
 
 def calls(rng: random.Random) -> str:
     """Sequences that call others, themselves, what is not there, or a chain of calls that grows tenfold at each link."""
-    name = rng.choice((*NEIGHBOURS, "hostile.yaml", "simulated.yaml", "nothing.yaml", "../smoke.yaml", "/dev/zero", ""))
+    name = rng.choice((*NEIGHBOURS, "hostile.yaml", "simulated.yaml", "nothing.yaml", "../called.yaml", "/dev/zero"))
     given = rng.choice(({}, {"x": corpus.scalar(rng)}, {"x": "${x}"}, {"nothing": 1}, [], None))
     inside: list[Any] = [{"call": name, "with": given}]
     for _ in range(rng.choice((0, 0, 1, 3))):

@@ -63,6 +63,32 @@ def test_an_answer_may_come_split_at_every_byte(end: bytes) -> None:
     run(main(), AS_FAST_AS_POSSIBLE)
 
 
+def test_an_answer_that_is_no_line_is_found_by_its_framing() -> None:
+    def counted(received: bytearray) -> tuple[int, int] | None:
+        """Answers that begin with their length, in one byte."""
+        if not received or len(received) < 1 + received[0]:
+            return None
+        return 1 + received[0], 1 + received[0]
+
+    class Counting(asyncio.Protocol):
+        def connection_made(self, transport: asyncio.BaseTransport) -> None:
+            self.transport = transport
+
+        def data_received(self, data: bytes) -> None:
+            assert data == b"4\n"
+            assert isinstance(self.transport, asyncio.Transport)
+            for part in (b"\x05", b"40", b"\n07"):
+                self.transport.write(part)
+
+    async def main() -> None:
+        line = LineExchange("oracle", Proof(WHO, check_name), framing=counted, pace=PACE)
+        join(line, Counting(), LINE, "oracle")
+        assert await line.ask(b"4", bytes) == b"\x0540\n07"
+        assert await line.ask(b"4", bytes) == b"\x0540\n07"
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
 def test_a_question_waits_until_the_line_is_silent() -> None:
     async def use(line: LineExchange, oracle: Oracle) -> None:
         await value(line, 1)

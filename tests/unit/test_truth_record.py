@@ -184,7 +184,7 @@ def test_a_dwell_has_the_hysteresis_drift_and_warm_up_of_its_middle_though_the_u
     lab.world.power("supply", False)
     lab.wait(5000)
     counter.take()
-    dwell = DwellAsMeasured("tumble/a@temperature=60", "a", 8600.0, 60.25, (1.0, 91.0, 181.0, 271.0))
+    dwell = DwellAsMeasured("tumble/a@temperature=60", "a", 8600.0, 60.25, (1.0, 91.0, 181.0, 271.0), (0.0,) * 4)
     record = json.loads(json.dumps(truth_record(lab.world, [dwell])))
     found = record["dwells"]["tumble/a@temperature=60"]
     true_s = 8600 * (1 + 1e-4)

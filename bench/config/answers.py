@@ -1,0 +1,42 @@
+"""What a scripted technician answers: `--answers FILE`, for runs on simulated instruments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from drivers.fields import Name, Seconds, StrictModel
+from drivers.wording import expected
+
+
+def _as_text(raw: Any) -> Any:
+    """What would be typed: numbers and truths as they are written."""
+    if isinstance(raw, (list, dict)) or raw is None:
+        raise expected("an answer", raw)
+    return str(raw).lower() if isinstance(raw, bool) else str(raw)
+
+
+class Deed(StrictModel):
+    """What the technician really does, whatever he was asked for; nothing when it is empty."""
+
+    mount: Name | None = Field(None, description="the mount of the fixture that he fixes the units in")
+
+
+class ScriptedAnswer(StrictModel):
+    """An answer to the question of one step."""
+
+    answer: Annotated[str, BeforeValidator(_as_text)] | None = Field(
+        None, description="what he answers; by default the first of the choices"
+    )
+    after: Seconds = Field(60.0, description="how long he takes")
+    does: Deed | None = Field(None, description="what he does instead of what is expected; {} for nothing")
+    by: str = Field("scripted technician", description="his name in the record", min_length=1, max_length=100)
+
+
+class AnswersFile(StrictModel):
+    """One file of answers, by the ids of the steps that ask (`bench plan` lists them)."""
+
+    schema_: Literal["itb-answers/1"] = Field(alias="schema")
+    answers: Mapping[str, ScriptedAnswer]
