@@ -32,6 +32,8 @@ from drivers.can_counter.description import CounterOptions
 from drivers.values import Reading
 from simulators.truth import DwellAsMeasured, truth_record
 
+CALLED = "called"  # the folder of sequences that the one of a run calls
+
 
 class RunObserver(Observer, Protocol):
     """Whoever shows a run, from its directory to its results."""
@@ -150,9 +152,13 @@ def _technician(prepared: PreparedRun, laboratory: Laboratory | None) -> Callabl
 def _keep_inputs(prepared: PreparedRun, folder: Path) -> dict[str, str]:
     """Copies what the run depends on into its directory, with hashes."""
     copies = {SEQUENCE_COPY: prepared.plan.document.text, BENCH_COPY: prepared.loaded.document.text}
+    called = prepared.plan.document.all_included()
+    copies |= {f"{CALLED}/{document.path.name}": document.text for document in called}
     for entry in prepared.loaded.bench.devices.values():
         if isinstance(entry.options, CounterOptions):
             copies[entry.options.dbc.name] = entry.options.dbc.read_text(encoding="utf-8", errors="replace")
+    if called:
+        (folder / CALLED).mkdir()
     for name, text in copies.items():
         (folder / name).write_text(text, encoding="utf-8")
     return {name: manifest.file_hash(folder / name) for name in copies}

@@ -38,5 +38,5 @@ class ScriptedAnswer(StrictModel):
 class AnswersFile(StrictModel):
     """One file of answers, by the ids of the steps that ask (`bench plan` lists them)."""
 
-    schema_: Literal["itb-answers/1"] = Field(alias="schema")
-    answers: Mapping[str, ScriptedAnswer]
+    schema_: Literal["itb-answers/1"] = Field(alias="schema", description="what the file is")
+    answers: Mapping[str, ScriptedAnswer] = Field(description="by the id of the step that asks")

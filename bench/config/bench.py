@@ -96,3 +96,7 @@ def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
     if supply is None or "power_supply" not in supply.description.capabilities:
         supplies = [key for key, entry in bench.devices.items() if "power_supply" in entry.description.capabilities]
         yield (*where, "supply"), f"'{place.supply}' is not a power supply{did_you_mean(place.supply, supplies)}"
+    source = bench.devices.get(place.source) if place.source is not None else None
+    if place.source is not None and (source is None or "current_source" not in source.description.capabilities):
+        sources = [key for key, entry in bench.devices.items() if "current_source" in entry.description.capabilities]
+        yield (*where, "source"), f"'{place.source}' is not a current source{did_you_mean(place.source, sources)}"

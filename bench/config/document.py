@@ -1,7 +1,7 @@
 """YAML 1.2 documents, strictly: a small safe subset, and the place of every value.
 
 Refused are files above 64 KiB, text that is not UTF-8, more than 4000 lines, anchors, aliases, tags, merge keys, second
-documents, duplicate keys, nesting beyond 20 and more than 2000 values; all of it before anything is built. The limits
+documents, duplicate keys, nesting beyond 20 and more than 1500 values; all of it before anything is built. The limits
 are what the parser, written in Python, is through with in less than 100 ms, whatever stands in a file.
 Plain scalars are null, true, false, decimal integers and decimal floats; everything else is text, so `on`, `010`,
 `1_000`, `1:30`, `.nan` and dates stay what was written. Characters that a screen does not show, or shows in another
@@ -26,7 +26,7 @@ from drivers.wording import in_words
 SIZE_LIMIT_BYTES = 64 * 1024
 LINE_LIMIT = 4000
 DEPTH_LIMIT = 20
-NODE_LIMIT = 2000
+NODE_LIMIT = 1500
 SCALAR_LIMIT = 4096
 _INVISIBLE = "contains the invisible character U+{:04X}; remove it"
 _ANCHORED = "anchors (&) and aliases (*) are not part of this language; repeat the value, or put text in quotes"
@@ -91,6 +91,14 @@ class Document:
         """Lets another document stand for the part at `place`."""
         owner, inner = self.owner(place)
         owner.included[inner] = other
+
+    def all_included(self) -> list[Document]:
+        """Every document that stands for a part of this one, or of one of them; each file once."""
+        found: dict[Path, Document] = {}
+        for document in self.included.values():
+            found[document.path] = document
+            found.update((inner.path, inner) for inner in document.all_included())
+        return list(found.values())
 
     def owner(self, place: Place) -> tuple[Document, Place]:
         """The document that a part is written in, and its place there."""

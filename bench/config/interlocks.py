@@ -79,10 +79,15 @@ class InterlockBase(StrictModel):
         0.0, alias="good_for", description="how long it must be good before the run goes on after a hold or a pause"
     )
 
+    give_up_after_s: PositiveSeconds = Field(
+        14_400.0, alias="give_up_after", description="when a hold or a pause that does not get good again stops the run"
+    )
+
     @model_validator(mode="after")
     def _goes_on_only_after_a_pause(self) -> Self:
-        if self.then not in PASSING and "good_for_s" in self.model_fields_set:
-            raise telling(f"'good_for' goes with hold and pause: after '{self.then}' the run does not go on")
+        for key, field in (("good_for", "good_for_s"), ("give_up_after", "give_up_after_s")):
+            if self.then not in PASSING and field in self.model_fields_set:
+                raise telling(f"'{key}' goes with hold and pause: after '{self.then}' the run does not go on")
         return self
 
 

@@ -172,11 +172,20 @@ class CurrentWindow(Range):
 
 
 class Nominal(StrictModel):
-    """What a unit of this type is made to be."""
+    """What a unit of this type is made to be.
+
+    `time_constants` and `self_heating` are for estimates of how long it takes to settle.
+    """
 
     K1: Annotated[float, InUnit("A/g", above=0)] = Field(description="scale factor")
     S: Annotated[float, InUnit("Hz/A", above=0)] | None = Field(None, description="scale of its converter")
     max_current: Annotated[float, InUnit("A", above=0)] | None = Field(None, description="the most it may be fed")
+    time_constants: Annotated[tuple[PositiveSeconds, ...], NOT_EMPTY] = Field(
+        (180.0, 60.0), description="with which it follows the air, one behind the other: case, sensor"
+    )
+    self_heating: Annotated[float, InUnit("°C", at_least=0)] = Field(
+        0.0, description="how much warmer than the air it becomes while its supply is on"
+    )
 
 
 class PlaceEntry(StrictModel):

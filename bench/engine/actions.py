@@ -27,7 +27,6 @@ from drivers.quantities import Quantity
 from drivers.units import customary_unit
 
 Found = Mapping[str, Any]  # what a step found, for the journal
-SWEEP_STEPS_PER_OCTAVE = 6
 
 
 @dataclass(frozen=True)
@@ -129,19 +128,13 @@ async def _rotate(step: Rotate, bench: Bench) -> Found:
 
 
 async def _oscillate(step: Oscillate, bench: Bench) -> Found:
-    """A sweep goes in steps of a constant ratio, each for the same time."""
     table = bench.rig.table(step.role)
     bench.angles_deg.pop(step.role, None)
-    frequencies = [step.highest_hz]
-    if step.sweep is not None:
-        octaves = math.log2(step.sweep.to_hz / step.sweep.from_hz)
-        count = max(round(abs(octaves) * SWEEP_STEPS_PER_OCTAVE), 1)
-        frequencies = [step.sweep.from_hz * 2 ** (octaves * index / count) for index in range(count + 1)]
-    for frequency_hz in frequencies:
+    for frequency_hz in step.frequencies_hz:
         await table.oscillate(step.amplitude_deg, frequency_hz)
-        await asyncio.sleep(step.least_s / len(frequencies))
+        await asyncio.sleep(step.least_s / len(step.frequencies_hz))
     await table.stop()
-    return {"frequencies_hz": frequencies}
+    return {"frequencies_hz": list(step.frequencies_hz)}
 
 
 async def _set_output(step: SetOutput, bench: Bench) -> Found:

@@ -61,6 +61,8 @@ class Engine:
         self._body_task: asyncio.Task[None] | None = None
         self._teardown_task: asyncio.Task[None] | None = None
         monitor.on_interlock = self._interlock
+        self._interlocks = {**file.interlocks, **plan.sequence.interlocks}
+        self._giving_up: dict[str, asyncio.TimerHandle] = {}
         self.outcome = Outcome()
 
     @property
@@ -113,7 +115,7 @@ class Engine:
 
     def abort(self) -> None:
         """Ends the step under way and drops the teardown; the devices are made safe."""
-        self._walk.aborting = True
+        self._walk.abort()
         if self._body_task is not None:
             self._body_task.cancel("aborted by the operator")
         if self._teardown_task is not None:
@@ -132,6 +134,8 @@ class Engine:
                 await asyncio.wait([self._teardown_task])
                 self._settle(self._teardown_task)
         finally:
+            for timer in self._giving_up.values():
+                timer.cancel()
             self.outcome.unsafe = await finish(self._make_safe(), MAKE_SAFE_S + 5)
         return self.outcome
 
@@ -141,16 +145,26 @@ class Engine:
         self._observer.notice(change.text)
         if not change.tripped:
             self._control.release(by)
+            if (timer := self._giving_up.pop(change.name, None)) is not None:
+                timer.cancel()
         elif change.action in ("hold", "pause"):
             self._control.hold(by)
+            self._give_up_on(change)
             if change.action == "hold":
                 self._control.cut("hold", lambda step: step.rpartition("/")[2].startswith("ramp"))
         else:
             if change.action == "abort":
-                self._walk.aborting = True
+                self._walk.abort()
                 if self._teardown_task is not None:
                     self._teardown_task.cancel(by)
             self._monitor.report(WindowError(change.text))
+
+    def _give_up_on(self, change: Change) -> None:
+        """Stops the run when an interlock that holds it does not get good again."""
+        most_s = self._interlocks[change.name].give_up_after_s
+        text = f"{change.text} It has not been good again for {most_s / 60:g} min, so that the run is stopped."
+        loop = asyncio.get_running_loop()
+        self._giving_up[change.name] = loop.call_later(most_s, self._monitor.report, WindowError(text))
 
     async def _watched(self, task: asyncio.Task[None]) -> None:
         """Waits for the task; what the monitor finds ends it."""

@@ -30,8 +30,7 @@ class Question:
         answer = answer.strip()
         if self.input is None:
             if answer not in self.choices:
-                expected = ", ".join(self.choices)
-                raise InputError(f"'{answer}' is no answer{did_you_mean(answer, self.choices)}; expected: {expected}")
+                raise InputError(f"'{answer}' is no answer{did_you_mean(answer, self.choices)}")
             return answer
         return _typed(answer, self.input)
 
@@ -40,7 +39,9 @@ class Question:
         """What may be answered, in words."""
         if self.input is None:
             return ", ".join(self.choices)
-        bounds = [f"{word} {bound}" for word, bound in (("from", self.input.min), ("to", self.input.max)) if bound]
+        bounds = [
+            f"{word} {bound}" for word, bound in (("from", self.input.min), ("to", self.input.max)) if bound is not None
+        ]
         return " ".join([f"a value in {self.input.unit}" if self.input.unit else "a text", *bounds])
 
 

@@ -11,10 +11,7 @@ import numpy as np
 
 from bench.engine.monitor import Monitor
 from bench.errors import StepError
-from bench.sequence.waits import Soak, Stable, WaitUntil
-
-LOOK_EVERY_S = 5.0
-WINDOW_COVERAGE = 0.95  # of the hold time must be covered by readings before it is judged
+from bench.sequence.waits import LOOK_EVERY_S, WINDOW_COVERAGE, Soak, Stable, WaitUntil
 
 
 async def until(step: WaitUntil, monitor: Monitor) -> Mapping[str, Any]:

@@ -83,7 +83,14 @@ class Walk:
         self._indices = {planned.id: index for index, planned in enumerate(plan)}
         self._visits: Counter[str] = Counter()
         self._last: PlannedStep | None = None
+        self._teardowns: set[asyncio.Task[None]] = set()  # of groups, those that are under way
         self.aborting = False
+
+    def abort(self) -> None:
+        """No teardown begins any more, and those of groups that are under way end."""
+        self.aborting = True
+        for teardown in self._teardowns:
+            teardown.cancel("aborted")
 
     async def nodes(self, nodes: Nodes) -> None:
         """Does nodes one after the other."""
@@ -103,7 +110,7 @@ class Walk:
             case PlannedStep():
                 await self._leaf(node)
             case Meanwhile():
-                await self._meanwhile(node)
+                await self._leaf(node.step, node.body)
             case Section():
                 await self._section(node)
             case Alternatives():
@@ -148,12 +155,23 @@ class Walk:
         return body
 
     async def _branches(self, node: Branches) -> None:
+        stopped = False
+
+        async def branch(nodes: Nodes) -> None:
+            nonlocal stopped
+            try:
+                await self.nodes(nodes)
+            except Stopped:  # the other branches end the steps that they are at
+                stopped = True
+
         try:
             async with asyncio.TaskGroup() as group:
-                for name, branch in node.branches.items():
-                    group.create_task(self.nodes(branch), name=f"{node.id}/{name}")
+                for name, nodes in node.branches.items():
+                    group.create_task(branch(nodes), name=f"{node.id}/{name}")
         except BaseExceptionGroup as problems:
             raise _first(problems) from problems
+        if stopped:
+            raise Stopped
 
     async def _attempts(self, node: Attempts) -> None:
         for number in range(1, node.count + 1):
@@ -169,52 +187,66 @@ class Walk:
 
     async def _section(self, node: Section) -> None:
         """Its teardown runs however its steps ended, unless the run is aborted."""
+        why: Exception | None = None
         try:
             while await self._failing(node.on_failure, node.id, self.nodes(node.body)):
                 pass
+        except Exception as problem:
+            why = problem
+            raise
         finally:
             if not self.aborting:
-                await self.teardown(node.teardown)
+                await self._undisturbed(node.teardown, why)
 
-    async def _meanwhile(self, node: Meanwhile) -> None:
-        """A step that lasts as long as those inside it."""
-        await self._may_begin(node.step)
-        planned = self._visited(node.step)
-        index = self._indices[planned.id]
-        began_s = await self._begin(planned, index)
-        step = self._ready(planned)
-        if isinstance(step, Acquire):
-            await self._recording(step, planned, node.body)
-            now_s = asyncio.get_running_loop().time()
-            self._journal.write("step_ended", planned.id, label=step.label, begin_s=began_s, end_s=now_s)
-        elif isinstance(step, (Rotate, Oscillate)):
+    async def _undisturbed(self, teardown: Nodes, why: Exception | None) -> None:
+        """A teardown to its end, whatever ends the steps around it meanwhile; only an abort cuts it short.
+
+        When it was cancelled, the cancellation goes on after it, and `why` it ran is not lost.
+        """
+        task = asyncio.create_task(self.teardown(teardown))
+        self._teardowns.add(task)
+        cancelled: asyncio.CancelledError | None = None
+        while not task.done():
             try:
-                await self._on_device(planned, begin_turning(step, self._bench))
-                await self.nodes(node.body)
-            finally:
-                await self._on_device(planned, leave(step, self._bench))
-            self._journal.write("step_ended", planned.id)
-        self._watcher.step_ended(planned, index)
+                await asyncio.wait([task])
+            except asyncio.CancelledError as request:
+                cancelled = request
+        self._teardowns.discard(task)
+        if cancelled is not None or task.cancelled():
+            if why is not None and not isinstance(why, Stopped):
+                self._failed(why)
+            raise cancelled or asyncio.CancelledError
+        task.result()
 
-    async def _recording(self, step: Acquire, planned: PlannedStep, body: Nodes) -> None:
-        over = asyncio.Event()
-        bench = self._bench
+    async def _meanwhile(self, step: Step, planned: PlannedStep, body: Nodes) -> Found:
+        """A step that lasts as long as those inside it."""
+        if isinstance(step, Acquire):
+            return await self._recording(step, planned, body)
+        if isinstance(step, (Rotate, Oscillate)):
+            await begin_turning(step, self._bench)
+            await self.nodes(body)
+            await leave(step, self._bench)
+        return {}
+
+    async def _recording(self, step: Acquire, planned: PlannedStep, body: Nodes) -> Found:
+        over, bench, loop = asyncio.Event(), self._bench, asyncio.get_running_loop()
+        began_s = loop.time()
         try:
             async with asyncio.TaskGroup() as group:
-                group.create_task(
-                    self._on_device(planned, record_during(step, planned.id, bench.rig, bench.writer, over))
-                )
+                group.create_task(record_during(step, planned.id, bench.rig, bench.writer, over))
                 await self.nodes(body)
                 over.set()
         except BaseExceptionGroup as problems:
             raise _first(problems) from problems
+        return {"label": step.label, "begin_s": began_s, "end_s": loop.time()}
 
-    async def _leaf(self, planned: PlannedStep) -> None:
+    async def _leaf(self, planned: PlannedStep, body: Nodes | None = None) -> None:
         """Does a step, again if the operator wishes; whatever it fails with goes by its `on_failure`."""
         await self._may_begin(planned)
-        while await self._failing(planned.step.on_failure, planned.id, self._step(self._visited(planned))):
+        while await self._failing(planned.step.on_failure, planned.id, self._step(self._visited(planned), body)):
             await self._may_begin(planned)
-        self._last = planned
+        if body is None:
+            self._last = planned
 
     async def _may_begin(self, planned: PlannedStep) -> None:
         """Where a pause holds, and a stop after the step under way takes effect; not in a teardown."""
@@ -249,34 +281,55 @@ class Walk:
         self._journal.write("answered", question.step, answer=str(answer.value), by=answer.by)
         return str(answer.value)
 
-    async def _step(self, planned: PlannedStep) -> bool:
-        """One try at a step; whether it is to be done again."""
-        index = self._indices[planned.id]
+    async def _step(self, planned: PlannedStep, body: Nodes | None = None) -> bool:
+        """One try at a step, with the steps that are done meanwhile; whether it is to be done again."""
+        index, step = self._indices[planned.id], planned.step
         await self._begin(planned, index)
         try:
             step = self._ready(planned)
             limit = asyncio.timeout(step.timeout_s)
-            under_way = self._control.under_way[planned.id] = StepUnderWay(limit)
+            under_way = StepUnderWay(limit)
+            if body is None:
+                self._control.under_way[planned.id] = under_way
             try:
                 async with limit:
-                    found = await perform(step, planned.id, self._bench)
+                    doing = (
+                        perform(step, planned.id, self._bench) if body is None else self._meanwhile(step, planned, body)
+                    )
+                    found = await doing
             except TimeoutError:
                 if not limit.expired():  # a silent instrument is a TimeoutError too
                     raise
                 if under_way.wish is not None:
                     return await self._cut(planned, step, under_way.wish)
+                await self._bring_to_rest(step)
                 raise StepError(
                     f"takes longer than its timeout of {step.timeout_s:g} s. Look what it waits for, or allow more."
                 ) from None
             finally:
-                del self._control.under_way[planned.id]
+                self._control.under_way.pop(planned.id, None)
+        except (asyncio.CancelledError, Stopped):
+            self._journal.try_to_write("step_cut", planned.id, wish="end")
+            await self._bring_to_rest(step)
+            raise
         except (DriverError, BenchError) as problem:
             self._journal.try_to_write("step_failed", planned.id, code=code_of(problem), text=str(problem))
+            if isinstance(step, (Rotate, Oscillate)):
+                await self._bring_to_rest(step)
             raise self._in_words(planned, problem) from problem
         await self._end(planned, index, found)
         if found.get("verdict") == "FAIL" and step.on_failure in ("stop", "ask"):
             raise self._in_words(planned, StepError(f"{found['reading']} is outside its limits"))
         return False
+
+    async def _bring_to_rest(self, step: Step) -> None:
+        """What a step has set going ends with it, as far as the device obeys; an abort leaves it to the making safe."""
+        if self.aborting:
+            return
+        try:
+            await leave(step, self._bench)
+        except DriverError as problem:
+            self._watcher.notice(str(problem))
 
     async def _cut(self, planned: PlannedStep, step: Step, wish: str) -> bool:
         """Brings to rest what was cut short; whether it is to be done again."""
@@ -286,7 +339,7 @@ class Walk:
             self._journal.write("left_out", planned.id, why="skipped by the operator", text="")
         return wish != "skip"
 
-    async def _begin(self, planned: PlannedStep, index: int) -> float:
+    async def _begin(self, planned: PlannedStep, index: int) -> None:
         """The intent is on the disk, with all before it, before anything moves; the teardown goes on without a disk."""
         try:
             self._journal.write("step_begins", planned.id)
@@ -295,7 +348,6 @@ class Walk:
             if planned.phase != "teardown":
                 raise
         self._watcher.step_begins(planned, index)
-        return asyncio.get_running_loop().time()
 
     async def _end(self, planned: PlannedStep, index: int, found: Found) -> None:
         try:
@@ -316,13 +368,9 @@ class Walk:
             raise StepError(f"{'; '.join(problems)}. Nothing was sent.")
         return step
 
-    async def _on_device(self, planned: PlannedStep, doing: Doing) -> None:
-        try:
-            await doing
-        except (DriverError, BenchError) as problem:
-            raise self._in_words(planned, problem) from problem
-
     def _in_words(self, planned: PlannedStep, problem: DriverError | BenchError) -> StepFailed:
+        if isinstance(problem, StepFailed):  # of a step inside this one
+            return problem
         text = f"{self._plan.where(planned.place)}: step {planned.id}: {problem}"
         return StepFailed(text, code_of(problem))
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any, Literal
 
 from bench.analysis.finding import COVERAGE, BudgetLine, Finding, TemperatureModel, UnitResult
 from bench.analysis.limits import Limits
 from bench.analysis.rundata import RunData
+from bench.report.measured import OnTheWay, verdicts_of
 from bench.sequence.limits import limits_in
 from bench.sequence.methods import known_methods
 from bench.sequence.model import ResultEntry, SequenceFile
@@ -27,6 +28,7 @@ class Results:
     title: str
     verdict: Verdict
     units: tuple[UnitResult, ...]
+    on_the_way: OnTheWay = field(default_factory=OnTheWay)
 
     def to_json(self) -> dict[str, Any]:
         """The content of `results.json`."""
@@ -40,10 +42,11 @@ class Results:
             ],
             "findings": [_finding(finding) for unit in self.units for finding in unit.findings],
             "models": [_model(model) for unit in self.units for model in unit.models],
+            **self.on_the_way.to_json(),
         }
 
 
-def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str) -> Results:
+def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str, found_on_the_way: OnTheWay) -> Results:
     """The results of a run that ended in `state`; what it holds is reduced even when it did not get to its end.
 
     `data` gives the acquisitions under a label.
@@ -56,7 +59,8 @@ def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str)
         reduce = getattr(import_module(module), function)
         found: Sequence[UnitResult] = reduce(data(entry.data), settings)
         units += [_judged(unit, entry, method.quantities) for unit in found]
-    return Results(sequence.title, _verdict(units, sequence, state), tuple(units))
+    verdict = _verdict(units, sequence, state, found_on_the_way)
+    return Results(sequence.title, verdict, tuple(units), found_on_the_way)
 
 
 def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str]) -> UnitResult:
@@ -73,14 +77,15 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
     )
 
 
-def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str) -> Verdict:
+def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on_the_way: OnTheWay) -> Verdict:
+    """A run that left something out is incomplete, whatever the rest of it says; what failed, failed."""
     ended = _ENDED.get(state)
     if ended == "ERROR":
         return "ERROR"
     if ended == "ABORTED":
         return "ABORTED"
-    verdicts = {unit.verdict for unit in units}
-    if ended or "INCOMPLETE" in verdicts or (sequence.results and not units):
+    verdicts = {unit.verdict for unit in units} | verdicts_of(on_the_way.measurements)
+    if ended or on_the_way.left_out or verdicts & {"INCOMPLETE", "INVALID"} or (sequence.results and not units):
         return "INCOMPLETE"
     return "FAIL" if "FAIL" in verdicts else "PASS"
 

@@ -15,6 +15,7 @@ from bench.report import page, tables
 from bench.report.budgets import Budget, BudgetsOfDwells, budget, budgets_of_dwells
 from bench.report.course import course_of, course_plot
 from bench.report.findings import Results
+from bench.report.measured import OnTheWay
 from bench.report.plots import Plot, unit_plots
 from bench.report.stored import BENCH_COPY, StoredRun
 from bench.report.svg import drawing
@@ -61,6 +62,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str) -> str:
         instruments=instruments,
         course=course,
         sections=sections,
+        on_the_way=results.on_the_way if results is not None else OnTheWay(),
         provenance=page.provenance(run, data),
         documents=_documents(run),
         coverage=COVERAGE,

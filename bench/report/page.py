@@ -13,6 +13,7 @@ from bench.config.devices import Calibration
 from bench.report.shown import decimals, duration
 from bench.report.stored import StoredRun
 from bench.report.words import ENDINGS
+from bench.sequence.dwells import first_visit
 from bench.sequence.methods import known_methods
 
 Facts = list[tuple[str, str]]
@@ -55,6 +56,7 @@ def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
     if ended is None or ended.data["how"] != "completed":
         yield f"The run did not get to its end. {ENDINGS[manifest['state']]}"
         yield from (f"Not finished: step {step}." for step in _unfinished(run))
+    yield from (f"Left out: step {event.step}. {event.data['text']}" for event in run.reader.events("left_out"))
     if not_evaluated and not_evaluated not in manifest["problems"]:
         yield f"The data could not be evaluated: {not_evaluated}"
     if manifest["verdict"] not in (None, verdict):
@@ -62,21 +64,23 @@ def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
 
 
 def _unfinished(run: StoredRun) -> list[str]:
-    """Steps that began and did not end."""
+    """Steps that began and did not end, the last time that they began."""
     began: dict[str, None] = {}
-    for event in run.reader.events("step_begins", "step_ended"):
+    for event in run.reader.events("step_begins", "step_ended", "left_out"):
+        step = first_visit(event.step)
         if event.kind == "step_begins":
-            began[event.step] = None
+            began[step] = None
         else:
-            began.pop(event.step, None)
+            began.pop(step, None)
     return list(began)
 
 
 def notes_of_steps(run: StoredRun) -> Iterator[str]:
     """What the sequence wrote into the record, and when."""
     for event in run.reader.events("step_ended"):
-        if "note" in event.data:
-            yield f"{event.data['note']} ({duration(event.at_s)} after the start)"
+        for kind, words in (("note", ""), ("alarm", "Alarm: ")):
+            if kind in event.data:
+                yield f"{words}{event.data[kind]} ({duration(event.at_s)} after the start)"
 
 
 def past_due(instruments: Sequence[Instrument]) -> Iterator[str]:

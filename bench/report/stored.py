@@ -12,6 +12,7 @@ from bench.analysis.rundata import RunData
 from bench.config.bench import load_kept_bench
 from bench.errors import StoreError
 from bench.report.findings import Results, evaluate
+from bench.report.measured import on_the_way
 from bench.report.rundata import run_data
 from bench.sequence.load import load_sequence
 from bench.store.reader import RunReader
@@ -44,7 +45,7 @@ class StoredRun:
 
     def evaluate(self) -> Results:
         """The findings of the methods that the sequence asks for."""
-        return evaluate(self.sequence, self.data, str(self.manifest["state"]))
+        return evaluate(self.sequence, self.data, str(self.manifest["state"]), on_the_way(self.reader))
 
 
 @contextmanager

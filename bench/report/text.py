@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from bench.analysis.finding import Finding, UnitResult
 from bench.report.findings import Results
+from bench.report.measured import OnTheWay
 from bench.report.shown import SHOWN, duration, shown
 from bench.report.tables import over_run_rows, verdict_rows
 from bench.report.words import flag_in_words
@@ -36,7 +37,17 @@ def results_text(results: Results | None) -> str:
         lines += _dwell_table(unit)
         lines += _summary_table(unit)
         lines += [f"  {flag_in_words(flag)}" for flag in unit.flags]
+    lines += _on_the_way(results.on_the_way)
     return "\n".join([*lines, "", f"Verdict: {results.verdict}", ""])
+
+
+def _on_the_way(found: OnTheWay) -> Iterator[str]:
+    """Single readings with their verdicts, and what was left out."""
+    for each in found.measurements:
+        verdict = (each.verdict or "not judged") + (" marginal" if each.marginal else "")
+        name = each.name or each.reading
+        yield f"  {name:<28} {each.shown:>24} {each.unit:<10} {verdict:<14} {each.limits_shown}".rstrip()
+    yield from (f"  left out: {each.step}: {each.why}" for each in found.left_out)
 
 
 def _dwell_table(unit: UnitResult) -> Iterator[str]:

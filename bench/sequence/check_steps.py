@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
+from bench.sequence.checks_motion import resolution_problems
 from bench.sequence.custom import Custom, known_steps
 from bench.sequence.limits import unit_problems
 from bench.sequence.measuring import Acquire, Measure, Tare
@@ -116,7 +117,9 @@ def limit_problems(  # noqa: C901  one case for each kind of step
                     yield from _in_unit(key, bound, unit_of(step.reading, bench))
         case Measure():
             yield from _measure(step, bench)
-        case Tare() | Acquire() | Wait() | Note() | Alarm() | Custom():
+        case Acquire():
+            yield from resolution_problems(step)
+        case Tare() | Wait() | Note() | Alarm() | Custom():
             pass
         case Prompt():
             yield from _prompt(step, bench)

@@ -13,6 +13,7 @@ from bench.sequence.methods import TEMPERATURE_TUMBLE, TemperatureTumbleSettings
 from bench.sequence.model import ResultEntry
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Found
+from bench.sequence.settling import PEAK_TO_PEAK_SD
 from bench.sequence.stimulus import Move, Ramp
 from bench.sequence.travel import angles_before
 from bench.sequence.waits import Soak
@@ -20,7 +21,6 @@ from bench.sequence.waits import Soak
 TUMBLE_ANGLES = 4  # for K0, K1, K2 and the misalignment: methods.md 1.5
 CONSTANTS = {"c0": "K0", "K1": "K1", "d·K1": "misalignment", "c2": "K2"}  # by the terms of a tumble
 SAME_ANGLE_DIGITS = 3  # of an angle in °
-PEAK_TO_PEAK_SD = 6.0  # what noise spans over a soak, in its standard deviations
 OVER_TEMPERATURE = ("/temperature_coefficient", "/hysteresis", "/model_residual")
 
 Dwells = dict[str, tuple[float | None, list[float]]]

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any, assert_never
 
 from bench.config.models import BenchFile
 from bench.sequence.custom import Custom, known_steps
 from bench.sequence.measuring import Acquire, Measure, Tare
+from bench.sequence.motion import move_s, oscillation_s, rate_change_s
 from bench.sequence.plan import (
+    PHASES,
     Alternatives,
     Attempts,
     Branches,
@@ -30,15 +33,16 @@ from bench.sequence.waits import Soak, Wait, WaitUntil
 
 COMMAND_S = 0.05
 ANSWER_S = 60.0  # what a person takes to read a question, do what it asks, and answer
-STORED_BYTES_PER_LATCH = 12  # three axes after compression
-STORED_BYTES_PER_READING = 40
+# What the run store was found to take: for a latch of three axes after compression, a reading, a step, and itself.
+STORED_BYTES_PER_LATCH, STORED_BYTES_PER_READING, STORED_BYTES_PER_STEP, STORED_BYTES = 36, 25, 250, 25_000
 
 
 @dataclass(frozen=True, slots=True)
 class BenchState:
     """Where a bench stands: the chamber's set point, the angle and the rate of each axis, the level of each output.
 
-    `outputs` are volts or amperes by role, of those that are on.
+    `outputs` are volts or amperes by role, of those that are on; not-a-number where a measurement will tell.
+    `rates_dps` are of the tables that turn on.
     """
 
     set_point_c: float
@@ -49,12 +53,13 @@ class BenchState:
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A step on the time axis of a plan, and the bench when it ends."""
+    """A step on the time axis of a plan when it is first done, the bench when it ends, and how often it may be done."""
 
     step: PlannedStep
     begin_s: float
     duration_s: float
     state: BenchState
+    times: int = 1
 
     @property
     def end_s(self) -> float:
@@ -64,15 +69,20 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """The steps of a plan in its order, each with its time, when all has ended, and bytes in the run store.
+    """The steps of a plan in its order, each with its time, how long each phase takes, and bytes in the run store.
 
     Of alternatives both are there, and the longer one counts. A loop whose end is measured counts as often as it may be
     gone through, attempts once.
     """
 
     spans: tuple[Span, ...]
-    total_s: float
+    phases_s: Mapping[Phase, float]
     size_bytes: int
+
+    @property
+    def total_s(self) -> float:
+        """From the beginning of the first phase to the end of the last."""
+        return sum(self.phases_s.values())
 
     @property
     def steps_s(self) -> tuple[float, ...]:
@@ -80,21 +90,24 @@ class Estimate:
         return tuple(span.duration_s for span in self.spans)
 
     def of_phase(self, phase: Phase) -> float:
-        """From the first step of a phase to its last; 0 without steps."""
-        spans = [span for span in self.spans if span.step.id.startswith(f"{phase}/")]
-        return max(span.end_s for span in spans) - min(span.begin_s for span in spans) if spans else 0.0
+        """How long a phase takes; 0 without steps."""
+        return self.phases_s[phase]
 
 
 def estimate(plan: Plan, bench: BenchFile) -> Estimate:
     """The estimate; roles that the bench lacks count as instantaneous."""
     course = _Course(bench)
-    total_s = course.nodes((*plan.setup, *plan.steps, *plan.teardown), 0.0)
+    phases_s: dict[Phase, float] = {}
+    at_s = 0.0
+    for phase, nodes in zip(PHASES, (plan.setup, plan.steps, plan.teardown), strict=True):
+        end_s = course.nodes(nodes, at_s)
+        phases_s[phase], at_s = end_s - at_s, end_s
     spans = tuple(course.spans)
-    return Estimate(spans, total_s, _size_bytes(spans, total_s, bench))
+    return Estimate(spans, phases_s, _size_bytes(spans, at_s, bench))
 
 
 def _size_bytes(spans: tuple[Span, ...], total_s: float, bench: BenchFile) -> int:
-    counting_s = sum(span.duration_s for span in spans if isinstance(span.step.step, Acquire))
+    counting_s = sum(span.duration_s * span.times for span in spans if isinstance(span.step.step, Acquire))
     period_s = min(
         (getattr(entry.options, "period", 1.0) for entry in bench.devices.values()
          if "pulse_counter" in entry.description.capabilities), default=1.0,
@@ -106,7 +119,7 @@ def _size_bytes(spans: tuple[Span, ...], total_s: float, bench: BenchFile) -> in
         for role, entry in bench.devices.items()
     )
     size = counting_s / period_s * STORED_BYTES_PER_LATCH + total_s * per_s * STORED_BYTES_PER_READING
-    return int(size) + 100_000
+    return int(size) + STORED_BYTES_PER_STEP * sum(span.times for span in spans) + STORED_BYTES
 
 
 class _Course:
@@ -116,6 +129,7 @@ class _Course:
         self._bench = bench
         self._state = BenchState(bench.simulation.chamber.start)
         self._settling = Settling(bench)
+        self._times = 1
         self.spans: list[Span] = []
 
     def nodes(self, nodes: Nodes, at_s: float) -> float:
@@ -129,14 +143,11 @@ class _Course:
                 case Section():
                     at_s = self.nodes((*node.body, *node.teardown), at_s)
                 case Alternatives():
-                    before = self._state
-                    then_s = self.nodes(node.then, at_s)
-                    after, self._state = self._state, before
-                    otherwise_s = self.nodes(node.otherwise, at_s)
-                    self._state = after if then_s >= otherwise_s else self._state
-                    at_s = max(then_s, otherwise_s)
+                    at_s = self._alternatives(node, at_s)
                 case Passes():
+                    self._times *= node.at_most
                     at_s += node.at_most * (self.nodes(node.body, at_s) - at_s)
+                    self._times //= node.at_most
                 case Attempts():
                     at_s = self.nodes(node.body, at_s)
                 case Branches():
@@ -145,20 +156,37 @@ class _Course:
                     assert_never(node)
         return at_s
 
+    def _alternatives(self, node: Alternatives, at_s: float) -> float:
+        """Both begin with the same bench; what comes after them begins with that of the longer one."""
+        before = self._state, copy(self._settling)
+        then_s = self.nodes(node.then, at_s)
+        after = self._state, self._settling
+        self._state, self._settling = before
+        otherwise_s = self.nodes(node.otherwise, at_s)
+        if then_s >= otherwise_s:
+            self._state, self._settling = after
+        return max(then_s, otherwise_s)
+
     def _meanwhile(self, node: Meanwhile, at_s: float) -> float:
         """The step lasts as long as those inside; what it turns comes to rest with them."""
         index = len(self.spans)
-        self._step(node.step, at_s)
-        end_s = self.nodes(node.body, self.spans[index].end_s)
-        rates = {role: rate for role, rate in self._state.rates_dps.items() if role != node.step.step.role}  # type: ignore[union-attr]  # steps with others inside have a role
-        self._state = replace(self._state, rates_dps=rates)
+        began_s = self._step(node.step, at_s)
+        end_s = self.nodes(node.body, began_s)
+        step = node.step.step
+        if isinstance(step, Rotate):
+            rest_s = rate_change_s(step, self._options(step.role))
+            self._turn(step.role, step.rate_dps, end_s - began_s)
+            end_s += rest_s
+        if isinstance(step, (Rotate, Oscillate)):
+            rates_dps = {role: rate for role, rate in self._state.rates_dps.items() if role != step.role}
+            self._state = replace(self._state, rates_dps=rates_dps)
         self.spans[index] = replace(self.spans[index], duration_s=end_s - at_s, state=self._state)
         return end_s
 
     def _step(self, planned: PlannedStep, at_s: float) -> float:
         duration_s = self._duration_s(planned.step, at_s)
         duration_s = 0.0 if math.isnan(duration_s) else duration_s  # where it waits for a measurement
-        self.spans.append(Span(planned, at_s, duration_s, self._state))
+        self.spans.append(Span(planned, at_s, duration_s, self._state, self._times))
         return at_s + duration_s
 
     def _duration_s(self, step: Step, at_s: float) -> float:  # noqa: C901  one case for each kind of step
@@ -167,42 +195,79 @@ class _Course:
                 return self._move_s(step)
             case Rotate():
                 return self._rotate_s(step)
-            case Oscillate() | Wait() | Measure() | Tare():
-                return max(step.least_s, COMMAND_S if isinstance(step, (Oscillate, Measure)) else 0.0)
+            case Oscillate():
+                return oscillation_s(step)
+            case Ramp():
+                return self._ramp_s(step, at_s)
             case SetOutput():
-                self._set(step)
+                self._set(step, at_s)
                 return COMMAND_S
-            case Note() | Alarm():
-                return COMMAND_S
-            case Acquire():
-                return self._acquire_s(step)
-            case Prompt():
-                return ANSWER_S
-            case Custom():
-                return self._custom_s(step)
             case Soak():
                 return self._settling.soak_s(step, at_s)
             case WaitUntil():
                 return self._settling.wait_s(step, at_s)
-            case Ramp():
-                distance_c = abs(step.temperature_c - self._state.set_point_c)
-                duration_s = distance_c / step.rate_c_per_min * 60 + COMMAND_S
-                self._settling.ramp(self._state.set_point_c, step.temperature_c, at_s, duration_s)
-                self._state = replace(self._state, set_point_c=step.temperature_c)
-                return duration_s
+            case Acquire():
+                return self._acquire_s(step)
+            case Wait() | Tare():
+                return step.least_s
+            case Measure():
+                return max(step.least_s, COMMAND_S)
+            case Note() | Alarm():
+                return COMMAND_S
+            case Prompt():
+                return min(ANSWER_S, step.give_up_after_s)
+            case Custom():
+                return _custom_s(step)
             case _:
                 assert_never(step)
 
-    def _set(self, step: SetOutput) -> None:
+    def _move_s(self, step: Move) -> float:
+        from_deg = self._angle_deg(step.role)
+        target_deg = step.target_deg(from_deg)
+        if step.role not in self._bench.devices or math.isnan(target_deg):
+            return step.settle_s
+        self._state = replace(self._state, angles_deg={**self._state.angles_deg, step.role: target_deg})
+        return move_s(step, from_deg, target_deg, self._options(step.role))
+
+    def _rotate_s(self, step: Rotate) -> float:
+        """With steps inside, the time until the rate is reached."""
+        change_s = rate_change_s(step, self._options(step.role))
+        self._turn(step.role, step.rate_dps, change_s)
+        if step.during is not None:
+            self._state = replace(self._state, rates_dps={**self._state.rates_dps, step.role: step.rate_dps})
+            return change_s
+        self._turn(step.role, step.rate_dps, step.least_s)
+        return step.least_s + 2 * change_s
+
+    def _turn(self, role: str, rate_dps: float, duration_s: float) -> None:
+        """The angle goes on; speeding up and coming to rest go as far together as the rate in the time of one."""
+        way_deg = rate_dps * duration_s
+        if math.isfinite(way_deg):
+            angles_deg = {**self._state.angles_deg, role: self._angle_deg(role) + way_deg}
+            self._state = replace(self._state, angles_deg=angles_deg)
+
+    def _ramp_s(self, step: Ramp, at_s: float) -> float:
+        from_c, to_c = self._state.set_point_c, step.temperature_c
+        duration_s = abs(to_c - from_c) / step.rate_c_per_min * 60 + COMMAND_S
+        if math.isfinite(duration_s):
+            self._settling.ramp(from_c, to_c, at_s, duration_s)
+            self._state = replace(self._state, set_point_c=to_c)
+        return duration_s
+
+    def _set(self, step: SetOutput, at_s: float) -> None:
         outputs = {role: level for role, level in self._state.outputs.items() if role != step.role}
         if step.output == "on":
-            levels = (step.voltage_v, step.current_a, step.acceleration_g)
-            outputs[step.role] = next((level for level in levels if level is not None), 0.0)
+            outputs[step.role] = self._level(step)
         self._state = replace(self._state, outputs=outputs)
+        self._settling.power(step.role, step.output == "on", at_s)
 
-    def _custom_s(self, step: Custom) -> float:
-        description = known_steps()[step.name]
-        return max(description.takes_s(description.settings.model_validate(dict(step.settings))), COMMAND_S)
+    def _level(self, step: SetOutput) -> float:
+        """Volts or amperes; not a number where they cannot be known."""
+        if step.acceleration_g is not None:
+            place = self._bench.places.get(step.place or "")
+            return step.acceleration_g * place.nominal.K1 if place and place.nominal else math.nan
+        level = step.voltage_v if step.voltage_v is not None else step.current_a
+        return level if level is not None else math.nan
 
     def _acquire_s(self, step: Acquire) -> float:
         if step.turns is None:
@@ -210,34 +275,14 @@ class _Course:
         rate_dps = abs(self._state.rates_dps.get(step.of or "", math.inf))
         return step.turns * TURN_DEG / rate_dps
 
-    def _rotate_s(self, step: Rotate) -> float:
-        options = self._options(step.role)
-        acceleration: float = step.acceleration_dps2 or getattr(options, "acceleration", None) or 40.0
-        change_s = abs(step.rate_dps) / acceleration
-        if step.during is not None:
-            self._state = replace(self._state, rates_dps={**self._state.rates_dps, step.role: step.rate_dps})
-            return change_s
-        angle_deg = self._angle_deg(step.role) + math.copysign(step.least_s * abs(step.rate_dps), step.rate_dps)
-        self._state = replace(self._state, angles_deg={**self._state.angles_deg, step.role: angle_deg})
-        return step.least_s + 2 * change_s
-
-    def _move_s(self, step: Move) -> float:
-        target_deg = step.target_deg(self._angle_deg(step.role))
-        if step.role not in self._bench.devices or math.isnan(target_deg):
-            return step.settle_s
-        options = self._options(step.role)
-        approach = getattr(options, "approach_distance", 0.0)
-        start = target_deg + {"from_below": -approach, "from_above": approach, "direct": 0.0}[step.approach]
-        rate = getattr(options, "rate", 20.0)
-        ramp_s = rate / getattr(options, "acceleration", 40.0)
-        legs = (abs(start - self._angle_deg(step.role)), abs(target_deg - start))
-        self._state = replace(self._state, angles_deg={**self._state.angles_deg, step.role: target_deg})
-        hold_s = getattr(getattr(options, "settle", None), "hold", 0.0)
-        return sum(leg / rate + ramp_s for leg in legs if leg > 0) + hold_s + step.settle_s
-
     def _options(self, role: str) -> Any:
         device = self._bench.devices.get(role)
         return device.options if device is not None else None
 
     def _angle_deg(self, role: str) -> float:
         return self._state.angles_deg.get(role, 0.0)
+
+
+def _custom_s(step: Custom) -> float:
+    description = known_steps()[step.name]
+    return max(description.takes_s(description.settings.model_validate(dict(step.settings))), COMMAND_S)

@@ -111,26 +111,30 @@ Node = PlannedStep | Meanwhile | Section | Alternatives | Passes | Branches | At
 Nodes = tuple[Node, ...]
 
 
+def within(node: Node) -> tuple[Nodes, ...]:
+    """The nodes inside a node, by the lists that it has."""
+    match node:
+        case PlannedStep():
+            return ()
+        case Meanwhile() | Passes() | Attempts():
+            return (node.body,)
+        case Section():
+            return (node.body, node.teardown)
+        case Alternatives():
+            return (node.then, node.otherwise)
+        case Branches():
+            return tuple(node.branches.values())
+
+
 def leaves(nodes: Nodes) -> Iterator[PlannedStep]:
     """The steps of nodes in the order of the document: of all alternatives, of one pass and one attempt."""
     for node in nodes:
-        match node:
-            case PlannedStep():
-                yield node
-            case Meanwhile():
-                yield node.step
-                yield from leaves(node.body)
-            case Section():
-                yield from leaves(node.body)
-                yield from leaves(node.teardown)
-            case Alternatives():
-                yield from leaves(node.then)
-                yield from leaves(node.otherwise)
-            case Passes() | Attempts():
-                yield from leaves(node.body)
-            case Branches():
-                for branch in node.branches.values():
-                    yield from leaves(branch)
+        if isinstance(node, PlannedStep):
+            yield node
+        elif isinstance(node, Meanwhile):
+            yield node.step
+        for inner in within(node):
+            yield from leaves(inner)
 
 
 def renamed(nodes: Nodes, old: str, new: str) -> Nodes:

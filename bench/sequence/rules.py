@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from bench.config.models import BenchFile
 from bench.sequence.checks_method import soak_never_stable, too_few_angles, too_few_temperatures
+from bench.sequence.checks_motion import forbidden_angle, short_acquisition
 from bench.sequence.checks_names import unused_need, unused_parameter
 from bench.sequence.checks_safety import left_cold, left_energised, limit_below_window, no_teardown
+from bench.sequence.checks_structure import shared_device, unreachable
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Remark, Rule
 
 RULES = (
     Rule("left-energised", "error", "every output is off after the teardown", left_energised),
+    Rule("shared-device", "error", "branches done at the same time have devices of their own", shared_device),
+    Rule("forbidden-angle", "error", "the head keeps away from what the fixture forbids", forbidden_angle),
     Rule("too-few-angles", "error", "a tumble has the angles that its constants need", too_few_angles),
     Rule("too-few-temperatures", "warning", "a model over temperature has the degree asked for", too_few_temperatures),
+    Rule("short-acquisition", "warning", "counting resolves what is asked for", short_acquisition),
+    Rule("unreachable", "warning", "every step can be done", unreachable),
     Rule("soak-never-stable", "warning", "a soak can become stable", soak_never_stable),
     Rule("no-teardown", "warning", "a teardown takes back what moved", no_teardown),
     Rule("left-cold", "warning", "the unit is not left colder than the room", left_cold),

@@ -28,6 +28,7 @@ from drivers.wording import telling
 
 TURN_DEG = 360.0
 SAME_ANGLE_DEG = 1e-6
+SWEEP_STEPS_PER_OCTAVE = 6
 Way = Literal["as_written", "nearest", "increasing", "decreasing"]
 Rate = Annotated[float, InUnit("°/s")]
 Acceleration = Annotated[float, InUnit("°/s²", above=0)]
@@ -136,6 +137,15 @@ class Oscillate(StepBase):
     def highest_hz(self) -> float:
         """The highest frequency, which asks most of the table."""
         return max(self.sweep.from_hz, self.sweep.to_hz) if self.sweep else self.frequency_hz or math.nan
+
+    @property
+    def frequencies_hz(self) -> tuple[float, ...]:
+        """One after the other, each for the same time; those of a sweep go by a constant ratio."""
+        if self.sweep is None:
+            return (self.highest_hz,)
+        octaves = math.log2(self.sweep.to_hz / self.sweep.from_hz)
+        count = max(round(abs(octaves) * SWEEP_STEPS_PER_OCTAVE), 1)
+        return tuple(self.sweep.from_hz * 2 ** (octaves * index / count) for index in range(count + 1))
 
     @model_validator(mode="before")
     @classmethod

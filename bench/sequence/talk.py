@@ -64,7 +64,9 @@ class TypedInput(StrictModel):
         """Something of the kind that is typed, for checking expressions before anybody types."""
         if self.unit is None:
             return "text"
-        return self.min or self.max or Quantity(float(parse_unit(self.unit).factor), parse_unit(self.unit).dimension)
+        unit = parse_unit(self.unit)
+        known = (bound for bound in (self.min, self.max) if bound is not None)
+        return next(known, Quantity(float(unit.factor), unit.dimension))
 
 
 class PhysicalChange(StrictModel):

@@ -11,6 +11,9 @@ from bench.sequence.step_fields import AnyQuantity, StepBase, is_known
 from drivers.fields import CelsiusPerHour, Name, PositiveCelsius, PositiveSeconds, Seconds, StrictModel
 from drivers.wording import telling
 
+LOOK_EVERY_S = 5.0  # how often a step that waits for a reading looks at it
+WINDOW_COVERAGE = 0.95  # of the hold time must be covered by readings before it is judged
+
 
 class Wait(StepBase):
     """Lets time pass."""

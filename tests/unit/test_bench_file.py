@@ -481,8 +481,8 @@ def test_all_slips_are_told_at_once_in_the_order_of_the_file(folder):
         "b.yaml:66:29: compliance: is in A, expected a quantity in V",
         "b.yaml:83:3: input_axis: of at_0 and at_90 one is level and the other up or down: "
         "the axis turns in a vertical plane",
-        "b.yaml:88:3: the key 'channel' is missing",
-        "b.yaml:99:3: seed: is 'one', expected a whole number",
+        "b.yaml:89:3: the key 'channel' is missing",
+        "b.yaml:102:3: seed: is 'one', expected a whole number",
     ]
 
 
@@ -497,11 +497,11 @@ def test_all_names_that_do_not_fit_are_told_at_once_in_the_order_of_the_file(fol
     )
     assert problems(folder, text) == [
         "b.yaml:74:5: there is no device 'countr'; did you mean 'counter'?",
-        "b.yaml:89:5: no counter has a channel 'w'; expected x, y or z",
-        "b.yaml:91:5: there is no reading 'unit_temp'; did you mean 'unit_temperature'?",
-        "b.yaml:92:5: 'suply' is not a power supply; did you mean 'supply'?",
-        "b.yaml:100:13: there is no device 'chambre'; did you mean 'chamber'?",
-        "b.yaml:102:11: there is no place 'b'; expected a",
+        "b.yaml:90:5: no counter has a channel 'w'; expected x, y or z",
+        "b.yaml:92:5: there is no reading 'unit_temp'; did you mean 'unit_temperature'?",
+        "b.yaml:93:5: 'suply' is not a power supply; did you mean 'supply'?",
+        "b.yaml:103:13: there is no device 'chambre'; did you mean 'chamber'?",
+        "b.yaml:105:11: there is no place 'b'; expected a",
     ]
 
 
@@ -516,7 +516,7 @@ def test_a_kept_bench_file_outlives_the_files_that_it_names(tmp_path):
         load_bench(kept)
     assert caught.value.problems == (
         f"{kept}:43:7: dbc: there is no file 'if_counter.dbc' beside this one",
-        f"{kept}:102:11: a: there is no file 'uut/quartz_flexure.yaml' beside this one",
+        f"{kept}:105:11: a: there is no file 'uut/quartz_flexure.yaml' beside this one",
     )
 
 

@@ -1,0 +1,95 @@
+"""Rules on how the steps of a plan go together: at the same time, one after the other, or never."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from bench.config.document import Document, Place
+from bench.config.models import BenchFile
+from bench.sequence.expressions import ValueProblem, names_in
+from bench.sequence.plan import PHASES, Branches, Nodes, Plan, PlannedStep, leaves, within
+from bench.sequence.readings import is_pulse_rate
+from bench.sequence.remarks import Found
+from bench.sequence.values import holds_expression, value_of
+
+
+def shared_device(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A device that two branches want at the same time."""
+    for branches in _parallel((*plan.setup, *plan.steps, *plan.teardown)):
+        owners: dict[str, str] = {}
+        for name, nodes in branches.branches.items():
+            for role, planned in _used(nodes, bench).items():
+                if owners.setdefault(role, name) != name:
+                    yield (
+                        planned.place,
+                        f"'{role}' is used here in branch '{name}', and in branch '{owners[role]}' at the same time",
+                        "Put both into one branch, or do them one after the other",
+                    )
+
+
+def _parallel(nodes: Nodes) -> Iterator[Branches]:
+    for node in nodes:
+        if isinstance(node, Branches):
+            yield node
+        for inner in within(node):
+            yield from _parallel(inner)
+
+
+def _used(nodes: Nodes, bench: BenchFile) -> dict[str, PlannedStep]:
+    """The devices that steps act on, each with the first step that does; readings are for everybody."""
+    used: dict[str, PlannedStep] = {}
+    for planned in leaves(nodes):
+        for key in ("role", "of"):
+            role = getattr(planned.step, key, None)
+            if role is not None and role in bench.devices:
+                used.setdefault(role, planned)
+        reading = getattr(planned.step, "reading", "")
+        if is_pulse_rate(reading, bench):
+            used.setdefault(reading.partition(".")[0], planned)
+    return used
+
+
+def unreachable(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """Steps behind a condition that never changes."""
+    for place, block in _ifs(plan.document, ()):
+        condition = _constant(block["if"])
+        if condition is None:
+            continue
+        never = "else" if condition else "then"
+        if block.get(never):
+            yield (
+                (*place, never),
+                f"the condition is always {str(condition).lower()}, so that these steps are never done",
+                "Write a condition over a parameter or a measurement, or remove these steps",
+            )
+
+
+def _ifs(document: Document, outer: Place) -> Iterator[tuple[Place, dict[str, Any]]]:
+    """Every `if` of a document and of those it calls, with its place."""
+    for phase in PHASES:
+        yield from _ifs_in(document.value.get(phase), (*outer, phase))
+    for place, called in document.included.items():
+        yield from _ifs(called, (*outer, *place))
+
+
+def _ifs_in(raw: Any, place: Place) -> Iterator[tuple[Place, dict[str, Any]]]:
+    if isinstance(raw, dict):
+        if "if" in raw:
+            yield place, raw
+        for key, value in raw.items():
+            yield from _ifs_in(value, (*place, key))
+    elif isinstance(raw, list):
+        for index, value in enumerate(raw):
+            yield from _ifs_in(value, (*place, index))
+
+
+def _constant(raw: Any) -> bool | None:
+    """What a condition without names comes to; None for one with names."""
+    if holds_expression(raw) and names_in(raw[2:-1]):
+        return None
+    try:
+        value = value_of(raw)
+    except ValueProblem:
+        return None
+    return value if isinstance(value, bool) else None

@@ -1,0 +1,50 @@
+"""How long the axes of a bench take to go where a step sends them, by the rates and accelerations of the bench file."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+from bench.sequence.stimulus import Move, Oscillate, Rotate
+
+SEEN_AFTER_S = 0.1  # an axis has arrived, until that is seen
+USUAL_RATE_DPS, USUAL_ACCELERATION_DPS2 = 20.0, 40.0  # of an axis whose driver has no such options
+SINE_GROWS_S, SINE_GROWS_PERIODS = 2.0, 4.0  # until a sine has its amplitude: the longer of both
+_SIDES = {"direct": 0.0, "from_below": -1.0, "from_above": 1.0}
+
+
+def travel_s(way_deg: float, rate_dps: float, acceleration_dps2: float) -> float:
+    """How long an axis takes over a way from rest to rest: a trapezoid of rate, a triangle when the way is short."""
+    ramp_s = min(rate_dps / acceleration_dps2, math.sqrt(abs(way_deg) / acceleration_dps2))
+    return abs(way_deg) / (ramp_s * acceleration_dps2) + ramp_s if way_deg else 0.0
+
+
+def move_s(step: Move, from_deg: float, target_deg: float, options: Any) -> float:
+    """How long a move takes on an axis with these driver options, with its settling.
+
+    An approach goes beyond the angle first only where the axis does not come from that side already.
+    """
+    rate_dps, acceleration_dps2 = getattr(options, "rate", USUAL_RATE_DPS), _acceleration_dps2(options)
+    side = _SIDES[step.approach]
+    begin_deg = target_deg + side * getattr(options, "approach_distance", 0.0)
+    corners_deg = [from_deg, begin_deg, target_deg] if (from_deg - begin_deg) * side < 0 else [from_deg, target_deg]
+    legs_deg = [there - here for here, there in pairwise(corners_deg)]
+    hold_s = getattr(getattr(options, "settle", None), "hold", 0.0)
+    legs_s = sum(travel_s(leg_deg, rate_dps, acceleration_dps2) + SEEN_AFTER_S for leg_deg in legs_deg)
+    return legs_s + hold_s + step.settle_s
+
+
+def rate_change_s(step: Rotate, options: Any) -> float:
+    """How long a table takes to reach the rate of a step, and to come to rest from it."""
+    return abs(step.rate_dps) / (step.acceleration_dps2 or _acceleration_dps2(options))
+
+
+def oscillation_s(step: Oscillate) -> float:
+    """How long an oscillation takes, its growth included, which each frequency of a sweep begins with."""
+    return step.least_s + sum(max(SINE_GROWS_S, SINE_GROWS_PERIODS / each) for each in step.frequencies_hz)
+
+
+def _acceleration_dps2(options: Any) -> float:
+    acceleration_dps2: float = getattr(options, "acceleration", USUAL_ACCELERATION_DPS2)
+    return acceleration_dps2

@@ -1,0 +1,106 @@
+"""The YAML in the how-to pages, as files that can be checked and run."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.support.runs import ROOT
+
+FOLDER = ROOT / "docs" / "how-to"
+PAGES = sorted(FOLDER.glob("*.md"))
+_BLOCK = re.compile(r"^```yaml\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_KEYS = re.compile(r"^(\w+):", re.MULTILINE)
+# What a piece of a sequence leaves out: it stands in a file like the first one of its page.
+_FRAME = {
+    "schema": "schema: itb-sequence/1\n",
+    "title": "title: A piece of a page\n",
+    "needs": """\
+needs:
+  chamber: thermal_chamber
+  head: positioner
+  counter: pulse_counter
+  supply: power_supply
+  unit_temperature: thermometer
+""",
+    "steps": """\
+steps:
+  - set: supply
+    voltage: 15 V
+    current_limit: 120 mA
+    output: on
+  - for_each: position
+    in: [1°, 91°, 181°, 271°]
+    steps:
+      - move: head
+        to: ${position}
+      - acquire: counter
+        for: 5 s
+        label: tumble
+""",
+    "teardown": """\
+teardown:
+  - set: supply
+    output: off
+  - move: head
+    to: 0°
+  - ramp: chamber
+    to: 25 °C
+    at: 3 °C/min
+""",
+}
+
+
+@dataclass(frozen=True)
+class Example:
+    """A block of YAML in line `line` of a page: a whole sequence, or a piece of one."""
+
+    page: Path
+    line: int
+    yaml: str
+
+    def __str__(self) -> str:
+        return f"{self.page.stem}:{self.line}"
+
+    @property
+    def is_whole(self) -> bool:
+        return self.yaml.startswith("schema: itb-sequence/1\n")
+
+    @property
+    def bench(self) -> Path:
+        """The shipped bench that has what it needs."""
+        return ROOT / "config" / ("rate_table.yaml" if "rate_table" in self.yaml else "simulated.yaml")
+
+    def write(self, folder: Path) -> Path:
+        """The sequence in a file, beside every whole sequence of its page, under a name made of its title."""
+        for other in examples():
+            if other.page == self.page and other.is_whole:
+                (folder / f"{_name(other.yaml)}.yaml").write_text(other.yaml, "utf-8")
+        text = self.yaml if self.is_whole else _framed(self.yaml)
+        path = folder / f"{_name(text)}.yaml"
+        path.write_text(text, "utf-8")
+        return path
+
+
+def examples() -> list[Example]:
+    """Every block of YAML in the pages."""
+    return [
+        Example(page, text.count("\n", 0, block.start(1)) + 1, block.group(1))
+        for page in PAGES
+        for text in [page.read_text("utf-8")]
+        for block in _BLOCK.finditer(text)
+    ]
+
+
+def _framed(piece: str) -> str:
+    if piece.startswith("- "):
+        piece = "steps:\n" + "".join(f"  {line}" for line in piece.splitlines(keepends=True))
+    given = set(_KEYS.findall(piece))
+    return piece + "".join(text for key, text in _FRAME.items() if key not in given)
+
+
+def _name(yaml: str) -> str:
+    title = re.search(r"^title: (.*)$", yaml, re.MULTILINE)
+    assert title is not None, yaml
+    return re.sub(r"[^a-z0-9]+", "_", title.group(1).lower())
