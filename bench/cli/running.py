@@ -113,18 +113,18 @@ def plan(
 ) -> None:
     """List the steps of a sequence with their durations; nothing is opened."""
     from bench.app.request import RunRequest, load_checked
-    from bench.report.shown import duration
-    from bench.report.text import plan_table
+    from bench.report.shown import duration, megabytes
+    from bench.report.timeline import plan_table
     from bench.sequence.estimate import estimate
 
     request = RunRequest(sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()))
     checked = load_checked(request)
     _warn(checked.plan, checked.warnings)
     expected = estimate(checked.plan, checked.loaded.bench)
-    for line in plan_table(expected):
+    for line in plan_table(checked.plan, expected, checked.loaded.bench):
         sys.stdout.write(line + "\n")
     sys.stdout.write(
-        f"{len(checked.plan)} steps, about {duration(expected.total_s)}, about {expected.size_bytes / 1e6:.0f} MB\n"
+        f"{len(checked.plan)} steps, about {duration(expected.total_s)}, about {megabytes(expected.size_bytes)}\n"
     )
 
 

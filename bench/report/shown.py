@@ -30,6 +30,11 @@ def duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
 
 
+def megabytes(size_bytes: int) -> str:
+    """A size with two digits: "12 MB", "0.037 MB"."""
+    return f"{float(f'{size_bytes / 1e6:.2g}'):g} MB"
+
+
 def shown(finding: Finding) -> str:
     """Value ± expanded uncertainty in the unit for people, to the digits that the uncertainty justifies."""
     factor, _ = SHOWN.get(finding.quantity, (1.0, ""))

@@ -57,20 +57,27 @@ def drawing() -> Iterator[None]:
         yield
 
 
-def new_figure(height_in: float, *, top_in: float = 0.24, bottom_in: float = 0.42) -> Figure:
-    """An empty figure as wide as the page, with room for a title above and a label below its axes."""
-    figure = Figure(figsize=(WIDTH_IN, height_in))
+def new_figure(
+    height_in: float, *, width_in: float = WIDTH_IN, top_in: float = 0.24, bottom_in: float = 0.42
+) -> Figure:
+    """An empty figure, as wide as the page unless told, with room for a title above and a label below its axes."""
+    figure = Figure(figsize=(width_in, height_in))
     figure.subplots_adjust(
-        left=LEFT_IN / WIDTH_IN, right=0.985, top=1 - top_in / height_in, bottom=bottom_in / height_in, wspace=0.2
+        left=LEFT_IN / width_in, right=0.985, top=1 - top_in / height_in, bottom=bottom_in / height_in, wspace=0.2
     )
     return figure
 
 
-def rendered(figure: Figure, name: str, description: str) -> Markup:
-    """The figure as an `<svg>` element; `name` keeps its ids apart from those of other figures in the page."""
+def as_document(figure: Figure) -> str:
+    """The figure as a document of its own."""
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata=_NO_METADATA)
-    opening, _, content = buffer.getvalue().partition("<svg")[2].partition(">")
+    return buffer.getvalue()
+
+
+def rendered(figure: Figure, name: str, description: str) -> Markup:
+    """The figure as an `<svg>` element; `name` keeps its ids apart from those of other figures in the page."""
+    opening, _, content = as_document(figure).partition("<svg")[2].partition(">")
     content = _IDS.sub(rf"\g<1>{name}-", content.replace("xlink:href=", "href="))
     attributes = _SIZE_AND_NAMESPACES.sub("", opening)
     svg = f'<svg role="img" aria-label="{escape(description)}"{attributes}>{content.rstrip()}'

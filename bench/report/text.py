@@ -1,4 +1,4 @@
-"""Plans and results as text for a terminal."""
+"""Results as text for a terminal."""
 
 from __future__ import annotations
 
@@ -7,24 +7,11 @@ from collections.abc import Iterator
 from bench.analysis.finding import Finding, UnitResult
 from bench.report.findings import Results
 from bench.report.measured import OnTheWay
-from bench.report.shown import SHOWN, duration, shown
+from bench.report.shown import SHOWN, shown
 from bench.report.tables import over_run_rows, verdict_rows
 from bench.report.words import flag_in_words
-from bench.sequence.estimate import Estimate
 
 _AT_DWELLS = ("K0", "K1_si", "K2", "misalignment")
-
-
-def plan_table(expected: Estimate) -> Iterator[str]:
-    """A line for each step: when it begins, how long it takes, what it is."""
-    yield f"{'begins':>12}  {'takes':>11}  step"
-    for span in expected.spans:
-        yield f"{_clock(span.begin_s):>12}  {duration(span.duration_s):>11}  {span.step.id}"
-
-
-def _clock(seconds: float) -> str:
-    whole = round(seconds)
-    return f"{whole // 3600}:{whole // 60 % 60:02}:{whole % 60:02}"
 
 
 def results_text(results: Results | None) -> str:

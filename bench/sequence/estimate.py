@@ -11,7 +11,7 @@ from typing import Any, assert_never
 from bench.config.models import BenchFile
 from bench.sequence.custom import Custom, known_steps
 from bench.sequence.measuring import Acquire, Measure, Tare
-from bench.sequence.motion import move_s, oscillation_s, rate_change_s
+from bench.sequence.motion import REST_S, move_s, oscillation_s, rate_change_s
 from bench.sequence.plan import (
     PHASES,
     Alternatives,
@@ -235,9 +235,9 @@ class _Course:
         self._turn(step.role, step.rate_dps, change_s)
         if step.during is not None:
             self._state = replace(self._state, rates_dps={**self._state.rates_dps, step.role: step.rate_dps})
-            return change_s
+            return REST_S + change_s
         self._turn(step.role, step.rate_dps, step.least_s)
-        return step.least_s + 2 * change_s
+        return REST_S + step.least_s + 2 * change_s
 
     def _turn(self, role: str, rate_dps: float, duration_s: float) -> None:
         """The angle goes on; speeding up and coming to rest go as far together as the rate in the time of one."""

@@ -10,6 +10,7 @@ from bench.sequence.stimulus import Move, Oscillate, Rotate
 
 SEEN_AFTER_S = 0.1  # an axis has arrived, until that is seen
 USUAL_RATE_DPS, USUAL_ACCELERATION_DPS2 = 20.0, 40.0  # of an axis whose driver has no such options
+REST_S = 0.6  # of a table before it turns or swings after something else
 SINE_GROWS_S, SINE_GROWS_PERIODS = 2.0, 4.0  # until a sine has its amplitude: the longer of both
 _SIDES = {"direct": 0.0, "from_below": -1.0, "from_above": 1.0}
 
@@ -41,8 +42,9 @@ def rate_change_s(step: Rotate, options: Any) -> float:
 
 
 def oscillation_s(step: Oscillate) -> float:
-    """How long an oscillation takes, its growth included, which each frequency of a sweep begins with."""
-    return step.least_s + sum(max(SINE_GROWS_S, SINE_GROWS_PERIODS / each) for each in step.frequencies_hz)
+    """How long an oscillation takes; each frequency of a sweep begins with a rest, and with the sine growing."""
+    growing_s = sum(REST_S + max(SINE_GROWS_S, SINE_GROWS_PERIODS / each) for each in step.frequencies_hz)
+    return step.least_s + growing_s
 
 
 def _acceleration_dps2(options: Any) -> float:

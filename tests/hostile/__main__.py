@@ -7,6 +7,7 @@ import sys
 
 from tests.hostile.campaign import Account, campaign
 from tests.hostile.documents import hostile
+from tests.hostile.trial import LIMIT_S
 
 SHOWN = 20
 
@@ -33,11 +34,13 @@ def _tell(account: Account) -> None:
         told = ", ".join(f"{part:g} %: {time_ms:.1f} ms" for part, time_ms in account.percentiles_ms(way))
         print(f"  {way:<12} time  {told}")
     print(f"  memory of one process at most {account.peak_kib / 1024:.0f} MiB")
+    if long_s := account.long_plans_s:
+        print(f"  {len(long_s)} plans of very many steps above {1e3 * LIMIT_S:g} ms, the longest {max(long_s):.1f} s")
     for alike in account.alike():
         one = alike[0]
         print(f"\n{len(alike)} x {one.outcome}: document {one.index} ({one.kind}) as {one.way}\n{one.detail}")
     if account.slow:
-        print(f"\n{len(account.slow)} readings too slow, also alone; the slowest:")
+        print(f"\n{len(account.slow)} readings too slow, also alone and by the processor's time; the slowest:")
     for reading in sorted(account.slow, key=lambda one: -one.time_s)[:SHOWN]:
         said = f"{reading.outcome} {reading.detail.rpartition('.yaml')[2][:100]!r}"
         print(f"  {1e3 * reading.time_s:>8.1f} ms document {reading.index} ({reading.kind}) as {reading.way}: {said}")

@@ -13,7 +13,7 @@ _WEIGHTS: dict[Generator, int] = {
     mutations.by_lines: 24, mutations.by_characters: 12, mutations.by_bytes: 4, mutations.by_parts: 14,
     attacks.depth: 3, attacks.long: 5, attacks.many: 4, attacks.aliases: 3, attacks.tags: 3, attacks.escapes: 3,
     attacks.strange_scalars: 5, attacks.encodings: 3, attacks.soup: 3,
-    plans.steps: 4, plans.calls: 1, plans.expressions: 4, plans.ranges: 3, plans.explosions: 3, plans.mistakes: 2,
+    plans.steps: 6, plans.calls: 1, plans.expressions: 5, plans.ranges: 2, plans.explosions: 1, plans.mistakes: 2,
 }  # fmt: skip
 KINDS = tuple(_WEIGHTS)
 

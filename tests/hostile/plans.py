@@ -60,7 +60,7 @@ def _of_a_step(rng: random.Random, verb: str, key: str, level: int) -> Any:
 
 
 def calls(rng: random.Random) -> str:
-    """Sequences that call others, themselves, what is not there, or a chain of calls that grows tenfold at each link."""
+    """Sequences that call others, themselves, what is not there, or a chain of calls each ten times as long."""
     name = rng.choice((*NEIGHBOURS, "hostile.yaml", "simulated.yaml", "nothing.yaml", "../called.yaml", "/dev/zero"))
     given = rng.choice(({}, {"x": corpus.scalar(rng)}, {"x": "${x}"}, {"nothing": 1}, [], None))
     inside: list[Any] = [{"call": name, "with": given}]

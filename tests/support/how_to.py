@@ -11,6 +11,7 @@ from tests.support.runs import ROOT
 FOLDER = ROOT / "docs" / "how-to"
 PAGES = sorted(FOLDER.glob("*.md"))
 _BLOCK = re.compile(r"^```yaml\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_ANSWERS = "schema: itb-answers/1\n"
 _KEYS = re.compile(r"^(\w+):", re.MULTILINE)
 # What a piece of a sequence leaves out: it stands in a file like the first one of its page.
 _FRAME = {
@@ -30,6 +31,9 @@ steps:
     voltage: 15 V
     current_limit: 120 mA
     output: on
+  - ramp: chamber
+    to: 25 °C
+    at: 3 °C/min
   - for_each: position
     in: [1°, 91°, 181°, 271°]
     steps:
@@ -65,12 +69,23 @@ class Example:
 
     @property
     def is_whole(self) -> bool:
-        return self.yaml.startswith("schema: itb-sequence/1\n")
+        return self.yaml.startswith("schema: ")
 
     @property
     def bench(self) -> Path:
         """The shipped bench that has what it needs."""
         return ROOT / "config" / ("rate_table.yaml" if "rate_table" in self.yaml else "simulated.yaml")
+
+    @property
+    def has_questions(self) -> bool:
+        return "- prompt:" in self.yaml
+
+    def write_answers(self, folder: Path) -> Path:
+        """The answers that its page gives to its questions, in a file."""
+        (answers,) = (yaml for _, yaml in _blocks(self.page) if yaml.startswith(_ANSWERS))
+        path = folder / "answers.yaml"
+        path.write_text(answers, "utf-8")
+        return path
 
     def write(self, folder: Path) -> Path:
         """The sequence in a file, beside every whole sequence of its page, under a name made of its title."""
@@ -84,13 +99,16 @@ class Example:
 
 
 def examples() -> list[Example]:
-    """Every block of YAML in the pages."""
+    """Every sequence in the pages, and every piece of one."""
     return [
-        Example(page, text.count("\n", 0, block.start(1)) + 1, block.group(1))
-        for page in PAGES
-        for text in [page.read_text("utf-8")]
-        for block in _BLOCK.finditer(text)
+        Example(page, line, yaml) for page in PAGES for line, yaml in _blocks(page) if not yaml.startswith(_ANSWERS)
     ]
+
+
+def _blocks(page: Path) -> list[tuple[int, str]]:
+    """Every block of YAML in a page, and the line that it begins in."""
+    text = page.read_text("utf-8")
+    return [(text.count("\n", 0, block.start(1)) + 1, block.group(1)) for block in _BLOCK.finditer(text)]
 
 
 def _framed(piece: str) -> str:
