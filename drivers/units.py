@@ -76,6 +76,8 @@ _PREFIXABLE = {
     "rad": _unit(180 / math.pi, deg=1),
     "arcsec": _unit(Fraction(1, 3600), deg=1),
     "pulse": _unit(1, pulse=1),
+    "N": _unit(1, kg=1, m=1, s=-2),
+    "Pa": _unit(1, kg=1, m=-1, s=-2),
 }
 _PLAIN = {
     "min": _unit(60, s=1),
@@ -89,6 +91,7 @@ _PLAIN = {
     "arcmin": _unit(Fraction(1, 60), deg=1),
     "turn": _unit(360, deg=1),
     "rpm": _unit(6, deg=1, s=-1),
+    "hPa": _unit(100, kg=1, m=-1, s=-2),
     "%": _unit(Fraction(1, 100)),
     "ppm": _unit(Fraction(1, 10**6)),
     "kg": _unit(1, kg=1),
@@ -209,7 +212,8 @@ def _symbol(symbol: str, text: str) -> Unit:
 
 # What people write a dimension in; the first that fits.
 _CUSTOMARY = (
-    "", "s", "°C", "°", "A", "V", "m", "g", "pulse", "°C/min", "°/s", "°/s²", "Hz", "m/s²", "pulse/s", "Ω", "W",
+    "", "s", "°C", "°", "A", "V", "m", "g", "pulse", "°C/min", "°/s", "°/s²", "Hz", "m/s²", "pulse/s", "Ω", "W", "Pa",
+    "N",
 )  # fmt: skip
 
 

@@ -37,9 +37,9 @@ class Counts:
 class Acquisition:
     """One acquisition: its step and the group of steps it belongs to, and what the bench did meanwhile.
 
-    `angle_deg` is what the head read back, `mounted_deg` what the mount of the fixture adds to the mount angles,
-    `set_c` the chamber's set point; `counts` by channel; `temperatures_c` the values of each named reading between
-    `begin_s` and `end_s` of bench time.
+    `angle_deg` is what the head read back, `mounted_deg` what the mount of the fixture adds to the mount angles;
+    `set_c` is the chamber's set point, not-a-number before the first ramp; `counts` by channel; `temperatures_c` the
+    values of each named reading between `begin_s` and `end_s` of bench time.
     """
 
     step: str

@@ -6,6 +6,7 @@ the bench by the derivatives of the solution. The temperature is what the unit's
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -135,7 +136,7 @@ class _Unit:
             "cycle": dwell.cycle,
             "dwell": dwell.number,
             "leg": "up" if dwell.rising else "down",
-            "temperature_set_c": dwell.set_c,
+            "temperature_set_c": None if math.isnan(dwell.set_c) else dwell.set_c,
             "temperature_c": dwell.temperature_c,
             "temperature_u_c": self._temperature_u_c(dwell.temperature_c),
         }
@@ -271,7 +272,7 @@ class _Unit:
             quantity=quantity,
             name=name,
             at={
-                "temperature_set_c": dwells[0].set_c,
+                "temperature_set_c": None if math.isnan(dwells[0].set_c) else dwells[0].set_c,
                 "temperature_c": float(np.mean([dwell.temperature_c for dwell in dwells])),
                 "dwells": [dwell.path for dwell in dwells],
             },

@@ -125,7 +125,7 @@ async def _run(prepared: PreparedRun, folder: Path, laboratory: Laboratory | Non
             expected.of_phase("teardown"),
             folder=folder,
             can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
-            on_desk=_technician(prepared, laboratory),
+            on_desk=_technician(prepared, laboratory, observer),
         )
         writer.event("run_ended", how=outcome.how)
     except StoreError as problem:
@@ -140,13 +140,15 @@ async def _run(prepared: PreparedRun, folder: Path, laboratory: Laboratory | Non
     return _Run(outcome, manifest.instruments(bench, identities), laboratory, clock.monotonic() - began_s)
 
 
-def _technician(prepared: PreparedRun, laboratory: Laboratory | None) -> Callable[[Desk], object] | None:
+def _technician(
+    prepared: PreparedRun, laboratory: Laboratory | None, observer: Observer
+) -> Callable[[Desk], object] | None:
     """Who answers in a simulated run: a script, or at full speed somebody who does what he is asked."""
     bench = prepared.loaded.bench
     if prepared.script is None and prepared.speed < AS_FAST_AS_POSSIBLE:
         return None
     world = laboratory.world if laboratory is not None else None
-    return lambda desk: Technician(desk, prepared.script or {}, bench, world)
+    return lambda desk: Technician(desk, prepared.script or {}, bench, world, observer.notice)
 
 
 def _keep_inputs(prepared: PreparedRun, folder: Path) -> dict[str, str]:

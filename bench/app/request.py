@@ -6,17 +6,23 @@ import math
 import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from pydantic import TypeAdapter, ValidationError
 
 from bench.config.bench import LoadedBench, load_bench
 from bench.config.load import find
 from bench.errors import InputError
-from bench.sequence.estimate import estimate
+from bench.report.shown import duration
+from bench.sequence.estimate import Estimate, estimate
 from bench.sequence.load import load_judged_plan
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Remark
+from drivers.fields import Instant
 from drivers.suggest import did_you_mean
+from drivers.wording import in_plain_words
 
 if TYPE_CHECKING:  # checking a sequence needs no simulators
     from bench.app.technician import Script
@@ -42,6 +48,7 @@ class RunRequest:
     runs: Path = Path("runs")
     attended: bool = False
     answers: Path | None = None
+    not_after: str | None = None
 
 
 @dataclass(frozen=True)
@@ -92,13 +99,15 @@ def load_checked(request: RunRequest) -> CheckedRun:
     if judged is None or loaded is None:
         raise InputError(*found)
     plan, warnings = judged
-    return CheckedRun(plan, loaded, (*_little_disk_space(plan, loaded, request.runs), *warnings))
+    expected = estimate(plan, loaded.bench)
+    circumstances = (*_little_disk_space(expected, request.runs), *_ends_too_late(expected, loaded, request.not_after))
+    return CheckedRun(plan, loaded, (*circumstances, *warnings))
 
 
-def _little_disk_space(plan: Plan, loaded: LoadedBench, runs: Path) -> Iterator[Remark]:
+def _little_disk_space(expected: Estimate, runs: Path) -> Iterator[Remark]:
     """A warning when the run will not fit on the disk of the run directories."""
     folder = next(folder for folder in (runs.absolute(), *runs.absolute().parents) if folder.is_dir())
-    free_bytes, size_bytes = shutil.disk_usage(folder).free, estimate(plan, loaded.bench).size_bytes
+    free_bytes, size_bytes = shutil.disk_usage(folder).free, expected.size_bytes
     if size_bytes > free_bytes:
         yield Remark(
             "warning",
@@ -106,6 +115,29 @@ def _little_disk_space(plan: Plan, loaded: LoadedBench, runs: Path) -> Iterator[
             (),
             f"the run writes about {size_bytes / 1e6:.0f} MB, and {folder} has {free_bytes / 1e6:.0f} MB left",
             "Make room, or name another place with --runs",
+        )
+
+
+def _ends_too_late(expected: Estimate, loaded: LoadedBench, not_after: str | None) -> Iterator[Remark]:
+    """A warning when a run that begins now, or where simulated runs begin, will not be over in time; InputError."""
+    if not_after is None:
+        return
+    try:
+        latest = TypeAdapter(Instant).validate_python(not_after)
+    except ValidationError as error:
+        raise InputError(f"--not-after {not_after}: {in_plain_words(error.errors()[0])}") from None
+    from bench.clock import wall_utc  # asyncio with it, which other checks do not need
+
+    begins = loaded.bench.simulation.start if loaded.bench.is_simulated else wall_utc()
+    ends = begins + timedelta(seconds=expected.total_s)
+    if ends > latest:
+        yield Remark(
+            "warning",
+            "ends-too-late",
+            (),
+            f"a run that begins at {begins:%Y-%m-%d %H:%M} UTC ends at about {ends:%Y-%m-%d %H:%M} UTC, "
+            f"{duration((ends - latest).total_seconds())} after {latest:%Y-%m-%d %H:%M} UTC",
+            "Begin earlier, or choose a shorter preset or parameters",
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from bench.config.answers import AnswersFile, ScriptedAnswer
@@ -65,15 +65,15 @@ class Technician:
     Concurrency: a task for each question, which ends with the run's loop.
     """
 
-    def __init__(self, desk: Desk, script: Script, bench: BenchFile, world: World | None) -> None:
-        self._desk, self._script, self._bench, self._world = desk, script, bench, world
+    def __init__(
+        self, desk: Desk, script: Script, bench: BenchFile, world: World | None, notice: Callable[[str], None]
+    ) -> None:
+        self._desk, self._script, self._bench, self._world, self._notice = desk, script, bench, world, notice
         self._tasks: set[asyncio.Task[None]] = set()
-        self._told = desk.on_question
         desk.on_question = self.asked
 
     def asked(self, question: Question) -> None:
         """A question is open."""
-        self._told(question)
         task = asyncio.create_task(self._serve(question), name=f"technician {question.step}")
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -87,6 +87,7 @@ class Technician:
             self._world.fix_units(self._bench.fixture.mounts[mount])
         answer = given.answer if given.answer is not None else next(iter(question.choices), "")
         if question in self._desk.questions:  # nobody was faster
+            self._notice(f"{question.text}\n{given.by}: {answer}")
             self._desk.answer(answer, given.by, question.step)
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
+import traceback
 
 import typer
 
-from bench.cli import authoring, control, devices, offline, running, stored
+from bench.cli import authoring, control, devices, offline, rehearsing, running, stored
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR
 from bench.errors import BenchError, InputError
 from drivers.errors import DriverError
@@ -20,6 +21,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 running.register(app)
+rehearsing.register(app)
 stored.register(app)
 devices.register(app)
 offline.register(app)
@@ -42,6 +44,9 @@ def run() -> None:
         sys.exit(ABORTED)
     except BrokenPipeError:
         sys.stderr.close()  # whoever read us has enough
+        sys.exit(BENCH_ERROR)
+    except Exception:  # noqa: BLE001  Python would exit with 1, which says that the unit failed
+        _say("a mistake of this program:\n" + traceback.format_exc())
         sys.exit(BENCH_ERROR)
 
 

@@ -19,7 +19,9 @@ if TYPE_CHECKING:  # `bench --help` loads none of it
     from bench.sequence.plan import Plan
     from bench.sequence.remarks import Remark
 
-Sequence = Annotated[str, typer.Argument(help="A sequence file, or the name of a shipped one such as smoke.")]
+Sequence = Annotated[
+    str, typer.Argument(metavar="SEQUENCE", help="A sequence file, or the name of a shipped one such as smoke.")
+]
 BenchOption = Annotated[
     str | None,
     typer.Option("--bench", metavar="FILE", envvar="BENCH_FILE", help="The bench file; the shipped simulated bench."),
@@ -32,6 +34,10 @@ Parameters = Annotated[
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the sequence; may be given again."),
+]
+NotAfter = Annotated[
+    str | None,
+    typer.Option("--not-after", metavar="INSTANT", help="Warn when it will end later, as in 2026-01-31T07:00Z."),
 ]
 Simulate = Annotated[bool, typer.Option("--simulate", help="Put the simulator at the other end of every wire.")]
 
@@ -58,6 +64,7 @@ def check(
     preset: Preset = None,
     params: Parameters = None,
     set_: Settings = None,
+    not_after: NotAfter = None,
     strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors.")] = False,
     format_: Annotated[
         Format,
@@ -72,7 +79,9 @@ def check(
     from bench.app.request import RunRequest, load_checked
     from bench.report.remarks import RENDERERS, Shown
 
-    request = RunRequest(sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()))
+    request = RunRequest(
+        sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), not_after=not_after
+    )
     try:
         checked = load_checked(request)
         document, warnings = checked.plan.document, checked.warnings
@@ -87,7 +96,7 @@ def check(
         found = RENDERERS[format_]([Shown.of_remark(warning, document) for warning in warnings])
         sys.stdout.write(f"{found}\n" if found else "")
         return
-    _warn(checked.plan, warnings)
+    warn(checked.plan, warnings)
     told = _counted(len(warnings), "warning") if warnings else "no problem"
     steps = _counted(len(checked.plan), "step")
     sys.stdout.write(f"{document.path}: {steps}, {told} on {checked.loaded.document.path}\n")
@@ -97,7 +106,8 @@ def _counted(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
-def _warn(plan: Plan, warnings: Iterable[Remark]) -> None:
+def warn(plan: Plan, warnings: Iterable[Remark]) -> None:
+    """Writes what a person should know before a run, a line for each."""
     from bench.report.remarks import warning_line
 
     for warning in warnings:
@@ -110,17 +120,31 @@ def plan(
     preset: Preset = None,
     params: Parameters = None,
     set_: Settings = None,
+    not_after: NotAfter = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw it against time, as FILE.svg or FILE.html.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON, alone on stdout.")] = False,
 ) -> None:
-    """List the steps of a sequence with their durations; nothing is opened."""
+    """List the steps of a sequence: when each begins, how long it takes, the bench after it; nothing is opened."""
     from bench.app.request import RunRequest, load_checked
     from bench.report.shown import duration, megabytes
-    from bench.report.timeline import plan_table
+    from bench.report.timeline import plan_table, timeline_json
     from bench.sequence.estimate import estimate
 
-    request = RunRequest(sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()))
+    request = RunRequest(
+        sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), not_after=not_after
+    )
     checked = load_checked(request)
-    _warn(checked.plan, checked.warnings)
+    warn(checked.plan, checked.warnings)
     expected = estimate(checked.plan, checked.loaded.bench)
+    if picture is not None:
+        from bench.report.picture import write_picture  # and matplotlib with it
+
+        write_picture(picture, checked.plan, expected, checked.loaded.bench)
+    if as_json:
+        sys.stdout.write(json.dumps(timeline_json(expected), ensure_ascii=False) + "\n")
+        return
     for line in plan_table(checked.plan, expected, checked.loaded.bench):
         sys.stdout.write(line + "\n")
     sys.stdout.write(
@@ -139,6 +163,7 @@ def run(
     preset: Preset = None,
     params: Parameters = None,
     set_: Settings = None,
+    not_after: NotAfter = None,
     uut_model: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Truth of the simulated unit."),
@@ -182,9 +207,10 @@ def run(
             runs=runs,
             attended=attended,
             answers=answers,
+            not_after=not_after,
         )
     )
-    _warn(prepared.plan, prepared.warnings)
+    warn(prepared.plan, prepared.warnings)
     with TerminalProgress(prepared.plan) as progress:
         result = execute(prepared, progress)
     if as_json:

@@ -37,6 +37,7 @@ class Control:
         self._repeat_last = False
         self._woken = asyncio.Event()
         self.last_step = False
+        self.aborting = False  # no teardown begins any more
         self.under_way: dict[str, StepUnderWay] = {}
 
     def hold(self, by: str) -> None:

@@ -15,7 +15,8 @@ from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.engine.questions import Desk, Question
 from bench.engine.safety import finish
-from bench.engine.walk import Stopped, Walk, Watcher
+from bench.engine.stepper import Stopped, Watcher
+from bench.engine.walk import Walk
 from bench.errors import BenchError, InputError, WindowError
 from bench.rig import MAKE_SAFE_S, Rig
 from bench.sequence.plan import Plan
@@ -128,7 +129,7 @@ class Engine:
             steps = self._walk.nodes((*self._plan.setup, *self._plan.steps))
             self._body_task = asyncio.create_task(steps, name="setup and steps")
             await self._watched(self._body_task)
-            if not self._walk.aborting:
+            if not self._control.aborting:
                 teardown = self._walk.teardown(self._plan.teardown)
                 self._teardown_task = asyncio.create_task(teardown, name="teardown")
                 await asyncio.wait([self._teardown_task])
@@ -187,7 +188,7 @@ class Engine:
             if self.outcome.how == "completed":
                 self.outcome.how = "aborted"
             self.outcome.problems.append("ended by the operator")
-            self.journal.try_to_write("operator", action="abort" if self._walk.aborting else "stop")
+            self.journal.try_to_write("operator", action="abort" if self._control.aborting else "stop")
         elif problem is not None:
             self._failed(problem)
 

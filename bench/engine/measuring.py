@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
 from bench.analysis.limits import judge
 from bench.config.models import BenchFile
+from bench.engine.monitor import Monitor
 from bench.errors import StepError
 from bench.rig import Rig
 from bench.sequence.limits import limits_in
@@ -26,6 +27,8 @@ if TYPE_CHECKING:  # which calls the functions here
     from bench.engine.actions import Bench
 
 TURN_LOOK_S = 0.02  # how closely the end of the last turn is looked for
+VALUE_LOOK_S = 0.1  # how often a value is looked for that is not older than the step
+VALUE_WITHIN_S = 60.0  # every device is polled more often
 
 
 async def acquire(step: Acquire, step_id: str, rig: Rig, writer: RunWriter) -> Mapping[str, Any]:
@@ -117,14 +120,24 @@ async def _value(name: str, duration_s: float | None, step_id: str, bench: Bench
     if is_pulse_rate(name, bench.file):
         return *await _pulse_rate(name, duration_s or 0.0, step_id, bench), PULSE_RATE
     unit = bench.monitor.unit_of(name)
+    began_s = asyncio.get_running_loop().time()
     await asyncio.sleep(duration_s or 0.0)
+    await _value_since(began_s, name, bench.monitor)
     window = bench.monitor.last(name, duration_s or 0.0)
-    if not len(window):
-        raise StepError(f"{name} has given no value yet. Check the device, or wait before measuring.")
-    values = window[:, 1]
+    values = window[window[:, 0] >= began_s, 1]
     mean = float(values.mean())
     scatter = float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0
     return mean, _uncertainty(name, mean, scatter, bench.file), unit
+
+
+async def _value_since(began_s: float, name: str, monitor: Monitor) -> None:
+    """Returns when a reading has a value of its own time, not of the step before; StepError when none comes."""
+    loop = asyncio.get_running_loop()
+    give_up_s = loop.time() + VALUE_WITHIN_S
+    while (newest := monitor.latest(name)) is None or newest.at_s < began_s:
+        if loop.time() >= give_up_s:
+            raise StepError(f"{name} has given no value for {VALUE_WITHIN_S:g} s. Check the device.")
+        await asyncio.sleep(VALUE_LOOK_S)
 
 
 def _uncertainty(name: str, value: float, scatter: float, file: BenchFile) -> float | None:

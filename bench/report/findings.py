@@ -78,7 +78,7 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
 
 
 def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on_the_way: OnTheWay) -> Verdict:
-    """A run that left something out is incomplete, whatever the rest of it says; what failed, failed."""
+    """A run that left something out is incomplete, whatever the rest of it says, as a unit is (methods.md 1.10)."""
     ended = _ENDED.get(state)
     if ended == "ERROR":
         return "ERROR"

@@ -44,7 +44,7 @@ class Measurement:
         sides = [f"{words} {self.limits[key]:.6g}" for key, words in (("min", "from"), ("max", "to"))
                  if self.limits.get(key) is not None]  # fmt: skip
         guard = self.limits.get("guard")
-        return " ".join(sides) + (f", guard band {guard:g} u" if guard else "")
+        return f"{' '.join(sides)} {self.unit}" + (f", guard band {guard:g} u" if guard else "")
 
 
 @dataclass(frozen=True, slots=True)

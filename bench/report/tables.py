@@ -176,7 +176,7 @@ def _dwell_row(number: int, found: Mapping[str, Finding], quantities: Sequence[s
         number=number,
         cycle=at["cycle"],
         leg="rising" if at["leg"] == "up" else "falling",
-        set_c=f"{at['temperature_set_c']:g}",
+        set_c="–" if at["temperature_set_c"] is None else f"{at['temperature_set_c']:g}",
         temperature_c=f"{at['temperature_c']:.{digits}f} ± {expanded_c:.{digits}f}",
         values=tuple(shown(found[quantity]) if quantity in found else "–" for quantity in quantities),
         notes="; ".join(note for finding in found.values() for note in _notes(finding)),

@@ -33,7 +33,8 @@ def _on_the_way(found: OnTheWay) -> Iterator[str]:
     for each in found.measurements:
         verdict = (each.verdict or "not judged") + (" marginal" if each.marginal else "")
         name = each.name or each.reading
-        yield f"  {name:<28} {each.shown:>24} {each.unit:<10} {verdict:<14} {each.limits_shown}".rstrip()
+        told = f"{each.limits_shown}  ({each.step})".strip()
+        yield f"  {name:<28} {each.shown:>24} {each.unit:<10} {verdict:<14} {told}"
     yield from (f"  left out: {each.step}: {each.why}" for each in found.left_out)
 
 
@@ -50,7 +51,8 @@ def _dwell_table(unit: UnitResult) -> Iterator[str]:
     for found in by_dwell.values():
         at = next(iter(found.values())).at
         values = "".join(f"{shown(found[name]) if name in found else '-':>28}" for name in _AT_DWELLS)
-        yield f"{at['temperature_set_c']:>6.0f} {at['temperature_c']:>8.2f}  {at['leg']:<4}{values}"
+        set_point = "-" if at["temperature_set_c"] is None else f"{at['temperature_set_c']:.0f}"
+        yield f"{set_point:>6} {at['temperature_c']:>8.2f}  {at['leg']:<4}{values}"
     yield ""
 
 

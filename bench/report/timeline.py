@@ -21,7 +21,6 @@ from bench.sequence.plan import (
     PlannedStep,
     Section,
 )
-from bench.sequence.steps import Step
 from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 
 WIDTH = 120
@@ -48,9 +47,18 @@ def plan_table(plan: Plan, expected: Estimate, bench: BenchFile) -> Iterator[str
 
 def acted_on(plan: Plan) -> list[str]:
     """The roles that the steps of a plan act on: chambers, then axes, then outputs."""
-    kinds: tuple[tuple[type[Step], ...], ...] = ((Ramp,), (Move, Rotate, Oscillate), (SetOutput,))
-    found = [planned.step.role for kind in kinds for planned in plan if isinstance(planned.step, kind)]  # type: ignore[union-attr]  # all of them have a role
-    return list(dict.fromkeys(found))
+    chambers, axes, outputs = [], [], []
+    for planned in plan:
+        match planned.step:
+            case Ramp(role=role):
+                chambers.append(role)
+            case Move(role=role) | Rotate(role=role) | Oscillate(role=role):
+                axes.append(role)
+            case SetOutput(role=role):
+                outputs.append(role)
+            case _:
+                pass
+    return list(dict.fromkeys([*chambers, *axes, *outputs]))
 
 
 def output_unit(role: str, bench: BenchFile) -> str:
@@ -96,7 +104,7 @@ def _line(begins: str, takes: str, cells: Sequence[str], widths: Sequence[int], 
     state = "".join(f"  {cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
     start = f"{begins:>9}  {takes:>11}{state}  "
     room = max(WIDTH - len(start), 24)
-    return start + (step if len(step) <= room else f"…{step[1 - room:]}")
+    return start + (step if len(step) <= room else f"…{step[1 - room :]}")
 
 
 class _Column:

@@ -111,7 +111,7 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
     if "dwells" in at:
         numbers = [str(dwells.get(path, path)) for path in at["dwells"]]
         parts.append(f"dwell{'s' if len(numbers) > 1 else ''} {' and '.join(numbers)}")
-    if "temperature_set_c" in at:
+    if at.get("temperature_set_c") is not None:
         parts.append(f"set point {at['temperature_set_c']:g} °C")
     elif "temperature_c" in at:
         parts.append(f"centre {at['temperature_c']:.1f} °C")

@@ -15,14 +15,16 @@ from drivers.errors import CODES as DEVICE_CODES
 from drivers.fields import NAME, NOT_EMPTY, Name, Seconds, StrictModel, TextLike, WholeNumber
 from drivers.suggest import did_you_mean
 from drivers.units import quoted
-from drivers.wording import telling
+from drivers.wording import expected, telling
 
 RETRIED = (*DEVICE_CODES, *CODES)
 
 
 def _variables(raw: object) -> object:
     """The name of a loop's variable, or a mapping of names to what each goes through."""
-    for name in raw if isinstance(raw, Mapping) and raw else [raw]:
+    if isinstance(raw, Mapping) and not raw:
+        raise expected("a name, or names with what each goes through", raw)
+    for name in raw if isinstance(raw, Mapping) else [raw]:
         NAME.validate(name)
     return raw
 

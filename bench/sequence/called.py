@@ -17,20 +17,36 @@ from drivers.suggest import did_you_mean
 DEPTH_LIMIT = 8  # sequences that call one another
 
 
-def read_called(folder: Path, name: str, callers: tuple[Path, ...]) -> tuple[Document, Outline, list[Problem]]:
-    """A called file, its outline and what is wrong with its steps; ValueProblem when it cannot be called at all."""
-    path = folder / name
+Called = tuple[Document, Outline, list[Problem]]
+
+
+def refuse_too_deep(path: Path, callers: tuple[Path, ...]) -> None:
+    """ValueProblem when a file is among those that call it, or too many call one another."""
     if path.resolve() in callers:
         chain = " calls ".join(caller.name for caller in callers[callers.index(path.resolve()) :])
-        raise ValueProblem(f"{chain} calls {name}: a sequence cannot call itself")
+        raise ValueProblem(f"{chain} calls {path.name}: a sequence cannot call itself")
     if len(callers) > DEPTH_LIMIT:
         raise ValueProblem(f"sequences call one another more than {DEPTH_LIMIT} deep")
+
+
+def read_called(path: Path) -> Called:
+    """A called file, its outline and what is wrong with its steps; ValueProblem when it cannot be read."""
     try:
         document = read_document(path)
         return document, *outline_of(document)
     except InputError as error:
         more = f" (and {len(error.problems) - 1} more)" if len(error.problems) > 1 else ""
         raise ValueProblem(f"{error.problems[0]}{more}") from None
+
+
+def declared_at(document: Document, section: str, name: str) -> Place:
+    """The place of a need or an interlock: in the document, or in one that it calls."""
+    if name in (document.value.get(section) or ()):
+        return section, name
+    for place, called in document.included.items():
+        if inner := declared_at(called, section, name):
+            return *place, *inner
+    return ()
 
 
 def given_to(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
@@ -10,6 +11,7 @@ from pydantic import ValidationError
 from bench.config.document import Document, Place, Problem
 from bench.config.load import problems
 from bench.config.models import BenchFile
+from bench.sequence.called import declared_at
 from bench.sequence.check_steps import is_there, limit_problems, role_problems
 from bench.sequence.checks_interlocks import interlocks
 from bench.sequence.limits import unit_problems
@@ -34,7 +36,7 @@ def check(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
 
 def _needs(plan: Plan, bench: BenchFile) -> Iterator[Problem]:
     for role, kind in plan.sequence.needs.items():
-        place: Place = ("needs", role)
+        place = declared_at(plan.document, "needs", role)
         if kind in (THERMOMETER, READING):
             if role not in bench.readings:
                 yield place, f"the bench '{bench.title}' has no reading '{role}'{did_you_mean(role, bench.readings)}"
@@ -48,8 +50,11 @@ def _needs(plan: Plan, bench: BenchFile) -> Iterator[Problem]:
 
 
 def _steps(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
-    """Problems of steps; one that comes back in every pass of a loop is told once, with the first step that has it."""
-    told: set[Place] = set()
+    """Problems of steps; one that comes back in every pass of a loop is told once, with the first step that has it.
+
+    So is one of a sequence that is called more than once.
+    """
+    told: set[tuple[Path, Place]] = set()
     needs = plan.sequence.needs
     for planned, from_deg in angles_before(plan):
         found = list(role_problems(planned.step, needs, bench))
@@ -60,8 +65,9 @@ def _steps(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
             ]
         for key, problem in found:
             place: Place = (*planned.place, key)
-            if place not in told:
-                told.add(place)
+            owner, inner = plan.document.owner(place)
+            if (owner.path, inner) not in told:
+                told.add((owner.path, inner))
                 yield place, problem
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from bench.config.checks_interlocks import interlock_misfits
 from bench.config.document import Problem
 from bench.config.models import BenchFile
+from bench.sequence.called import declared_at
 from bench.sequence.plan import Plan
 
 
@@ -16,7 +17,8 @@ def interlocks(plan: Plan, bench: BenchFile) -> Iterator[Problem]:
     for name in declared:
         if name in bench.interlocks:
             yield (
-                ("interlocks", name),
+                declared_at(plan.document, "interlocks", name),
                 f"the bench '{bench.title}' has an interlock '{name}', which stays in force; name this one otherwise",
             )
-    yield from interlock_misfits(declared, bench)
+    for (_, misfit, *inner), problem in interlock_misfits(declared, bench):
+        yield (*declared_at(plan.document, "interlocks", str(misfit)), *inner), problem

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from bench.config.document import Document, Place, Problem
 from bench.config.load import problems
-from bench.sequence.called import given_to, read_called
+from bench.sequence.called import Called, given_to, read_called, refuse_too_deep
 from bench.sequence.expressions import Value, ValueProblem
 from bench.sequence.inside import UNROLLED
 from bench.sequence.measuring import Measure
@@ -40,9 +40,9 @@ def expand(
     """The plan of a sequence with these parameters, without what is wrong, and what is wrong.
 
     `broken` are the places of steps and blocks that are not to be looked at. A sequence that is called is kept with the
-    document, and what it needs with the outline.
+    document, what it needs and its interlocks with the outline.
     """
-    expansion = Expansion(document, broken, measured)
+    expansion = Expansion(document, outline, broken, measured)
     known: dict[str, Value | None] = {}
     setup, steps, teardown = (
         expansion.nodes(
@@ -50,8 +50,7 @@ def expand(
         )
         for phase in PHASES
     )  # fmt: skip
-    needs = {**expansion.needs, **outline.needs}
-    outline = outline.model_copy(update={"needs": needs}) if expansion.needs else outline
+    outline = outline.model_copy(update={"needs": expansion.needs, "interlocks": expansion.interlocks})
     plan = Plan(document, outline, parameters, preset, setup=setup, steps=steps, teardown=teardown)
     return plan, expansion.problems
 
@@ -59,19 +58,20 @@ def expand(
 class Expansion:
     """One pass over a document, collecting problems on the way; what was wrong once is not looked at again."""
 
-    def __init__(self, document: Document, broken: Collection[Place], measured: Measured) -> None:
+    def __init__(self, document: Document, outline: Outline, broken: Collection[Place], measured: Measured) -> None:
         self._document = document
         self._broken = set(broken)
         self._measured = measured
         self._made: dict[tuple[Place, tuple[Value, ...]], Step] = {}  # by the values of the names that a step mentions
         self._count = 0
         self._callers: tuple[Path, ...] = (document.path.resolve(),)
-        self.needs: dict[str, str] = {}
+        self._read: dict[Path, Called] = {}  # by their files
+        self.needs, self.interlocks = dict(outline.needs), dict(outline.interlocks)
         self.problems: list[Problem] = []
 
-    def nodes(self, raw: Sequence[Raw], place: Place, scope: Scope) -> Nodes:
-        """What a list of steps and blocks comes to."""
-        seen: Counter[str] = Counter()
+    def nodes(self, raw: Sequence[Raw], place: Place, scope: Scope, taken: Collection[str] = ()) -> Nodes:
+        """What a list of steps and blocks comes to; `taken` are labels that stand for something else in its ids."""
+        seen: Counter[str] = Counter(taken)
         found: list[Node] = []
         for index, block in enumerate(raw):
             here: Place = (*place, index)
@@ -104,7 +104,8 @@ class Expansion:
             for key, raw in block.items()
         }
         if not found:
-            found = scope.misfits(model, ready, here)
+            looked_at = block[verb] if verb in ("measure", "wait_until") else None
+            found = scope.misfits(model, ready, here, self._measured(looked_at) if looked_at else None)
         if not found:
             owner, inner = self._document.owner(here)
             waits = DEFERRED if any(scope.waits(raw) for raw in ready.values()) else {}
@@ -119,21 +120,31 @@ class Expansion:
 
     def call(self, block: Raw, here: Place, scope: Scope) -> tuple[Scope, Mapping[str, Any], Place]:
         """Takes a called sequence in; where it is looked at, what its phases hold, and its place."""
+        path = self._document.owner(here)[0].path.parent / block["call"]
         try:
-            folder = self._document.owner(here)[0].path.parent
-            document, outline, found = read_called(folder, block["call"], self._callers)
+            refuse_too_deep(path, self._callers)
+            if path not in self._read:
+                self._read[path] = read_called(path)
         except ValueProblem as problem:
             raise Wrong("call", str(problem)) from None
+        document, outline, found = self._read[path]
         place = (*here, "call")
         self._document.include(place, document)
         self._broken |= {(*place, *inner) for at, _ in found if (inner := block_around(at)) is not None}
         self.problems += [((*place, *at), problem) for at, problem in found]
         names = given_to(outline, block.get("with", {}), scope, (*here, "with"), self.problems)
-        for role, kind in outline.needs.items():
-            if self.needs.setdefault(role, kind) != kind:
-                raise Wrong("call", f"it needs '{role}' as a {kind}, another sequence as a {self.needs[role]}")
+        self._take_over(outline)
         self._callers = (*self._callers, document.path.resolve())
         return replace(scope.inside(document.path.stem), names=names), document.value, place
+
+    def _take_over(self, called: Outline) -> None:
+        """What holds for the whole run though a called sequence says it."""
+        for role, kind in called.needs.items():
+            if self.needs.setdefault(role, kind) != kind:
+                raise Wrong("call", f"it needs '{role}' as a {kind}, another sequence as a {self.needs[role]}")
+        for name, interlock in called.interlocks.items():
+            if self.interlocks.setdefault(name, interlock) != interlock:
+                raise Wrong("call", f"its interlock '{name}' is another than that of the sequence that calls it")
 
     def returned(self) -> None:
         """The called sequence is at its end."""

@@ -85,6 +85,10 @@ class Passes:
     body: Nodes
     place: Place
 
+    def numbered(self, number: int) -> Nodes:
+        """The nodes of a pass, with its number in their ids."""
+        return renamed(self.body, f"{self.id}/pass=1/", f"{self.id}/pass={number}/")
+
 
 @dataclass(frozen=True, slots=True)
 class Branches:

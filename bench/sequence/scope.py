@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import types
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Union, get_args, get_origin
 
@@ -16,7 +16,7 @@ from bench.sequence.plan import Phase, Waiting
 from bench.sequence.values import holds_expression, in_words, value_of
 from drivers.fields import InUnit
 from drivers.quantities import Quantity
-from drivers.units import QuantityError
+from drivers.units import QuantityError, customary_unit, quoted
 
 TEXTS = ("note", "alarm", "prompt")  # keys of texts, which may hold expressions between words
 _IN_TEXT = re.compile(r"\$\{([^{}]*)\}")
@@ -28,7 +28,8 @@ class Scope:
     """Where in a sequence a step stands.
 
     `names` are parameters and loop variables, of which `loops` are those around the step. `measured` are the names of
-    measurements that come before it, each with an example of its kind. `path` begins the ids of what stands here.
+    measurements that come before it, each with an example of its kind; one that a sequence calls may be of the same
+    name as a parameter, which is then meant. `path` begins the ids of what stands here.
     """
 
     phase: Phase
@@ -51,7 +52,8 @@ class Scope:
             return any(self.waits(value) for value in raw)
         if not self.measured or not holds_expression(raw):
             return False
-        return any(names_in(inside) & self.measured.keys() for inside in _IN_TEXT.findall(raw))
+        awaited = self.measured.keys() - self.names.keys()
+        return any(names_in(inside) & awaited for inside in _IN_TEXT.findall(raw))
 
     def evaluated(self, raw: Any, place: Place, found: list[Problem]) -> Any:
         """A value of a step, with its expressions evaluated but for those that wait; `found` takes what is wrong."""
@@ -75,7 +77,7 @@ class Scope:
             if example is None and isinstance(raw, str) and name in raw and self.waits(raw):
                 return None
             if example is not None:
-                names[name] = example
+                names.setdefault(name, example)
         return filled(raw, names) if text else value_of(raw, names)
 
     def condition(self, raw: Any) -> bool | Waiting:
@@ -87,26 +89,48 @@ class Scope:
             return Waiting(raw, self.names)
         return bool(value)
 
-    def misfits(self, model: type[BaseModel], raw: Mapping[str, Any], place: Place) -> list[Problem]:
-        """Expressions that wait and are in another unit than their key takes."""
+    def misfits(
+        self, model: type[BaseModel], raw: Mapping[str, Any], place: Place, reading: Value | None
+    ) -> list[Problem]:
+        """Expressions that wait and are in another unit than their key takes, or than the reading of the step."""
         found: list[Problem] = []
-        for name, info in model.model_fields.items():
-            key = info.alias or name
-            unit = unit_of((info.annotation, *info.metadata))
-            if unit is None or key not in raw or not self.waits(raw[key]):
-                continue
-            value = self.value(raw[key])
+        for keys, unit in _units(model, reading):
+            part: Any = raw
+            for key in keys:
+                part = part.get(key) if isinstance(part, Mapping) else None
+            value = self.value(part) if self.waits(part) else None
             try:
                 if isinstance(value, Quantity):
                     value.to(unit)
             except QuantityError as problem:
-                found.append(((*place, key), f"{key}: {problem}"))
+                found.append(((*place, *keys), f"{keys[-1]}: {problem}"))
         return found
 
 
 def filled(raw: str, names: Mapping[str, Value]) -> str:
-    """A text with its expressions replaced by what they come to; ValueProblem."""
-    return _IN_TEXT.sub(lambda found: in_words(value_of(found[0], names)), raw)
+    """A text with its expressions replaced by what they come to, in six digits; ValueProblem."""
+    if holds_expression(_IN_TEXT.sub("", raw)):
+        raise ValueProblem(f"{quoted(raw)}: an expression in a text begins with ${{ and ends with }}")
+    return _IN_TEXT.sub(lambda found: _in_text(value_of(found[0], names)), raw)
+
+
+def _in_text(value: Value) -> str:
+    if not isinstance(value, Quantity):
+        return in_words(value)
+    unit = customary_unit(value.dimension)
+    return f"{value.to(unit):.6g} {unit}".rstrip()
+
+
+def _units(model: type[BaseModel], reading: Value | None) -> Iterator[tuple[tuple[str, ...], str]]:
+    """The keys of a step that take one unit; `reading` is an example of what the step looks at."""
+    for name, info in model.model_fields.items():
+        unit = unit_of((info.annotation, *info.metadata))
+        if unit is not None:
+            yield (info.alias or name,), unit
+    if isinstance(reading, Quantity):
+        unit = customary_unit(reading.dimension)
+        yield from (((key,), unit) for key in ("above", "below"))
+        yield from ((("limits", key), unit) for key in ("min", "max", "target", "tolerance", "marginal"))
 
 
 def unit_of(parts: tuple[Any, ...]) -> str | None:

@@ -21,7 +21,9 @@ class StepBase(StrictModel):
     """What every step may say: how long it may take at most, and what happens when it fails."""
 
     timeout_s: PositiveSeconds | None = Field(None, alias="timeout", description="the longest it may take")
-    on_failure: OnFailure | None = Field(None, description="what the run does when it fails; it stops unless given")
+    on_failure: OnFailure | None = Field(
+        None, description="what the run does when it fails: it stops, but goes on after a value outside its limits"
+    )
 
     @property
     def least_s(self) -> float:

@@ -51,9 +51,9 @@ class _Travel:
 
     def _passes(self, node: Passes) -> Iterator[tuple[PlannedStep, float]]:
         """As many passes as there may be; no more once a pass ends where it began."""
-        for _ in range(min(node.at_most, PASSES_LOOKED_AT)):
+        for number in range(1, min(node.at_most, PASSES_LOOKED_AT) + 1):
             before = dict(self._angles_deg)
-            yield from self.nodes(node.body)
+            yield from self.nodes(node.numbered(number))
             if before == self._angles_deg:
                 return
 

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from pydantic import ValidationError
+
 from bench.config.document import Place
 from bench.sequence.blocks import Retry
 from bench.sequence.expressions import Value, ValueProblem
@@ -32,6 +34,7 @@ from bench.sequence.talk import Prompt
 from bench.sequence.values import in_words, spelled
 from drivers.quantities import Quantity
 from drivers.units import NO_DIMENSION
+from drivers.wording import in_plain_words
 
 if TYPE_CHECKING:  # which calls what is here for the steps inside a block
     from bench.sequence.expand import Expansion
@@ -80,7 +83,7 @@ def _step(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> 
 def _for_each(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
     variable = block["for_each"]
     product = isinstance(variable, Mapping)
-    lists = variable if product else {variable: block["in"]}
+    lists = variable if product else {variable: block.get("in")}
     loops = [(name, _values(name, raw, "for_each" if product else "in", scope)) for name, raw in lists.items()]
     yield from _loop(run, loops, block, here, scope, seen)
 
@@ -156,12 +159,16 @@ def _call(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> 
 def _section(run: Expansion, phases: Raw, place: Place, scope: Scope, on_failure: Any, here: Place) -> Iterator[Node]:
     """The phases of a group or a called sequence, in a section of its own where one is needed."""
     setup, steps, teardown = (
-        run.nodes(phases.get(phase) or (), (*place, phase), _phase_of(scope, phase)) for phase in PHASES
+        run.nodes(phases.get(phase) or (), (*place, phase), _phase_of(scope, phase), _BESIDE[phase]) for phase in PHASES
     )
     if teardown or on_failure:
         yield Section(scope.path, (*setup, *steps), teardown, on_failure, here)
     else:
         yield from (*setup, *steps)
+
+
+# The ids of setup and teardown begin beside those of the steps.
+_BESIDE: Mapping[Phase, tuple[str, ...]] = {"setup": (), "steps": ("setup", "teardown"), "teardown": ()}
 
 
 def _phase_of(scope: Scope, phase: Phase) -> Scope:
@@ -176,18 +183,19 @@ def _if(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> It
         condition = scope.condition(block["if"])
     except ValueProblem as problem:
         raise Wrong("if", str(problem)) from None
-    seen["if"] += 1
+    for label in ("if", "then", "else"):
+        seen[label] += 1
     label = _visit("if", seen)
     if isinstance(condition, bool):
         branch = "then" if condition else "else"
-        yield from _branch(run, block, here, scope, branch, label)
+        yield from _branch(run, block, here, scope, branch, seen)
         return
-    then, otherwise = (_branch(run, block, here, scope, branch, label) for branch in ("then", "else"))
+    then, otherwise = (_branch(run, block, here, scope, branch, seen) for branch in ("then", "else"))
     yield Alternatives(f"{scope.path}/{label}", condition, then, otherwise, here)
 
 
-def _branch(run: Expansion, block: Raw, here: Place, scope: Scope, branch: str, label: str) -> Nodes:
-    path = f"{scope.path}/{label.replace('if', branch, 1)}"
+def _branch(run: Expansion, block: Raw, here: Place, scope: Scope, branch: str, seen: Seen) -> Nodes:
+    path = f"{scope.path}/{_visit(branch, seen)}"
     return run.nodes(block.get(branch) or (), (*here, branch), replace(scope, path=path))
 
 
@@ -218,9 +226,21 @@ def _parallel(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen)
 def _retry(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
     seen["retry"] += 1
     path = f"{scope.path}/{_visit('retry', seen)}"
-    model = Retry.model_validate({**block, "steps": UNROLLED})
+    model = _retry_model(block, scope)
     body = run.nodes(block["steps"], (*here, "steps"), replace(scope, path=path))
     yield Attempts(path, model.attempts, model.delay_s, model.on, body, here)
+
+
+def _retry_model(block: Raw, scope: Scope) -> Retry:
+    if scope.waits(block.get("delay")):
+        raise Wrong("delay", "depends on a measurement; it must be known before the run")
+    try:
+        delay = {"delay": scope.value(block["delay"])} if "delay" in block else {}
+        return Retry.model_validate({**block, **delay, "steps": UNROLLED})
+    except ValidationError as error:
+        raise Wrong("delay", in_plain_words(error.errors(include_url=False)[0])) from None
+    except ValueProblem as problem:
+        raise Wrong("delay", str(problem)) from None
 
 
 _BLOCKS: Mapping[str, Callable[[Expansion, Raw, Place, Scope, Seen], Iterator[Node]]] = {

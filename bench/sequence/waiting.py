@@ -21,7 +21,7 @@ def completed(planned: PlannedStep, variables: Mapping[str, Value], folder: Path
     """The step with its expressions worked out; StepError when they come to what the step cannot take."""
     if planned.waiting is None:
         return planned.step
-    names = {**planned.waiting.names, **variables}
+    names = {**variables, **planned.waiting.names}
     try:
         ready = {key: _evaluated(key, raw, names) for key, raw in planned.waiting.raw.items()}
         found: Step = type(planned.step).model_validate(ready, context={"folder": folder, "files_needed": False})
@@ -38,7 +38,7 @@ def completed(planned: PlannedStep, variables: Mapping[str, Value], folder: Path
 def is_true(condition: Waiting, variables: Mapping[str, Value]) -> bool:
     """What a condition comes to; StepError when it cannot be told."""
     try:
-        value = value_of(condition.raw, {**condition.names, **variables})
+        value = value_of(condition.raw, {**variables, **condition.names})
     except ValueProblem as problem:
         raise StepError(_told(str(problem), variables)) from None
     if not isinstance(value, bool):

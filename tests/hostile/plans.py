@@ -142,12 +142,9 @@ def explosions(rng: random.Random) -> str:
             {"group": name * 32, "steps": inside * rng.choice((1, 1, 3))},
         ])]  # fmt: skip
     results = [{"method": "temperature_tumble", "data": "x"}] if rng.random() < 0.3 else []
-    parameters = {
-        "wide": {"help": "x", "default": [{"from": 1, "to": rng.choice((2, 9_999))}]},
-        "a": {"help": "x", "default": "1°"},
-    }
-    if any(f'"{name}"' in json.dumps(inside) for name in "a"):
-        del parameters["a"]
+    parameters: dict[str, Any] = {"wide": {"help": "x", "default": [{"from": 1, "to": rng.choice((2, 9_999))}]}}
+    if '"for_each": "a"' not in json.dumps(inside):
+        parameters["a"] = {"help": "x", "default": "1°"}
     return sequence(inside, parameters, results=results)
 
 

@@ -22,7 +22,7 @@ from tests.hostile.plans import NEIGHBOURS
 LIMIT_S = 0.1
 LAYOUT_LIMIT_S = 0.3  # reads a document twice, and scans it once more
 LONG_PLAN_LIMIT_S = 2.0  # for a plan of as many steps as there may be, each with values of its own
-_LONG_PLANS = ("plans.explosions", "plans.ranges", "plans.calls")
+LONG_PLANS = ("plans.explosions", "plans.ranges", "plans.calls")
 HANG_S = 10
 ACCEPTED, REFUSED, HANG = "accepted", "refused", "hang"
 # Read before anything is measured: what a process imports and makes once is no document's fault.
@@ -59,7 +59,7 @@ class Reading:
     @property
     def is_long_plan(self) -> bool:
         """Whether the document means more steps than it says, as many as there may be."""
-        return self.kind in _LONG_PLANS or re.search(r"has more than \d+ steps", self.detail) is not None
+        return self.kind in LONG_PLANS or re.search(r"has more than \d+ steps", self.detail) is not None
 
     @property
     def limit_s(self) -> float:

@@ -326,3 +326,14 @@ def test_checking_a_sequence_loads_no_arithmetic_and_no_wires(sequence):
 def test_a_wire_format_loads_nothing_that_opens_a_wire(path):
     wire = f"drivers.{path.parent.name}.wire"
     assert loaded(f"import {wire}", f"{wire} asyncio socket serial pymodbus can drivers.transport") == [wire]
+
+
+def test_a_mistake_of_the_program_is_never_taken_for_a_unit_that_fails(bench, monkeypatch):
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("planted")
+
+    monkeypatch.setattr("bench.app.request.load_checked", broken)
+    code, _, err = bench("check", "smoke")
+    assert code == 3
+    assert err[0] == "a mistake of this program:"
+    assert err[-1] == "ZeroDivisionError: planted"

@@ -106,3 +106,18 @@ def test_groups_and_repetitions_give_the_same_dwell_as_the_steps_alone(tmp_path)
     bias = [finding for finding in result.results.units[0].findings if finding.quantity == "K0"]
     assert len(bias) == 1
     assert bias[0].at["temperature_set_c"] == 20.0
+
+
+def test_a_tumble_without_a_ramp_has_results_whose_set_point_is_not_known(tmp_path):
+    head = "results: [{method: temperature_tumble, data: a}]\n"
+    supply = "{set: supply, voltage: 15 V, current_limit: 120 mA, output: on}"
+    count = "{acquire: counter, for: 5 s, label: a}"
+    turn = "{for_each: p, in: [1°, 91°, 181°, 271°], steps: [{move: head, to: '${p}'}, " + count + "]}"
+    path = tmp_path / "s.yaml"
+    path.write_text(head + steps(supply, "{group: room, steps: [" + turn + "]}") + OFF + TAIL, "utf-8")
+    result = run_short(tmp_path / "runs", sequence=str(path))
+    assert result.outcome.how == "completed"
+    (bias,) = [finding for finding in result.results.units[0].findings if finding.quantity == "K0"]
+    assert bias.at["temperature_set_c"] is None
+    with open_run(result.path) as stored:
+        assert "K0" in write_report(stored).read_text("utf-8")

@@ -1,0 +1,185 @@
+"""A rehearsal: a sequence on simulators of a bench's instruments, held against its plan; on demand with faults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from bench.app.execute import RunObserver, RunResult, execute
+from bench.app.request import PreparedRun
+from bench.clock import Clock
+from bench.config.devices import DeviceEntry
+from bench.config.models import BenchFile, FaultSimulation
+from bench.engine.questions import Question
+from bench.report.verify import verify
+from bench.sequence.estimate import Estimate, estimate
+from bench.sequence.plan import PHASES, PlannedStep
+from bench.store.database import FILE_NAME
+from bench.store.reader import Event, RunReader
+from drivers.values import Reading
+from simulators.unit_file import stream
+
+MOST_FAULTS = 3
+# What each kind of instrument can suffer; others cannot measure wrongly without being silent, or restart unseen.
+_OF_A_COUNTER, _OF_A_SOURCE = ("silent", "cut", "frozen", "restart"), ("silent", "cut", "stuck")
+_OF_OTHERS = ("silent", "cut", "frozen", "stuck")
+_ENDS = ("step_ended", "step_failed", "step_cut")
+
+
+@dataclass(frozen=True)
+class Compared:
+    """How long something was planned to take, and how long it took; both in s."""
+
+    name: str
+    planned_s: float
+    took_s: float
+
+    @property
+    def ratio(self) -> float | None:
+        """Took / planned; None where nothing was planned."""
+        return self.took_s / self.planned_s if self.planned_s else None
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """What a rehearsal has shown.
+
+    `phases` are those that were begun, `steps` those that ended, in the order of the plan. `unsafe` says which devices
+    were not made safe and why, among them those that `faults` broke. `lost` is what was acknowledged in the run and is
+    not on the disk, and files that are not as they were written.
+    """
+
+    result: RunResult
+    expected: Estimate
+    phases: tuple[Compared, ...]
+    steps: tuple[Compared, ...]
+    stored_bytes: int
+    faults: tuple[FaultSimulation, ...]
+    unsafe: Mapping[str, str]
+    lost: tuple[str, ...]
+
+    @property
+    def unsafe_unbroken(self) -> tuple[str, ...]:
+        """Devices that were not made safe although nothing had broken them; there should be none."""
+        return tuple(set(self.unsafe) - {fault.device for fault in self.faults})
+
+    def most_different(self, count: int) -> list[Compared]:
+        """The steps whose times differ most from the plan, the most different first."""
+        return sorted(self.steps, key=lambda step: -abs(step.took_s - step.planned_s))[:count]
+
+
+def rehearse(prepared: PreparedRun, observer: RunObserver, fault_seed: int | None = None) -> Rehearsal:
+    """Runs what was prepared with every instrument simulated, with drawn faults where a seed for them is given."""
+    expected = estimate(prepared.plan, prepared.loaded.bench)
+    faults: tuple[FaultSimulation, ...] = ()
+    if fault_seed is not None:
+        faults = draw_faults(prepared.loaded.bench, expected.total_s, fault_seed)
+        prepared = _with_faults(prepared, faults)
+    witness = _Witness(observer)
+    result = execute(prepared, witness)
+    with RunReader(result.path) as reader:
+        events = list(reader.events())
+    return Rehearsal(
+        result=result,
+        expected=expected,
+        phases=tuple(_phases(expected, events)),
+        steps=tuple(_steps(expected, events)),
+        stored_bytes=(result.path / FILE_NAME).stat().st_size,
+        faults=faults,
+        unsafe=_unsafe(result, events),
+        lost=(*witness.lost(events), *verify(result.path)),
+    )
+
+
+def draw_faults(bench: BenchFile, planned_s: float, seed: int) -> tuple[FaultSimulation, ...]:
+    """One to three faults of devices that the bench has, at times within the plan; the same for the same seed."""
+    draw = stream(seed, "rehearsal", "faults")
+    roles = draw.permutation(sorted(bench.devices))[: draw.integers(1, MOST_FAULTS + 1)]
+    drawn = [
+        FaultSimulation.model_validate({
+            "device": str(role), "kind": str(draw.choice(_kinds(bench.devices[role]))),
+            "at": f"{draw.uniform(0, planned_s):.1f} s",
+        })
+        for role in roles
+    ]  # fmt: skip
+    return tuple(sorted(drawn, key=lambda fault: fault.at))
+
+
+def _kinds(entry: DeviceEntry) -> tuple[str, ...]:
+    if "pulse_counter" in entry.description.capabilities:
+        return _OF_A_COUNTER
+    return _OF_A_SOURCE if "current_source" in entry.description.capabilities else _OF_OTHERS
+
+
+def _with_faults(prepared: PreparedRun, faults: tuple[FaultSimulation, ...]) -> PreparedRun:
+    bench = prepared.loaded.bench
+    simulation = bench.simulation.model_copy(update={"faults": (*bench.simulation.faults, *faults)})
+    bench = bench.model_copy(update={"simulation": simulation})
+    return replace(prepared, loaded=replace(prepared.loaded, bench=bench))
+
+
+def _phases(expected: Estimate, events: list[Event]) -> Iterator[Compared]:
+    """From the first step of each phase to its last."""
+    for phase in PHASES:
+        at_s = [event.at_s for event in events if event.step.startswith(f"{phase}/")]
+        if at_s:
+            yield Compared(phase, expected.of_phase(phase), at_s[-1] - at_s[0])
+
+
+def _steps(expected: Estimate, events: list[Event]) -> Iterator[Compared]:
+    """Steps that the plan has with a time, as they were done first; later passes and attempts have other ids."""
+    began_s = {event.step: event.at_s for event in events if event.kind == "step_begins"}
+    ended_s = {event.step: event.at_s for event in events if event.kind in _ENDS}
+    for span in expected.spans:
+        step = span.step.id
+        if step in began_s and step in ended_s:
+            yield Compared(step, span.duration_s, ended_s[step] - began_s[step])
+
+
+def _unsafe(result: RunResult, events: list[Event]) -> Mapping[str, str]:
+    """Which devices were not made safe, and why; of a run that never came to it, all that it may have energised."""
+    if any(event.kind == "made_safe" for event in events) or not any(event.kind == "step_begins" for event in events):
+        return result.outcome.unsafe
+    return {"every device": "the run ended before the devices were made safe"}
+
+
+class _Witness:
+    """Passes everything on to another observer, and keeps which steps it was told of: those are acknowledged."""
+
+    def __init__(self, observer: RunObserver) -> None:
+        self._observer = observer
+        self._told: list[tuple[str, str]] = []
+
+    def lost(self, events: list[Event]) -> Iterator[str]:
+        """What was acknowledged and is not in the journal."""
+        kept = {(event.kind, event.step) for event in events}
+        for kind, step in dict.fromkeys(self._told):
+            if (kind, step) not in kept:
+                yield f"{kind} {step} is not in the journal"
+
+    def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
+        """Passed on."""
+        self._observer.run_begins(path, expected, clock)
+
+    def step_begins(self, planned: PlannedStep, index: int) -> None:
+        """Kept, and passed on."""
+        self._told.append(("step_begins", planned.id))
+        self._observer.step_begins(planned, index)
+
+    def step_ended(self, planned: PlannedStep, index: int) -> None:
+        """Kept, and passed on."""
+        self._told.append(("step_ended", planned.id))
+        self._observer.step_ended(planned, index)
+
+    def reading(self, name: str, reading: Reading) -> None:
+        """Passed on."""
+        self._observer.reading(name, reading)
+
+    def asked(self, question: Question) -> None:
+        """Passed on."""
+        self._observer.asked(question)
+
+    def notice(self, text: str) -> None:
+        """Passed on."""
+        self._observer.notice(text)

@@ -1,0 +1,122 @@
+"""rehearse: a sequence on simulators of a bench, held against its plan."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bench.cli.exits import ABORTED, BENCH_ERROR, PASS
+from bench.cli.running import BenchOption, NotAfter, Parameters, Preset, Sequence, Settings, warn
+
+if TYPE_CHECKING:  # `bench --help` loads none of it
+    from bench.app.rehearse import Compared, Rehearsal
+
+OF_END = {"completed": PASS, "error": BENCH_ERROR, "aborted": ABORTED}
+STEPS_SHOWN = 8
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command()(rehearse)
+
+
+def rehearse(
+    sequence: Sequence,
+    bench: BenchOption = None,
+    preset: Preset = None,
+    params: Parameters = None,
+    set_: Settings = None,
+    not_after: NotAfter = None,
+    answers: Annotated[Path | None, typer.Option(metavar="FILE", help="What a scripted technician answers.")] = None,
+    uut_model: Annotated[Path | None, typer.Option(metavar="FILE", help="Truth of the simulated unit.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the simulation.")] = None,
+    faults: Annotated[
+        int | None, typer.Option(metavar="SEED", help="Break one to three instruments, drawn by this seed.")
+    ] = None,
+    runs: Annotated[Path, typer.Option(metavar="DIR", help="Where run directories are made.")] = Path("runs"),
+) -> None:
+    """Run a sequence on simulators of a bench's instruments, all limits in force, and compare with its plan.
+
+    Exit code 0 when the run got to its end, whatever the verdict on the simulated units.
+    """
+    from dataclasses import replace
+
+    from bench.app.rehearse import rehearse as rehearsed
+    from bench.app.request import RunRequest, load_checked, prepare
+    from bench.runner.progress import TerminalProgress
+
+    as_it_is = RunRequest(
+        sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), uut_model=uut_model,
+        seed=seed, runs=runs, operator="rehearsal", answers=answers, not_after=not_after,
+    )  # fmt: skip
+    checked = load_checked(as_it_is)
+    warn(checked.plan, checked.warnings)
+    prepared = prepare(replace(as_it_is, simulate=True, not_after=None))
+    with TerminalProgress(prepared.plan) as progress:
+        rehearsal = rehearsed(prepared, progress, faults)
+    for line in _told(rehearsal):
+        sys.stdout.write(line + "\n")
+    raise typer.Exit(BENCH_ERROR if rehearsal.lost else OF_END[rehearsal.result.outcome.how])
+
+
+def _told(rehearsal: Rehearsal) -> Iterator[str]:
+    from bench.report.shown import megabytes
+
+    result, expected = rehearsal.result, rehearsal.expected
+    yield f"{'planned':>12} {'took':>12} {'ratio':>6}"
+    for phase in rehearsal.phases:
+        yield _row(phase)
+    yield _compared(_time(expected.total_s), _time(result.bench_s), result.bench_s / max(expected.total_s, 1.0), "all")
+    stored = megabytes(rehearsal.stored_bytes)
+    yield _compared(
+        megabytes(expected.size_bytes), stored, rehearsal.stored_bytes / expected.size_bytes, "size of run.db"
+    )
+    yield ""
+    yield "Steps that differ most from the plan:"
+    for step in rehearsal.most_different(STEPS_SHOWN):
+        yield _row(step)
+    yield ""
+    yield from _faults(rehearsal)
+    yield f"Ended: {result.outcome.how} after {_time(result.bench_s)}"
+    yield f"Made safe: {_made_safe(rehearsal)}"
+    yield f"On the disk: {'; '.join(rehearsal.lost) or 'all that was acknowledged'}"
+    yield f"Verdict on the simulated units: {result.results.verdict if result.results else 'none'}"
+    yield from (f"Problem: {problem}" for problem in result.problems)
+    yield f"run    {result.path}"
+    yield f"report {result.path / 'report.html'}"
+
+
+def _faults(rehearsal: Rehearsal) -> Iterator[str]:
+    from bench.report.timeline import clock
+
+    for fault in rehearsal.faults:
+        reached = "" if fault.at <= rehearsal.result.bench_s else ", after the end of the run"
+        yield f"Injected at {clock(fault.at)}: {fault.device} {fault.kind}{reached}"
+
+
+def _made_safe(rehearsal: Rehearsal) -> str:
+    if not rehearsal.unsafe:
+        return "every device"
+    broken = ", ".join(sorted(set(rehearsal.unsafe) - set(rehearsal.unsafe_unbroken)))
+    wrong = ", ".join(sorted(rehearsal.unsafe_unbroken))
+    told = [f"every device but {broken}, broken on purpose"] if broken else []
+    return "; ".join([*told, *([f"NOT {wrong}, which nothing had broken"] if wrong else [])])
+
+
+def _row(compared: Compared) -> str:
+    return _compared(_time(compared.planned_s), _time(compared.took_s), compared.ratio, compared.name)
+
+
+def _compared(planned: str, took: str, ratio: float | None, name: str) -> str:
+    shown = f"{ratio:.2f}" if ratio is not None else "-"
+    return f"{planned:>12} {took:>12} {shown:>6}  {name}"
+
+
+def _time(seconds: float) -> str:
+    from bench.report.shown import duration
+
+    return f"{seconds:.1f} s" if seconds < 600 else duration(seconds)

@@ -1,0 +1,191 @@
+"""Does one step: its entries in the journal, its time limit, and rest for what it has set going when it ends early."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Protocol
+
+from bench.engine.actions import Bench, Found, begin_turning, leave, perform
+from bench.engine.control import Control, StepUnderWay, Wish
+from bench.engine.measuring import record_during
+from bench.errors import BenchError, StepError, StoreError
+from bench.sequence.check_steps import limit_problems
+from bench.sequence.measuring import Acquire
+from bench.sequence.plan import Plan, PlannedStep
+from bench.sequence.steps import Step
+from bench.sequence.stimulus import Move, Oscillate, Rotate
+from bench.sequence.waiting import completed
+from drivers.errors import DriverError
+
+Body = Callable[[], Awaitable[None]]  # does the steps that are done meanwhile
+
+
+class Watcher(Protocol):
+    """Whoever is told of steps; called in the loop, so it must not take long."""
+
+    def step_begins(self, planned: PlannedStep, index: int) -> None:
+        """A step of the plan, by its place in it, begins."""
+
+    def step_ended(self, planned: PlannedStep, index: int) -> None:
+        """A step is done."""
+
+    def notice(self, text: str) -> None:
+        """Something a person should see now."""
+
+
+class Stopped(BenchError):
+    """The run ends after the step under way, as the operator wished."""
+
+    code = "stopped"
+
+
+class StepFailed(StepError):
+    """A step has failed; its code is that of the error that it failed with."""
+
+    def __init__(self, text: str, code: str) -> None:
+        super().__init__(text)
+        self.code = code
+
+
+class Stepper:
+    """Does the steps of a plan, one by one; what they fail with is raised as StepFailed, with where they stand.
+
+    Whatever begins also ends in the journal: `step_ended`, `step_failed`, or `step_cut` with who wished it. `indices`
+    are the places of steps in the plan by their ids.
+    """
+
+    def __init__(
+        self, plan: Plan, bench: Bench, control: Control, watcher: Watcher, indices: Mapping[str, int]
+    ) -> None:
+        self._plan, self._bench, self._journal = plan, bench, bench.journal
+        self._control, self._watcher, self._indices = control, watcher, indices
+
+    async def step(self, planned: PlannedStep, body: Body | None = None) -> bool:
+        """One try at a step, with the steps that are done meanwhile; whether it is to be done again."""
+        step = planned.step
+        try:
+            await self._begin(planned)
+            step = self._ready(planned)
+            found = await self._within_its_time(step, planned, body)
+        except (asyncio.CancelledError, Stopped):
+            self._journal.try_to_write("step_cut", planned.id, wish="end")
+            await self._bring_to_rest(step)
+            raise
+        except StoreError:
+            raise
+        except (DriverError, BenchError) as problem:
+            self._journal.try_to_write("step_failed", planned.id, code=problem.code, text=str(problem))
+            if isinstance(step, (Rotate, Oscillate)):
+                await self._bring_to_rest(step)
+            raise self._in_words(planned, problem) from problem
+        if isinstance(found, str):
+            return found != "skip"
+        self._end(planned, found)
+        if found.get("verdict") == "FAIL" and step.on_failure in ("stop", "ask"):
+            raise self._in_words(planned, StepError(f"{found['reading']} is outside its limits"))
+        return False
+
+    async def _within_its_time(self, step: Step, planned: PlannedStep, body: Body | None) -> Found | Wish:
+        """What the step found, or the wish that it was cut short by; StepError when it takes too long."""
+        limit = asyncio.timeout(step.timeout_s)
+        under_way = StepUnderWay(limit)
+        if body is None:
+            self._control.under_way[planned.id] = under_way
+        try:
+            async with limit:
+                if body is not None:
+                    return await self._meanwhile(step, planned, body)
+                return await perform(step, planned.id, self._bench)
+        except TimeoutError:
+            if not limit.expired():  # a silent instrument is a TimeoutError too
+                raise
+            if under_way.wish is not None:
+                await self._cut(planned, step, under_way.wish)
+                return under_way.wish
+            await self._bring_to_rest(step)
+            raise StepError(
+                f"takes longer than its timeout of {step.timeout_s:g} s. Look what it waits for, or allow more."
+            ) from None
+        finally:
+            self._control.under_way.pop(planned.id, None)
+
+    async def _meanwhile(self, step: Step, planned: PlannedStep, body: Body) -> Found:
+        """A step that lasts as long as those inside it."""
+        if isinstance(step, Acquire):
+            return await self._recording(step, planned, body)
+        if isinstance(step, (Rotate, Oscillate)):
+            await begin_turning(step, self._bench)
+            await body()
+            await leave(step, self._bench)
+        return {}
+
+    async def _recording(self, step: Acquire, planned: PlannedStep, body: Body) -> Found:
+        over, loop = asyncio.Event(), asyncio.get_running_loop()
+        began_s = loop.time()
+        try:
+            async with asyncio.TaskGroup() as group:
+                group.create_task(record_during(step, planned.id, self._bench.rig, self._bench.writer, over))
+                await body()
+                over.set()
+        except BaseExceptionGroup as problems:
+            raise first_of(problems) from problems
+        return {"label": step.label, "begin_s": began_s, "end_s": loop.time()}
+
+    async def _cut(self, planned: PlannedStep, step: Step, wish: Wish) -> None:
+        """Brings to rest what was cut short."""
+        await leave(step, self._bench)
+        self._journal.write("step_cut", planned.id, wish=wish)
+        if wish == "skip":
+            self._journal.write("left_out", planned.id, why="skipped by the operator", text="")
+
+    async def _bring_to_rest(self, step: Step) -> None:
+        """What a step has set going ends with it, as far as the device obeys; an abort leaves it to the making safe."""
+        if self._control.aborting:
+            return
+        try:
+            await leave(step, self._bench)
+        except DriverError as problem:
+            self._watcher.notice(str(problem))
+
+    async def _begin(self, planned: PlannedStep) -> None:
+        """The intent is on the disk, with all before it, before anything moves; the teardown goes on without a disk."""
+        try:
+            self._journal.write("step_begins", planned.id)
+            await self._journal.commit()
+        except StoreError:
+            if planned.phase != "teardown":
+                raise
+        self._watcher.step_begins(planned, self._indices[planned.id])
+
+    def _end(self, planned: PlannedStep, found: Found) -> None:
+        try:
+            self._journal.write("step_ended", planned.id, **found)
+        except StoreError:
+            if planned.phase != "teardown":
+                raise
+        self._watcher.step_ended(planned, self._indices[planned.id])
+
+    def _ready(self, planned: PlannedStep) -> Step:
+        """The step with what was measured, held against the limits of the bench; StepError when it is beyond them."""
+        if planned.waiting is None:
+            return planned.step
+        owner, _ = self._plan.document.owner(planned.place)
+        step = completed(planned, self._journal.state.variables, owner.path.parent)
+        from_deg = self._bench.angles_deg.get(step.role, 0.0) if isinstance(step, (Move, Rotate)) else 0.0
+        if problems := [problem for _, problem in limit_problems(step, self._bench.file, from_deg)]:
+            raise StepError(f"{'; '.join(problems)}. Nothing was sent.")
+        return step
+
+    def _in_words(self, planned: PlannedStep, problem: DriverError | BenchError) -> StepFailed:
+        """The error with where its step stands; one of a step inside this one knows that already."""
+        if isinstance(problem, StepFailed):
+            return problem
+        text = f"{self._plan.where(planned.place)}: step {planned.id}: {problem}"
+        return StepFailed(text, problem.code)
+
+
+def first_of(problems: BaseExceptionGroup[BaseException]) -> BaseException:
+    """The first of several errors that came at once."""
+    problem = problems.exceptions[0]
+    return first_of(problem) if isinstance(problem, BaseExceptionGroup) else problem
