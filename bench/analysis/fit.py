@@ -246,17 +246,21 @@ class GatedFit:
         return bool(np.mean(~self.kept) > EXCESSIVE_OUTLIERS)
 
 
-def reject_outliers(design: Array, y: Array, *, sigmas: float = OUTLIER_SIGMAS) -> GatedFit:
+def reject_outliers(
+    design: Array, y: Array, *, sigmas: float = OUTLIER_SIGMAS, resolution: Array | float = 0.0
+) -> GatedFit:
     """Fits, drops readings more than `sigmas` robust standard deviations from the median residual, until none is left.
 
-    Raises NotDetermined as `least_squares` does.
+    `resolution` is the standard deviation of each y that comes of its being counted: where most readings are the same
+    count, the robust one is 0. Raises NotDetermined as `least_squares` does.
     """
     kept = np.ones(len(y), dtype=np.bool_)
     rounding = 64 * np.finfo(np.float64).eps * float(np.max(np.abs(y), initial=0.0))
     while True:
         fit = least_squares(design[kept], y[kept])
         away = np.abs(fit.residuals - np.median(fit.residuals))
-        near = away <= max(sigmas * SIGMA_PER_MAD * float(np.median(away)), rounding)
+        sigma = np.maximum(SIGMA_PER_MAD * float(np.median(away)), np.broadcast_to(resolution, y.shape)[kept])
+        near = away <= np.maximum(sigmas * sigma, rounding)
         if near.all():
             return GatedFit(fit, kept)
         kept[kept] = near

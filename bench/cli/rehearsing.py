@@ -9,13 +9,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bench.cli.exits import ABORTED, BENCH_ERROR, PASS
+from bench.cli.exits import ABORTED, BENCH_ERROR, FAIL, PASS
 from bench.cli.running import BenchOption, NotAfter, Parameters, Preset, Sequence, Settings, warn
 
 if TYPE_CHECKING:  # `bench --help` loads none of it
     from bench.app.rehearse import Compared, Rehearsal
 
-OF_END = {"completed": PASS, "error": BENCH_ERROR, "aborted": ABORTED}
+OF_END = {"completed": PASS, "failed": FAIL, "error": BENCH_ERROR, "aborted": ABORTED}
+ENDED = {
+    "completed": "got to its end",
+    "failed": "was stopped by a value outside its limits",
+    "error": "ended with an error",
+    "aborted": "was aborted",
+}
 STEPS_SHOWN = 8
 
 
@@ -81,7 +87,7 @@ def _told(rehearsal: Rehearsal) -> Iterator[str]:
         yield _row(step)
     yield ""
     yield from _faults(rehearsal)
-    yield f"Ended: {result.outcome.how} after {_time(result.bench_s)}"
+    yield f"The run {ENDED[result.outcome.how]} after {_time(result.bench_s)}"
     yield f"Made safe: {_made_safe(rehearsal)}"
     yield f"On the disk: {'; '.join(rehearsal.lost) or 'all that was acknowledged'}"
     yield f"Verdict on the simulated units: {result.results.verdict if result.results else 'none'}"
@@ -94,8 +100,8 @@ def _faults(rehearsal: Rehearsal) -> Iterator[str]:
     from bench.report.timeline import clock
 
     for fault in rehearsal.faults:
-        reached = "" if fault.at <= rehearsal.result.bench_s else ", after the end of the run"
-        yield f"Injected at {clock(fault.at)}: {fault.device} {fault.kind}{reached}"
+        when = "Injected" if fault.at <= rehearsal.result.bench_s else "Not reached: drawn for"
+        yield f"{when} {clock(fault.at)}: {fault.device} {fault.kind}"
 
 
 def _made_safe(rehearsal: Rehearsal) -> str:

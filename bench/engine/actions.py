@@ -23,6 +23,7 @@ from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.talk import Alarm, Note, Prompt
 from bench.sequence.waits import Soak, Wait, WaitUntil
 from bench.store.writer import RunWriter
+from drivers.capabilities import Positioner
 from drivers.quantities import Quantity
 from drivers.units import customary_unit
 
@@ -128,9 +129,13 @@ async def _rotate(step: Rotate, bench: Bench) -> Found:
 
 
 async def _oscillate(step: Oscillate, bench: Bench) -> Found:
+    """Every frequency of a sweep swings about the same angle, where a table that goes to angles is taken back to."""
     table = bench.rig.table(step.role)
     bench.angles_deg.pop(step.role, None)
-    for frequency_hz in step.frequencies_hz:
+    centre = await table.angle()
+    for number, frequency_hz in enumerate(step.frequencies_hz):
+        if number and isinstance(table, Positioner):
+            await table.move_to(centre.value, approach="direct", settle_s=0.0)
         await table.oscillate(step.amplitude_deg, frequency_hz)
         await asyncio.sleep(step.least_s / len(step.frequencies_hz))
     await table.stop()

@@ -15,7 +15,7 @@ from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.engine.questions import Desk, Question
 from bench.engine.safety import finish
-from bench.engine.stepper import Stopped, Watcher
+from bench.engine.stepper import Stopped, UnitFailed, Watcher
 from bench.engine.walk import Walk
 from bench.errors import BenchError, InputError, WindowError
 from bench.rig import MAKE_SAFE_S, Rig
@@ -23,12 +23,15 @@ from bench.sequence.plan import Plan
 from bench.store.writer import RunWriter
 from drivers.errors import DriverError
 
-How = Literal["completed", "error", "aborted"]
+How = Literal["completed", "failed", "error", "aborted"]
 
 
 @dataclass
 class Outcome:
-    """How a run ended. `problems` are for people, the first one is why; `unsafe` names devices not made safe."""
+    """How a run ended: `failed` is what the unit did, `error` what the bench did.
+
+    `problems` are for people, the first one is why; `unsafe` names devices not made safe.
+    """
 
     how: How = "completed"
     problems: list[str] = field(default_factory=list)
@@ -189,6 +192,11 @@ class Engine:
                 self.outcome.how = "aborted"
             self.outcome.problems.append("ended by the operator")
             self.journal.try_to_write("operator", action="abort" if self._control.aborting else "stop")
+        elif isinstance(problem, UnitFailed):
+            self.outcome.how = "failed"
+            self.outcome.problems.append(str(problem))
+            self._observer.notice(f"{problem} The sequence says to stop there; teardown runs.")
+            self.journal.try_to_write("problem", text=str(problem))
         elif problem is not None:
             self._failed(problem)
 

@@ -65,7 +65,7 @@ def advanced(state: RunState, kind: str, step: str, data: Mapping[str, Any]) -> 
             return replace(state, under_way=(*state.under_way, step))
         case "step_ended":
             return _ended(replace(_without(state, step), done=state.done + 1), step, data)
-        case "step_failed" | "step_cut" | "answered":
+        case "step_failed" | "step_cut" | "answered" | "unanswered":
             return _without(state, step)
         case "left_out":
             return replace(state, left_out=(*state.left_out, step))

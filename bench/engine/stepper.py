@@ -48,6 +48,10 @@ class StepFailed(StepError):
         self.code = code
 
 
+class UnitFailed(StepFailed):
+    """A value is outside its limits, and the sequence says to stop there: the unit is bad, not the bench."""
+
+
 class Stepper:
     """Does the steps of a plan, one by one; what they fail with is raised as StepFailed, with where they stand.
 
@@ -83,7 +87,8 @@ class Stepper:
             return found != "skip"
         self._end(planned, found)
         if found.get("verdict") == "FAIL" and step.on_failure in ("stop", "ask"):
-            raise self._in_words(planned, StepError(f"{found['reading']} is outside its limits"))
+            text = f"{self._plan.where(planned.place)}: step {planned.id}: {found['reading']} is outside its limits."
+            raise UnitFailed(text, "step")
         return False
 
     async def _within_its_time(self, step: Step, planned: PlannedStep, body: Body | None) -> Found | Wish:

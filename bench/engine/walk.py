@@ -227,7 +227,11 @@ class Walk:
     async def _asked(self, step_id: str, problem: Exception) -> str:
         question = Question(f"{step_id}?", f"{problem} What now?", AFTER_A_FAILURE)
         self._journal.write("asked", question.step, text=question.text, expected=question.expected)
-        answer = await self._bench.desk.ask(question, A_DAY_S)
+        try:
+            answer = await self._bench.desk.ask(question, A_DAY_S)
+        except BaseException:
+            self._journal.try_to_write("unanswered", question.step)
+            raise
         self._journal.write("answered", question.step, answer=str(answer.value), by=answer.by)
         return str(answer.value)
 

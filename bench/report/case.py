@@ -5,15 +5,13 @@ The formats, the names of settings and results, and the units in them are those 
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Any
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
 from bench.analysis.fit import NotDetermined
 from bench.analysis.ramp import RampRecord
@@ -21,38 +19,18 @@ from bench.analysis.temperature_dynamic import RampLimits, reduce_ramp
 from bench.analysis.temperature_static import Characteristic, Dwell, TumbleRecord, reduce_static
 from bench.analysis.tilt import compare_tilt
 from bench.errors import InputError
-from bench.report.table import Table, read_table, read_text
-from drivers.fields import FileBeside
-from drivers.wording import in_plain_words
+from bench.report.case_file import Case, Limit, Scale, Settings, read_case
 
-CASE_LIMIT_BYTES = 2**20
 LEGS = ("up", "down")
-SettingsT = TypeVar("SettingsT", bound=BaseModel)
 
 
-def _not_zero(value: float) -> float:
-    if value == 0:
-        raise ValueError("is 0; a scale factor is not")
-    return value
-
-
-Scale = Annotated[float, AfterValidator(_not_zero)]
-Limit = Annotated[float, Field(ge=0)]
-
-
-class _Settings(BaseModel):
-    """Settings that a reduction does not know are for somebody else and passed over."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
-
-
-class StaticSettings(_Settings):
+class StaticSettings(Settings):
     """Of `static`; without a degree it is chosen by the data."""
 
     degree: int | None = Field(None, ge=1, le=8)
 
 
-class DynamicSettings(_Settings):
+class DynamicSettings(Settings):
     """Of `dynamic`; a limit that is not given is not judged."""
 
     scale_v_per_g: Scale = Field(alias="K1_V_per_g")
@@ -62,7 +40,7 @@ class DynamicSettings(_Settings):
     repeat_limit_ug: Limit | None = None
 
 
-class TiltSettings(_Settings):
+class TiltSettings(Settings):
     """Of `tilt`."""
 
     scale_v_per_g: Scale = Field(alias="K1_V_per_g")
@@ -71,45 +49,15 @@ class TiltSettings(_Settings):
     nominal_bias_v: float = Field(alias="K0_nominal_V")
 
 
-class CaseFile(_Settings):
-    """What stands in `case.json`; the records are files in its folder or below."""
-
-    format: Literal["itb-case/1"] = Field(alias="schema")
-    method: str
-    sub: str = ""
-    site: dict[str, Any] = Field(default_factory=dict)
-    settings: dict[str, Any] = Field(default_factory=dict)
-    records: dict[str, Annotated[Path, FileBeside()]]
-
-
-@dataclass(frozen=True, slots=True)
-class _Case:
-    """A case file that was read, and its name for error messages."""
-
-    name: str
-    content: CaseFile
-
-    def settings(self, model: type[SettingsT]) -> SettingsT:
-        return _validated(model, self.content.settings, f"{self.name}: settings.")
-
-    def record(self, name: str, columns: str) -> Table:
-        if name not in self.content.records:
-            raise InputError(f"{self.name}: records: '{name}' is missing; {self._title()} needs it")
-        return read_table(self.content.records[name], columns.split(","))
-
-    def _title(self) -> str:
-        return f"{self.content.method} {self.content.sub}".rstrip()
-
-
 def reduce_case(path: Path) -> dict[str, Any]:
     """Reduces the case file at `path`; gives the content of `result.json`.
 
     Raises InputError, which names the file and the place in it, when the case cannot be read or reduced.
     """
-    case = _read_case(path)
+    case = read_case(path)
     reduce = REDUCTIONS.get((case.content.method, case.content.sub))
     if reduce is None:
-        known = ", ".join(f"{method} {sub}" for method, sub in REDUCTIONS)
+        known = ", ".join(f"{method} {sub}".rstrip() for method, sub in REDUCTIONS)
         raise InputError(
             f"{case.name}: there is no reduction of {case.content.method!r} {case.content.sub!r}; known: {known}"
         )
@@ -121,29 +69,7 @@ def reduce_case(path: Path) -> dict[str, Any]:
     return {"method": case.content.method, "sub": case.content.sub, **_json(result)}
 
 
-def _read_case(path: Path) -> _Case:
-    text = read_text(path, CASE_LIMIT_BYTES)
-    try:
-        content = json.loads(text)
-    except json.JSONDecodeError as problem:
-        raise InputError(f"{path.name}: line {problem.lineno}, column {problem.colno}: {problem.msg}") from None
-    except (RecursionError, ValueError):
-        raise InputError(f"{path.name}: nested too deeply, or a number with too many digits") from None
-    return _Case(path.name, _validated(CaseFile, content, f"{path.name}: ", folder=path.parent))
-
-
-def _validated(model: type[SettingsT], content: Any, where: str, folder: Path | None = None) -> SettingsT:
-    try:
-        return model.model_validate(content, context={"folder": folder})
-    except ValidationError as problem:
-        details = [
-            ".".join(map(str, item["loc"])) + (": " if item["loc"] else "") + in_plain_words(item)
-            for item in problem.errors(include_url=False)
-        ]
-        raise InputError(where + "; ".join(details)) from None
-
-
-def _static(case: _Case) -> dict[str, Any]:
+def _static(case: Case) -> dict[str, Any]:
     settings = case.settings(StaticSettings)
     table = case.record("tumble", "cycle,leg,dwell,T_set_C,T_meas_C,pos_deg,rep,U_V,valid")
     record = TumbleRecord(
@@ -194,7 +120,7 @@ def _characteristic(found: Characteristic) -> dict[str, Any]:
     }
 
 
-def _dynamic(case: _Case) -> dict[str, Any]:
+def _dynamic(case: Case) -> dict[str, Any]:
     settings = case.settings(DynamicSettings)
     table = case.record("ramp", "cycle,leg,t_s,T_C,U_V")
     record = RampRecord(
@@ -235,7 +161,7 @@ def _dynamic(case: _Case) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _tilt(case: _Case) -> dict[str, Any]:
+def _tilt(case: Case) -> dict[str, Any]:
     settings = case.settings(TiltSettings)
     table = case.record("tilt", "T_C,U_V")
     found = compare_tilt(
@@ -255,7 +181,7 @@ def _tilt(case: _Case) -> dict[str, Any]:
     }
 
 
-REDUCTIONS: Mapping[tuple[str, str], Callable[[_Case], dict[str, Any]]] = {
+REDUCTIONS: Mapping[tuple[str, str], Callable[[Case], dict[str, Any]]] = {
     ("M4", "static"): _static,
     ("M4", "dynamic"): _dynamic,
     ("M4", "tilt"): _tilt,

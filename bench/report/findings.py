@@ -18,7 +18,13 @@ from bench.sequence.model import ResultEntry, SequenceFile
 
 SCHEMA = "itb-results/1"
 Verdict = Literal["PASS", "FAIL", "ERROR", "ABORTED", "INCOMPLETE"]
-_ENDED = {"error": "ERROR", "aborted": "ABORTED", "interrupted": "INCOMPLETE", "running": "INCOMPLETE"}
+_ENDED: Mapping[str, Verdict] = {
+    "error": "ERROR",
+    "aborted": "ABORTED",
+    "failed": "FAIL",
+    "interrupted": "INCOMPLETE",
+    "running": "INCOMPLETE",
+}
 
 
 @dataclass(frozen=True)
@@ -80,10 +86,8 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
 def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on_the_way: OnTheWay) -> Verdict:
     """A run that left something out is incomplete, whatever the rest of it says, as a unit is (methods.md 1.10)."""
     ended = _ENDED.get(state)
-    if ended == "ERROR":
-        return "ERROR"
-    if ended == "ABORTED":
-        return "ABORTED"
+    if ended is not None and ended != "INCOMPLETE":
+        return ended
     verdicts = {unit.verdict for unit in units} | verdicts_of(on_the_way.measurements)
     if ended or on_the_way.left_out or verdicts & {"INCOMPLETE", "INVALID"} or (sequence.results and not units):
         return "INCOMPLETE"

@@ -124,7 +124,7 @@ class _Column:
         if not self._is_axis:
             return _level(state.outputs[self.role], self._unit) if self.role in state.outputs else "off"
         if self.role in state.rates_dps:
-            return f"{state.rates_dps[self.role]:g} °/s"
+            return f"{state.rates_dps[self.role]:g} °/s".replace("nan", "?")
         return f"{round(state.angles_deg.get(self.role, 0.0), 3):g}°"
 
 

@@ -13,6 +13,7 @@ from bench.report.shown import SHOWN
 ENDINGS = {
     "completed": "It ran to its end.",
     "error": "It was ended by a problem of the bench; what was measured until then is evaluated here.",
+    "failed": "It was ended because a value was outside its limits, as the sequence says.",
     "aborted": "It was ended by the operator; what was measured until then is evaluated here.",
     "interrupted": (
         "It was interrupted: the program, the computer or its power stopped before the run was over. What was "

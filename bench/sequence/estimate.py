@@ -174,7 +174,7 @@ class _Course:
         end_s = self.nodes(node.body, began_s)
         step = node.step.step
         if isinstance(step, Rotate):
-            rest_s = rate_change_s(step, self._options(step.role))
+            rest_s = _known(rate_change_s(step, self._options(step.role)))
             self._turn(step.role, step.rate_dps, end_s - began_s)
             end_s += rest_s
         if isinstance(step, (Rotate, Oscillate)):
@@ -184,8 +184,7 @@ class _Course:
         return end_s
 
     def _step(self, planned: PlannedStep, at_s: float) -> float:
-        duration_s = self._duration_s(planned.step, at_s)
-        duration_s = 0.0 if math.isnan(duration_s) else duration_s  # where it waits for a measurement
+        duration_s = _known(self._duration_s(planned.step, at_s))
         self.spans.append(Span(planned, at_s, duration_s, self._state, self._times))
         return at_s + duration_s
 
@@ -196,7 +195,7 @@ class _Course:
             case Rotate():
                 return self._rotate_s(step)
             case Oscillate():
-                return oscillation_s(step)
+                return oscillation_s(step, self._options(step.role))
             case Ramp():
                 return self._ramp_s(step, at_s)
             case SetOutput():
@@ -281,6 +280,11 @@ class _Course:
 
     def _angle_deg(self, role: str) -> float:
         return self._state.angles_deg.get(role, 0.0)
+
+
+def _known(duration_s: float) -> float:
+    """A time; none where a measurement will tell it."""
+    return 0.0 if math.isnan(duration_s) else duration_s
 
 
 def _custom_s(step: Custom) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import functools
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -21,6 +22,8 @@ Scalar = Quantity | bool | str
 Value = Scalar | tuple[Scalar, ...]
 
 LENGTH_LIMIT = 500
+_QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
+_BARE_QUANTITY = re.compile(r"\d[\d.]* ?(?!if\b|and\b|or\b|else\b)[°µ%A-Za-z][\w°/²³]*")
 
 
 class ValueProblem(ValueError):
@@ -89,7 +92,9 @@ def _read(expression: str) -> _Read:
     try:
         tree = ast.parse(expression.strip(), mode="eval").body
     except SyntaxError:
-        raise ValueProblem(f"is not an expression; {_UNDERSTOOD}") from None
+        bare = _BARE_QUANTITY.search(_QUOTED.sub("", expression))
+        expected = f"a quantity stands in quotes: '{bare[0]}'" if bare else _UNDERSTOOD
+        raise ValueProblem(f"is not an expression; {expected}") from None
     nodes = list(ast.walk(tree))
     called = {node.func for node in nodes if isinstance(node, ast.Call)}
     if not all(isinstance(node, _NODES) for node in nodes) or not all(isinstance(node, ast.Name) for node in called):

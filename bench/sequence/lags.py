@@ -11,13 +11,9 @@ import math
 from collections.abc import Iterable
 from functools import lru_cache
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 Poles = tuple[complex, ...]
 
-FORGOTTEN_AFTER = 40  # longest time constants; nothing is left of what happened before
+OVER_AFTER = 40  # longest time constants; nothing is left of what happened before
 _APART = 1e-4  # equal poles are moved apart by this part, since partial fractions need them distinct
 
 
@@ -32,17 +28,21 @@ def lag_poles(time_constants_s: Iterable[float]) -> Poles:
     return tuple(complex(-1 / each) for each in time_constants_s)
 
 
-def followed(poles: Poles, since_s: Array, duration_s: float) -> Array:
-    """How much of a change of its input a chain has followed, at rising times (n,) since the change began.
+def followed(poles: Poles, since_s: float, duration_s: float) -> float:
+    """How much of a change of its input a chain has followed since the change began: 0 is nothing, 1 all of it.
 
-    The input changes evenly over `duration_s`, or at once when that is 0. 0 is nothing, 1 all of it.
+    The input changes evenly over `duration_s`, or at once when that is 0.
     """
-    slowest_s = max((-1 / pole.real for pole in poles), default=0.0)
-    if since_s[0] - duration_s > FORGOTTEN_AFTER * slowest_s:
-        return np.ones_like(since_s)
+    if since_s <= 0:
+        return 0.0
     if duration_s <= 0:
         return _after_a_step(poles, since_s)
     return (_on_a_slope(poles, since_s) - _on_a_slope(poles, since_s - duration_s)) / duration_s
+
+
+def over_after_s(poles: Poles, duration_s: float) -> float:
+    """How long after it began a change has been followed wholly, as far as anybody could tell."""
+    return duration_s + OVER_AFTER * max((-1 / pole.real for pole in poles), default=0.0)
 
 
 def gain(poles: Poles, period_s: float) -> float:
@@ -51,22 +51,16 @@ def gain(poles: Poles, period_s: float) -> float:
     return abs(math.prod((-pole / (turning - pole) for pole in poles), start=1 + 0j))
 
 
-def _after_a_step(poles: Poles, since_s: Array) -> Array:
+def _after_a_step(poles: Poles, t_s: float) -> float:
     """The answer to an input that steps from 0 to 1 at time 0: 1 - Σ w e^(pt)."""
-    t_s = np.maximum(since_s, 0.0)
-    answer = np.ones_like(t_s)
-    for pole, weight in _fractions(poles):
-        answer -= (weight * np.exp(pole * t_s)).real
-    return np.where(since_s >= 0, answer, 0.0)
+    return 1 - sum((weight * cmath.exp(pole * t_s)).real for pole, weight in _fractions(poles))
 
 
-def _on_a_slope(poles: Poles, since_s: Array) -> Array:
+def _on_a_slope(poles: Poles, t_s: float) -> float:
     """The answer to an input that rises by 1 a second from time 0 on: t + Σ 1/p - Σ w/p e^(pt)."""
-    t_s = np.maximum(since_s, 0.0)
-    answer = t_s.copy()
-    for pole, weight in _fractions(poles):
-        answer += ((1 - weight * np.exp(pole * t_s)) / pole).real
-    return np.where(since_s > 0, answer, 0.0)
+    if t_s <= 0:
+        return 0.0
+    return t_s + sum(((1 - weight * cmath.exp(pole * t_s)) / pole).real for pole, weight in _fractions(poles))
 
 
 @lru_cache(maxsize=64)

@@ -26,14 +26,11 @@ def move_s(step: Move, from_deg: float, target_deg: float, options: Any) -> floa
 
     An approach goes beyond the angle first only where the axis does not come from that side already.
     """
-    rate_dps, acceleration_dps2 = getattr(options, "rate", USUAL_RATE_DPS), _acceleration_dps2(options)
     side = _SIDES[step.approach]
     begin_deg = target_deg + side * getattr(options, "approach_distance", 0.0)
     corners_deg = [from_deg, begin_deg, target_deg] if (from_deg - begin_deg) * side < 0 else [from_deg, target_deg]
     legs_deg = [there - here for here, there in pairwise(corners_deg)]
-    hold_s = getattr(getattr(options, "settle", None), "hold", 0.0)
-    legs_s = sum(travel_s(leg_deg, rate_dps, acceleration_dps2) + SEEN_AFTER_S for leg_deg in legs_deg)
-    return legs_s + hold_s + step.settle_s
+    return sum(_leg_s(leg_deg, options) for leg_deg in legs_deg) + _hold_s(options) + step.settle_s
 
 
 def rate_change_s(step: Rotate, options: Any) -> float:
@@ -41,10 +38,24 @@ def rate_change_s(step: Rotate, options: Any) -> float:
     return abs(step.rate_dps) / (step.acceleration_dps2 or _acceleration_dps2(options))
 
 
-def oscillation_s(step: Oscillate) -> float:
-    """How long an oscillation takes; each frequency of a sweep begins with a rest, and with the sine growing."""
+def oscillation_s(step: Oscillate, options: Any) -> float:
+    """How long an oscillation takes on an axis with these driver options.
+
+    Each frequency of a sweep begins with a rest, and with the sine growing; the table goes back in between.
+    """
     growing_s = sum(REST_S + max(SINE_GROWS_S, SINE_GROWS_PERIODS / each) for each in step.frequencies_hz)
-    return step.least_s + growing_s
+    back_s = REST_S + _leg_s(step.amplitude_deg, options) + _hold_s(options)
+    return step.least_s + growing_s + back_s * (len(step.frequencies_hz) - 1)
+
+
+def _leg_s(way_deg: float, options: Any) -> float:
+    return travel_s(way_deg, getattr(options, "rate", USUAL_RATE_DPS), _acceleration_dps2(options)) + SEEN_AFTER_S
+
+
+def _hold_s(options: Any) -> float:
+    """How long an axis must have stood before it counts as standing."""
+    hold_s: float = getattr(getattr(options, "settle", None), "hold", 0.0)
+    return hold_s
 
 
 def _acceleration_dps2(options: Any) -> float:

@@ -7,15 +7,12 @@ thermometer follows the unit as `simulation.thermometer` says; of a bench file t
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
-
 from bench.config.models import BenchFile, Nominal, PlaceEntry
-from bench.sequence.lags import Array, Poles, followed, gain, lag_poles, loop_poles
+from bench.sequence.lags import Poles, followed, gain, lag_poles, loop_poles, over_after_s
 from bench.sequence.readings import unit_of
 from bench.sequence.step_fields import is_known
 from bench.sequence.waits import LOOK_EVERY_S, WINDOW_COVERAGE, Soak, Stable, WaitUntil
@@ -50,6 +47,23 @@ class _Change:
     supply: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class _Course:
+    """A temperature to come: where it would stay, and the changes that it still follows."""
+
+    still_c: float
+    moving: tuple[tuple[float, Poles, float, float], ...]  # by how much, through what, from when on, over how long
+
+    @property
+    def over_s(self) -> float:
+        """From when on nothing changes any more."""
+        return max((at_s + over_after_s(poles, over_s) for _, poles, at_s, over_s in self.moving), default=0.0)
+
+    def temperature_c(self, now_s: float) -> float:
+        """What it is at a time."""
+        return self.still_c + sum(by_c * followed(poles, now_s - at_s, over) for by_c, poles, at_s, over in self.moving)
+
+
 class Settling:
     """What has changed the temperatures so far, and when a unit has settled after it; a copy goes on by itself."""
 
@@ -72,27 +86,24 @@ class Settling:
     def soak_s(self, step: Soak, at_s: float) -> float:
         """How long a soak that begins at `at_s` takes; as long as it may, when nothing tells that it ends before."""
         reading, stable = self._reading(step.role), step.until_stable
-        if stable is None or reading is None or math.isnan(stable.band_c * stable.slope_c_per_h * stable.hold_s):
+        if stable is None or reading is None or step.give_up_after_s is None:
             return step.least_s
-        longest_s = max(step.give_up_after_s or 0.0, step.at_least_s)
+        if math.isnan(stable.band_c + stable.slope_c_per_h + stable.hold_s + step.at_least_s + step.give_up_after_s):
+            return step.least_s  # a measurement will tell
+        longest_s = max(step.give_up_after_s, step.at_least_s)
         every_s = max(LOOK_EVERY_S, stable.hold_s / SAMPLES_OF_A_HOLD)
-        for until_s in (step.at_least_s, longest_s):  # most are stable when their time is over
-            looks_s = at_s + np.arange(step.at_least_s, until_s + every_s, every_s)
-            settled = self._stable(reading, stable, looks_s, every_s)
-            if settled.any():
-                return float(looks_s[settled.argmax()]) - at_s
+        count = max(round(stable.hold_s / every_s), 2)
+        first_s = at_s + step.at_least_s
+        course = self._course(reading, first_s - count * every_s)
+        last_s = min(at_s + longest_s, max(first_s, course.over_s) + stable.hold_s)
+        window: deque[float] = deque(maxlen=count + 1)
+        for look in range(-count, math.ceil((last_s - first_s) / every_s) + 1):
+            now_s = first_s + look * every_s
+            window.append(course.temperature_c(now_s))
+            is_covered = now_s >= WINDOW_COVERAGE * stable.hold_s  # by readings, which begin with the run
+            if look >= 0 and is_covered and _is_stable(window, every_s, stable, reading.restless_c):
+                return now_s - at_s
         return longest_s
-
-    def _stable(self, reading: _Reading, stable: Stable, looks_s: Array, every_s: float) -> NDArray[np.bool_]:
-        """Whether a reading is stable at each of the times (n,), `every_s` apart."""
-        back_s = np.arange(-max(round(stable.hold_s / every_s), 2), 1) * every_s
-        before_s = looks_s[0] + back_s[:-1]
-        windows = sliding_window_view(self._temperature_c(reading, np.concatenate([before_s, looks_s])), len(back_s))
-        hours = (back_s - back_s.mean()) / 3600
-        slope_c_per_h: Array = windows @ hours / (hours @ hours)
-        spread_c: Array = np.ptp(windows, axis=1) + reading.restless_c
-        is_still = (spread_c <= stable.band_c) & (np.abs(slope_c_per_h) <= stable.slope_c_per_h)
-        return is_still & (looks_s >= WINDOW_COVERAGE * stable.hold_s)  # readings begin with the run
 
     def wait_s(self, step: WaitUntil, at_s: float) -> float:
         """How long a temperature takes to fulfil a condition; as long as it may, when nothing tells that it does.
@@ -100,24 +111,33 @@ class Settling:
         Of other readings nothing is known but the time for which the condition must hold.
         """
         reading, bounds = self._reading(step.reading), [each for each in (step.above, step.below) if each is not None]
-        if reading is None or not all(map(is_known, bounds)) or math.isnan(step.hold_s):
+        if reading is None or not all(map(is_known, bounds)) or math.isnan(step.hold_s + step.give_up_after_s):
             return step.least_s
-        looks_s = at_s + np.arange(0.0, step.give_up_after_s + LOOK_EVERY_S, LOOK_EVERY_S)
-        temperature_c = self._temperature_c(reading, looks_s)
-        fulfilled = (temperature_c > _celsius(step.above, -math.inf)) & (temperature_c < _celsius(step.below, math.inf))
-        count = math.ceil(WINDOW_COVERAGE * step.hold_s / LOOK_EVERY_S) + 1
-        held = sliding_window_view(fulfilled, count).all(axis=1) if len(fulfilled) >= count else np.zeros(1, np.bool_)
-        return float(held.argmax() + count - 1) * LOOK_EVERY_S if held.any() else step.give_up_after_s
+        low_c, high_c = _celsius(step.above, -math.inf), _celsius(step.below, math.inf)
+        needed_s = math.ceil(WINDOW_COVERAGE * step.hold_s / LOOK_EVERY_S) * LOOK_EVERY_S
+        course = self._course(reading, at_s)
+        begun_s: float | None = None  # since when it has been so
+        for look in range(math.ceil((min(step.give_up_after_s, max(course.over_s - at_s, 0.0))) / LOOK_EVERY_S) + 1):
+            waited_s = look * LOOK_EVERY_S
+            is_so = low_c < course.temperature_c(at_s + waited_s) < high_c
+            begun_s = (waited_s if begun_s is None else begun_s) if is_so else None
+            if begun_s is not None and waited_s - begun_s >= needed_s:
+                return waited_s
+        return min(begun_s + needed_s, step.give_up_after_s) if begun_s is not None else step.give_up_after_s
 
-    def _temperature_c(self, reading: _Reading, at_s: Array) -> Array:
-        """What a reading shows at rising times (n,)."""
-        shown_c = np.full_like(at_s, self._bench.simulation.chamber.start)
+    def _course(self, reading: _Reading, from_s: float) -> _Course:
+        """How a reading goes on from `from_s`."""
+        still_c, moving = self._bench.simulation.chamber.start, []
         for change in self._changes:
-            if not change.supply:
-                shown_c += change.by * followed(reading.behind_set_point, at_s - change.at_s, change.duration_s)
-            elif change.supply == reading.supply and reading.heating_c:
-                shown_c += change.by * reading.heating_c * followed(reading.behind_heating, at_s - change.at_s, 0.0)
-        return shown_c
+            if change.supply not in ("", reading.supply):
+                continue
+            poles = reading.behind_heating if change.supply else reading.behind_set_point
+            by_c = change.by * (reading.heating_c if change.supply else 1.0)
+            if change.at_s + over_after_s(poles, change.duration_s) < from_s:
+                still_c += by_c
+            else:
+                moving.append((by_c, poles, change.at_s, change.duration_s))
+        return _Course(still_c, tuple(moving))
 
     def _reading(self, name: str) -> _Reading | None:
         """What is known of a temperature: that of the air, and those at the units; None of any other reading."""
@@ -141,6 +161,16 @@ class Settling:
 
     def _source(self, name: str) -> str:
         return self._bench.readings[name].from_ if name in self._bench.readings else name
+
+
+def _is_stable(window: deque[float], every_s: float, stable: Stable, restless_c: float) -> bool:
+    """Whether temperatures at even times are within the band, and the line fitted to them is flat enough."""
+    if max(window) - min(window) + restless_c > stable.band_c:
+        return False
+    middle = (len(window) - 1) / 2
+    rise_c = sum((index - middle) * temperature_c for index, temperature_c in enumerate(window))
+    slope_c_per_h = rise_c / sum((index - middle) ** 2 for index in range(len(window))) / every_s * 3600
+    return abs(slope_c_per_h) <= stable.slope_c_per_h
 
 
 def _celsius(bound: Quantity | None, otherwise: float) -> float:

@@ -141,7 +141,7 @@ class Oscillate(StepBase):
     @property
     def frequencies_hz(self) -> tuple[float, ...]:
         """One after the other, each for the same time; those of a sweep go by a constant ratio."""
-        if self.sweep is None:
+        if self.sweep is None or math.isnan(self.sweep.from_hz + self.sweep.to_hz):
             return (self.highest_hz,)
         octaves = math.log2(self.sweep.to_hz / self.sweep.from_hz)
         count = max(round(abs(octaves) * SWEEP_STEPS_PER_OCTAVE), 1)

@@ -44,7 +44,7 @@ def by_bytes(rng: random.Random) -> bytes:
             case 0:
                 data[at] ^= 1 << rng.randrange(8)
             case 1:
-                data[at : at + 1] = rng.randbytes(rng.randrange(4))
+                data[at : at + 1] = rng.randbytes(rng.randrange(4)) or b"#"
             case 2:
                 data = data[: at + 1]
             case _:

@@ -59,7 +59,7 @@ class Reading:
     @property
     def is_long_plan(self) -> bool:
         """Whether the document means more steps than it says, as many as there may be."""
-        return self.kind in LONG_PLANS or re.search(r"has more than \d+ steps", self.detail) is not None
+        return self.kind in LONG_PLANS or re.search(r"has more than \d+ (steps|passes)", self.detail) is not None
 
     @property
     def limit_s(self) -> float:

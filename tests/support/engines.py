@@ -21,7 +21,6 @@ from bench.sequence.plan import Plan
 from bench.store.reader import Event, RunReader, Series
 from bench.store.writer import RunWriter
 from drivers.frame_block import FrameBlock
-from simulators.world import World
 
 SEED = 1
 Script = Callable[[Engine], Awaitable[None]]
@@ -29,7 +28,10 @@ Script = Callable[[Engine], Awaitable[None]]
 
 @dataclass(frozen=True)
 class Ran:
-    """A run that is over: how it ended, the state that the engine kept, what was shown, and its record."""
+    """A run that is over: how it ended, the state that the engine kept, what was shown, and its record.
+
+    `moving` is whether the simulated axis still turns, `powered` whether a simulated unit still has its supply.
+    """
 
     outcome: Outcome
     state: RunState
@@ -37,7 +39,8 @@ class Ran:
     events: list[Event]
     frames: dict[str, dict[str, FrameBlock]]
     series: dict[str, Series]
-    world: World
+    moving: bool
+    powered: bool
 
     def steps(self, kind: str = "step_ended") -> list[str]:
         """The ids of the steps that entries of a kind are about, in their order."""
@@ -50,6 +53,10 @@ class Ran:
     def begun(self, step: str) -> Event:
         """The entry of a step that has begun."""
         return self._one("step_begins", step)
+
+    def events_of(self, kind: str) -> list[Event]:
+        """The entries of a kind."""
+        return [event for event in self.events if event.kind == kind]
 
     def _one(self, kind: str, step: str) -> Event:
         (event,) = (event for event in self.events if (event.kind, event.step) == (kind, step))
@@ -86,10 +93,16 @@ def run_plan(folder: Path, plan: Plan, bench: BenchFile, script: Script | None =
                         beside.result()
         finally:
             writer.close()
-        kept.append((outcome, engine.journal.state, observer.notices, laboratory.world))
+        world = laboratory.world
+        moving, powered = (
+            world.axis.moving(world.now()),
+            any(unit.powered_at_s is not None for unit in world.units.values()),
+        )
+        kept.append((outcome, engine.journal.state, observer.notices, moving, powered))
 
     run(main(), AS_FAST_AS_POSSIBLE)
     with RunReader(folder) as reader:
         series = {name: reader.series(name) for name in reader.channels()}
-        ((outcome, state, notices, world),) = kept
-        return Ran(outcome, state, notices, list(reader.events()), reader.frames_by_step(), series, world)
+        ((outcome, state, notices, moving, powered),) = kept
+        frames = reader.frames_by_step()
+        return Ran(outcome, state, notices, list(reader.events()), frames, series, moving, powered)

@@ -52,25 +52,25 @@ def test_a_preset_and_wishes_are_checked_too(bench):
     assert "tumble_static.yaml: 331 steps, no problem on" in line  # 2 cycles of 9 dwells of 18 steps, and 7
 
 
-def test_a_plan_lists_when_each_step_begins_and_how_long_it_takes(bench):
+def test_a_plan_lists_when_each_step_begins_how_long_it_takes_and_the_bench_after_it(bench):
     code, out, err = bench("plan", "smoke")
     assert (code, err) == (0, [])
     assert [line.rstrip() for line in out] == [
-        "      begins        takes  step",
-        "     0:00:00          0 s  setup/set",
-        "     0:00:00          0 s  steps/temperature=20/ramp",
-        "     0:00:00         10 s  steps/temperature=20/soak",
-        "     0:00:10          3 s  steps/temperature=20/position=0/move",
-        "     0:00:13          5 s  steps/temperature=20/position=0/acquire",
-        "     0:00:18          8 s  steps/temperature=20/position=90/move",
-        "     0:00:26          5 s  steps/temperature=20/position=90/acquire",
-        "     0:00:31          8 s  steps/temperature=20/position=180/move",
-        "     0:00:38          5 s  steps/temperature=20/position=180/acquire",
-        "     0:00:43          8 s  steps/temperature=20/position=270/move",
-        "     0:00:51          5 s  steps/temperature=20/position=270/acquire",
-        "     0:00:56          0 s  teardown/set",
-        "     0:00:56         15 s  teardown/move",
-        "13 steps, about 71 s, about 0 MB",
+        "   begins        takes  chamber  head  supply  step",
+        "  0:00:00          0 s    20 °C    0°    15 V  setup/set",
+        "  0:00:00          0 s    20 °C    0°    15 V  steps/temperature=20/ramp",
+        "  0:00:00         10 s    20 °C    0°    15 V  steps/temperature=20/soak",
+        "  0:00:10          3 s    20 °C    1°    15 V  steps/temperature=20/position=0/move",
+        "  0:00:13          5 s    20 °C    1°    15 V  steps/temperature=20/position=0/acquire",
+        "  0:00:18          7 s    20 °C   91°    15 V  steps/temperature=20/position=90/move",
+        "  0:00:25          5 s    20 °C   91°    15 V  steps/temperature=20/position=90/acquire",
+        "  0:00:30          7 s    20 °C  181°    15 V  steps/temperature=20/position=180/move",
+        "  0:00:37          5 s    20 °C  181°    15 V  steps/temperature=20/position=180/acquire",
+        "  0:00:42          7 s    20 °C  271°    15 V  steps/temperature=20/position=270/move",
+        "  0:00:49          5 s    20 °C  271°    15 V  steps/temperature=20/position=270/acquire",
+        "  0:00:54          0 s    20 °C  271°     off  teardown/set",
+        "  0:00:54         15 s    20 °C    0°     off  teardown/move",
+        "13 steps, about 70 s, about 0.04 MB",
     ]
 
 

@@ -121,3 +121,16 @@ def test_a_tumble_without_a_ramp_has_results_whose_set_point_is_not_known(tmp_pa
     assert bias.at["temperature_set_c"] is None
     with open_run(result.path) as stored:
         assert "K0" in write_report(stored).read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("on_failure", "how", "noted"),
+    [("stop", "failed", False), ("continue", "completed", True), (None, "completed", True)],
+)
+def test_a_unit_outside_its_limits_fails_which_is_no_error_of_the_bench(tmp_path, on_failure, how, noted):
+    extra = f", on_failure: {on_failure}" if on_failure else ""
+    measure = f"{{measure: unit_temperature, for: 10 s, limits: {{max: 5 °C}}{extra}}}"
+    result = ran(tmp_path, "wait: 2 s", measure, "note: It goes on.")
+    assert (result.outcome.how, result.results.verdict) == (how, "FAIL")
+    assert ("steps/note" in ended(result)) == noted
+    assert "teardown/set" in ended(result)

@@ -1,4 +1,7 @@
-"""Sequences with one fault each: tests/broken/*.yaml begin with what the checker must say, good/*.yaml with nothing."""
+"""Sequences with one fault each: tests/broken/*.yaml begin with what the checker must say, good/*.yaml with nothing.
+
+Those that call others stand in calls/, beside what they call.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from tests.support.sequences import BENCH, ROOT
 FOLDER = ROOT / "tests/broken"
 _FORBIDDEN = (AngleRange(min="40°", max="50°"),)
 FORBIDS = BENCH.model_copy(update={"fixture": BENCH.fixture.model_copy(update={"forbidden": _FORBIDDEN})})
-BROKEN = sorted(FOLDER.glob("*.yaml"))
+BROKEN = sorted([*FOLDER.glob("*.yaml"), *FOLDER.glob("calls/call_*.yaml")])
 GOOD = sorted((FOLDER / "good").glob("*.yaml"))
 SHIPPED = sorted((ROOT / "sequences").glob("*.yaml"))
 
@@ -27,14 +30,14 @@ def expected_of(path):
 
 
 def found_in(path, bench=BENCH, **wishes):
-    """What is said of a file, each line without the file's name."""
+    """What is said of a file, each line without the file's name; other files by their names alone."""
     try:
         plan, warnings = load_judged_plan(path, bench, **wishes)
     except InputError as error:
         told = error.problems
     else:
         told = [warning_line(warning, plan.document) for warning in warnings]
-    return [line.removeprefix(f"{path}:") for line in told]
+    return [line.removeprefix(f"{path}:").replace(f"{path.parent}/", "") for line in told]
 
 
 @pytest.mark.parametrize("path", BROKEN, ids=lambda path: path.stem)

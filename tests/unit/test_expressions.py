@@ -230,11 +230,31 @@ def test_a_name_of_python_is_no_name_here(expression):
 
 @pytest.mark.parametrize(
     "expression",
-    ["", "  ", "1 +", "a b", "20 °C", "1;2", "x = 1", "if", "010", "٣", "\x00", "1\n2", ")", "*n", "yield n"],
+    ["", "  ", "1 +", "a b", "1;2", "x = 1", "if", "010", "٣", "\x00", "1\n2", ")", "*n", "yield n"],
 )
 def test_what_is_no_expression_is_told_with_what_one_may_hold(expression):
     shown = repr(f"${{{expression}}}")
     assert refusal(expression) in (f"{shown}: is not an expression; {UNDERSTOOD}", f"{shown}: {UNDERSTOOD}")
+
+
+@pytest.mark.parametrize(
+    ("expression", "bare"),
+    [
+        ("20 °C", "20 °C"),
+        ("n > 5 s", "5 s"),
+        ("'1 V' + 1.5mA/s", "1.5mA/s"),
+        ("(30 °C/min)*n", "30 °C/min"),
+        ("5°", "5°"),
+    ],
+)
+def test_a_quantity_without_quotes_is_told_to_stand_in_quotes(expression, bare):
+    shown = quoted(f"${{{expression}}}")
+    assert refusal(expression) == f"{shown}: is not an expression; a quantity stands in quotes: '{bare}'"
+
+
+@pytest.mark.parametrize("expression", ["5 if n else", "1 and", "n == 2 or", "'5 °C' >"])
+def test_a_slip_beside_a_quantity_is_not_taken_for_one_without_quotes(expression):
+    assert refusal(expression).endswith(f": is not an expression; {UNDERSTOOD}")
 
 
 def test_escapes_of_python_are_refused():

@@ -27,8 +27,7 @@ FOLDER = ROOT / "docs/reference"
 AGAIN = "the models have changed; write the pages again with: bench reference --out docs/reference"
 
 # Keys whose meaning only their model's sentence, their type and the example tell. May shrink, must not grow.
-UNEXPLAINED: dict[str, str] = {
-}
+UNEXPLAINED: dict[str, str] = {}
 
 
 def models(base: type[StrictModel] = StrictModel) -> Iterator[type[StrictModel]]:

@@ -1,0 +1,124 @@
+"""Nonlinear least squares by the Gauss-Newton method with an analytic Jacobian (methods.md 1.8).
+
+Each step is a linear fit by the kernel of `bench.analysis.fit`: on a column-scaled design, by its singular values. A
+step that does not make the residuals smaller is shortened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.analysis.fit import CONDITION_LIMIT, Array, LinearFit, NotDetermined, least_squares
+
+Model = Callable[[Array], tuple[Array, Array]]
+"""Gives, for parameters (p,), the values (n,) that are compared with the readings, and their Jacobian (n, p)."""
+
+MOST_STEPS = 200
+MOST_HALVINGS = 50
+RELATIVE_STEP = 1e-9
+STEP_PER_U = 1e-6
+ROUNDING = 16 * float(np.finfo(np.float64).eps)  # of a value of the model, relative to the largest reading
+ANY_CONDITION = float(np.finfo(np.float64).max)
+
+
+class NotConverged(ValueError):
+    """No solution was found: the model does not suit the readings, or the fit began too far away."""
+
+
+@dataclass(frozen=True, slots=True)
+class NonlinearFit:
+    """Least squares y = model(parameters).
+
+    `linear` is the linear fit at the solution, with gain, covariance, residuals, rank and condition. `doubt` names the
+    parameters that the readings hardly tell apart when the condition number is above its limit, where the fit began or
+    where it ended: their values stand, and their uncertainties are large.
+    """
+
+    parameters: Array
+    linear: LinearFit
+    iterations: int
+    doubt: NotDetermined | None
+
+    @property
+    def residuals(self) -> Array:
+        """Readings minus model."""
+        return self.linear.residuals
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (p, p) of the parameters, type A, from the residuals."""
+        return self.linear.covariance
+
+    @property
+    def u(self) -> Array:
+        """Standard uncertainties of the parameters, type A."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Parameters with the residuals and the Jacobian there."""
+
+    parameters: Array
+    residuals: Array
+    jacobian: Array
+
+    @property
+    def finite(self) -> bool:
+        return bool(np.isfinite(self.residuals).all() and np.isfinite(self.jacobian).all())
+
+    @property
+    def misfit(self) -> float:
+        return float(np.linalg.norm(self.residuals))
+
+
+def fit_nonlinear(
+    model: Model, y: Array, start: Array, *, names: Sequence[str] | None = None, condition_limit: float = CONDITION_LIMIT
+) -> NonlinearFit:
+    """Fits `model` to `y` (n,) from the parameters `start` (p,), whose names are `names`.
+
+    It ends when no parameter x would change by more than 1e-9 |x| + 1e-6 u(x), or by more than the rounding of the
+    readings accounts for. Raises NotDetermined when on the way the Jacobian has a rank below p, which names the
+    parameters that cannot be told apart; NotConverged when no solution is found.
+    """
+    names = names or [f"parameter {i}" for i in range(len(start))]
+    rounding = ROUNDING * float(np.max(np.abs(y), initial=0.0))
+    place = _place(model, y, np.asarray(start, dtype=np.float64))
+    if not place.finite:
+        raise NotConverged("the model has no finite values where the fit begins")
+    doubt = _doubt(place, names, condition_limit)
+    for iteration in range(1, MOST_STEPS + 1):
+        linear = least_squares(place.jacobian, place.residuals, names=names, condition_limit=ANY_CONDITION)
+        step, reading_sd = linear.coefficients, np.nan_to_num(linear.residual_sd)
+        per_reading = np.sqrt(np.diag(linear.unscaled_covariance))
+        enough = RELATIVE_STEP * np.abs(place.parameters) + (STEP_PER_U * reading_sd + rounding) * per_reading
+        if np.all(np.abs(step) <= enough):
+            return NonlinearFit(place.parameters, linear, iteration, doubt or _doubt(place, names, condition_limit))
+        place = _nearer(model, y, place, step)
+    raise NotConverged(f"the parameters still change after {MOST_STEPS} steps")
+
+
+def _place(model: Model, y: Array, parameters: Array) -> _Place:
+    with np.errstate(all="ignore"):  # a step may lead to where the model overflows; it is shortened then
+        value, jacobian = model(parameters)
+        return _Place(parameters, y - value, jacobian)
+
+
+def _nearer(model: Model, y: Array, place: _Place, step: Array) -> _Place:
+    """The first of step, step/2, step/4 .. that makes the residuals smaller. Raises NotConverged when none does."""
+    for halvings in range(MOST_HALVINGS):
+        then = _place(model, y, place.parameters + step / 2**halvings)
+        if then.finite and then.misfit < place.misfit:
+            return then
+    raise NotConverged("no step makes the residuals smaller")
+
+
+def _doubt(place: _Place, names: Sequence[str], condition_limit: float) -> NotDetermined | None:
+    try:
+        least_squares(place.jacobian, place.residuals, names=names, condition_limit=condition_limit)
+    except NotDetermined as doubt:
+        return doubt
+    return None
