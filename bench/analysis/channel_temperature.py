@@ -13,7 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.analysis.counts import LEAST_SHARE, RESOLUTION_COUNTS, STANDSTILL_PERIODS
-from bench.analysis.fit import OUTLIER_SIGMAS, Array, NotDetermined, PolynomialFit, fit_polynomial, reject_outliers
+from bench.analysis.fit import (
+    EXCESSIVE_OUTLIERS,
+    OUTLIER_SIGMAS,
+    Array,
+    NotDetermined,
+    PolynomialFit,
+    fit_polynomial,
+    reject_outliers,
+)
 from bench.analysis.thermometer import broken_on_a_ramp
 
 NARROW, FAST, INVALID = "insufficient_temperature_span", "ramp_too_fast", "invalid"
@@ -87,6 +95,11 @@ class ChannelRun:
         return self.slope_pps_per_c / self.rate_pps if self.rate_pps else np.nan
 
     @property
+    def u_relative_slope_per_c(self) -> float:
+        """Standard uncertainty of the relative slope; that of the rate does not matter beside that of the slope."""
+        return self.u_slope_pps_per_c / abs(self.rate_pps) if self.rate_pps else np.nan
+
+    @property
     def valid(self) -> bool:
         """Whether the run may decide anything; one that was heated too fast may."""
         return not {NARROW, INVALID} & set(self.flags)
@@ -155,7 +168,7 @@ def _good_readings(record: ChannelRecord, rules: ChannelRules, excluded: Counter
     order = order[np.isfinite(record.time_s[order])]
     order = np.delete(order, np.flatnonzero(np.diff(record.time_s[order]) == 0) + 1)
     excluded["missing"] = int(np.sum(~readable))
-    excluded["duplicate"] = int(np.sum(readable) - np.sum(readable[order]))
+    excluded["duplicate"] = int(np.sum(readable)) - int(np.sum(readable[order]))
     readings = record.rows(order[readable[order]])
     broken = broken_on_a_ramp(readings.converter_c)
     excluded["thermometer"] = int(np.sum(broken))
@@ -249,7 +262,7 @@ def _shortage(used: int, scheduled: int, outliers: int) -> tuple[str, ...]:
         return (f"only {used} of {scheduled} gates could be used",)
     if used < LEAST_SHARE * scheduled:
         return (f"fewer than half of its gates could be used, {used} of {scheduled}",)
-    if outliers > ABORT_SHARE * (used + outliers):
+    if outliers > EXCESSIVE_OUTLIERS * (used + outliers):
         return (f"too many outliers, {outliers} of {used + outliers} gates",)
     return ()
 

@@ -255,12 +255,22 @@ def reject_outliers(
     count, the robust one is 0. Raises NotDetermined as `least_squares` does.
     """
     kept = np.ones(len(y), dtype=np.bool_)
-    rounding = 64 * np.finfo(np.float64).eps * float(np.max(np.abs(y), initial=0.0))
     while True:
         fit = least_squares(design[kept], y[kept])
-        away = np.abs(fit.residuals - np.median(fit.residuals))
-        sigma = np.maximum(SIGMA_PER_MAD * float(np.median(away)), np.broadcast_to(resolution, y.shape)[kept])
-        near = away <= np.maximum(sigmas * sigma, rounding)
+        near = near_the_median(fit.residuals, y[kept], sigmas, np.broadcast_to(resolution, y.shape)[kept])
         if near.all():
             return GatedFit(fit, kept)
         kept[kept] = near
+
+
+def near_the_median(
+    residuals: Array, y: Array, sigmas: float = OUTLIER_SIGMAS, resolution: Array | float = 0.0
+) -> NDArray[np.bool_]:
+    """Which residuals (n,) are within `sigmas` robust standard deviations of their median, or within rounding of `y`.
+
+    `resolution` is the least standard deviation of each.
+    """
+    rounding = 64 * np.finfo(np.float64).eps * float(np.max(np.abs(y), initial=0.0))
+    away = np.abs(residuals - np.median(residuals))
+    sigma = np.maximum(SIGMA_PER_MAD * float(np.median(away)), resolution)
+    return np.asarray(away <= np.maximum(sigmas * sigma, rounding))

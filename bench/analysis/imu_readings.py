@@ -1,4 +1,4 @@
-"""Readings of an inertial unit in 24 attitudes and at six rates, brought from rows into arrays (methods.md 4.3, 4.7, 9).
+"""Readings of an inertial unit in 24 attitudes and at six rates, from rows into arrays (methods.md 4.3, 4.7, 9).
 
 A row whose counts, dwell or place in the schedule is missing is passed over, and of several rows of one position the
 last good one counts, so that an operator can repeat what went wrong.
@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.analysis.attitudes import AXES, BLOCK, NAMES
+from bench.analysis.attitudes import AXES, BLOCK, NAMES, block
 from bench.analysis.fit import Array
 
-RATES = 6
 SAME_SET_POINT_DIGITS = 6
 
 
@@ -24,8 +23,8 @@ SAME_SET_POINT_DIGITS = 6
 class PositionRecord:
     """One row per dwell at rest, in the order of acquisition; a missing number is NaN.
 
-    `attitude` (n,) counts from 0 in the order of `attitudes.NAMES`, -1 where it is missing. Counts are net pulses of x, y
-    and z in the dwell (n, 3), temperatures those of the thermometers at the accelerometers and at the gyros (n, 3).
+    `attitude` (n,) counts from 0 in the order of `attitudes.NAMES`, -1 where it is missing. Counts are net pulses of x,
+    y and z in the dwell (n, 3), temperatures those of the thermometers at the accelerometers and at the gyros (n, 3).
     """
 
     set_c: Array
@@ -56,12 +55,21 @@ class RateRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class ImuReadings:
-    """Readings by set point (m, hottest first), attitude (24) and axis (3); NaN where there is none.
+class RateReadings:
+    """What one axis read while it was turned, one per commanded rate; arrays (r,)."""
 
-    Those at rates are by set point, axis that was turned, and commanded rate (r); they are of the turned axis alone.
-    `excluded` counts what was left out: rows by `missing`, `duplicate` (an earlier row of the same position or rate) and
-    `rate` (the table did not turn as it was told).
+    rate_dps: Array
+    gyro_pps: Array
+    accelerometer_c: Array
+    gyro_c: Array
+
+
+@dataclass(frozen=True, slots=True)
+class ImuReadings:
+    """Readings at rest by set point (m, hottest first), attitude (24) and axis (3), NaN where there is none.
+
+    `rates` are those of each set point and axis. `excluded` counts the rows left out: `missing`, `duplicate` (a
+    position or rate was repeated later), `rate` (the table did not turn as it was told).
     """
 
     set_c: Array
@@ -69,32 +77,28 @@ class ImuReadings:
     gyro_pps: Array
     accelerometer_c: Array
     gyro_c: Array
-    rate_dps: Array
-    rate_pps: Array
-    rate_accelerometer_c: Array
-    rate_gyro_c: Array
+    rates: tuple[tuple[RateReadings, ...], ...]
     excluded: Mapping[str, int]
 
     def temperatures_c(self, point: int, axis: int) -> tuple[Array, Array]:
-        """Both thermometers of one axis while that axis was calibrated: eight attitudes, then the rates."""
-        own = slice(axis * BLOCK, (axis + 1) * BLOCK)
+        """Of the accelerometer and of the gyro of one axis while it was calibrated: eight attitudes, then the rates."""
+        own, turned = (point, block(axis), axis), self.rates[point][axis]
         return (
-            np.concatenate([self.accelerometer_c[point, own, axis], self.rate_accelerometer_c[point, axis]]),
-            np.concatenate([self.gyro_c[point, own, axis], self.rate_gyro_c[point, axis]]),
+            np.concatenate([self.accelerometer_c[own], turned.accelerometer_c]),
+            np.concatenate([self.gyro_c[own], turned.gyro_c]),
         )
 
 
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+@np.errstate(over="ignore", invalid="ignore")
 def arrange(positions: PositionRecord, rates: RateRecord, *, rate_tolerance: float) -> ImuReadings:
     """The rows as arrays; `rate_tolerance` is how far, relative to the command, the table's rate may be off."""
     position_set_c, rate_set_c = _rounded(positions.set_c), _rounded(rates.set_c)
     every_set_c = np.concatenate([position_set_c, rate_set_c])
-    set_c = np.unique(every_set_c[np.isfinite(every_set_c)])
+    set_c = np.unique(every_set_c[np.isfinite(every_set_c)])[::-1]
     excluded: Counter[str] = Counter(missing=0, duplicate=0, rate=0)
-    at_rest = _at_rest(positions, np.searchsorted(set_c, position_set_c), len(set_c), excluded)
-    turning = _turning(rates, np.searchsorted(set_c, rate_set_c), len(set_c), rate_tolerance, excluded)
-    by_descending = slice(None, None, -1)
-    return ImuReadings(set_c[::-1], *(part[by_descending] for part in (*at_rest, *turning)), dict(excluded))
+    at_rest = _at_rest(positions, np.searchsorted(-set_c, -position_set_c), len(set_c), excluded)
+    turning = _turning(rates, np.searchsorted(-set_c, -rate_set_c), len(set_c), rate_tolerance, excluded)
+    return ImuReadings(set_c, *at_rest, turning, dict(excluded))
 
 
 def _rounded(set_c: Array) -> Array:
@@ -102,46 +106,51 @@ def _rounded(set_c: Array) -> Array:
     return np.asarray(np.round(set_c, SAME_SET_POINT_DIGITS) + 0.0)
 
 
-def _at_rest(record: PositionRecord, point: NDArray[np.int_], points: int, excluded: Counter[str]) -> tuple[Array, ...]:
-    """Rates of pulses and temperatures at rest: four arrays (points, 24, 3)."""
+def _at_rest(
+    record: PositionRecord, point: NDArray[np.int_], points: int, excluded: Counter[str]
+) -> tuple[Array, Array, Array, Array]:
+    """Pulses per second and temperatures at rest: four arrays (points, 24, 3)."""
     dwell_s = np.where(record.dwell_s > 0, record.dwell_s, np.nan)[:, np.newaxis]
     accelerometer_pps, gyro_pps = record.accelerometer_counts / dwell_s, record.gyro_counts / dwell_s
     placed = np.isfinite(record.set_c) & (record.attitude >= 0)
     good = placed[:, np.newaxis] & np.isfinite(accelerometer_pps) & np.isfinite(gyro_pps)
     row, axis = np.nonzero(good)
-    arrays = []
-    for values in (accelerometer_pps, gyro_pps, record.accelerometer_c, record.gyro_c):
+
+    def by_place(values: Array) -> Array:
         array = np.full((points, len(NAMES), len(AXES)), np.nan)
-        array[point[row], record.attitude[row], axis] = values[row, axis]  # of equal places the last row stays
-        arrays.append(array)
-    own_row = np.flatnonzero(good[np.arange(len(good)), record.attitude // BLOCK])
-    excluded["missing"] += len(good) - len(own_row)
-    excluded["duplicate"] += len(own_row) - _distinct(point[own_row], record.attitude[own_row])
-    return tuple(arrays)
+        array[point[row], record.attitude[row], axis] = values[row, axis]  # of one place the last row stays
+        return array
+
+    vertical = good[np.arange(len(good)), record.attitude // BLOCK]
+    excluded["missing"] += int(np.sum(~vertical))
+    excluded["duplicate"] += int(np.sum(vertical)) - len(_last_of_each(point[vertical], record.attitude[vertical]))
+    return by_place(accelerometer_pps), by_place(gyro_pps), by_place(record.accelerometer_c), by_place(record.gyro_c)
 
 
 def _turning(
     record: RateRecord, point: NDArray[np.int_], points: int, tolerance: float, excluded: Counter[str]
-) -> tuple[Array, ...]:
-    """Rates, rates of pulses and temperatures while turning: four arrays (points, 3, commanded rates)."""
+) -> tuple[tuple[RateReadings, ...], ...]:
+    """What the turned axis read, by set point and axis."""
     own = (np.arange(len(record.axis)), record.axis)
     pps = record.gyro_counts[own] / np.where(record.dwell_s > 0, record.dwell_s, np.nan)
     given = np.isfinite(record.set_c) & np.isfinite(record.command_dps) & np.isfinite(record.rate_dps)
     present = given & (record.axis >= 0) & np.isfinite(pps)
     as_told = np.abs(record.rate_dps - record.command_dps) <= tolerance * np.abs(record.command_dps)
-    row = np.flatnonzero(present & as_told)
-    command_dps, command = np.unique(record.command_dps[row], return_inverse=True)
-    arrays = []
-    for values in (record.rate_dps, pps, record.accelerometer_c[own], record.gyro_c[own]):
-        array = np.full((points, len(AXES), len(command_dps)), np.nan)
-        array[point[row], record.axis[row], command] = values[row]  # of equal places the last row stays
-        arrays.append(array)
+    used = np.flatnonzero(present & as_told)
+    rows = used[_last_of_each(point[used], record.axis[used], record.command_dps[used])]
     excluded["missing"] += int(np.sum(~present))
     excluded["rate"] += int(np.sum(present & ~as_told))
-    excluded["duplicate"] += len(row) - _distinct(point[row], record.axis[row], command)
-    return tuple(arrays)
+    excluded["duplicate"] += len(used) - len(rows)
+    place = point[rows] * len(AXES) + record.axis[rows]
+    members = np.split(rows, np.searchsorted(place, np.arange(1, points * len(AXES))))
+    readings = [
+        RateReadings(record.rate_dps[of], pps[of], record.accelerometer_c[own][of], record.gyro_c[own][of])
+        for of in members
+    ]
+    return tuple(tuple(readings[i * len(AXES) : (i + 1) * len(AXES)]) for i in range(points))
 
 
-def _distinct(*places: NDArray[np.int_]) -> int:
-    """How many different places (n,) there are."""
-    return len(np.unique(np.stack(places, axis=-1), axis=0))
+def _last_of_each(*places: NDArray[np.int_] | Array) -> NDArray[np.int_]:
+    """Numbers of the last row of each place, in the order of the places; all arrays (n,)."""
+    place = np.stack(places, axis=-1)[::-1]
+    return len(place) - 1 - np.unique(place, axis=0, return_index=True)[1]

@@ -10,8 +10,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bench.analysis.fit import CONDITION_LIMIT, Array, LinearFit, NotDetermined, least_squares
+from bench.analysis.fit import (
+    CONDITION_LIMIT,
+    OUTLIER_SIGMAS,
+    Array,
+    LinearFit,
+    NotDetermined,
+    least_squares,
+    near_the_median,
+)
 
 Model = Callable[[Array], tuple[Array, Array]]
 """Gives, for parameters (p,), the values (n,) that are compared with the readings, and their Jacobian (n, p)."""
@@ -32,7 +41,7 @@ class NotConverged(ValueError):
 class NonlinearFit:
     """Least squares y = model(parameters).
 
-    `linear` is the linear fit at the solution, with gain, covariance, residuals, rank and condition. `doubt` names the
+    `linear` is the linear fit of the last step, with gain, covariance, rank and condition there. `doubt` names the
     parameters that the readings hardly tell apart when the condition number is above its limit, where the fit began or
     where it ended: their values stand, and their uncertainties are large.
     """
@@ -60,23 +69,21 @@ class NonlinearFit:
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Parameters with the residuals and the Jacobian there."""
+    """Parameters, with the residuals and the Jacobian there; `misfit` is infinite where the model is not finite."""
 
     parameters: Array
     residuals: Array
     jacobian: Array
-
-    @property
-    def finite(self) -> bool:
-        return bool(np.isfinite(self.residuals).all() and np.isfinite(self.jacobian).all())
-
-    @property
-    def misfit(self) -> float:
-        return float(np.linalg.norm(self.residuals))
+    misfit: float
 
 
 def fit_nonlinear(
-    model: Model, y: Array, start: Array, *, names: Sequence[str] | None = None, condition_limit: float = CONDITION_LIMIT
+    model: Model,
+    y: Array,
+    start: Array,
+    *,
+    names: Sequence[str] | None = None,
+    condition_limit: float = CONDITION_LIMIT,
 ) -> NonlinearFit:
     """Fits `model` to `y` (n,) from the parameters `start` (p,), whose names are `names`.
 
@@ -87,7 +94,7 @@ def fit_nonlinear(
     names = names or [f"parameter {i}" for i in range(len(start))]
     rounding = ROUNDING * float(np.max(np.abs(y), initial=0.0))
     place = _place(model, y, np.asarray(start, dtype=np.float64))
-    if not place.finite:
+    if place.misfit == np.inf:
         raise NotConverged("the model has no finite values where the fit begins")
     doubt = _doubt(place, names, condition_limit)
     for iteration in range(1, MOST_STEPS + 1):
@@ -96,22 +103,59 @@ def fit_nonlinear(
         per_reading = np.sqrt(np.diag(linear.unscaled_covariance))
         enough = RELATIVE_STEP * np.abs(place.parameters) + (STEP_PER_U * reading_sd + rounding) * per_reading
         if np.all(np.abs(step) <= enough):
-            return NonlinearFit(place.parameters, linear, iteration, doubt or _doubt(place, names, condition_limit))
+            doubt = doubt or _doubt(place, names, condition_limit)
+            return NonlinearFit(place.parameters + step, linear, iteration, doubt)
         place = _nearer(model, y, place, step)
     raise NotConverged(f"the parameters still change after {MOST_STEPS} steps")
+
+
+def reject_nonlinear_outliers(
+    model: Model,
+    y: Array,
+    start: Array,
+    *,
+    names: Sequence[str] | None = None,
+    condition_limit: float = CONDITION_LIMIT,
+    sigmas: float = OUTLIER_SIGMAS,
+) -> tuple[NonlinearFit, NDArray[np.bool_]]:
+    """`fit_nonlinear` without the outliers, by the rule of `bench.analysis.fit.reject_outliers`.
+
+    Gives the fit and which readings (n,) it used.
+    """
+    kept = np.ones(len(y), dtype=np.bool_)
+    while True:
+        fit = fit_nonlinear(_of(model, kept), y[kept], start, names=names, condition_limit=condition_limit)
+        near = near_the_median(fit.residuals, y[kept], sigmas)
+        if near.all():
+            return fit, kept
+        kept[kept] = near
+
+
+def _of(model: Model, rows: NDArray[np.bool_]) -> Model:
+    """The model of some of the readings."""
+    rows = rows.copy()
+
+    def part(parameters: Array) -> tuple[Array, Array]:
+        value, jacobian = model(parameters)
+        return value[rows], jacobian[rows]
+
+    return part
 
 
 def _place(model: Model, y: Array, parameters: Array) -> _Place:
     with np.errstate(all="ignore"):  # a step may lead to where the model overflows; it is shortened then
         value, jacobian = model(parameters)
-        return _Place(parameters, y - value, jacobian)
+        residuals = y - value
+        misfit = float(np.linalg.norm(residuals))
+        finite = np.isfinite(misfit) and np.isfinite(np.linalg.norm(jacobian))
+    return _Place(parameters, residuals, jacobian, misfit if finite else np.inf)
 
 
 def _nearer(model: Model, y: Array, place: _Place, step: Array) -> _Place:
     """The first of step, step/2, step/4 .. that makes the residuals smaller. Raises NotConverged when none does."""
     for halvings in range(MOST_HALVINGS):
         then = _place(model, y, place.parameters + step / 2**halvings)
-        if then.finite and then.misfit < place.misfit:
+        if then.misfit < place.misfit:
             return then
     raise NotConverged("no step makes the residuals smaller")
 

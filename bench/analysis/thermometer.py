@@ -14,7 +14,7 @@ JUMP_C = 5.0
 
 def broken_at_rest(temperature_c: Array) -> NDArray[np.bool_]:
     """Which readings (n,) of one soaked dwell, in any order, are impossible or far from the median of all."""
-    impossible = _impossible(temperature_c)
+    impossible = beyond_possible(temperature_c)
     if impossible.all():
         return impossible
     return impossible | (np.abs(temperature_c - np.median(temperature_c[~impossible])) > JUMP_C)
@@ -25,7 +25,7 @@ def broken_on_a_ramp(temperature_c: Array) -> NDArray[np.bool_]:
 
     The median follows a ramp, and passes over up to two bad samples in a row.
     """
-    impossible = _impossible(temperature_c)
+    impossible = beyond_possible(temperature_c)
     if impossible.all():
         return impossible
     possible_c = temperature_c[~impossible]
@@ -35,5 +35,6 @@ def broken_on_a_ramp(temperature_c: Array) -> NDArray[np.bool_]:
     return broken
 
 
-def _impossible(temperature_c: Array) -> NDArray[np.bool_]:
+def beyond_possible(temperature_c: Array) -> NDArray[np.bool_]:
+    """Which readings (n,) are beyond anything that a chamber reaches; NaN is not among them."""
     return (temperature_c < POSSIBLE_C[0]) | (temperature_c > POSSIBLE_C[1])

@@ -45,7 +45,8 @@ def oscillation_s(step: Oscillate, options: Any) -> float:
     """
     growing_s = sum(REST_S + max(SINE_GROWS_S, SINE_GROWS_PERIODS / each) for each in step.frequencies_hz)
     back_s = REST_S + _leg_s(step.amplitude_deg, options) + _hold_s(options)
-    return step.least_s + growing_s + back_s * (len(step.frequencies_hz) - 1)
+    returns = len(step.frequencies_hz) - 1
+    return step.least_s + growing_s + (returns * back_s if returns else 0.0)
 
 
 def _leg_s(way_deg: float, options: Any) -> float:

@@ -109,9 +109,10 @@ def test_the_newest_value_of_a_name_is_known_in_its_unit(journal):
             assert value == data["value"]
 
 
-def test_a_measured_value_is_the_quantity_that_a_document_would_write():
-    entry = {"as": "t", "value": 25.5, "unit": "°C", "reading": "r"}
-    assert advanced(RunState(), "step_ended", "a", entry).variables == {"t": parse("25.5 °C")}
+@pytest.mark.parametrize(("value", "unit"), [(25.5, "°C"), (1013.25, "hPa"), (-3.0, ""), (11300.0, "pulse/s")])
+def test_a_measured_value_is_the_quantity_that_a_document_would_write(value, unit):
+    entry = {"as": "t", "value": value, "unit": unit, "reading": "r"}
+    assert advanced(RunState(), "step_ended", "a", entry).variables == {"t": parse(f"{value} {unit}".strip())}
 
 
 def test_a_state_is_not_changed_by_the_one_after_it():

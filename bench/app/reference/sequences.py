@@ -27,6 +27,7 @@ UNITS = {
     "electricity": "A V W Ω ohm",
     "counts and frequency": "pulse Hz",
     "length and mass": "m kg",
+    "force and pressure": "N Pa hPa",
     "ratio": "% ppm 1",
 }
 # What an expression may hold: examples that the page works out, and what they show.
@@ -69,7 +70,7 @@ def sequence_page() -> Blocks:
         "* A *value* is a quantity, a number, a text, `true` or `false`.",
         table(("of", "units"), ((what, f"`{'` `'.join(units.split())}`") for what, units in UNITS.items())),
         "Units may be multiplied (`·`), divided (`/`) and raised (`m/s²`). `n` `µ` `m` `k` `M` go before `s` `m` `A` "
-        "`V` `W` `Ω` `Hz` `g` `rad` `arcsec` `pulse`.",
+        "`V` `W` `Ω` `Hz` `g` `rad` `arcsec` `pulse` `N` `Pa`.",
         "## Expressions",
         "A value may be `${…}` over parameters, the names of loops around the step, and what was measured or answered "
         f"before. Here {_names()}.",
