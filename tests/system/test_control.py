@@ -16,7 +16,7 @@ from bench.store.reader import RunReader
 from tests.support.runs import ROOT
 
 pytestmark = pytest.mark.integration
-PACED = ("smoke", "--speed", "20", "--set", "soak=1 min")
+PACED = ("smoke", "--speed", "20", "--set", "soak=1 min", "--set", "gate=40 s")
 
 
 class Running:
@@ -64,7 +64,7 @@ def started(tmp_path) -> Iterator[Callable[..., Running]]:
     runs: list[Running] = []
 
     def start(*arguments: str) -> Running:
-        runs.append(Running(tmp_path, *arguments))
+        runs.append(Running(tmp_path / "runs", *arguments))
         return runs[-1]
 
     yield start
@@ -153,7 +153,8 @@ def test_nonsense_is_answered_with_what_is_known_and_the_silent_keep_nobody_wait
             client.connect(address)
             client.sendall(line)
             answer = json.loads(client.makefile("rb").readline())
-        assert answer == {"refused": "expected one of pause, resume, stop, stop_after_step, abort"}
+        known = "pause, resume, stop, stop_after_step, abort, skip, repeat, answer, status"
+        assert answer == {"refused": f"expected one of {known}"}
     began_s = time.monotonic()
     assert run.tell("abort").returncode == 0
     assert time.monotonic() - began_s < 5
@@ -161,3 +162,63 @@ def test_nonsense_is_answered_with_what_is_known_and_the_silent_keep_nobody_wait
         client.close()
     assert run.finish() == 4
     assert (run.path / "results.json").exists()
+
+
+def test_a_step_is_skipped_or_begun_anew_and_the_run_goes_on(started):
+    run = started("smoke", "--speed", "20", "--set", "soak=10 min")
+    soak = "steps/temperature=20/soak"
+    run.wait_for(lambda: soak in run.steps("step_begins"))
+    assert run.tell("repeat").stdout.endswith(f": done again: {soak}\n")
+    run.wait_for(lambda: f"{soak}~2" in run.steps("step_begins"))
+    told = run.tell("skip")
+    assert told.stdout.endswith(f": skipped: {soak}~2\n")
+    assert run.finish() == 3  # what was left out makes the run incomplete
+    assert run.steps("left_out") == [f"{soak}~2"]
+    assert "steps/temperature=20/position=270/acquire" in run.steps("step_ended")
+    manifest = json.loads((run.path / "manifest.json").read_text("utf-8"))
+    assert (manifest["state"], manifest["verdict"]) == ("completed", "INCOMPLETE")
+
+
+def test_the_step_before_a_pause_is_done_again_while_the_run_is_held(started):
+    run = started(*PACED)
+    soak = "steps/temperature=20/soak"
+    run.wait_for(lambda: soak in run.steps("step_begins"))
+    run.tell("pause")
+    run.wait_for(lambda: run.operator() == ["held"])
+    assert run.tell("repeat").stdout.endswith(": done again: the last one\n")
+    run.wait_for(lambda: f"{soak}~2" in run.steps("step_ended"))
+    assert "steps/temperature=20/position=0/move" not in run.steps("step_begins")
+    run.tell("resume")
+    run.wait_for(lambda: "steps/temperature=20/position=0/move" in run.steps("step_begins"))
+    run.tell("abort")
+    assert run.finish() == 4
+
+
+def test_a_question_is_answered_over_the_socket_by_name_and_the_status_shows_what_is_known(started, tmp_path):
+    path = tmp_path / "ask.yaml"
+    path.write_text(
+        "schema: itb-sequence/1\ntitle: Ask\nneeds: {unit_temperature: thermometer}\nsteps:\n"
+        "  - wait: 20 s\n  - {measure: unit_temperature, as: t}\n"
+        "  - {prompt: How warm is the room?, input: {unit: °C, min: 0 °C, max: 50 °C}, as: room}\n"
+        "  - if: ${room > '20 °C'}\n    then: [note: warm]\n    else: [note: cold]\n",
+        "utf-8",
+    )
+    run = started(str(path), "--speed", "20")
+    run.wait_for(lambda: "steps/prompt" in run.steps("asked"))
+    status = json.loads(run.tell("status").stdout)
+    assert status["under_way"] == ["steps/prompt"]
+    assert status["variables"].keys() == {"t"}
+    assert status["questions"][0]["expected"] == "a value in °C from 0 °C to 50 °C"
+    assert "unit_temperature" in status["readings"]
+    refused = run.tell("answer", "60 °C")
+    assert refused.returncode == 2
+    assert "is 60 °C, expected at most 50 °C" in refused.stderr
+    assert run.tell("answer", "23.5 °C", "--by", "A. Person").returncode == 0
+    assert run.finish() == 0
+    assert "steps/then/note" in run.steps("step_ended")
+    with RunReader(run.path) as reader:
+        (answered,) = [event.data for event in reader.events("step_ended") if event.step == "steps/prompt"]
+    assert (answered["value"], answered["unit"], answered["by"]) == (23.5, "°C", "A. Person")
+    over = json.loads(run.tell("status").stdout)
+    assert over["variables"]["room"] == "23.5 °C"
+    assert over["under_way"] == []
