@@ -88,7 +88,7 @@ def _without(state: RunState, step: str) -> RunState:
 
 
 def _ended(state: RunState, step: str, data: Mapping[str, Any]) -> RunState:
-    if "as" in data:
+    if "as" in data and "value" in data:
         value: Any = data["value"]
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             unit = parse_unit(data["unit"])

@@ -27,7 +27,7 @@ from drivers.fields import (
 from drivers.wording import telling
 
 TURN_DEG = 360.0
-SAME_ANGLE_DEG = 1e-6
+THERE_DEG = 0.01  # as near is there already: nobody means a whole turn by it
 SWEEP_STEPS_PER_OCTAVE = 6
 Way = Literal["as_written", "nearest", "increasing", "decreasing"]
 Rate = Annotated[float, InUnit("°/s")]
@@ -70,9 +70,8 @@ class Move(StepBase):
         if self.way == "as_written" or math.isnan(to_deg):
             return to_deg
         up_deg = (to_deg - from_deg) % TURN_DEG
-        if min(up_deg, TURN_DEG - up_deg) < SAME_ANGLE_DEG:
-            return from_deg
-        go_up = up_deg <= TURN_DEG / 2 if self.way == "nearest" else self.way == "increasing"
+        is_there = min(up_deg, TURN_DEG - up_deg) < THERE_DEG
+        go_up = up_deg <= TURN_DEG / 2 if self.way == "nearest" or is_there else self.way == "increasing"
         return from_deg + up_deg if go_up else from_deg + up_deg - TURN_DEG
 
 

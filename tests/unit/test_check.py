@@ -60,7 +60,7 @@ def test_what_the_bench_lacks_is_told_with_the_needs_and_not_again_with_each_ste
 @pytest.mark.parametrize(
     ("step", "problem"),
     [
-        ("{move: chamber, to: 5°}", "'move' needs a positioner, 'chamber' is a thermal_chamber"),
+        ("{move: chamber, to: 5°}", "'move' needs a positioner or rate_table, 'chamber' is a thermal_chamber"),
         ("{ramp: head, to: 5 °C, at: 1 °C/min}", "'ramp' needs a thermal_chamber, 'head' is a positioner"),
         ("{set: head, output: off}", "'set' needs a power_supply or current_source, 'head' is a positioner"),
         ("{soak: chamber, at_least: 5 s}", "'soak' needs a thermometer, 'chamber' is a thermal_chamber"),

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.sequence.stimulus import SAME_ANGLE_DEG, TURN_DEG, Move
+from bench.sequence.stimulus import THERE_DEG, TURN_DEG, Move
 from drivers.fields import DEFERRED
 
 ANGLES = st.floats(-2000, 2000)
@@ -44,9 +44,9 @@ def text(value):
         ("nearest", 90.0, 450.0, 450.0),
         ("increasing", 90.0, 450.0, 450.0),
         ("decreasing", 90.0, 450.0, 450.0),
-        ("increasing", 0.0, 1e-7, 1e-7),  # there already, but for rounding
-        ("decreasing", 0.0, -1e-7, -1e-7),
-        ("increasing", 0.0, 1e-5, 360.0),
+        ("increasing", 0.0, 0.0003, 0.0),  # there already, but for an arc second
+        ("decreasing", 0.0, -0.0003, 0.0),
+        ("increasing", 0.0, 0.02, 360.0),
     ],
 )
 def test_an_angle_is_reached_by_its_way(way, to_deg, from_deg, target_deg):
@@ -71,14 +71,14 @@ def test_a_way_ends_at_the_angle_but_for_whole_turns_and_goes_no_longer_than_it_
     step = move(to=to_deg, way=way)
     target_deg = step.target_deg(from_deg)
     turns = (target_deg - step.to_deg) / TURN_DEG
-    assert turns == pytest.approx(round(turns), abs=2 * SAME_ANGLE_DEG / TURN_DEG + 1e-9)
+    assert turns == pytest.approx(round(turns), abs=1e-9)
     way_deg = target_deg - from_deg
     low_deg, high_deg = {"nearest": (-180, 180), "increasing": (0, TURN_DEG), "decreasing": (-TURN_DEG, 0)}[way]
-    assert low_deg - 1e-6 <= way_deg <= high_deg + 1e-6
+    assert low_deg - THERE_DEG <= way_deg <= high_deg + THERE_DEG
 
 
 @given(ANGLES, ANGLES, st.sampled_from(["nearest", "increasing", "decreasing"]))
 def test_a_move_done_twice_goes_nowhere_the_second_time(to_deg, from_deg, way):
     step = move(to=to_deg, way=way)
     there_deg = step.target_deg(from_deg)
-    assert step.target_deg(there_deg) == pytest.approx(there_deg, abs=SAME_ANGLE_DEG)
+    assert step.target_deg(there_deg) == pytest.approx(there_deg, abs=1e-6)
