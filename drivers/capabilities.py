@@ -116,6 +116,17 @@ class PulseCounter(Device, Protocol):
         """Blocks of frames from entry to exit: the first frame arrived after entry, the last before exit."""
 
 
+@runtime_checkable
+class Voltmeter(Device, Protocol):
+    """An instrument that measures a DC voltage when it is asked to."""
+
+    async def measure(self, count: int, *, nplc: float | None) -> Sequence[Reading]:
+        """`count` readings (V), one after the other, each with the time of its middle.
+
+        `nplc` is over how many cycles of the power line each integrates; None leaves that to the bench file.
+        """
+
+
 CAPABILITIES: Mapping[str, type] = {
     "positioner": Positioner,
     "rate_table": RateTable,
@@ -123,6 +134,7 @@ CAPABILITIES: Mapping[str, type] = {
     "power_supply": Source,
     "current_source": Source,
     "pulse_counter": PulseCounter,
+    "voltmeter": Voltmeter,
 }
 THERMOMETER = "thermometer"  # a named reading of any device, in °C
 READING = "reading"  # a named reading of any device, in any unit

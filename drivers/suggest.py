@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import difflib
+import functools
 from collections.abc import Iterable
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
     """The known name that is likely meant; capitals do not count, so that `k0` means K0."""
+    return _nearest(name, tuple(known))
+
+
+@functools.lru_cache(maxsize=1024)
+def _nearest(name: str, known: tuple[str, ...]) -> str | None:
     spelled = {known_name.casefold(): known_name for known_name in known}
     close = difflib.get_close_matches(name.casefold(), spelled, n=1, cutoff=0.6)
     return spelled[close[0]] if close else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from simulators.faults import FaultPlan
 
@@ -14,6 +14,18 @@ class Session(Protocol):
 
     def feed(self, data: bytes) -> bytes:
         """Takes bytes as they arrive, in any portions; what the instrument says to them at once, or b""."""
+
+
+Later = Callable[[float, Callable[[], bytes]], None]
+"""Called with seconds and a function: when they have passed, the instrument says what the function gives."""
+
+
+@runtime_checkable
+class PatientSession(Session, Protocol):
+    """A connection to an instrument that takes its time for some answers."""
+
+    def answer_by(self, later: Later) -> None:
+        """Tells, before anything else, how to answer later."""
 
 
 class Instrument(Protocol):
@@ -37,15 +49,22 @@ class InstrumentProtocol(asyncio.Protocol):
         """A client is there."""
         if isinstance(transport, asyncio.Transport):
             self._transport = transport
+        if isinstance(self._session, PatientSession):
+            self._session.answer_by(self._say_later)
 
     def data_received(self, data: bytes) -> None:
         """Bytes from the client."""
         if self._instrument.faults.active("cut") and self._transport is not None:
             self._transport.abort()
             return
-        answer = self._session.feed(data)
+        self._say(self._session.feed(data))
+
+    def _say(self, answer: bytes) -> None:
         if answer and self._transport is not None and not self._instrument.faults.active("silent"):
             self._transport.write(answer)
+
+    def _say_later(self, delay_s: float, answer: Callable[[], bytes]) -> None:
+        asyncio.get_running_loop().call_later(delay_s, lambda: self._say(answer()))
 
 
 def protocol_factory(instrument: Instrument) -> Callable[[], InstrumentProtocol]:

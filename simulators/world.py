@@ -7,6 +7,7 @@ integrates catch up, so that no part of the time is counted under the wrong stim
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
@@ -19,6 +20,7 @@ from simulators.unit_file import UnitFile, stream
 from simulators.uut import Hysteresis, Noise, UnitTruth, draw_unit
 
 Array = NDArray[np.float64]
+LOOK_S = 0.02  # how finely a mean current follows the head
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,10 +96,28 @@ class SimulatedUnit:
         self._last_c = now_c
         if self.powered_at_s is None:
             return np.zeros_like(middle)
-        moving_c_per_s = self._world.thermal.sensor_rate_c_per_s(self._index)
-        drifting = self._slow_bias_g(middle) + (hysteresis_g + self.truth.kd * moving_c_per_s)
-        current = self.truth.current_a(self.force_g(middle), temperature, drifting + self._noise.mean_g(interval))
+        current = self._current_a(middle, temperature, hysteresis_g, self._noise.mean_g(interval))
         return self.truth.rate_pps(current) * interval
+
+    def mean_current_a(self, begin_s: float, end_s: float, noise: Noise) -> float:
+        """What flows from the accelerometer, as a mean from `begin_s` to `end_s`; 0 without power.
+
+        The world has been worked out up to the end. Whoever looks has a `noise` of his own, so that the noise that
+        others find does not depend on how often he does.
+        """
+        if self.powered_at_s is None:
+            return 0.0
+        edges_s = np.linspace(begin_s, end_s, 1 + math.ceil((end_s - begin_s) / LOOK_S))
+        middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
+        now_c = self._world.thermal.sensor_c(self._index)
+        hysteresis_g = self._hysteresis.bias_g(now_c)
+        current = self._current_a(middle, np.full_like(middle, now_c), hysteresis_g, noise.mean_g(interval))
+        return float(current.mean())
+
+    def _current_a(self, at_s: Array, temperature_c: Array, hysteresis_g: float, noise_g: Array) -> Array:
+        moving_c_per_s = self._world.thermal.sensor_rate_c_per_s(self._index)
+        drifting = self._slow_bias_g(at_s) + (hysteresis_g + self.truth.kd * moving_c_per_s)
+        return self.truth.current_a(self.force_g(at_s), temperature_c, drifting + noise_g)
 
     def _slow_bias_g(self, at_s: Array) -> Array:
         """Drift and, while powered, warm-up at the times `at_s`."""

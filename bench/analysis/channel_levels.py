@@ -118,7 +118,7 @@ def _problems(run: ChannelRun, reference: ChannelRun, certain: bool, deciding: R
 
 @dataclass(frozen=True, slots=True)
 class ChannelDrift:
-    """k = offset + scale D: the part of the drift that is the same at all levels, and the part in proportion to the rate.
+    """k = offset + scale D: the part of the drift that is the same at all levels, and that in proportion to the rate.
 
     `misfit` says that the slopes do not lie on the line within their uncertainties: the drift depends on the level in
     some other way. The uncertainties are those of the slopes; NaN where a slope has none.

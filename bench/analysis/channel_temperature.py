@@ -29,7 +29,8 @@ RAMP_SLACK = 1.02  # of the ramp's limit
 LEAST_GATES = 3  # fewer leave no scatter to take an uncertainty from
 ABORT_SHARE = 0.1  # of a run without its accelerometer at temperature should have ended it
 RAMP_PARTS = 10  # of a run, over which its temperature is looked at for the rate
-WHOLE_COUNTS = 2.0**53  # numbers beyond are not exact to the count
+UNKNOWN = (np.nan, np.nan)
+LARGEST_READING = 2.0**53  # a double beyond is not exact to the count, and no time
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +124,7 @@ class _Gates:
         return _Gates(**{column.name: getattr(self, column.name)[which] for column in fields(self)})
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of absurd numbers come such that none of the rules lets pass
 def reduce_run(record: ChannelRecord, rules: ChannelRules) -> ChannelRun:
     """The pulse rate of one run as a straight line over the converter's temperature.
 
@@ -132,7 +134,7 @@ def reduce_run(record: ChannelRecord, rules: ChannelRules) -> ChannelRun:
     excluded: Counter[str] = Counter()
     readings, scheduled = _good_readings(record, rules, excluded)
     gates = _good_gates(_gates(readings, rules.counter_bits), rules, excluded)
-    line, kept = _line(gates, rules.outlier_sigmas)
+    line, kept = _line(gates.converter_c - rules.reference_c, gates, rules.outlier_sigmas)
     excluded["outlier"] = int(np.sum(~kept))
     used, temperature_c = int(np.sum(kept)), gates.converter_c[kept]
     span_c = float(np.ptp(temperature_c)) if used else np.nan
@@ -143,11 +145,13 @@ def reduce_run(record: ChannelRecord, rules: ChannelRules) -> ChannelRun:
         FAST: abs(ramp_c_per_h) > RAMP_SLACK * rules.max_ramp_c_per_h,
         INVALID: bool(shortage),
     }
+    rate_pps, slope_pps_per_c = map(float, line.powers) if line else UNKNOWN
+    u_rate_pps, u_slope_pps_per_c = map(float, line.u_powers) if line else UNKNOWN
     return ChannelRun(
-        rate_pps=float(line.value(rules.reference_c)) if line else np.nan,
-        u_rate_pps=float(line.u_at(rules.reference_c)) if line else np.nan,
-        slope_pps_per_c=float(line.powers[1]) if line else np.nan,
-        u_slope_pps_per_c=float(line.u_powers[1]) if line else np.nan,
+        rate_pps=rate_pps,
+        u_rate_pps=u_rate_pps,
+        slope_pps_per_c=slope_pps_per_c,
+        u_slope_pps_per_c=u_slope_pps_per_c,
         residual_rms_pps=float(np.sqrt(np.mean(line.residuals**2))) if line else np.nan,
         gates_used=used,
         span_c=span_c,
@@ -163,7 +167,7 @@ def _good_readings(record: ChannelRecord, rules: ChannelRules, excluded: Counter
     held = np.zeros_like(record.time_s) if rules.accelerometer_c is None else record.accelerometer_c
     needed = np.stack([record.time_s, record.positive, record.negative, record.converter_c, held])
     readable = np.isfinite(needed).all(axis=0)
-    readable &= (np.abs(record.positive) <= WHOLE_COUNTS) & (np.abs(record.negative) <= WHOLE_COUNTS)
+    readable &= np.max(np.abs(needed[:3]), axis=0) <= LARGEST_READING
     order = np.lexsort((~readable, record.time_s))
     order = order[np.isfinite(record.time_s[order])]
     order = np.delete(order, np.flatnonzero(np.diff(record.time_s[order]) == 0) + 1)
@@ -181,10 +185,8 @@ def _gates(readings: ChannelRecord, counter_bits: int) -> _Gates:
     def middle(column: Array) -> Array:
         return column[1:] / 2 + column[:-1] / 2
 
-    with np.errstate(over="ignore"):  # times that are too far apart for a number are too far apart for a gate
-        seconds = np.diff(readings.time_s)
     return _Gates(
-        seconds=seconds,
+        seconds=np.diff(readings.time_s),
         positive=np.diff(readings.positive) % 2.0**counter_bits,
         negative=np.diff(readings.negative) % 2.0**counter_bits,
         converter_c=middle(readings.converter_c),
@@ -227,16 +229,18 @@ def _away(gates: _Gates, rules: ChannelRules) -> NDArray[np.bool_]:
     return np.abs(gates.accelerometer_c - rules.accelerometer_c) > rules.accelerometer_tolerance_c + rounding_c
 
 
-def _line(gates: _Gates, sigmas: float) -> tuple[PolynomialFit | None, NDArray[np.bool_]]:
-    """The straight line through the gates that are no outliers, and which those are; None without two temperatures."""
-    kept = np.ones(len(gates.seconds), dtype=np.bool_)
+def _line(away_c: Array, gates: _Gates, sigmas: float) -> tuple[PolynomialFit | None, NDArray[np.bool_]]:
+    """The straight line over `away_c` through the gates that are no outliers, and which those are.
+
+    None without two temperatures.
+    """
+    kept = np.ones(len(away_c), dtype=np.bool_)
     if len(kept) < 2:
         return None, kept
-    away_c = gates.converter_c - np.mean(gates.converter_c)
-    design, resolution_pps = np.stack([np.ones_like(away_c), away_c], axis=-1), RESOLUTION_COUNTS / gates.seconds
+    design = np.stack([np.ones_like(away_c), away_c - np.mean(away_c)], axis=-1)
     try:
-        kept = reject_outliers(design, gates.rate_pps, sigmas=sigmas, resolution=resolution_pps).kept
-        return fit_polynomial(gates.converter_c[kept], gates.rate_pps[kept], 1), kept
+        kept = reject_outliers(design, gates.rate_pps, sigmas=sigmas, resolution=RESOLUTION_COUNTS / gates.seconds).kept
+        return fit_polynomial(away_c[kept], gates.rate_pps[kept], 1), kept
     except NotDetermined:
         return None, kept
 
@@ -247,13 +251,11 @@ def _ramp_c_per_h(time_s: Array, temperature_c: Array) -> float:
     The median passes over soaks at the ends, and a run up and down again has the rate of its two ramps.
     """
     reach = max(len(time_s) // RAMP_PARTS, 1)
-    with np.errstate(over="ignore"):
-        stretch_s = time_s[reach:] - time_s[:-reach]
-    if not len(stretch_s):
+    rate_c_per_h = (temperature_c[reach:] - temperature_c[:-reach]) / (time_s[reach:] - time_s[:-reach]) * 3600.0
+    if not len(rate_c_per_h):
         return np.nan
-    rate = (temperature_c[reach:] - temperature_c[:-reach]) / stretch_s * 3600.0
-    usual = float(np.median(np.abs(rate)))
-    return -usual if 2 * np.sum(rate < 0) > len(rate) else usual
+    usual = float(np.median(np.abs(rate_c_per_h)))
+    return -usual if np.mean(rate_c_per_h < 0) > 0.5 else usual
 
 
 def _shortage(used: int, scheduled: int, outliers: int) -> tuple[str, ...]:

@@ -251,26 +251,21 @@ def reject_outliers(
 ) -> GatedFit:
     """Fits, drops readings more than `sigmas` robust standard deviations from the median residual, until none is left.
 
-    `resolution` is the standard deviation of each y that comes of its being counted: where most readings are the same
-    count, the robust one is 0. Raises NotDetermined as `least_squares` does.
+    Then those that are near after all come back, once. `resolution` is the standard deviation of each y that comes of
+    its being counted: where most readings are the same count, the robust one is 0. Raises NotDetermined as
+    `least_squares` does.
     """
     kept = np.ones(len(y), dtype=np.bool_)
+    back = False  # whether readings that a worse one had pulled away were taken back
     while True:
         fit = least_squares(design[kept], y[kept])
-        near = near_the_median(fit.residuals, y[kept], sigmas, np.broadcast_to(resolution, y.shape)[kept])
-        if near.all():
+        rounding = 64 * np.finfo(np.float64).eps * float(np.max(np.abs(y[kept]), initial=0.0))
+        away = np.abs(y - design @ fit.coefficients - np.median(fit.residuals))
+        sigma = np.maximum(SIGMA_PER_MAD * float(np.median(away[kept])), resolution)
+        near = away <= np.maximum(sigmas * sigma, rounding)
+        if not near[kept].all():
+            kept &= near
+        elif back or near.sum() == kept.sum():
             return GatedFit(fit, kept)
-        kept[kept] = near
-
-
-def near_the_median(
-    residuals: Array, y: Array, sigmas: float = OUTLIER_SIGMAS, resolution: Array | float = 0.0
-) -> NDArray[np.bool_]:
-    """Which residuals (n,) are within `sigmas` robust standard deviations of their median, or within rounding of `y`.
-
-    `resolution` is the least standard deviation of each.
-    """
-    rounding = 64 * np.finfo(np.float64).eps * float(np.max(np.abs(y), initial=0.0))
-    away = np.abs(residuals - np.median(residuals))
-    sigma = np.maximum(SIGMA_PER_MAD * float(np.median(away)), resolution)
-    return np.asarray(away <= np.maximum(sigmas * sigma, rounding))
+        else:
+            kept, back = near, True

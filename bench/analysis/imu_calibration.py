@@ -80,10 +80,12 @@ class AxisCalibration:
         return float(self.gyro_turning.coefficients[1])
 
     @property
+    @np.errstate(divide="ignore", invalid="ignore", over="ignore")
     def d0_dph(self) -> float:
         """Zero of the gyro in °/h."""
         return float(DEG_PER_S_IN_DEG_PER_H * np.float64(self.d0_pps) / self.kg_pulse_per_deg)
 
+    @np.errstate(divide="ignore", invalid="ignore", over="ignore")
     def uncertainty(self, scatter: Scatter) -> AxisUncertainty:
         """What the scatter of the readings leaves uncertain."""
         u_k0, u_k1 = scatter.accelerometer_pps * np.linalg.norm(self.accelerometer.gain, axis=-1)

@@ -5,7 +5,6 @@ With them a reading becomes a physical value, and what the unit would have read 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -53,12 +52,12 @@ class TemperatureTable:
         return zero_pps, scale
 
 
-def temperature_table(
-    temperature_c: Sequence[float], zero_pps: Sequence[float], scale: Sequence[float]
-) -> TemperatureTable:
-    """The knots by temperature; neighbours closer than 0.5 °C become their mean, one without a number is left out."""
-    knots = np.array([temperature_c, zero_pps, scale], dtype=np.float64)
-    knots = knots[:, np.isfinite(knots).all(axis=0)]
+def temperature_table(knots: Array) -> TemperatureTable:
+    """From temperatures, zeros and scale factors (n, 3) in any order.
+
+    Neighbours closer than 0.5 °C become their mean; a knot without a number is left out.
+    """
+    knots = knots[np.isfinite(knots).all(axis=-1)].T
     knots = knots[:, np.argsort(knots[0])]
     starts = np.flatnonzero(np.diff(knots[0], prepend=-np.inf) >= SAME_KNOT_C)
     merged = np.add.reduceat(knots, starts, axis=1) / np.diff(starts, append=knots.shape[1]) if len(starts) else knots
@@ -95,22 +94,22 @@ def compensate(
 
 @dataclass(frozen=True, slots=True)
 class ModelCheck:
-    """How well straight lines between the knots tell the inner knots (k,) themselves.
+    """How well straight lines between the knots tell the inner knots themselves; arrays (k - 2,).
 
     `error` is the value between its neighbours minus the value of the knot; `curvature` the second divided difference
     times 2, in the unit of the values per °C². An inner knot left out doubles the interval, so that the error of the
     full table is about a quarter.
     """
 
-    temperature_c: Array
     error: Array
     curvature: Array
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def check_model(temperature_c: Array, values: Array) -> ModelCheck:
     """Leaves out each knot (k,) but the ends in turn; temperatures rise."""
     below_c, at_c, above_c = temperature_c[:-2], temperature_c[1:-1], temperature_c[2:]
     below, at, above = values[:-2], values[1:-1], values[2:]
     between = below + (at_c - below_c) / (above_c - below_c) * (above - below)
     error = between - at
-    return ModelCheck(at_c, error, 2 * error / ((at_c - below_c) * (above_c - at_c)))
+    return ModelCheck(error, 2 * error / ((at_c - below_c) * (above_c - at_c)))

@@ -8,20 +8,31 @@ of the unit they differ between the ends.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import betainc
 
-from bench.analysis.fit import Array, LinearFit, NotDetermined, reject_outliers
+from bench.analysis.fit import (
+    EXCESSIVE_OUTLIERS,
+    Array,
+    LinearFit,
+    NotDetermined,
+    fit_polynomial,
+    least_squares,
+    reject_outliers,
+)
 from bench.analysis.residual_spectrum import SpectralLine, conspicuous_line
 from bench.analysis.thermometer import broken_at_rest
 
 LEAST_ANGLES = 3
+SMOOTH_DEGREE = 5  # of the curve over the angle that a sensor may have
 SAME_ANGLE = 1e-3  # of the range: a table that is sent to one angle twice does not stop at exactly the same
+SAME_ANGLE_DEG = 5e-4  # 2 arcsec, at least
 DRIFT_CHANCE = 1e-4  # that noise looks like a drift of the bias
-DRIFT_SHARE = 0.8  # of the scatter of forward minus reverse that a drift explains; hysteresis explains the rest better
+DRIFT_SHARE = 0.5  # at least, of the scatter of forward minus reverse: what else there is, is hysteresis
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +69,12 @@ class SweepRecord:
         known_c = self.temperature_c[np.isfinite(self.temperature_c)]
         known_c = known_c[~broken_at_rest(known_c)]
         return float(np.ptp(known_c)) if len(known_c) else 0.0
+
+
+def joined(parts: Sequence[SweepRecord]) -> SweepRecord:
+    """Several parts of a record as one; without any it has no rows."""
+    columns = {c.name: [getattr(part, c.name) for part in parts] or [np.zeros(0)] for c in fields(SweepRecord)}
+    return SweepRecord(**{name: np.concatenate(column) for name, column in columns.items()})
 
 
 def usable_rows(record: SweepRecord, output_limit_v: float) -> tuple[SweepRecord, Counter[str]]:
@@ -121,15 +138,10 @@ class EndFit:
         return float(np.max(np.abs(self.loop_v))) if len(self.loop_v) else None
 
     @property
-    def misalignment_factor(self) -> float:
-        """What the fit makes of cos θ in b: about 1 over small angles."""
-        return float(self.gain[0] @ np.cos(self.dwells.angle_rad))
-
-    @property
-    def coupling_factor(self) -> float:
-        """What the fit makes of sin θ cos θ in G: about 1 over small angles."""
-        angle_rad = self.dwells.angle_rad
-        return float(self.gain[1] @ (np.sin(angle_rad) * np.cos(angle_rad)))
+    def factors(self) -> Array:
+        """What the fit makes of cos θ and of sin θ cos θ (columns) in b and G (rows): about 1 over small angles."""
+        sine, cosine = np.sin(self.dwells.angle_rad), np.cos(self.dwells.angle_rad)
+        return np.asarray(self.gain @ np.stack([cosine, sine * cosine], axis=-1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,55 +153,93 @@ class EndSweep:
     fit: EndFit | None
     why: str = ""
 
+    def with_drift(self, first: float) -> EndSweep:
+        """With a drift in the line, where it is determined, and b for the sequence number `first`."""
+        if self.fit is None:
+            return self
+        try:
+            return replace(self, fit=fit_line(self.dwells, drift_from=first))
+        except NotDetermined:
+            return self
 
-def reduce_end(dwells: SweepRecord, *, outlier_k: float, first: float, drifts: bool = False) -> EndSweep:
-    """The line through the usable dwells (n,) of one end.
 
-    `first` is the sequence number for which b is given when the fit has a term for the drift: with `drifts`.
-    """
-    sine, since_mean = np.sin(dwells.angle_rad), dwells.sequence - np.mean(dwells.sequence) if len(dwells) else sine
-    columns = [np.ones_like(sine), sine] + ([since_mean] if drifts else [])
+def reduce_end(dwells: SweepRecord, *, outlier_k: float) -> EndSweep:
+    """The usable dwells (n,) of one end without the outliers, and the line through them."""
     if len(np.unique(_same_angle(dwells.angle_deg))) < LEAST_ANGLES:
         return EndSweep(dwells, 0, None, f"fewer than {LEAST_ANGLES} different angles are left")
-    try:
-        gated = reject_outliers(np.stack(columns, axis=-1), dwells.output_v, sigmas=outlier_k)
-    except NotDetermined:
-        return EndSweep(dwells, 0, None, "its angles lie too close together")
-    kept = dwells.rows(gated.kept)
-    outliers = len(dwells) - len(kept)
-    if gated.excessive:
+    good = _without_outliers(dwells, outlier_k)
+    outliers = len(dwells) - int(np.sum(good))
+    kept = dwells.rows(good)
+    if outliers > EXCESSIVE_OUTLIERS * len(dwells):
         return EndSweep(kept, outliers, None, f"{outliers} of {len(dwells)} dwells are outliers")
-    return EndSweep(kept, outliers, _end_fit(kept, gated.fit, first - float(np.mean(dwells.sequence)), drifts))
+    try:
+        fit = fit_line(kept)
+    except NotDetermined:
+        return EndSweep(kept, outliers, None, "its angles do not determine a line")
+    if not abs(fit.scale_v_per_g) * np.ptp(np.sin(kept.angle_rad)) > _rounding(kept):  # nor if it is no number
+        return EndSweep(kept, outliers, None, "its output does not follow the angle")
+    return EndSweep(kept, outliers, fit)
 
 
-def _end_fit(dwells: SweepRecord, fit: LinearFit, back: float, drifts: bool) -> EndFit:
-    """`back` is how many dwells after the mean of the time b is wanted."""
-    to_first = np.array([[1, 0, back], [0, 1, 0]]) if drifts else np.eye(2)
-    bias_v, scale_v_per_g = to_first @ fit.coefficients
+def _without_outliers(dwells: SweepRecord, outlier_k: float) -> NDArray[np.bool_]:
+    """Which dwells (n,) are no outliers beside a bent line for each direction.
+
+    Hysteresis would else make two clusters of residuals, whose robust standard deviation may be that of one of them.
+    """
+    sine, direction = np.sin(dwells.angle_rad), np.where(dwells.direction == "fwd", 1.0, -1.0)
+    shapes = [np.ones_like(sine), sine, sine**2]
+    both_ways = [*shapes, direction, direction * sine]
+    for columns in (both_ways, shapes, shapes[:2]):
+        try:
+            return reject_outliers(np.stack(columns, axis=-1), dwells.output_v, sigmas=outlier_k).kept
+        except NotDetermined:
+            continue
+    return np.ones(len(dwells), dtype=np.bool_)
+
+
+def fit_line(dwells: SweepRecord, *, drift_from: float | None = None) -> EndFit:
+    """Ordinary least squares over both directions. Raises NotDetermined when the angles do not suffice.
+
+    `drift_from` gives the fit a term for a drift, and is the sequence number for which b is wanted then.
+    """
+    sine, middle = np.sin(dwells.angle_rad), float(np.mean(dwells.sequence))
+    columns = [np.ones_like(sine), sine]
+    to_line = np.eye(2)
+    if drift_from is not None:
+        columns.append(dwells.sequence - middle)
+        to_line = np.array([[1, 0, drift_from - middle], [0, 1, 0]])
+    return _end_fit(dwells, least_squares(np.stack(columns, axis=-1), dwells.output_v), to_line)
+
+
+def _end_fit(dwells: SweepRecord, fit: LinearFit, to_line: Array) -> EndFit:
+    """`to_line` makes b and G of what was fitted."""
+    bias_v, scale_v_per_g = (to_line @ fit.coefficients).tolist()
     return EndFit(
         dwells=dwells,
-        bias_v=float(bias_v),
-        scale_v_per_g=float(scale_v_per_g),
-        gain=to_first @ fit.gain,
+        bias_v=bias_v,
+        scale_v_per_g=scale_v_per_g,
+        gain=to_line @ fit.gain,
         residuals=fit.residuals,
         reading_sd_v=fit.residual_sd,
-        drift_v=float(fit.coefficients[2]) if drifts else None,
+        drift_v=float(fit.coefficients[2]) if len(fit.coefficients) > 2 else None,
         loop_v=_forward_minus_reverse(dwells, fit.residuals)[0],
         pattern=_pattern(dwells, fit.residuals),
     )
 
 
-def drifts(fit: EndFit) -> bool:
+def bias_drifts(fit: EndFit) -> bool:
     """Whether forward minus reverse of a fit without a drift changes in proportion to the time between the two."""
     loop_v, dwells_between = _forward_minus_reverse(fit.dwells, fit.residuals)
     if len(loop_v) < LEAST_ANGLES + 1 or np.ptp(dwells_between) == 0 or np.ptp(loop_v) <= _rounding(fit.dwells):
         return False
-    line = stats.linregress(dwells_between, loop_v)
-    return bool(line.pvalue < DRIFT_CHANCE and line.rvalue**2 > DRIFT_SHARE)
+    line = fit_polynomial(dwells_between, loop_v, 1)
+    unexplained = float(np.var(line.residuals) / np.var(loop_v))
+    by_chance = betainc(line.dof / 2, 0.5, unexplained)  # of the square of a correlation coefficient
+    return bool(by_chance < DRIFT_CHANCE and unexplained < 1 - DRIFT_SHARE)
 
 
 def _forward_minus_reverse(dwells: SweepRecord, value: Array) -> tuple[Array, Array]:
-    """Forward minus reverse of the mean `value` (n,) and of the mean time in dwells, at each angle visited both ways."""
+    """Forward minus reverse of the mean `value` and of the mean time in dwells, at each angle visited both ways."""
     angle = _same_angle(dwells.angle_deg)
     forward, reverse = dwells.direction == "fwd", dwells.direction == "rev"
     both = np.intersect1d(angle[forward], angle[reverse])
@@ -208,19 +258,19 @@ def _same_angle(angle_deg: Array) -> NDArray[np.int_]:
     """Numbers (n,) of the angles, from the smallest up; equal for dwells at one angle."""
     order = np.argsort(angle_deg)
     number = np.zeros(len(angle_deg), dtype=np.int_)
-    apart = np.diff(angle_deg[order]) > SAME_ANGLE * np.ptp(angle_deg) if len(angle_deg) else []
-    number[order[1:]] = np.cumsum(apart)
+    span_deg = np.ptp(angle_deg) if len(angle_deg) else 0.0
+    number[order[1:]] = np.cumsum(np.diff(angle_deg[order]) > max(SAME_ANGLE * span_deg, SAME_ANGLE_DEG))
     return number
 
 
 def _pattern(dwells: SweepRecord, residuals: Array) -> SpectralLine | None:
-    """A regular pattern of the residuals over the angle, beside a cubic, which a sensor may have."""
-    mean_v = _means(_same_angle(dwells.angle_deg), residuals)
-    place = np.linspace(-1, 1, len(mean_v))
-    if len(mean_v) < 2 * LEAST_ANGLES or np.ptp(mean_v) <= _rounding(dwells):
+    """A regular pattern of the residuals over the angle, beside a smooth curve."""
+    angle = _same_angle(dwells.angle_deg)
+    mean_v, mean_deg = _means(angle, residuals), _means(angle, dwells.angle_deg)
+    degree = min(SMOOTH_DEGREE, len(mean_v) // 3)
+    if degree == 0 or np.ptp(mean_v) <= _rounding(dwells):
         return None
-    cubic = np.polynomial.polynomial.polyfit(place, mean_v, 3)
-    return conspicuous_line(mean_v - np.polynomial.polynomial.polyval(place, cubic))
+    return conspicuous_line(fit_polynomial(mean_deg, mean_v, degree).residuals)
 
 
 def _rounding(dwells: SweepRecord) -> float:

@@ -10,17 +10,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bench.analysis.fit import (
-    CONDITION_LIMIT,
-    OUTLIER_SIGMAS,
-    Array,
-    LinearFit,
-    NotDetermined,
-    least_squares,
-    near_the_median,
-)
+from bench.analysis.fit import CONDITION_LIMIT, Array, LinearFit, NotDetermined, least_squares
 
 Model = Callable[[Array], tuple[Array, Array]]
 """Gives, for parameters (p,), the values (n,) that are compared with the readings, and their Jacobian (n, p)."""
@@ -34,7 +25,14 @@ ANY_CONDITION = float(np.finfo(np.float64).max)
 
 
 class NotConverged(ValueError):
-    """No solution was found: the model does not suit the readings, or the fit began too far away."""
+    """No solution was found: the model does not suit the readings, or the fit began too far away.
+
+    `doubt` names the parameters that the readings hardly tell apart where the fit began.
+    """
+
+    def __init__(self, problem: str, doubt: NotDetermined | None = None) -> None:
+        super().__init__(problem)
+        self.doubt = doubt
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,41 +103,11 @@ def fit_nonlinear(
         if np.all(np.abs(step) <= enough):
             doubt = doubt or _doubt(place, names, condition_limit)
             return NonlinearFit(place.parameters + step, linear, iteration, doubt)
-        place = _nearer(model, y, place, step)
-    raise NotConverged(f"the parameters still change after {MOST_STEPS} steps")
-
-
-def reject_nonlinear_outliers(
-    model: Model,
-    y: Array,
-    start: Array,
-    *,
-    names: Sequence[str] | None = None,
-    condition_limit: float = CONDITION_LIMIT,
-    sigmas: float = OUTLIER_SIGMAS,
-) -> tuple[NonlinearFit, NDArray[np.bool_]]:
-    """`fit_nonlinear` without the outliers, by the rule of `bench.analysis.fit.reject_outliers`.
-
-    Gives the fit and which readings (n,) it used.
-    """
-    kept = np.ones(len(y), dtype=np.bool_)
-    while True:
-        fit = fit_nonlinear(_of(model, kept), y[kept], start, names=names, condition_limit=condition_limit)
-        near = near_the_median(fit.residuals, y[kept], sigmas)
-        if near.all():
-            return fit, kept
-        kept[kept] = near
-
-
-def _of(model: Model, rows: NDArray[np.bool_]) -> Model:
-    """The model of some of the readings."""
-    rows = rows.copy()
-
-    def part(parameters: Array) -> tuple[Array, Array]:
-        value, jacobian = model(parameters)
-        return value[rows], jacobian[rows]
-
-    return part
+        nearer = _nearer(model, y, place, step)
+        if nearer is None:
+            raise NotConverged("no step makes the residuals smaller", doubt)
+        place = nearer
+    raise NotConverged(f"the parameters still change after {MOST_STEPS} steps", doubt)
 
 
 def _place(model: Model, y: Array, parameters: Array) -> _Place:
@@ -151,13 +119,10 @@ def _place(model: Model, y: Array, parameters: Array) -> _Place:
     return _Place(parameters, residuals, jacobian, misfit if finite else np.inf)
 
 
-def _nearer(model: Model, y: Array, place: _Place, step: Array) -> _Place:
-    """The first of step, step/2, step/4 .. that makes the residuals smaller. Raises NotConverged when none does."""
-    for halvings in range(MOST_HALVINGS):
-        then = _place(model, y, place.parameters + step / 2**halvings)
-        if then.misfit < place.misfit:
-            return then
-    raise NotConverged("no step makes the residuals smaller")
+def _nearer(model: Model, y: Array, place: _Place, step: Array) -> _Place | None:
+    """The first of step, step/2, step/4 .. that makes the residuals smaller."""
+    places = (_place(model, y, place.parameters + step / 2**halvings) for halvings in range(MOST_HALVINGS))
+    return next((then for then in places if then.misfit < place.misfit), None)
 
 
 def _doubt(place: _Place, names: Sequence[str], condition_limit: float) -> NotDetermined | None:

@@ -17,8 +17,11 @@ from bench.analysis.table_blocks import coarseness
 Phasors = NDArray[np.complex128]
 
 SAMPLES_PER_PERIOD = 2.05  # Shannon's two, and a little
-REACH = 0.02  # of the expected frequency: how far off it is looked for
-NEIGHBOURS = 16  # frequencies around a line that tell the noise under it
+REACH = 0.02  # of the expected frequency: how far off it is looked for,
+REACH_PERIODS = (2, 50)  # but at least and at most so many periods more or less over the record
+NEIGHBOURS = 24  # frequencies around a line that tell the noise under it,
+NEIGHBOURS_REACH = 32  # among so many on either side
+GRID_PER_PERIOD = 3  # frequencies tried, per period more or less over the record
 PHASE_BINS = 1009  # prime, so that phases at whole fractions of a turn do not fall on edges
 MANY_PHASES = 500
 TURNS = 20
@@ -30,16 +33,14 @@ class SineFit:
 
     `u_random` (m,) are the standard uncertainties of the amplitudes from the noise that stands around each line in the
     spectrum of the residuals: the noise need not be white. `u_repeating` is that of any of them from errors that are
-    the same in every period, as those of a counting encoder are when few different phases are sampled (`phases`).
-    `kept` (n,) marks the samples that were used.
+    the same in every period, as those of a counting encoder are when few different phases are sampled. `kept` (n,)
+    marks the samples that were used.
     """
 
     frequency_hz: float
     phasors: Phasors
     u_random: Array
     u_repeating: float
-    phases: int
-    residual_sd: float
     kept: NDArray[np.bool_]
     excessive: bool
 
@@ -54,31 +55,25 @@ class SineFit:
         return np.hypot(self.u_random, self.u_repeating)
 
 
-def fit_sine(
-    time_s: Array, value: Array, frequency_hz: float, *, harmonics: int = 1, origin_s: float = 0.0
-) -> SineFit:
+def fit_sine(time_s: Array, value: Array, frequency_hz: float, *, harmonics: int = 1, origin_s: float = 0.0) -> SineFit:
     """Fits a sine of known frequency, and its harmonics up to `harmonics`, to samples (n,) by increasing time.
 
     Outliers are left out; `excessive` tells that they were too many. Raises NotDetermined when the samples cannot tell
-    the columns apart: less than about a period, or a harmonic that they alias onto something else.
+    the columns apart: a small part of a period, or a harmonic with hardly two samples in its period.
     """
+    if not resolved(time_s, harmonics * frequency_hz):
+        raise NotDetermined([f"harmonic {harmonics}"], rank=harmonics - 1, of=harmonics, condition=np.inf)
     design = _design(time_s, frequency_hz, harmonics, origin_s)
     gated = reject_outliers(design, value, resolution=coarseness(value))
-    lines_hz = frequency_hz * np.arange(1, harmonics + 1)
+    lines_hz: Array = frequency_hz * np.arange(1.0, harmonics + 1)
     used_s, fit = time_s[gated.kept], gated.fit
     pairs = fit.coefficients[2:].reshape(-1, 2)
-    u = [
-        _u_amplitude(fit, 2 + 2 * i, _sd_around(used_s, fit.residuals, line_hz, lines_hz))
-        for i, line_hz in enumerate(lines_hz)
-    ]
-    repeating_sd, phases = _repeating(used_s, fit.residuals, frequency_hz)
+    u = [_u_amplitude(fit, 2 + 2 * i, _sd_around(used_s, fit, line_hz, lines_hz)) for i, line_hz in enumerate(lines_hz)]
     return SineFit(
         frequency_hz=frequency_hz,
         phasors=pairs[:, 0] - 1j * pairs[:, 1],
         u_random=np.array(u),
-        u_repeating=repeating_sd * float(np.sqrt(2 / phases)),
-        phases=phases,
-        residual_sd=fit.residual_sd,
+        u_repeating=_u_repeating(used_s, fit.residuals, frequency_hz),
         kept=gated.kept,
         excessive=gated.excessive,
     )
@@ -87,21 +82,26 @@ def fit_sine(
 def find_frequency(time_s: Array, value: Array, near_hz: float) -> float:
     """The frequency of a four-parameter fit to samples (n,) of a sine of nearly known frequency.
 
-    It is looked for where the spectrum is largest within 2 % of `near_hz`, or within two periods over the length of
-    the record, whichever is more; outliers of the sine found there are left out. Raises NotDetermined when there is
+    It is looked for where the spectrum is largest within 2 % of `near_hz`, and within 2 to 50 periods over the length
+    of the record; outliers of a sine of `near_hz` are left out. Raises NotDetermined when there is
     none, or fewer than about two samples in a period: those of another frequency look the same.
     """
-    spacing_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
-    if near_hz * spacing_s * SAMPLES_PER_PERIOD > 1:
+    if not resolved(time_s, near_hz):
         raise NotDetermined(["frequency"], rank=0, of=1, condition=np.inf)
     kept = reject_outliers(_design(time_s, near_hz, 1, 0.0), value, resolution=coarseness(value)).kept
     time_s, value = time_s[kept], value[kept]
     span_s = float(np.ptp(time_s))
-    reach_hz = min(max(2 / span_s, REACH * near_hz), near_hz / 2)
-    grid_hz = np.linspace(near_hz - reach_hz, near_hz + reach_hz, 2 * int(np.ceil(3 * reach_hz * span_s)) + 1)
+    least_hz, most_hz = (periods / span_s for periods in REACH_PERIODS)
+    reach_hz = min(max(least_hz, min(REACH * near_hz, most_hz)), near_hz / 2)
     level = least_squares(_design(time_s, near_hz, 0, 0.0), value)
-    start_hz = float(grid_hz[np.argmax(np.abs(_spectrum(time_s, level.residuals, grid_hz)))])
-    return _refined(time_s, value, start_hz, within_hz=1 / span_s)
+    steps = int(GRID_PER_PERIOD * reach_hz * span_s)
+    grid_hz, sums = _spectrum(time_s, level.residuals, near_hz, 1 / (GRID_PER_PERIOD * span_s), steps)
+    return _refined(time_s, value, float(grid_hz[np.argmax(np.abs(sums))]), within_hz=1 / span_s)
+
+
+def resolved(time_s: Array, frequency_hz: float) -> bool:
+    """Whether samples at increasing times (n,) are close enough to tell `frequency_hz` from all lower ones."""
+    return len(time_s) > 1 and float(np.median(np.diff(time_s))) * frequency_hz * SAMPLES_PER_PERIOD <= 1
 
 
 def _refined(time_s: Array, value: Array, start_hz: float, within_hz: float) -> float:
@@ -109,13 +109,14 @@ def _refined(time_s: Array, value: Array, start_hz: float, within_hz: float) -> 
     frequency_hz = start_hz
     middle_s = float(np.mean(time_s))
     turn_s = 2 * np.pi * (time_s - middle_s)
+    cosine, sine = least_squares(_design(time_s, frequency_hz, 1, middle_s), value).coefficients[2:]
     for _ in range(TURNS):
         design = _design(time_s, frequency_hz, 1, middle_s)
-        cosine, sine = least_squares(design, value).coefficients[2:]
         by_hz = turn_s * (sine * design[:, 2] - cosine * design[:, 3])
         fit = least_squares(
             np.column_stack([design, by_hz]), value, names=["offset", "slope", "cosine", "sine", "frequency"]
         )
+        cosine, sine = fit.coefficients[2:4]
         step_hz, u_hz = float(fit.coefficients[4]), float(np.sqrt(fit.covariance[4, 4]))
         frequency_hz += step_hz
         if abs(frequency_hz - start_hz) > within_hz:
@@ -132,9 +133,17 @@ def _design(time_s: Array, frequency_hz: float, harmonics: int, origin_s: float)
     return np.column_stack([np.ones_like(time_s), time_s - np.mean(time_s), *waves])
 
 
-def _spectrum(time_s: Array, value: Array, frequency_hz: Array) -> Phasors:
-    """Σ value exp(-i 2π f t) at each frequency (m,)."""
-    return np.asarray(np.exp(-2j * np.pi * np.outer(frequency_hz, time_s - time_s[0])) @ value)
+def _spectrum(time_s: Array, value: Array, middle_hz: float, step_hz: float, reach: int) -> tuple[Array, Phasors]:
+    """Frequencies `middle_hz` + k `step_hz` with k from -`reach` to `reach`, and Σ value exp(-i 2π f t) at each."""
+    time_s = time_s - time_s[0]
+    frequency_hz = middle_hz + step_hz * np.arange(-reach, reach + 1.0)
+    sums = np.empty(len(frequency_hz), dtype=np.complex128)
+    turned = value * np.exp(-2j * np.pi * frequency_hz[0] * time_s)
+    step = np.exp(-2j * np.pi * step_hz * time_s)
+    for k in range(len(frequency_hz)):
+        sums[k] = np.sum(turned)
+        turned *= step
+    return frequency_hz, sums
 
 
 def _u_amplitude(fit: LinearFit, column: int, sd: float) -> float:
@@ -145,33 +154,35 @@ def _u_amplitude(fit: LinearFit, column: int, sd: float) -> float:
     return float(sd * np.sqrt(direction @ fit.unscaled_covariance[pair, pair] @ direction))
 
 
-def _sd_around(time_s: Array, residuals: Array, line_hz: float, fitted_hz: Array) -> float:
+def _sd_around(time_s: Array, fit: LinearFit, line_hz: float, fitted_hz: Array) -> float:
     """Standard deviation of one sample if the noise were as strong at all frequencies as it is around `line_hz`.
 
     From the residuals' spectrum at whole numbers of periods over the record, without the lines that the fit took out.
+    Of few samples it is that of the residuals.
     """
+    if len(time_s) < 4 * NEIGHBOURS:
+        return fit.residual_sd
     step_hz = 1 / float(np.ptp(time_s))
-    away = np.arange(2, NEIGHBOURS * 3)
-    around_hz = line_hz + step_hz * np.stack([away, -away], axis=-1).ravel()
+    around_hz, sums = _spectrum(time_s, fit.residuals, line_hz, step_hz, NEIGHBOURS_REACH)
     free = around_hz > 1.5 * step_hz
     free &= np.all(np.abs(around_hz[:, np.newaxis] - fitted_hz) > 1.5 * step_hz, axis=1)
-    power = np.abs(_spectrum(time_s, residuals, around_hz[free][:NEIGHBOURS])) ** 2
-    return float(np.sqrt(np.mean(power) / len(residuals)))
+    nearest = np.argsort(np.abs(around_hz[free] - line_hz), kind="stable")[:NEIGHBOURS]
+    return float(np.sqrt(np.mean(np.abs(sums[free][nearest]) ** 2) / len(time_s)))
 
 
-def _repeating(time_s: Array, residuals: Array, frequency_hz: float) -> tuple[float, int]:
-    """Standard deviation of what repeats in the residuals of every period, and the number of different phases.
+def _u_repeating(time_s: Array, residuals: Array, frequency_hz: float) -> float:
+    """Standard uncertainty of an amplitude from what repeats in the residuals of every period.
 
-    It is what the means at equal phase scatter beyond the means of random errors; three of the phases' freedoms went
-    into the fit. Unknown (infinite) with three phases or fewer, taken as 0 where there are many.
+    It is what the means at equal phase scatter beyond means of random errors; three of their degrees of freedom went
+    into the fit. Unknown (infinite) with three different phases or fewer, taken as 0 where there are many.
     """
     phase = np.round(PHASE_BINS * (frequency_hz * (time_s - time_s[0]) % 1)) % PHASE_BINS
     _, which, count = np.unique(phase, return_inverse=True, return_counts=True)
     if len(count) > min(MANY_PHASES, len(residuals) / 2):
-        return 0.0, len(count)
+        return 0.0
     if len(count) <= 3:
-        return np.inf, len(count)
+        return np.inf
     means = np.bincount(which, residuals) / count
     between = float(np.sum(means**2)) / (len(count) - 3)
     within = float(np.var(residuals)) * len(count) / len(residuals)
-    return float(np.sqrt(max(between - within, 0.0))), len(count)
+    return float(np.sqrt(max(between - within, 0.0) * 2 / len(count)))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from bench.analysis.fit import Array
 
 LARGEST_READING = 1e100  # what is larger comes from no instrument, and its square is no number
 LEAST_SAMPLES = 3
+LARGEST_GAP = 0.6  # of the time from the first sample to the last; three that are left may lie a little unevenly
 COMMON = 0.02  # of all samples; a value seen as often belongs to a coarse resolution
 
 
@@ -40,13 +41,16 @@ class Block:
 
     @property
     def complete(self) -> bool:
-        """Whether at least half of the samples are left, and three."""
-        return len(self.time_s) >= max(LEAST_SAMPLES, self.scheduled / 2)
+        """Whether at least half of the samples are left, and three, and they are one stretch of time.
+
+        Two visits, or a time stamp far away, leave a gap of more than half of the whole time.
+        """
+        if len(self.time_s) < max(LEAST_SAMPLES, self.scheduled / 2):
+            return False
+        return bool(np.max(np.diff(self.time_s)) <= LARGEST_GAP * np.ptp(self.time_s))
 
 
-def cut_into_blocks(
-    record: TableRecord, excluded: Counter[str], *, settle_s: float = 0.0
-) -> dict[str, Block] | dict[float, Block]:
+def cut_into_blocks(record: TableRecord, excluded: Counter[str], *, settle_s: float = 0.0) -> dict[Any, Block]:
     """The blocks by name, in the order of names; what cannot be used is counted in `excluded` by reason.
 
     The first `settle_s` of each block are passed over. Of samples with one time stamp the first is kept.
@@ -71,7 +75,8 @@ def _block(record: TableRecord, rows: NDArray[np.int_], settle_s: float, exclude
     readings = readings[:, present]
     _, first = np.unique(readings[0], return_index=True)
     excluded["duplicate"] += readings.shape[1] - len(first)
-    return Block(*readings[:, first], scheduled=scheduled)
+    time_s, table, output = readings[:, first]
+    return Block(time_s, table, output, scheduled)
 
 
 def coarseness(values: Array) -> float:
@@ -80,9 +85,5 @@ def coarseness(values: Array) -> float:
     0 where no two values are common, as in readings with noise enough.
     """
     seen, count = np.unique(values, return_counts=True)
-    return float(np.min(np.diff(seen[count > COMMON * len(values)]), initial=np.inf, where=True)) % np.inf
-
-
-def parts(values: Array, count: int) -> Iterator[Array]:
-    """`values` (n,) in `count` consecutive parts of about the same length."""
-    yield from np.array_split(values, count)
+    steps = np.diff(seen[count > COMMON * len(values)])
+    return float(np.min(steps)) if len(steps) else 0.0

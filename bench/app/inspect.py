@@ -59,7 +59,7 @@ async def _look(bench: BenchFile, role: str, device: Device) -> Look:
         stated = "" if identity.verified else f" (serial stated, not verified; {identity.fingerprint})"
         units = entry.description.channels_of(entry.options)
         values = ", ".join(
-            f"{key} {found[-1].value:.5g} {units.get(key, '')}" for key, found in readings.items() if found
+            f"{key} {found[-1].value:.5g} {units.get(key, '')}".rstrip() for key, found in readings.items() if found
         )
         said = f"{who}{stated}; {values}" if values else f"{who}{stated}"
     except DriverError as error:

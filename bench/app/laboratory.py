@@ -29,7 +29,9 @@ from simulators.acutronic_acl import SimulatedAcutrol
 from simulators.aerotech_ensemble import SimulatedEnsemble
 from simulators.can_counter import CounterSettings, SimulatedCounter
 from simulators.faults import FaultPlan
+from simulators.fluke_5700a import SimulatedFluke
 from simulators.keithley_6220 import SimulatedKeithley
+from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
 from simulators.motion import AxisErrors
 from simulators.scpi_supply import SimulatedSupply
 from simulators.serve import Instrument, protocol_factory
@@ -71,6 +73,8 @@ def make_laboratory(
         faults = FaultPlan({f.kind: f.at for f in bench.simulation.faults if f.device == role}, world.now)
         if isinstance(entry.options, CounterOptions):
             counters[role] = SimulatedCounter(world, _counter_settings(bench, role, entry.options), faults)
+        elif entry.driver == "keysight_3458a":
+            instruments[role] = Simulated3458A(world, faults, _voltmeter_settings(bench, role, seed), name=role)
         else:
             instruments[role] = _instrument(role, entry, world, faults)
     return Laboratory(world, instruments, counters)
@@ -137,6 +141,19 @@ def _counter_settings(bench: BenchFile, role: str, options: CounterOptions) -> C
     return CounterSettings(role, dbc, form, options.period, readings)
 
 
+def _voltmeter_settings(bench: BenchFile, role: str, seed: int) -> VoltmeterSettings:
+    """What a voltmeter is connected to, and its errors as drawn from its certificate; InputError."""
+    connected, certificate = bench.simulation.voltmeters.get(role), bench.devices[role].calibration
+    if connected is None:
+        raise InputError(f"nothing is connected to '{role}': add it to simulation.voltmeters of the bench file")
+
+    def draw(error: str) -> float:
+        sd = getattr(certificate.U, error) / certificate.k if certificate is not None else 0.0
+        return float(sd * stream(seed, "bench", role, error).standard_normal())
+
+    return VoltmeterSettings(connected.place, connected.load, draw("gain"), draw("offset"), connected.noise)
+
+
 def _instrument(role: str, entry: DeviceEntry, world: World, faults: FaultPlan) -> Instrument:
     """The simulator of a dialect, with the identity and settings that the bench file states."""
     options: Any = entry.options  # validated by the driver's own model
@@ -156,6 +173,11 @@ def _instrument(role: str, entry: DeviceEntry, world: World, faults: FaultPlan) 
             )
         case "keithley_6220":
             return SimulatedKeithley(world, faults, serial=pin.serial or "SIM-6220-01", terminator=options.terminator)
+        case "fluke_5700a":
+            return SimulatedFluke(
+                world, faults, model=pin.model or "5720A", serial=pin.serial or "SIM-5720A-01",
+                compliance_v=options.compliance, terminator=options.terminator,
+            )  # fmt: skip
         case _:
             raise InputError(f"there is no simulator for '{entry.driver}'; '{role}' needs a real connection")
 

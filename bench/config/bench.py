@@ -47,10 +47,22 @@ def misfits(bench: BenchFile) -> Iterator[Problem]:
         if name not in bench.places:
             problem = f"there is no place '{name}'{did_you_mean(name, bench.places)}"
             yield ("simulation", "units", name), problem
+    yield from _voltmeters(bench)
     for index, fault in enumerate(bench.simulation.faults):
         if fault.device not in bench.devices:
             problem = f"there is no device '{fault.device}'{did_you_mean(fault.device, bench.devices)}"
             yield ("simulation", "faults", index, "device"), problem
+
+
+def _voltmeters(bench: BenchFile) -> Iterator[Problem]:
+    meters = [key for key, entry in bench.devices.items() if "voltmeter" in entry.description.capabilities]
+    for name, connected in bench.simulation.voltmeters.items():
+        where: Place = ("simulation", "voltmeters", name)
+        if name not in meters:
+            yield where, f"'{name}' is not a voltmeter{did_you_mean(name, meters)}"
+        if connected.place not in bench.places:
+            problem = f"there is no place '{connected.place}'{did_you_mean(connected.place, bench.places)}"
+            yield (*where, "place"), problem
 
 
 def _reading(bench: BenchFile, name: str, reading: ReadingEntry) -> Iterator[Problem]:

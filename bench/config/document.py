@@ -1,6 +1,6 @@
 """YAML 1.2 documents, strictly: a small safe subset, and the place of every value.
 
-Refused are files above 64 KiB, text that is not UTF-8, more than 4000 lines, anchors, aliases, tags, merge keys, second
+Refused are files above 32 KiB, text that is not UTF-8, more than 4000 lines, anchors, aliases, tags, merge keys, second
 documents, duplicate keys, nesting beyond 20 and more than 1500 values; all of it before anything is built. The limits
 are what the parser, written in Python, is through with in less than 100 ms, whatever stands in a file.
 Plain scalars are null, true, false, decimal integers and decimal floats; everything else is text, so `on`, `010`,
@@ -23,7 +23,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from bench.errors import InputError
 from drivers.wording import in_words
 
-SIZE_LIMIT_BYTES = 64 * 1024
+SIZE_LIMIT_BYTES = 32 * 1024
 LINE_LIMIT = 4000
 DEPTH_LIMIT = 20
 NODE_LIMIT = 1500

@@ -239,6 +239,16 @@ class ThermometerSimulation(StrictModel):
     lag: PositiveSeconds = Field(20.0, description="time constant behind the unit")
 
 
+class VoltmeterSimulation(StrictModel):
+    """What a simulated voltmeter is connected to: a resistor that the current of a unit flows through."""
+
+    place: Name = Field(description="of the unit")
+    load: Annotated[float, InUnit("Ω", above=0)] = Field(description="the resistor")
+    noise: Annotated[float, InUnit("V", at_least=0)] = Field(
+        0.0, description="standard deviation of a reading over 10 line cycles; it falls with the root of their number"
+    )
+
+
 class FaultSimulation(StrictModel):
     """An instrument that breaks on purpose."""
 
@@ -262,6 +272,7 @@ class Simulation(StrictModel):
     chamber: ChamberSimulation = ChamberSimulation()
     head: HeadSimulation = HeadSimulation()
     thermometer: ThermometerSimulation = ThermometerSimulation()
+    voltmeters: Mapping[Name, VoltmeterSimulation] = Field({}, description="what each voltmeter is connected to")
     host_clock: Annotated[Ratio, InUnit("", at_least=0)] = Field(
         20e-6, description="standard deviation of the host clock against the true second"
     )

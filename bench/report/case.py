@@ -19,7 +19,7 @@ from bench.analysis.temperature_dynamic import RampLimits, reduce_ramp
 from bench.analysis.temperature_static import Characteristic, Dwell, TumbleRecord, reduce_static
 from bench.analysis.tilt import compare_tilt
 from bench.errors import InputError
-from bench.report import case_channel
+from bench.report import case_channel, case_imu, case_indexing, case_response
 from bench.report.case_file import Case, Limit, Scale, Settings, read_case
 
 LEGS = ("up", "down")
@@ -184,6 +184,9 @@ def _tilt(case: Case) -> dict[str, Any]:
 
 REDUCTIONS: Mapping[tuple[str, str], Callable[[Case], dict[str, Any]]] = {
     **case_channel.REDUCTIONS,
+    **case_indexing.REDUCTIONS,
+    **case_imu.REDUCTIONS,
+    **case_response.REDUCTIONS,
     ("M4", "static"): _static,
     ("M4", "dynamic"): _dynamic,
     ("M4", "tilt"): _tilt,

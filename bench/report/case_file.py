@@ -61,11 +61,14 @@ class Case:
         """The site as `model` describes it. Raises InputError, which names each bad value."""
         return validated(model, self.content.site, f"{self.name}: site.")
 
-    def record(self, name: str, columns: str) -> Table:
-        """The comma-separated `columns` of a record. Raises InputError when it is missing or cannot be read."""
+    def record(self, name: str, columns: str, optional: str = "") -> Table:
+        """The comma-separated `columns` of a record; one of the `optional` is blank when the file lacks it.
+
+        Raises InputError when the record is missing or cannot be read.
+        """
         if name not in self.content.records:
             raise InputError(f"{self.name}: records: '{name}' is missing; {self._title()} needs it")
-        return read_table(self.content.records[name], columns.split(","))
+        return read_table(self.content.records[name], columns.split(","), optional.split(",") if optional else ())
 
     def _title(self) -> str:
         return f"{self.content.method} {self.content.sub}".rstrip()

@@ -67,10 +67,11 @@ class Table:
         )
 
 
-def read_table(path: Path, columns: Sequence[str]) -> Table:
+def read_table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> Table:
     """Reads `columns` of a CSV file in UTF-8; other columns and empty lines are passed over.
 
-    Raises InputError, with the line, when the file is too large, not UTF-8, not a table or lacks a column.
+    A column of `optional` that the file lacks is blank. Raises InputError, with the line, when the file is too large,
+    not UTF-8, not a table or lacks another column.
     """
     text = read_text(path, SIZE_LIMIT_BYTES)
     reader = _reader(text)
@@ -83,7 +84,8 @@ def read_table(path: Path, columns: Sequence[str]) -> Table:
         ragged, row = next((i, row) for i, row in enumerate(rows) if len(row) != len(header))
         line = _line_of_row(text, ragged)
         raise InputError(f"{path.name}: line {line}: {len(row)} cells, but the header has {len(header)}")
-    for name in columns:
+    present = [*columns, *(name for name in optional if name in header)]
+    for name in present:
         if header.count(name) != 1:
             what = (
                 f"more than one column '{name}'"
@@ -92,7 +94,8 @@ def read_table(path: Path, columns: Sequence[str]) -> Table:
             )
             raise InputError(f"{path.name}: line 1: there is {what}")
     by_column = list(zip(*rows, strict=True)) or [()] * len(header)
-    return Table(path.name, {name: by_column[header.index(name)] for name in columns}, text)
+    blank = dict.fromkeys(optional, ("",) * len(rows))
+    return Table(path.name, blank | {name: by_column[header.index(name)] for name in present}, text)
 
 
 def read_text(path: Path, limit_bytes: int) -> str:

@@ -33,4 +33,4 @@ def test_a_document_is_the_same_whenever_it_is_made():
 def test_a_file_of_50_mb_is_refused_by_its_size_alone(readers):
     for reading in readers.read(Hostile(0, "large", bytes(50_000_000))):  # which would be refused for its bytes, too
         assert reading.outcome == REFUSED
-        assert "has 50000000 bytes, at most 65536 are read" in reading.detail
+        assert "has 50000000 bytes, at most 32768 are read" in reading.detail

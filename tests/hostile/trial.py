@@ -31,7 +31,7 @@ WARM_UP = (
     ROOT / "tests/broken/rule_too_few_angles.yaml",
     ROOT / "config/simulated.yaml",
 )
-_SHOWN = re.compile(r"[^\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff]*")
+_SHOWN = re.compile(r"[^\x00-\x08\x0a-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff]*")
 
 
 @dataclass(frozen=True)

@@ -148,7 +148,7 @@ def turning_block(
     name: str = "out_dps",
     noise: float = 0.01,
     seconds: float = 4.0,
-    sample_hz: float = 200.0,
+    sample_hz: float = 100.0,
     clip: float = np.inf,
 ) -> Columns:
     """A table that turns steadily; `output` gives what the sensor reads at each angle in radians."""

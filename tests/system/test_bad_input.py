@@ -217,7 +217,7 @@ def test_an_unknown_format_is_exit_code_2(bench):
     [
         (b"", ":1:1: is empty, expected a mapping"),
         (b"title: a\n\xff\xfe\n", ":2:1: is not UTF-8 text; save it as UTF-8"),
-        (b"x" * 10_000_000, ": has 10000000 bytes, at most 65536 are read; is it the right file?"),
+        (b"x" * 10_000_000, ": has 10000000 bytes, at most 32768 are read; is it the right file?"),
         (b"[" * 10_000, ":1:1: is nested more than 20 deep"),
         (b"title: a\ntitle: b\n", ":2:1: the key 'title' stands twice; it is already in line 1"),
         (b"steps: [wait: .nan s]\n", ":1:1: the key 'needs' is missing"),

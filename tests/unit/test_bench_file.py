@@ -221,7 +221,10 @@ def test_a_missing_key_is_named_where_it_belongs(folder, old, new, at, key):
     check(folder, old, new, at, f"the key '{key}' is missing")
 
 
-DRIVERS = "acutronic_acl, aerotech_ensemble, can_counter, fluke_5700a, keithley_6220, scpi_supply or watlow_f4t"
+DRIVERS = (
+    "acutronic_acl, aerotech_ensemble, can_counter, fluke_5700a, keithley_6220, keysight_3458a, scpi_supply or "
+    "watlow_f4t"
+)
 
 
 @pytest.mark.parametrize(

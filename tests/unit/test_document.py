@@ -187,7 +187,7 @@ TAGS = "tags (!) are not part of this language; put text in quotes"
         ("a: !!python/object/apply:os.system [ls]", f"f.yaml:1:4: {TAGS}"),
         ("a: ! 1", f"f.yaml:1:4: {TAGS}"),
         ("!!map {a: 1}", f"f.yaml:1:1: {TAGS}"),
-        ("a: 1\nb: [!<" + "x" * 60_000 + "> 1]", f"f.yaml:2:5: {TAGS}"),
+        ("a: 1\nb: [!<" + "x" * 30_000 + "> 1]", f"f.yaml:2:5: {TAGS}"),
         ("%TAG ! tag:x,2000:\n---\na: 1", f"f.yaml:1:1: {TAGS}"),
         ("a: 1\n---\nb: 2\n", "f.yaml:2:1: a second document begins; one file holds one"),
         ("a: 1\n...\nb: 2\n", "f.yaml:3:1: a second document begins; one file holds one"),
@@ -356,15 +356,15 @@ def test_a_file_that_is_not_utf_8_is_refused_with_its_line(tmp_path, content, li
     assert read_refusal(path) == f"{path}:{line}:1: is not UTF-8 text; save it as UTF-8"
 
 
-def test_a_file_beyond_64_kib_is_refused_before_it_is_read(tmp_path):
+def test_a_file_beyond_32_kib_is_refused_before_it_is_read(tmp_path):
     path = tmp_path / "f.yaml"
     with path.open("wb") as file:
         file.truncate(10_000_000)  # its zero bytes would be refused if they were looked at
-    problem = f"{path}: has 10000000 bytes, at most 65536 are read; is it the right file?"
+    problem = f"{path}: has 10000000 bytes, at most 32768 are read; is it the right file?"
     assert read_refusal(path) == problem
 
 
-def test_a_file_of_64_kib_is_read(tmp_path):
+def test_a_file_of_32_kib_is_read(tmp_path):
     assert read_document(written(tmp_path, b"a: 1\n" + b"#" * (SIZE_LIMIT_BYTES - 5))).value == {"a": 1}
 
 

@@ -156,7 +156,7 @@ def test_what_too_few_attitudes_tell_is_named():
         fit_accelerometer(own_only, 0)
     with pytest.raises(NotDetermined, match="not determined by these readings \\(rank 0 of 5"):
         fit_accelerometer(np.full(24, NAN), 0)
-    with pytest.raises(NotDetermined, match="^g-sensitivity x, .*, g-sensitivity z, KG, misalignment y and misalign"):
+    with pytest.raises(NotDetermined, match=r"^g-sensitivity x, .*, g-sensitivity z, KG, misalignment y and misalign"):
         fit_gyro(4000 * earth_rate_dps(90.0)[:, 0], 0, 90.0)
 
 

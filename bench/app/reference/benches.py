@@ -65,4 +65,4 @@ def _driver(driver: DriverDescription) -> Blocks:
 def _readings(driver: DriverDescription) -> str:
     if callable(driver.channels):
         return inspect.getdoc(driver.channels) or ""
-    return ", ".join(f"`{name}` ({unit})" for name, unit in driver.channels.items())
+    return ", ".join(f"`{name}` ({unit})" if unit else f"`{name}`" for name, unit in driver.channels.items())

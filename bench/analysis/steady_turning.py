@@ -1,0 +1,78 @@
+"""A sensor on a table that turns at a constant rate: mean output and table rate of one block (methods.md 5.2, 5.4)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.analysis.fit import Array, GatedFit, NotDetermined, reject_outliers
+from bench.analysis.table_blocks import Block, coarseness
+
+PARTS = 40  # of a block, whose means tell how certain the mean of the block is
+AT_CLIP = 1e-4  # of the clip level: a clipped converter still has its noise and its rounding
+SATURATED = 0.01  # of the samples
+
+
+@dataclass(frozen=True, slots=True)
+class Steady:
+    """Mean output in its unit and mean table rate in deg/s, with standard uncertainties, type A."""
+
+    output: float
+    u_output: float
+    rate_dps: float
+    u_rate_dps: float
+    saturated: bool
+
+
+def steady(block: Block, excluded: Counter[str], *, clip: float | None = None) -> Steady | None:
+    """Means over `block`, whose table angles are in degrees and cumulative; None when the block is invalid.
+
+    The rate is the slope of the angle. Where the table made a turn or more the output is averaged over whole turns,
+    over which whatever depends on the attitude cancels. `saturated`: more than 1 % of the samples sit at ±`clip`.
+    """
+    if not block.complete:
+        return None
+    time_s = block.time_s - np.mean(block.time_s)
+    at_clip = np.abs(block.output) >= (1 - AT_CLIP) * (np.inf if clip is None else clip)
+    saturated = bool(np.mean(at_clip) > SATURATED)
+    angle = reject_outliers(np.column_stack([np.ones_like(time_s), time_s]), block.table)
+    rate_dps = float(angle.fit.coefficients[1])
+    # Where most samples sit at the clip level, the good ones look like outliers.
+    resolution = np.inf if saturated else coarseness(block.output)
+    mean = _mean(block.output, rate_dps * (block.time_s - block.time_s[0]), resolution)
+    for gated in (angle, mean):
+        excluded["outlier"] += len(gated.dropped)
+        if gated.excessive:
+            return None
+    return Steady(
+        output=float(mean.fit.coefficients[0]),
+        u_output=_u_mean(mean.fit.residuals),
+        rate_dps=rate_dps,
+        u_rate_dps=float(np.sqrt(angle.fit.covariance[1, 1])),
+        saturated=saturated,
+    )
+
+
+def _mean(output: Array, turned_deg: Array, resolution: float) -> GatedFit:
+    """Fit whose first coefficient is the mean, over whole turns and beside what changes once a turn, if there is one.
+
+    Samples that see the table always at one angle cannot tell the two apart: theirs is the plain mean.
+    """
+    whole = np.abs(turned_deg) < 360 * np.floor(np.abs(turned_deg[-1]) / 360)
+    angle = np.radians(turned_deg[whole])
+    if whole.any():
+        with suppress(NotDetermined):
+            design = np.column_stack([np.ones_like(angle), np.cos(angle), np.sin(angle)])
+            return reject_outliers(design, output[whole], resolution=resolution)
+    return reject_outliers(np.ones((len(output), 1)), output, resolution=resolution)
+
+
+def _u_mean(readings: Array) -> float:
+    """Standard uncertainty of the mean of `readings` (n,) in the order of time, whose noise need not be white."""
+    if len(readings) < 2 * PARTS:
+        return float(np.std(readings, ddof=1) / np.sqrt(len(readings)))
+    means = [float(np.mean(part)) for part in np.array_split(readings, PARTS)]
+    return float(np.std(means, ddof=1) / np.sqrt(PARTS))

@@ -1,0 +1,248 @@
+"""Cases of method M2: an inertial unit calibrated over temperature and compensated (methods.md sections 4 and 9).
+
+Beside the published keys stand `u`, which repeats `table` and `ls24` with standard uncertainties (type A), and
+`model_check`, which tells how well the knots of each channel tell each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from bench.analysis.attitude_fit import AccelerometerFit, AttitudeFits, GyroFit, fit_attitudes
+from bench.analysis.attitudes import AXES, NAMES
+from bench.analysis.fit import Array
+from bench.analysis.imu_calibration import AxisCalibration, ImuCalibration, Scatter, calibrate
+from bench.analysis.imu_compensation import Extrapolation, TemperatureTable, check_model, compensate, temperature_table
+from bench.analysis.imu_readings import ImuReadings, PositionRecord, RateRecord, arrange
+from bench.errors import InputError
+from bench.report.case_file import Case, Limit, Settings
+from bench.report.table import Table
+
+POSITIONS = "T_set_C,pos,dwell_s,Nx,Ny,Nz,Wx,Wy,Wz,Tax,Tay,Taz,Tgx,Tgy,Tgz"
+RATES = "T_set_C,axis,rate_cmd_dps,rate_true_dps,dwell_s,Wx,Wy,Wz,Tax,Tay,Taz,Tgx,Tgy,Tgz"
+APPLY = "channel,T_C,raw_pps"
+CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("acc", "gyro") for axis in AXES)
+CALIBRATED = ("K0_pps", "K1_pps_per_g", "D0_pps", "D0_dph", "KG_p_per_deg")
+COMPENSATED = {"acc": ("K0_pps", "K1_pps_per_g"), "gyro": ("D0_pps", "KG_p_per_deg")}
+SAME_SET_POINT_C = 1e-6
+MOST_SET_POINTS = 1000
+
+
+class ImuSettings(Settings):
+    """Of M2; scale factors are per local g, so that its value has no part in the reduction."""
+
+    nominal_c: float | None = Field(None, alias="T_nominal_C", ge=-273.15, le=1000)
+    extrapolation: Extrapolation = "hold"
+    attitude_tolerance_g: float = Field(0.05, alias="attitude_tol_g", gt=0)
+    rate_tolerance: Limit = Field(0.1, alias="rate_tol")
+    least_squares_set_c: float | None = Field(None, alias="ls24_T_set_C")
+
+
+class ImuSite(Settings):
+    """Where the bench stands; the horizontal earth rate tells headings."""
+
+    latitude_deg: float | None = Field(None, alias="lat_deg", ge=-90, le=90)
+
+
+def _imu(case: Case) -> dict[str, Any]:
+    settings, site = case.settings(ImuSettings), case.site(ImuSite)
+    positions, rates = _positions(case.record("positions", POSITIONS)), _rates(case.record("rates", RATES))
+    different = len(np.unique(np.concatenate([positions.set_c, rates.set_c])))
+    if different > MOST_SET_POINTS:
+        raise InputError(
+            f"{case.name}: records: T_set_C has {different} different values, more than {MOST_SET_POINTS}; "
+            "it is what the chamber was set to, not what a thermometer said"
+        )
+    readings = arrange(positions, rates, rate_tolerance=settings.rate_tolerance)
+    found = calibrate(readings, settings.attitude_tolerance_g, site.latitude_deg)
+    fits = _fits(case, settings.least_squares_set_c, site.latitude_deg, readings, found)
+    tables = {name: _temperature_table(found, *name.split("_")) for name in CHANNELS}
+    applied, beyond = _apply(case, settings, tables)
+    return {
+        "table": _table(found, lambda axis, _: _calibrated(axis)),
+        "apply": applied,
+        "ls24": fits and _by_axis(fits, _accelerometer, _gyro),
+        "u": {
+            "table": _table(found, _u_calibrated),
+            "ls24": fits and _by_axis(fits, _u_accelerometer, _u_gyro),
+        },
+        "model_check": {name: _model_check(name.split("_")[0], table) for name, table in tables.items()},
+        "flags": [*found.flags, *(["ill_conditioned"] if fits and fits.notes else [])],
+        "notes": [*found.notes, *(fits.notes if fits else ()), *beyond],
+        "rejected": found.excluded,
+    }
+
+
+def _positions(table: Table) -> PositionRecord:
+    return PositionRecord(
+        set_c=table.numbers("T_set_C"),
+        attitude=_which(table, "pos", NAMES),
+        dwell_s=table.numbers("dwell_s"),
+        accelerometer_counts=_triple(table, "N"),
+        gyro_counts=_triple(table, "W"),
+        accelerometer_c=_triple(table, "Ta"),
+        gyro_c=_triple(table, "Tg"),
+    )
+
+
+def _rates(table: Table) -> RateRecord:
+    return RateRecord(
+        set_c=table.numbers("T_set_C"),
+        axis=_which(table, "axis", AXES),
+        command_dps=table.numbers("rate_cmd_dps"),
+        rate_dps=table.numbers("rate_true_dps"),
+        dwell_s=table.numbers("dwell_s"),
+        gyro_counts=_triple(table, "W"),
+        accelerometer_c=_triple(table, "Ta"),
+        gyro_c=_triple(table, "Tg"),
+    )
+
+
+def _which(table: Table, column: str, known: Sequence[str]) -> NDArray[np.int_]:
+    """The words of a column (n,) as their numbers in `known`, -1 for a blank."""
+    number = {name.lower(): i for i, name in enumerate(known)}
+    return np.array([number.get(word, -1) for word in table.words(column, list(number)).tolist()], dtype=np.int_)
+
+
+def _triple(table: Table, name: str) -> Array:
+    """The columns of x, y and z: (n, 3)."""
+    return np.stack([table.numbers(f"{name}{axis}") for axis in AXES], axis=-1)
+
+
+def _table(found: ImuCalibration, show: Callable[[AxisCalibration, Scatter], dict[str, float]]) -> list[dict[str, Any]]:
+    """What `show` says of each axis, one entry for each set point."""
+    return [
+        {"T_set_C": point.set_c}
+        | {
+            name: axis and show(axis, scatter)
+            for name, axis, scatter in zip(AXES, point.axes, found.scatter, strict=True)
+        }
+        for point in found.points
+    ]
+
+
+def _calibrated(axis: AxisCalibration) -> dict[str, float]:
+    values = (axis.k0_pps, axis.k1_pps_per_g, axis.d0_pps, axis.d0_dph, axis.kg_pulse_per_deg)
+    temperatures = {"Ta_C": axis.accelerometer_c, "Tg_C": axis.gyro_c}
+    return temperatures | dict(zip(CALIBRATED, values, strict=True))
+
+
+def _u_calibrated(axis: AxisCalibration, scatter: Scatter) -> dict[str, float]:
+    return dict(zip(CALIBRATED, astuple(axis.uncertainty(scatter)), strict=True))
+
+
+def _fits(
+    case: Case, set_c: float | None, latitude_deg: float | None, readings: ImuReadings, found: ImuCalibration
+) -> AttitudeFits | None:
+    """The least squares over the attitudes of the set point `set_c`, without doubtful ones; None without it."""
+    if set_c is None:
+        return None
+    if latitude_deg is None:
+        raise InputError(f"{case.name}: site.lat_deg: is missing; ls24 needs the earth rate")
+    near = np.flatnonzero(np.abs(readings.set_c - set_c) < SAME_SET_POINT_C)
+    if not len(near):
+        known = ", ".join(f"{known_c:.10g}" for known_c in readings.set_c) or "none"
+        raise InputError(f"{case.name}: settings.ls24_T_set_C: there is no set point {set_c:.10g}; there are: {known}")
+    point = found.points[near[0]]
+    doubted = point.doubted[:, np.newaxis]
+    return fit_attitudes(
+        np.where(doubted, np.nan, readings.accelerometer_pps[near[0]]),
+        np.where(doubted, np.nan, readings.gyro_pps[near[0]]),
+        latitude_deg,
+        np.array([axis.kg_pulse_per_deg if axis else np.nan for axis in point.axes]),
+    )
+
+
+def _by_axis(
+    fits: AttitudeFits,
+    accelerometer: Callable[[AccelerometerFit | None], dict[str, Any]],
+    gyro: Callable[[GyroFit | None], dict[str, Any]],
+) -> dict[str, Any]:
+    return {
+        name: accelerometer(acc_fit) | gyro(gyro_fit)
+        for name, acc_fit, gyro_fit in zip(AXES, fits.accelerometers, fits.gyros, strict=True)
+    }
+
+
+def _accelerometer(found: AccelerometerFit | None) -> dict[str, Any]:
+    return {
+        "K0_g": found and found.k0_g,
+        "K1_pps_per_g": found and found.k1_pps_per_g,
+        "K2_g_per_g2": found and found.k2_g_per_g2,
+        "mis": found.misalignment_rad if found else 3 * [None],
+    }
+
+
+def _u_accelerometer(found: AccelerometerFit | None) -> dict[str, Any]:
+    u = found.u if found else np.full(6, np.nan)
+    return {"K0_g": u[0], "K1_pps_per_g": u[1], "K2_g_per_g2": u[2], "mis": u[3:]}
+
+
+def _gyro(found: GyroFit | None) -> dict[str, Any]:
+    return {
+        "gyro_D0_pps": found and found.d0_pps,
+        "gyro_gsens_pps_per_g": found.g_sensitivity_pps_per_g if found else 3 * [None],
+    }
+
+
+def _u_gyro(found: GyroFit | None) -> dict[str, Any]:
+    return {
+        "gyro_D0_pps": found and found.u_d0_pps,
+        "gyro_gsens_pps_per_g": found.u_g_sensitivity_pps_per_g if found else 3 * [None],
+    }
+
+
+def _temperature_table(found: ImuCalibration, sensor: str, axis: str) -> TemperatureTable:
+    """The knots of one channel."""
+    every = found.over_temperature(AXES.index(axis))
+    if sensor == "acc":
+        knots = [(one.accelerometer_c, one.k0_pps, one.k1_pps_per_g) for one in every]
+    else:
+        knots = [(one.gyro_c, one.d0_pps, one.kg_pulse_per_deg) for one in every]
+    return temperature_table(np.array(knots, dtype=np.float64).reshape(-1, 3))
+
+
+def _apply(
+    case: Case, settings: ImuSettings, tables: Mapping[str, TemperatureTable]
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """The rows of the record `apply` after compensation, in their order, and what is to be said of it."""
+    if "apply" not in case.content.records:
+        return [], []
+    if settings.nominal_c is None:
+        raise InputError(f"{case.name}: settings.T_nominal_C: is missing; the record 'apply' needs it")
+    record = case.record("apply", APPLY)
+    channel = _which(record, "channel", CHANNELS)
+    temperature_c, raw_pps = record.numbers("T_C"), record.numbers("raw_pps")
+    value, nominal_pps = np.full((2, len(channel)), np.nan)
+    extrapolated = np.zeros(len(channel), dtype=np.bool_)
+    for number, table in enumerate(tables.values()):
+        of = channel == number
+        done = compensate(table, temperature_c[of], raw_pps[of], settings.nominal_c, settings.extrapolation)
+        value[of], nominal_pps[of], extrapolated[of] = done.value, done.nominal_pps, done.extrapolated
+    names = np.array([*CHANNELS, None], dtype=object)[channel]  # -1, a blank, is the last
+    keys = ("channel", "T_C", "value", "comp_pps", "extrapolated")
+    rows = zip(*(array.tolist() for array in (names, temperature_c, value, nominal_pps, extrapolated)), strict=True)
+    return [dict(zip(keys, row, strict=True)) for row in rows], [
+        f"T_nominal_C {settings.nominal_c:.10g} is outside of the knots of {name}"
+        for name, table in tables.items()
+        if table.usable and not table.covers(np.array(settings.nominal_c))
+    ]
+
+
+def _model_check(sensor: str, table: TemperatureTable) -> dict[str, Any]:
+    """How well the knots of one channel tell each other."""
+    result: dict[str, Any] = {"T_C": table.temperature_c[1:-1]}
+    for name, values in zip(COMPENSATED[sensor], (table.zero_pps, table.scale), strict=True):
+        check = check_model(table.temperature_c, values)
+        largest = float(np.max(np.abs(check.curvature))) if len(check.curvature) else None
+        result[name] = {"left_out_error": check.error, "max_curvature_per_C2": largest}
+    return result
+
+
+REDUCTIONS: Mapping[tuple[str, str], Callable[[Case], dict[str, Any]]] = {("M2", ""): _imu}

@@ -1,0 +1,240 @@
+"""Cases of method M3: range and frequency response on a single-axis table (methods.md sections 5 and 9)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Field
+
+from bench.analysis.fit import Array
+from bench.analysis.frequency_response import FrequencyResponse, ResponsePoint, gyro_response
+from bench.analysis.lever_arm import AccelerometerSweep, accelerometer_response
+from bench.analysis.range_test import BIAS, Linearity, RangePoint, RangeTest, accelerometer_range, gyro_range
+from bench.analysis.table_blocks import TableRecord
+from bench.analysis.two_sample import velocity_increments
+from bench.errors import InputError
+from bench.report.case_file import Case, Limit, Settings
+from bench.report.table import Table
+from drivers.wording import telling
+
+Positive = Annotated[float, Field(gt=0)]
+Basis = Literal["reading", "full_scale"]
+
+
+def _named_runs(commands_dps: dict[str, float]) -> dict[str, float]:
+    for name, rate_dps in commands_dps.items():
+        if not re.fullmatch(r"run[0-9]{1,6}", name):
+            raise telling(f"'{name}' is not run1, run2, ...")
+        if rate_dps == 0:
+            raise telling(f"'{name}' is 0; the table at rest is the bias")
+    return commands_dps
+
+
+class GyroRangeSettings(Settings):
+    """Of `gyro_range`; the full scale is needed where errors are fractions of it."""
+
+    commands_dps: Annotated[dict[str, float], AfterValidator(_named_runs)] = Field(min_length=1)
+    fraction: Limit = Field(alias="k_m")
+    basis: Basis = Field("reading", alias="linearity_basis")
+    full_scale_dps: Positive | None = None
+    clip_dps: Positive | None = None
+    rate_tolerance: Limit = Field(0.01, alias="rate_tol")
+
+
+class AccelerometerRangeSettings(Settings):
+    """Of `acc_range`."""
+
+    local_g_mps2: Positive = Field(alias="g_mps2")
+    range_g: Positive
+    fraction: Limit = Field(alias="k_m")
+    basis: Basis = Field("full_scale", alias="linearity_basis")
+    clip_g: Positive | None = None
+
+
+class GyroSweepSettings(Settings):
+    """Of `gyro_freq`."""
+
+    settle_s: Limit = 0.0
+    gain_reference: Literal["absolute", "lowest"] = "absolute"
+
+
+class AccelerometerSweepSettings(Settings):
+    """Of `acc_freq`."""
+
+    local_g_mps2: Positive = Field(alias="g_mps2")
+    interval_s: Positive = Field(alias="Ts_s")
+    lever_hz: Positive = Field(0.5, alias="lever_f_Hz")
+    settle_s: Limit = 0.0
+
+
+class TwoSampleSettings(Settings):
+    """Of `two_sample`."""
+
+    total_s: Positive = Field(alias="h_s")
+    x_m: float = Field(alias="rx_m")
+    y_m: float = Field(alias="ry_m")
+
+
+def _gyro_range(case: Case) -> dict[str, Any]:
+    settings = case.settings(GyroRangeSettings)
+    by_full_scale = settings.basis == "full_scale"
+    if by_full_scale and settings.full_scale_dps is None:
+        raise InputError(f"{case.name}: settings.full_scale_dps: is missing; the linearity_basis 'full_scale' needs it")
+    table = case.record("range", "phase,t_s,enc_deg,out_dps")
+    record = _range_record(table, "out_dps", ("run",))
+    unknown = sorted(set(np.unique(record.block).tolist()) - {"", BIAS, *settings.commands_dps})
+    if unknown:
+        raise InputError(f"{case.name}: settings.commands_dps: {unknown[0]} is missing; {table.file} has that phase")
+    found = gyro_range(
+        record, settings.commands_dps,
+        Linearity(settings.fraction, settings.full_scale_dps if by_full_scale else None),
+        clip_dps=settings.clip_dps, rate_tolerance=settings.rate_tolerance,
+    )  # fmt: skip
+    return {"bias_dps": found.bias, **_range_result(found, _gyro_point)}
+
+
+def _acc_range(case: Case) -> dict[str, Any]:
+    settings = case.settings(AccelerometerRangeSettings)
+    found = accelerometer_range(
+        _range_record(case.record("range", "phase,t_s,enc_deg,acc_g"), "acc_g", ("low", "run")),
+        settings.local_g_mps2,
+        Linearity(settings.fraction, settings.range_g if settings.basis == "full_scale" else None),
+        clip_g=settings.clip_g,
+    )
+    return {
+        "bias_g": found.bias,
+        "radius_m": found.radius_m,
+        "u_radius_m": found.u_radius_m,
+        **_range_result(found, lambda point: _accelerometer_point(point, found.bias)),
+    }
+
+
+def _range_record(table: Table, output: str, kinds: Iterable[str]) -> TableRecord:
+    """The phases are bias, and words of the `kinds` with a number, which the record itself tells."""
+    seen = {text.strip().lower() for text in set(table.columns["phase"])}
+    numbered = sorted(word for word in seen if re.fullmatch(rf"({'|'.join(kinds)})[0-9]{{1,6}}", word))
+    return TableRecord(
+        block=table.words("phase", (BIAS, *(numbered or [f"{kind}1" for kind in kinds]))),
+        time_s=table.numbers("t_s"),
+        table=table.numbers("enc_deg"),
+        output=table.numbers(output),
+    )
+
+
+def _range_result(found: RangeTest, point: Callable[[RangePoint], dict[str, Any]]) -> dict[str, Any]:
+    return {
+        "points": [point(each) for each in found.points],
+        "passed": found.passed,
+        "flags": found.flags,
+        "rejected": found.excluded,
+    }
+
+
+def _gyro_point(point: RangePoint) -> dict[str, Any]:
+    return {
+        "phase": point.phase,
+        "mean_dps": point.mean,
+        "table_dps": point.rate_dps,
+        "error_dps": point.error,
+        "rel_error": point.relative_error,
+        "passed": point.passed,
+        "saturated": point.saturated,
+        "stable": point.stable,
+    }
+
+
+def _accelerometer_point(point: RangePoint, bias_g: float | None) -> dict[str, Any]:
+    return {
+        "phase": point.phase,
+        "a_meas_g": None if bias_g is None else point.mean - bias_g,
+        "a_true_g": point.true,
+        "rate_dps": point.rate_dps,
+        "rel_error": point.relative_error,
+        "passed": point.passed,
+        "saturated": point.saturated,
+    }
+
+
+def _gyro_freq(case: Case) -> dict[str, Any]:
+    settings = case.settings(GyroSweepSettings)
+    found = gyro_response(
+        _sweep_record(case.record("sweep", "f_Hz,t_s,enc_deg,gyro_dps"), "enc_deg", "gyro_dps"),
+        settle_s=settings.settle_s,
+        to_lowest=settings.gain_reference == "lowest",
+    )
+    return _response(found)
+
+
+def _acc_freq(case: Case) -> dict[str, Any]:
+    settings = case.settings(AccelerometerSweepSettings)
+    arm, found = accelerometer_response(
+        _sweep_record(case.record("sweep", "f_Hz,t_s,dtheta_rad,acc_g"), "dtheta_rad", "acc_g"),
+        AccelerometerSweep(settings.local_g_mps2, settings.interval_s, settings.lever_hz, settings.settle_s),
+    )
+    lever = {
+        "rxx_m": arm and arm.x_m,
+        "rxy_m": arm and arm.y_m,
+        "u_rxx_m": arm and arm.u_x_m,
+        "u_rxy_m": arm and arm.u_y_m,
+    }
+    return {"lever": lever, **_response(found)}
+
+
+def _sweep_record(table: Table, angle: str, output: str) -> TableRecord:
+    return TableRecord(table.numbers("f_Hz"), table.numbers("t_s"), table.numbers(angle), table.numbers(output))
+
+
+def _response(found: FrequencyResponse) -> dict[str, Any]:
+    return {
+        "points": [_response_point(point) for point in found.points],
+        "bandwidth_Hz": found.bandwidth.frequency_hz,
+        "bandwidth_status": found.bandwidth.status,
+        "bandwidth_crossings": found.bandwidth.crossings,
+        "phase_at_bandwidth_deg": found.bandwidth.phase_deg,
+        "flags": found.flags,
+        "notes": found.notes,
+        "rejected": found.excluded,
+    }
+
+
+def _response_point(point: ResponsePoint) -> dict[str, Any]:
+    return {
+        "f_Hz": point.frequency_hz,
+        "table_amp_dps": point.table_amplitude_dps,
+        "gain": point.gain,
+        "gain_dB": point.gain_db,
+        "phase_deg": point.phase_deg,
+        "u_gain": point.u_gain,
+    }
+
+
+def _two_sample(case: Case) -> dict[str, Any]:
+    settings = case.settings(TwoSampleSettings)
+    table = case.record("increments", "dtheta1_rad,dtheta2_rad")
+    first_rad, second_rad = _usable(table.numbers("dtheta1_rad")), _usable(table.numbers("dtheta2_rad"))
+    by_x_mps, by_y_mps = velocity_increments(
+        first_rad, second_rad, total_s=settings.total_s, x_m=settings.x_m, y_m=settings.y_m
+    )
+    return {
+        "dvx_mps": by_x_mps,
+        "dvy_mps": by_y_mps,
+        "flags": (),
+        "rejected": {"missing": int(np.sum(~np.isfinite(first_rad + second_rad)))},
+    }
+
+
+def _usable(increment_rad: Array) -> Array:
+    """Increments that are numbers of an instrument; NaN for the rest."""
+    return np.where(np.abs(increment_rad) < 1e100, increment_rad, np.nan)
+
+
+REDUCTIONS: Mapping[tuple[str, str], Callable[[Case], dict[str, Any]]] = {
+    ("M3", "gyro_range"): _gyro_range,
+    ("M3", "gyro_freq"): _gyro_freq,
+    ("M3", "acc_range"): _acc_range,
+    ("M3", "acc_freq"): _acc_freq,
+    ("M3", "two_sample"): _two_sample,
+}

@@ -1,0 +1,68 @@
+"""What a bench file says of a Fluke 5700A, 5720A or 5730A that is used as a current source."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from drivers.description import DriverDescription
+from drivers.fields import Amperes, InUnit, PositiveSeconds, Range, StrictModel
+from drivers.fluke_5700a.wire import RANGES_A, Terminator
+from drivers.wording import telling
+
+
+def _known_range(range_a: float) -> float:
+    for known_a in RANGES_A:
+        if abs(range_a - known_a) < 1e-6 * known_a:
+            return known_a
+    raise telling(f"is {range_a:g} A, expected 220 µA, 2.2 mA, 22 mA, 220 mA or 2.2 A")
+
+
+class FlukeOptions(StrictModel):
+    """How the calibrator is used: DC current at its own terminals, in one locked range.
+
+    Its remote interface must be set to COMPUTER (as delivered it is TERMINAL, which is for people). `terminator` and
+    the baud rate of the connection must be those of its RS-232 menu; where that says XON, the connection ends with
+    `&flow=xonxoff`. Guard and terminals stay as they are set at its front panel; boost, offset and scale must be off.
+
+    The reading `settled` is 1 while it operates within its specification, else 0. `on_time` proves a warm-up: it is for
+    how long the power is known to be on, at least, since the bench connected or the power came back. A calibrator
+    itself counts only the minutes of its whole life.
+    """
+
+    range: Annotated[float, InUnit("A", above=0), AfterValidator(_known_range)] = Field(
+        description="the one range for all levels: 220 µA, 2.2 mA, 22 mA, 220 mA or 2.2 A"
+    )
+    compliance: Annotated[float, InUnit("V", above=0)] = Field(
+        description="what its data sheet says that it gives at most; it cannot be set, so a sequence must ask for this"
+    )
+    settle_within: PositiveSeconds = Field(
+        15.0, description="so long after a setting it is an error that the output has not settled"
+    )
+    terminator: Terminator = "crlf"
+
+
+class LevelRange(Range):
+    """From `min` to `max`, both allowed."""
+
+    min: Amperes
+    max: Amperes
+
+
+class FlukeLimits(StrictModel):
+    """What the bench allows the source, for the sake of the coil on it."""
+
+    current: LevelRange
+
+
+DESCRIPTION = DriverDescription(
+    name="fluke_5700a",
+    title="calibrator Fluke 5700A, 5720A or 5730A as a precision current source",
+    capabilities=frozenset({"current_source"}),
+    schemes=frozenset({"serial", "tcp"}),
+    target="drivers.fluke_5700a.driver:Fluke5700A",
+    options=FlukeOptions,
+    limits=FlukeLimits,
+    channels={"current": "A", "settled": "", "on_time": "s"},
+)

@@ -1,0 +1,1 @@
+"""Keysight 3458A (also HP, Agilent) multimeters as voltmeters."""

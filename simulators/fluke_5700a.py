@@ -1,0 +1,214 @@
+"""A Fluke 5700A with a resistor on it: output, range lock, settling, trips, remote and local, and its fault queue."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from drivers.fluke_5700a import wire
+from drivers.fluke_5700a.wire import Event, Status, Terminator
+from drivers.scpi import number
+from simulators.faults import FaultPlan
+from simulators.world import World
+
+# Only the first is documented; the manual's list of the others could not be had, so these numbers are made up.
+ILLEGAL_LIMIT, UNKNOWN_COMMAND, BAD_PARAMETER, OUT_OF_RANGE, OVERLOAD, QUEUE_OVERFLOW = 725, 901, 902, 903, 904, 905
+_EXPLAINED = {
+    ILLEGAL_LIMIT: "ILLEGAL LIMIT SETTING", UNKNOWN_COMMAND: "UNKNOWN COMMAND", BAD_PARAMETER: "BAD PARAMETER",
+    OUT_OF_RANGE: "OUTSIDE LOCKED RANGE", OVERLOAD: "OUTPUT OVERLOAD", QUEUE_OVERFLOW: "FAULT QUEUE OVERFLOW",
+}  # fmt: skip
+QUEUE_LENGTH = 16
+_EVENTS = {UNKNOWN_COMMAND: Event.COMMAND_ERROR, BAD_PARAMETER: Event.COMMAND_ERROR, OVERLOAD: Event.DEVICE_ERROR}
+_EITHER_END = bytes.maketrans(b"\r", b"\n")
+
+
+class SimulatedFluke:
+    """A calibrator in front of `load_ohm`; it is heard only in remote, and answers questions always.
+
+    A load that needs more than `compliance_v` trips it to standby. The status follows an operate or standby after
+    `relay_s`, and tells that the output has settled `settle_s` after a change. `busy` leaves what comes in its input
+    buffer; `terminal` repeats what it hears. `stuck`: settings are accepted and not carried out. It measures nothing
+    that could be `frozen`.
+    """
+
+    def __init__(
+        self, world: World, faults: FaultPlan, *, model: str = "5720A", serial: str = "SIM-5720A-01",
+        load_ohm: float = 100.0, compliance_v: float = 10.0, terminator: Terminator = "crlf",
+    ) -> None:  # fmt: skip
+        self.faults = faults
+        self.load_ohm, self.compliance_v = load_ohm, compliance_v
+        self.settle_s, self.relay_s = 3.0, 0.1
+        self.terminal = self.busy = False
+        self.life_min = 123_456  # that its power had been on for when the world began
+        self.end = wire.TERMINATORS[terminator]
+        self._world, self._identity = world, f"FLUKE,{model},{serial},1.4+A,1.1,0.0"
+        self._queue: deque[int] = deque()
+        self._events = Event.POWER_ON
+        self.remote = self.output = self.range_locked = False
+        self.level, self.unit, self.frequency_hz, self.range_a = 0.0, "V", 0.0, wire.RANGES_A[0]
+        self.modes = Status(0)  # boost, offset and scale, as set at the front panel
+        self._changed_s = self._switched_s = -math.inf
+
+    def session(self) -> FlukeSession:
+        """A new connection."""
+        return FlukeSession(self)
+
+    @property
+    def current_a(self) -> float:
+        """What really flows."""
+        self._trip_on_overload()
+        return self.level if self.output and self.unit == "A" else 0.0
+
+    def restart(self) -> None:
+        """The mains fail for a moment: everything is as when it was switched on."""
+        self._reset_output()
+        self.remote = False
+        self._queue.clear()
+        self._events = Event.POWER_ON
+
+    def local(self) -> None:
+        """Somebody presses the key at its front panel that takes it out of remote."""
+        self.remote = False
+
+    def execute(self, message: str) -> list[str]:
+        """Carries the commands of a message out; the answers to its questions."""
+        self._trip_on_overload()
+        answers: list[str] = []
+        for command in filter(None, (part.strip().upper() for part in message.split(";"))):
+            header, _, rest = command.partition(" ")
+            arguments = [argument.strip() for argument in rest.split(",")] if rest else []
+            if header.endswith("?"):
+                answers += self._answer(header, arguments)
+            else:
+                self._obey(header, arguments)
+        return answers
+
+    def fault(self, code: int) -> None:
+        """Puts a fault into the queue; the last place of a full one says that there were more."""
+        self._events |= _EVENTS.get(code, Event.EXECUTION_ERROR)
+        if len(self._queue) < QUEUE_LENGTH:
+            self._queue.append(code if len(self._queue) < QUEUE_LENGTH - 1 else QUEUE_OVERFLOW)
+
+    def _answer(self, header: str, arguments: list[str]) -> list[str]:
+        match header:
+            case "*IDN?":
+                return [self._identity]
+            case "*OPC?":
+                return ["1"]
+            case "*ESR?":
+                events, self._events = self._events, Event(0)
+                return [str(int(events))]
+            case "ISR?":
+                return [str(int(self._status()))]
+            case "OUT?":
+                return [f"{self.level:.7E},{self.unit},{self.frequency_hz:.2E}"]
+            case "ETIME?":
+                return [str(self.life_min + int(self._world.now() // 60))]
+            case "FAULT?":
+                return [str(self._queue.popleft() if self._queue else wire.NO_FAULT)]
+            case "EXPLAIN?" if len(arguments) == 1 and arguments[0].isdigit():
+                return [f'"{_EXPLAINED.get(int(arguments[0]), "UNKNOWN FAULT")}"']
+        self.fault(UNKNOWN_COMMAND)
+        return []
+
+    def _obey(self, header: str, arguments: list[str]) -> None:
+        match header, arguments:
+            case "REMOTE" | "LOCKOUT", []:
+                self.remote = True
+            case "LOCAL", []:
+                self.remote = False
+            case "*CLS", []:
+                self._queue.clear()
+                self._events = Event(0)
+            case (("OUT" | "OPER" | "STBY" | "RANGELCK" | "*RST"), _) if not self.remote or self.faults.active("stuck"):
+                pass
+            case "*RST", []:
+                self._reset_output()
+            case "OPER" | "STBY", []:
+                self._switch(header == "OPER")
+            case "RANGELCK", ["ON" | "OFF"]:
+                self.range_locked = arguments == ["ON"]
+            case "OUT", [_] | [_, _]:
+                self._set_output(arguments)
+            case (("OUT" | "RANGELCK"), _):
+                self.fault(BAD_PARAMETER)
+            case _:
+                self.fault(UNKNOWN_COMMAND)
+
+    def _set_output(self, arguments: list[str]) -> None:
+        """Amplitude with its unit, and frequency; multipliers are not understood here."""
+        try:
+            level_text, _, unit = arguments[0].rpartition(" ")
+            level = number(level_text)
+            frequency_hz = number(arguments[1].removesuffix(" HZ")) if len(arguments) == 2 else self.frequency_hz
+        except ValueError:
+            return self.fault(BAD_PARAMETER)
+        if unit not in ("A", "V"):
+            return self.fault(BAD_PARAMETER)
+        if unit == "A" and not (self.range_locked and self.unit == "A"):
+            self.range_a = next((range_a for range_a in wire.RANGES_A if abs(level) < range_a), self.range_a)
+        if unit == "A" and abs(level) >= self.range_a:
+            return self.fault(OUT_OF_RANGE)
+        self._world.before_change()
+        self.level, self.unit, self.frequency_hz = level, unit, frequency_hz
+        self._changed_s = self._world.now()
+        return None
+
+    def _switch(self, on: bool) -> None:
+        if on != self.output:
+            self._world.before_change()
+            self.output = on
+            self._changed_s = self._switched_s = self._world.now()
+
+    def _trip_on_overload(self) -> None:
+        if self.output and self.unit == "A" and abs(self.level) * self.load_ohm > self.compliance_v:
+            self._switch(False)
+            self.fault(OVERLOAD)
+
+    def _status(self) -> Status:
+        status, now_s = self.modes, self._world.now()
+        if self.output == (now_s - self._switched_s >= self.relay_s):
+            status |= Status.OPERATING
+        if self.output and now_s - self._changed_s >= self.settle_s:
+            status |= Status.SETTLED
+        if self.range_locked:
+            status |= Status.RANGE_LOCKED
+        return status | Status.REMOTE if self.remote else status
+
+    def _reset_output(self) -> None:
+        self._world.before_change()
+        self.output = self.range_locked = False
+        self.level, self.unit, self.frequency_hz = 0.0, "V", 0.0
+        self.modes = Status(0)
+        self._changed_s = self._switched_s = -math.inf
+
+
+class FlukeSession:
+    """One connection: a message ends at a CR or an LF, and the input buffer takes 128 bytes.
+
+    Beyond these bytes are lost. XOFF asks for a pause when three quarters are full, XON ends it.
+    """
+
+    def __init__(self, instrument: SimulatedFluke) -> None:
+        self._instrument = instrument
+        self._buffer = b""
+        self._paused = False
+
+    def feed(self, data: bytes) -> bytes:
+        """Takes bytes in any portions; what is said to them at once."""
+        source = self._instrument
+        said = data if source.terminal else b""
+        if source.busy:
+            self._buffer = (self._buffer + data)[: wire.INPUT_BUFFER_BYTES]
+            if not self._paused and 4 * len(self._buffer) > 3 * wire.INPUT_BUFFER_BYTES:
+                self._paused = True
+                said += wire.XOFF
+            return said
+        *lines, rest = (self._buffer + data).translate(_EITHER_END).split(b"\n")
+        self._buffer = rest[: wire.INPUT_BUFFER_BYTES]
+        if self._paused:
+            self._paused = False
+            said += wire.XON
+        for line in lines:
+            said += b"".join(answer.encode() + source.end for answer in source.execute(line.decode("latin-1")))
+        return said

@@ -1,0 +1,254 @@
+"""A Keysight 3458A on the resistor that a unit's current flows through, behind a gateway that passes lines on."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from drivers.keysight_3458a import wire
+from simulators.faults import FaultPlan
+from simulators.serve import Later
+from simulators.unit_file import stream
+from simulators.uut import Noise
+from simulators.world import World
+
+SYNTAX, UNDEFINED, OUT_OF_RANGE = 103, 105, 106
+_ERRORS = {
+    100: "HARDWARE ERROR", 102: "TRIGGER TOO FAST", SYNTAX: "SYNTAX ERROR", UNDEFINED: "UNDEFINED PARAMETER RECEIVED",
+    OUT_OF_RANGE: "PARAMETER OUT OF RANGE", 109: "OUT OF CALIBRATION",
+}  # fmt: skip
+_ON_OFF = {"OFF": 0, "ON": 1}
+_EVENTS = {"AUTO": 1, "EXT": 2, "SGL": 3, "HOLD": 4, "SYN": 5}
+_CHOICES = {
+    "TARM": _EVENTS, "TRIG": _EVENTS, "END": {**_ON_OFF, "ALWAYS": 2}, "INBUF": _ON_OFF, "OFORMAT": {"ASCII": 1},
+    "QFORMAT": {"NUM": 0, "NORM": 1}, "AZERO": {**_ON_OFF, "ONCE": 2}, "MATH": {"OFF": 0, "NULL": 7},
+}  # fmt: skip
+_PRESET = {"TARM": 1, "TRIG": 5, "INBUF": 0, "AZERO": 1, "OFORMAT": 1, "MATH": 0}
+_POWER_ON = {**_PRESET, "TRIG": 1, "END": 0, "QFORMAT": 1}
+_NPLC_MAX = 1000.0
+_OVER_RANGE = 1.2
+_NOISE_NPLC = 10.0  # for which `noise_v` is stated
+
+
+@dataclass(frozen=True, slots=True)
+class VoltmeterSettings:
+    """What a voltmeter is connected to, and its errors as drawn: it reads U (1 + gain) + offset, and noise.
+
+    `noise_v` is the standard deviation of a reading over 10 line cycles.
+    """
+
+    place: str
+    load_ohm: float
+    gain: float = 0.0
+    offset_v: float = 0.0
+    noise_v: float = 0.0
+
+
+class Simulated3458A:
+    """A voltmeter across a load that the current of the unit in a place flows through.
+
+    What it is told while it takes a reading it does afterwards. Without END its answers have no end that a gateway
+    could see, so they stay there. `frozen`: readings repeat. `stuck`: settings are accepted and not carried out.
+    """
+
+    def __init__(
+        self, world: World, faults: FaultPlan, settings: VoltmeterSettings, *, name: str = "voltmeter",
+        line_hz: float = 50.0, identity: str = "HP3458A",
+    ) -> None:  # fmt: skip
+        self.faults = faults
+        self.errors: set[int] = set()
+        self._world, self._settings, self._line_hz = world, settings, line_hz
+        self._unit = world.units[settings.place]
+        seed = world.settings.seed
+        self._unit_noise = Noise(self._unit.truth, seed, f"{settings.place}/{name}")
+        self._noise = stream(seed, "noise", name, "reading")
+        self._read_v = 0.0
+        self._told: Mapping[str, Callable[[], str]] = {
+            "ID?": lambda: identity,
+            "REV?": lambda: "9,2",
+            "CALNUM?": lambda: "12",
+            "LFREQ?": lambda: _engineering(round(1e7 / round(1e7 / line_hz), 5)),
+            "ERRSTR?": self._take_error,
+            "FUNC?": lambda: f"1, {self._range_spelled()}",
+            "RANGE?": self._range_spelled,
+            "NPLC?": lambda: _engineering(self.nplc),
+        }
+        self.restart()
+        world.integrate_with(self._catch_up)
+
+    def session(self) -> VoltmeterSession:
+        """A new connection to the gateway."""
+        return VoltmeterSession(self)
+
+    def restart(self) -> None:
+        """The mains fail for a moment: everything is as when it was switched on."""
+        self.codes: dict[str, int] = dict(_POWER_ON)
+        self.range_v: float | None = None
+        self.nplc = 10.0
+        self._reading: _Aperture | None = None
+        self.errors.clear()
+
+    @property
+    def is_reading(self) -> bool:
+        """Whether a reading is being taken."""
+        return self._reading is not None
+
+    def execute(self, command: str) -> str:
+        """Carries out one command, but a trigger; its answer, or "" for none."""
+        header, *parameters = re.split(r"[ ,]+", command.upper())
+        if header in self._told:
+            return self._told[header]()
+        if header.endswith("?") and header[:-1] in self.codes:
+            return str(self.codes[header[:-1]])
+        if not self.faults.active("stuck"):
+            self._set(header, parameters[0] if parameters else "")
+        return ""
+
+    def begin_reading(self) -> float:
+        """Triggered: begins a reading; how long it takes (s)."""
+        now_s = self._world.look()
+        takes_s = wire.takes_s(self.nplc, self._line_hz)
+        self._reading = _Aperture(now_s, now_s + takes_s - wire.last_zero_s(self.nplc, self._line_hz), now_s)
+        return takes_s
+
+    def end_reading(self) -> str:
+        """The reading is there, and the trigger is held again; "" when the mains have failed meanwhile."""
+        self._world.look()
+        self._catch_up()
+        reading, self._reading = self._reading, None
+        if reading is None:
+            return ""
+        self.codes["TARM"] = _EVENTS["HOLD"]
+        if not self.faults.active("frozen"):
+            input_v = reading.current_as / (reading.integrated_s - reading.begin_s) * self._settings.load_ohm
+            noise_v = self._settings.noise_v * math.sqrt(_NOISE_NPLC / self.nplc) * float(self._noise.standard_normal())
+            self._read_v = input_v * (1 + self._settings.gain) + self._settings.offset_v + noise_v
+        range_v = self.range_v or _range_for(abs(self._read_v))
+        beyond = abs(self._read_v) > _OVER_RANGE * range_v
+        return f"{math.copysign(wire.OVERLOAD_V, self._read_v) if beyond else self._read_v: .9E}"
+
+    def _catch_up(self) -> None:
+        """Integrates the input up to now, or to the end of the aperture, under the stimulus that has been."""
+        reading = self._reading
+        if reading is None:
+            return
+        until_s = min(self._world.now(), reading.end_s)
+        if until_s > reading.integrated_s:
+            mean_a = self._unit.mean_current_a(reading.integrated_s, until_s, self._unit_noise)
+            reading.current_as += mean_a * (until_s - reading.integrated_s)
+            reading.integrated_s = until_s
+
+    def _set(self, header: str, parameter: str) -> None:
+        match header:
+            case "RESET":
+                self.restart()
+            case "PRESET":
+                self.codes.update(_PRESET)
+                self.range_v, self.nplc = None, 1.0
+            case "DCV":
+                self._set_range(parameter)
+            case "NPLC":
+                self._set_nplc(parameter)
+            case _ if header in _CHOICES:
+                code = _CHOICES[header].get(parameter)
+                if code is None:
+                    self.errors.add(UNDEFINED)
+                else:
+                    self.codes[header] = code
+            case _:
+                self.errors.add(SYNTAX)
+
+    def _set_range(self, parameter: str) -> None:
+        if parameter in ("", "AUTO", "-1"):
+            self.range_v = None
+        elif (most_v := self._number(parameter, wire.RANGES_V[-1])) is not None:
+            self.range_v = _range_for(most_v)
+
+    def _set_nplc(self, parameter: str) -> None:
+        """Fractions of a cycle stay, more than one is rounded up to a whole number, more than ten to tens."""
+        nplc = self._number(parameter, _NPLC_MAX)
+        if nplc is not None:
+            self.nplc = nplc if nplc < 1 else float(math.ceil(nplc) if nplc <= 10 else 10 * math.ceil(nplc / 10))
+
+    def _number(self, parameter: str, most: float) -> float | None:
+        try:
+            value = wire.read_number(parameter.encode())
+        except ValueError:
+            self.errors.add(UNDEFINED)
+            return None
+        if not 0 <= value <= most:
+            self.errors.add(OUT_OF_RANGE)
+            return None
+        return value
+
+    def _range_spelled(self) -> str:
+        return f"{self.range_v or _range_for(abs(self._read_v)):g}".removeprefix("0")
+
+    def _take_error(self) -> str:
+        """The lowest bit that is set, auxiliary errors first; it is cleared."""
+        if not self.errors:
+            return '0,"NO ERROR"'
+        code = min(self.errors, key=lambda code: (code < 200, code))
+        self.errors.remove(code)
+        return f'{code},"{_ERRORS.get(code, "HARDWARE ERROR")}"'
+
+
+@dataclass(slots=True)
+class _Aperture:
+    """A reading under way: its input is measured from `begin_s` to `end_s`, and integrated so far (A·s)."""
+
+    begin_s: float
+    end_s: float
+    integrated_s: float
+    current_as: float = 0.0
+
+
+class VoltmeterSession:
+    """A connection to the gateway: what is told waits for its turn, and only a reading takes time."""
+
+    def __init__(self, meter: Simulated3458A) -> None:
+        self._meter = meter
+        self._later: Later = lambda _delay_s, _answer: None
+        self._rest = b""
+        self._commands: deque[str] = deque()
+
+    def answer_by(self, later: Later) -> None:
+        """How a reading is said when it is there; without it, it never is."""
+        self._later = later
+
+    def feed(self, data: bytes) -> bytes:
+        """Takes bytes in any portions; the answers that are there at once."""
+        *told, self._rest = re.split(rb"[\r\n;]", self._rest + data)
+        self._commands.extend(command for part in told if (command := part.decode("latin-1").strip()))
+        return self._carry_on()
+
+    def _carry_on(self) -> bytes:
+        answers = []
+        while self._commands and not self._meter.is_reading:
+            command = self._commands.popleft()
+            if command.upper().replace(",", " ").split()[:2] == ["TARM", "SGL"]:
+                self._later(self._meter.begin_reading(), self._finish)
+            else:
+                answers.append(self._meter.execute(command))
+        return b"".join(self._spoken(answer) for answer in answers)
+
+    def _finish(self) -> bytes:
+        return self._spoken(self._meter.end_reading()) + self._carry_on()
+
+    def _spoken(self, answer: str) -> bytes:
+        return answer.encode() + b"\r\n" if answer and self._meter.codes["END"] else b""
+
+
+def _range_for(most_v: float) -> float:
+    """The smallest range for a voltage, the largest one where none is."""
+    return next((range_v for range_v in wire.RANGES_V if most_v <= _OVER_RANGE * range_v), wire.RANGES_V[-1])
+
+
+def _engineering(value: float) -> str:
+    """Nine digits, the exponent in steps of three."""
+    exponent = 3 * math.floor(math.log10(value) / 3) if value else 0
+    mantissa = value / 10.0**exponent
+    return f"{mantissa:.{9 - len(str(int(mantissa)))}f}E{exponent:+03d}"

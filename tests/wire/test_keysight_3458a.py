@@ -1,0 +1,264 @@
+"""Lines of a 3458A typed by hand, in both directions, and the simulated voltmeter that speaks them."""
+
+from collections.abc import Callable
+
+import pytest
+
+from drivers.keysight_3458a import wire
+from drivers.keysight_3458a.wire import Setting
+from simulators.faults import FaultPlan
+from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
+from simulators.serve import PatientSession
+from tests.support.voltmeter import LOAD_OHM, a_world
+
+# The driver's side
+
+
+def test_what_is_sent() -> None:
+    assert wire.set_up(Setting(10.0, 10.0)) == (
+        b"PRESET NORM;TARM HOLD;TRIG AUTO;INBUF ON;END ALWAYS;QFORMAT NORM;DCV 10;NPLC 10;AZERO ON;TARM?"
+    )
+    assert b";DCV 0.1;NPLC 100;" in wire.set_up(Setting(0.1, 100.0))
+    assert wire.IDENTITY_QUESTION == b"TARM HOLD;END ALWAYS;ID?"
+    assert wire.TRIGGER == b"TARM SGL"
+
+
+def test_a_set_up_fits_into_the_input_buffer_and_asks_once() -> None:
+    longest = max((wire.set_up(Setting(range_v, nplc)) for range_v in wire.RANGES_V for nplc in wire.NPLCS), key=len)
+    assert len(longest) < 255
+    assert longest.count(b"?") == 1
+
+
+def test_the_state_is_asked_one_question_after_the_other() -> None:
+    answers = {
+        b"TARM?": b"4\r", b"FUNC?": b"1, .1\r", b"NPLC?": b"10.0000000E+00\r", b"AZERO?": b"1\r", b"MATH?": b"0\r",
+        b"INBUF?": b"1\r",
+    }  # fmt: skip
+    assert {question: wire.read_numbers(answer) for question, answer in answers.items()} == wire.state_when(
+        Setting(0.1, 10.0)
+    )
+
+
+@pytest.mark.parametrize(
+    ("line", "volts"),
+    [
+        (b"-1.234567890E-01\r", -0.123456789),
+        (b" 1.000000000E+01\r", 10.0),
+        (b"+9.99999E+00", 9.99999),
+        (b"-1.000000000E+38\r", -wire.OVERLOAD_V),
+        (b"1E+38", wire.OVERLOAD_V),
+    ],
+)
+def test_a_reading_is_read(line: bytes, volts: float) -> None:
+    assert wire.read_number(line) == volts
+
+
+@pytest.mark.parametrize(
+    "line", [b"", b"HP3458A\r", b"1.0,2.0", b"nan", b"inf", b"1_0", b"0x10", b"1.0 V", b".", "½".encode()]
+)
+def test_anything_else_is_no_reading(line: bytes) -> None:
+    with pytest.raises(ValueError, match=r"number|ascii"):
+        wire.read_number(line)
+
+
+@pytest.mark.parametrize(
+    ("line", "maker"), [(b"HP3458A\r", "HP"), (b"Keysight 3458A\r", "Keysight"), (b"AGILENT 3458A", "AGILENT")]
+)
+def test_the_identity_is_read(line: bytes, maker: str) -> None:
+    identity = wire.read_identity(line)
+    assert (identity.maker, identity.model, identity.serial, identity.verified) == (maker, "3458A", "", False)
+
+
+@pytest.mark.parametrize("line", [b"HP3457A\r", b"KEITHLEY INSTRUMENTS INC.,MODEL 2002,1,A02", b"1.0E+00", b""])
+def test_another_instrument_is_no_3458a(line: bytes) -> None:
+    with pytest.raises(ValueError, match="not a 3458A"):
+        wire.read_identity(line)
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "text", "own"),
+    [
+        (b'0,"NO ERROR"\r', 0, "NO ERROR", False),
+        (b'102,"TRIGGER TOO FAST"\r', 102, "TRIGGER TOO FAST", False),
+        (b'106, "PARAMETER OUT OF RANGE"\r', 106, "PARAMETER OUT OF RANGE", False),
+        (b'109,"OUT OF CALIBRATION"\r', 109, "OUT OF CALIBRATION", True),
+        (b'201,"SLAVE PROCESSOR NOT RESPONDING"\r', 201, "SLAVE PROCESSOR NOT RESPONDING", True),
+    ],
+)
+def test_an_error_is_read_and_known_for_what_it_is(line: bytes, code: int, text: str, own: bool) -> None:
+    entry = wire.read_error(line)
+    assert (entry.code, entry.text, wire.is_own_fault(entry)) == (code, text, own)
+
+
+@pytest.mark.parametrize("line", [b"0", b"NO ERROR", b'"NO ERROR",0', b""])
+def test_anything_else_is_no_error(line: bytes) -> None:
+    with pytest.raises(ValueError, match="not an entry"):
+        wire.read_error(line)
+
+
+@pytest.mark.parametrize(("nplc", "takes_s", "middle_s"), [(1, 0.04, 0.03), (10, 0.4, 0.3), (100, 4.0, 2.1)])
+def test_how_long_a_reading_takes_and_when_its_middle_was(nplc: float, takes_s: float, middle_s: float) -> None:
+    assert wire.takes_s(nplc, 50.0) == pytest.approx(takes_s)
+    assert wire.middle_before_answer_s(nplc, 50.0) == pytest.approx(middle_s)
+
+
+# The simulator's side
+
+
+class Bench:
+    """A simulated voltmeter whose clock the test turns."""
+
+    def __init__(self, **settings: float) -> None:
+        self.now_s = 0.0
+        self.faults = FaultPlan(now_s=lambda: self.now_s)
+        self.world = a_world(lambda: self.now_s)
+        line_hz = settings.pop("line_hz", 50.0)
+        self.meter = Simulated3458A(
+            self.world, self.faults, VoltmeterSettings("a", LOAD_OHM, **settings), line_hz=line_hz
+        )
+        self.session = self.meter.session()
+        self.session.answer_by(lambda delay_s, answer: self.due.append((self.now_s + delay_s, answer)))
+        self.due: list[tuple[float, Callable[[], bytes]]] = []
+
+    def say(self, *lines: bytes) -> list[bytes]:
+        return [self.session.feed(line + b"\n") for line in lines]
+
+    def wait(self) -> bytes:
+        """Until the reading is there; what is said then."""
+        self.now_s, answer = self.due.pop(0)
+        return answer()
+
+
+@pytest.fixture
+def bench() -> Bench:
+    bench = Bench()
+    bench.say(b"END ALWAYS;TARM HOLD")
+    return bench
+
+
+def test_a_session_with_a_voltmeter(bench: Bench) -> None:
+    assert isinstance(bench.session, PatientSession)
+    assert bench.say(b"ID?", b"ERRSTR?") == [b"HP3458A\r\n", b'0,"NO ERROR"\r\n']
+    assert bench.say(wire.set_up(Setting(0.1, 10.0))) == [b"4\r\n"]
+    assert bench.say(b"FUNC?", b"RANGE?", b"NPLC?", b"azero?", b"END?", b"INBUF?", b"OFORMAT?") == [
+        b"1, .1\r\n", b".1\r\n", b"10.0000000E+00\r\n", b"1\r\n", b"2\r\n", b"1\r\n", b"1\r\n",
+    ]  # fmt: skip
+    assert bench.say(b"DCV 12", b"RANGE?", b"DCV 12.1", b"RANGE?", b"DCV,1", b"RANGE?") == [
+        b"", b"10\r\n", b"", b"100\r\n", b"", b"1\r\n",
+    ]  # fmt: skip
+
+
+def test_without_end_no_answer_passes_the_gateway() -> None:
+    bench = Bench()
+    assert bench.say(b"ID?", b"END ALWAYS;ID?") == [b"", b"HP3458A\r\n"]
+
+
+def test_a_reading_takes_twice_its_line_cycles_and_holds_the_trigger(bench: Bench) -> None:
+    bench.say(b"PRESET NORM;DCV 1;NPLC 10;TRIG AUTO")
+    assert bench.say(b"TARM?", b"TARM SGL", b"TARM?") == [b"1\r\n", b"", b""]
+    assert bench.wait() == b" 5.000000000E-01\r\n4\r\n"
+    assert bench.now_s == pytest.approx(0.4)
+
+
+def test_bytes_come_in_any_portions_and_a_cr_ends_a_command_too(bench: Bench) -> None:
+    assert [bench.session.feed(part) for part in (b"ID", b"?\r\nTAR", b"M?\r\n")] == [b"", b"HP3458A\r\n", b"4\r\n"]
+
+
+@pytest.mark.parametrize(
+    ("told", "answer"),
+    [
+        (b"NPLC .5", b"500.000000E-03"), (b"NPLC 1", b"1.00000000E+00"), (b"NPLC 2.5", b"3.00000000E+00"),
+        (b"NPLC 11", b"20.0000000E+00"), (b"NPLC 100", b"100.000000E+00"), (b"NPLC 0", b"0.00000000E+00"),
+    ],
+)  # fmt: skip
+def test_line_cycles_are_rounded_up(bench: Bench, told: bytes, answer: bytes) -> None:
+    assert bench.say(told, b"NPLC?") == [b"", answer + b"\r\n"]
+
+
+def test_the_line_frequency_is_that_of_a_whole_number_of_clock_ticks() -> None:
+    bench = Bench(line_hz=60.0)
+    assert bench.say(b"END ALWAYS;LFREQ?") == [b"59.9998800E+00\r\n"]
+
+
+@pytest.mark.parametrize(
+    ("told", "error"),
+    [
+        (b"NONSENSE", b'103,"SYNTAX ERROR"'),
+        (b"*IDN?", b'103,"SYNTAX ERROR"'),
+        (b"AZERO PERHAPS", b'105,"UNDEFINED PARAMETER RECEIVED"'),
+        (b"NPLC ten", b'105,"UNDEFINED PARAMETER RECEIVED"'),
+        (b"NPLC 1001", b'106,"PARAMETER OUT OF RANGE"'),
+        (b"DCV 1200", b'106,"PARAMETER OUT OF RANGE"'),
+    ],
+)
+def test_what_is_not_understood_sets_a_bit_that_is_read_once(bench: Bench, told: bytes, error: bytes) -> None:
+    assert bench.say(told, told, b"ERRSTR?", b"ERRSTR?") == [b"", b"", error + b"\r\n", b'0,"NO ERROR"\r\n']
+
+
+def test_errors_of_the_hardware_come_first(bench: Bench) -> None:
+    bench.meter.errors |= {103, 204, 100}
+    assert [answer[:3] for answer in bench.say(*[b"ERRSTR?"] * 4)] == [b"204", b"100", b"103", b'0,"']
+
+
+def test_beyond_the_range_it_reads_overload(bench: Bench) -> None:
+    bench.say(b"TRIG AUTO;DCV .1;TARM SGL")
+    assert bench.wait() == b" 1.000000000E+38\r\n"
+    bench.world.move(180.0, 1000.0)
+    bench.now_s += 10.0
+    bench.say(b"TARM SGL")
+    assert bench.wait() == b"-1.000000000E+38\r\n"
+    bench.say(b"DCV AUTO;TARM SGL")
+    assert bench.wait() == b"-5.000000000E-01\r\n"
+    assert bench.say(b"FUNC?") == [b"1, 1\r\n"]
+
+
+def test_its_errors_are_a_gain_and_an_offset() -> None:
+    bench = Bench(gain=10e-6, offset_v=1e-6)
+    bench.say(b"END ALWAYS;TRIG AUTO;TARM SGL")
+    assert float(bench.wait()) == pytest.approx(0.5 * (1 + 10e-6) + 1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize(("nplc", "sd_v"), [(10, 1e-6), (1, 3.16e-6), (100, 0.316e-6)])
+def test_its_noise_falls_with_the_root_of_the_line_cycles(nplc: int, sd_v: float) -> None:
+    bench = Bench(noise_v=1e-6)
+    bench.say(f"END ALWAYS;TRIG AUTO;NPLC {nplc}".encode())
+    deviations = []
+    for _ in range(400):
+        bench.say(b"TARM SGL")
+        deviations.append(float(bench.wait()) - 0.5)
+    assert (sum(deviation**2 for deviation in deviations) / 400) ** 0.5 == pytest.approx(sd_v, rel=0.15)
+
+
+def test_a_reading_is_the_mean_over_its_aperture_whatever_changes_meanwhile(bench: Bench) -> None:
+    bench.say(b"TRIG AUTO;NPLC 10;TARM SGL")
+    bench.now_s = 0.05
+    bench.world.power("supply", False)
+    bench.now_s = 0.3  # the zero is being measured: what the input does now does not matter
+    bench.world.power("supply", True)
+    assert float(bench.wait()) == pytest.approx(0.5 * 0.05 / 0.2)
+
+
+def test_a_unit_without_power_gives_nothing(bench: Bench) -> None:
+    bench.world.power("supply", False)
+    bench.say(b"TARM SGL")
+    assert bench.wait() == b" 0.000000000E+00\r\n"
+
+
+def test_faults_and_a_power_failure(bench: Bench) -> None:
+    bench.say(wire.set_up(Setting(1.0, 1.0)), b"TARM SGL")
+    bench.wait()
+    bench.faults.begin("frozen")
+    bench.world.power("supply", False)
+    bench.say(b"TARM SGL")
+    assert bench.wait() == b" 5.000000000E-01\r\n"
+    bench.faults.begin("stuck")
+    assert bench.say(b"NPLC 2;MATH NULL", b"NPLC?", b"MATH?") == [b"", b"1.00000000E+00\r\n", b"0\r\n"]
+    bench.say(b"TARM SGL")
+    bench.meter.restart()
+    assert bench.wait() == b""
+    assert bench.meter.codes["END"] == 0
+
+
+def test_reset_is_as_switching_on(bench: Bench) -> None:
+    bench.say(wire.set_up(Setting(1.0, 1.0)), b"MATH NULL", b"RESET", b"END ON")
+    assert bench.say(b"TARM?", b"NPLC?", b"INBUF?", b"MATH?") == [b"1\r\n", b"10.0000000E+00\r\n", b"0\r\n", b"0\r\n"]
