@@ -12,7 +12,7 @@ from bench.analysis.fit import Array, GatedFit, NotDetermined, reject_outliers
 from bench.analysis.table_blocks import Block, coarseness
 
 PARTS = 40  # of a block, whose means tell how certain the mean of the block is
-AT_CLIP = 1e-4  # of the clip level: a clipped converter still has its noise and its rounding
+AT_CLIP = (1 - 1e-4, 1 + 1e-2)  # of the clip level: rounding, or a level that is not known well; beyond is a glitch
 SATURATED = 0.01  # of the samples
 
 
@@ -36,8 +36,7 @@ def steady(block: Block, excluded: Counter[str], *, clip: float | None = None) -
     if not block.complete:
         return None
     time_s = block.time_s - np.mean(block.time_s)
-    at_clip = np.abs(block.output) >= (1 - AT_CLIP) * (np.inf if clip is None else clip)
-    saturated = bool(np.mean(at_clip) > SATURATED)
+    saturated = clip is not None and _share_at(clip, block.output) > SATURATED
     angle = reject_outliers(np.column_stack([np.ones_like(time_s), time_s]), block.table)
     rate_dps = float(angle.fit.coefficients[1])
     # Where most samples sit at the clip level, the good ones look like outliers.
@@ -54,6 +53,11 @@ def steady(block: Block, excluded: Counter[str], *, clip: float | None = None) -
         u_rate_dps=float(np.sqrt(angle.fit.covariance[1, 1])),
         saturated=saturated,
     )
+
+
+def _share_at(clip: float, output: Array) -> float:
+    low, high = AT_CLIP
+    return float(np.mean((np.abs(output) >= low * clip) & (np.abs(output) <= high * clip)))
 
 
 def _mean(output: Array, turned_deg: Array, resolution: float) -> GatedFit:

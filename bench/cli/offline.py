@@ -18,7 +18,7 @@ def reduce(
     case: Annotated[Path, typer.Argument(metavar="CASE.json", help="A case file; its CSV records lie beside it.")],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where result.json goes.")],
 ) -> None:
-    """Reduce a recorded case (method M4: static, dynamic, tilt) and write result.json."""
+    """Reduce a recorded case of the methods M0 to M4 and write result.json."""
     from bench.errors import InputError
     from bench.report.case import reduce_case
     from bench.store.runs import json_text, write_whole

@@ -129,7 +129,7 @@ def _dynamic(case: Case) -> dict[str, Any]:
         leg=table.words("leg", LEGS),
         time_s=table.numbers("t_s"),
         temperature_c=table.numbers("T_C"),
-        output_v=table.numbers("U_V"),
+        output_g=table.numbers("U_V") / settings.scale_v_per_g,
     )
     limits = RampLimits(
         jump_threshold_ug=settings.jump_threshold_ug,
@@ -137,10 +137,11 @@ def _dynamic(case: Case) -> dict[str, Any]:
         residual_ug=settings.resid_limit_ug,
         repeatability_ug=settings.repeat_limit_ug,
     )
-    found = reduce_ramp(record, settings.scale_v_per_g, limits)
+    found, scale_v_per_g = reduce_ramp(record, limits), settings.scale_v_per_g
+    bias_v, slope_v_per_c = found.line.powers * scale_v_per_g
     return {
-        "B0_V": found.bias_v,
-        "B1_V_per_C": found.slope_v_per_c,
+        "B0_V": bias_v,
+        "B1_V_per_C": slope_v_per_c,
         "max_resid_ug": found.max_residual_ug,
         "rms_resid_ug": found.rms_residual_ug,
         "hysteresis_max_ug": found.hysteresis_ug,
@@ -150,9 +151,9 @@ def _dynamic(case: Case) -> dict[str, Any]:
             for jump in found.jumps
         ],
         "lag_model": found.lag and {
-            "B0_V": found.lag.bias_v,
-            "B1_V_per_C": found.lag.slope_v_per_c,
-            "Bd_V_s_per_C": found.lag.rate_v_s_per_c,
+            "B0_V": found.lag.bias_g * scale_v_per_g,
+            "B1_V_per_C": found.lag.slope_g_per_c * scale_v_per_g,
+            "Bd_V_s_per_C": found.lag.rate_g_s_per_c * scale_v_per_g,
             "max_resid_ug": found.lag.max_residual_ug,
         },
         "verdict": found.verdict,

@@ -113,7 +113,7 @@ def test_a_small_part_of_a_period_determines_no_sine(rng):
 def test_uncertainty_follows_the_noise_around_the_line(f_hz):
     rng = np.random.default_rng(3)
     errors, u, white = [], [], []
-    for _ in range(150):
+    for _ in range(120):
         time_s, value = samples(rng, f_hz, seconds=2.0)
         # Noise through a lag of 20 Hz is strong at 6 Hz and weak at 60 Hz.
         noise = lfilter([0.4], [1, -0.6], rng.standard_normal(len(time_s) + 50))[50:]
@@ -132,7 +132,7 @@ def worst_of_counting(f_hz, *, sample_hz=1000.0, seconds=0.5):
     time_s = np.arange(round(seconds * sample_hz)) / sample_hz
     counts = 3 / (2 * np.pi * f_hz) * 10_000  # 0.36 arcsec each
     errors, u = [], []
-    for _ in range(300):
+    for _ in range(200):
         read = np.round(counts * np.sin(2 * np.pi * f_hz * time_s + rng.uniform(0, 6.3)) + rng.uniform())
         fit = fit_sine(time_s, read, f_hz)
         errors.append(abs(fit.phasors[0]) / counts - 1)
