@@ -180,6 +180,9 @@ class Nominal(StrictModel):
     K1: Annotated[float, InUnit("A/g", above=0)] = Field(description="scale factor")
     S: Annotated[float, InUnit("Hz/A", above=0)] | None = Field(None, description="scale of its converter")
     max_current: Annotated[float, InUnit("A", above=0)] | None = Field(None, description="the most it may be fed")
+    load: Annotated[float, InUnit("Ω", at_least=0)] | None = Field(
+        None, description="what its input resists; a source's compliance must do for it"
+    )
     time_constants: Annotated[tuple[PositiveSeconds, ...], NOT_EMPTY] = Field(
         (180.0, 60.0), description="with which it follows the air, one behind the other: case, sensor"
     )

@@ -27,6 +27,7 @@ from drivers.suggest import did_you_mean
 from drivers.units import QuantityError, quoted
 from drivers.wording import in_plain_words
 
+COUNTS_OF_A_SINE = 20  # of the encoder, that its peak angle must be at least
 Found = Iterator[tuple[str, str]]  # the key that is wrong, and what is wrong with it
 
 
@@ -151,7 +152,10 @@ def _rotate(step: Rotate, table: DeviceEntry, from_deg: float) -> Found:
 
 
 def _oscillate(step: Oscillate, table: DeviceEntry) -> Found:
-    """A sine asks for amplitude x omega of rate and amplitude x omega squared of acceleration (methods.md 5.1)."""
+    """A sine asks for amplitude x omega of rate and amplitude x omega squared of acceleration (methods.md 5.1).
+
+    The acceleration asks for a torque, and the amplitude must be at least 20 counts of the encoder.
+    """
     omega = 2 * math.pi * step.highest_hz
     yield from _beyond(table, step.role, "sweep" if step.sweep else "frequency", "frequency", step.highest_hz, "Hz")
     for limit, value, unit in (
@@ -161,6 +165,14 @@ def _oscillate(step: Oscillate, table: DeviceEntry) -> Found:
             allowed = getattr(getattr(table.limits, limit, None), "max", math.nan)
             most_deg = step.amplitude_deg * allowed / value
             yield key, f"at {step.highest_hz:.6g} Hz, {problem}; an amplitude of at most {most_deg:.3g}° goes there"
+    inertia: float | None = getattr(table.options, "inertia", None)
+    if inertia is not None:
+        torque_nm = inertia * math.radians(step.amplitude_deg) * omega**2
+        yield from _beyond(table, step.role, "amplitude", "torque", torque_nm, "N·m")
+    resolution_arcsec: float | None = getattr(table.options, "encoder_resolution", None)
+    if resolution_arcsec is not None and step.amplitude_deg * 3600 < COUNTS_OF_A_SINE * resolution_arcsec:
+        least_deg = COUNTS_OF_A_SINE * resolution_arcsec / 3600
+        yield "amplitude", f"is less than {COUNTS_OF_A_SINE} counts of the encoder; give at least {least_deg:.3g}°"
 
 
 def _output(step: SetOutput, bench: BenchFile) -> Found:
@@ -187,9 +199,21 @@ def _output(step: SetOutput, bench: BenchFile) -> Found:
         fed = step.place in (None, name) and unit_place.source == step.role
         if fed and current_a is not None and most_a is not None and abs(current_a) > most_a:
             yield key, f"{current_a:.6g} A is more than the {most_a:.6g} A that the unit in place '{name}' takes"
+        load_ohm = unit_place.nominal.load if unit_place.nominal else None
+        if fed and None not in (current_a, load_ohm, step.compliance_v):
+            yield from _too_little_compliance(step, key, name, abs(current_a or 0.0) * (load_ohm or 0.0))
     most_v = getattr(source.options, "compliance", None)
     if step.compliance_v is not None and most_v is not None and step.compliance_v > most_v:
         yield "compliance", _outside(step.compliance_v, "above", most_v, "V", step.role)
+
+
+def _too_little_compliance(step: SetOutput, key: str, place: str, needed_v: float) -> Found:
+    """A current that the unit's input takes more voltage for than the source may give."""
+    if step.compliance_v is not None and needed_v > step.compliance_v:
+        yield (
+            key,
+            f"the unit in place '{place}' needs {needed_v:.6g} V for it, the compliance is {step.compliance_v:g} V",
+        )
 
 
 def _measure(step: Measure, bench: BenchFile) -> Found:

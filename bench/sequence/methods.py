@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import entry_points
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field
 
-from drivers.fields import StrictModel, WholeNumber
+from drivers.fields import InUnit, StrictModel, WholeNumber
 
 ENTRY_POINTS = "inertial_test_bench.methods"
 
@@ -23,7 +23,8 @@ class MethodDescription:
     """A method as a sequence sees it.
 
     `settings` validates its settings; `quantities` are the results that limits may name, with their units;
-    `target` is "module:function", which turns a run's data into findings.
+    `target` is "module:function", which turns a run's data into findings. `counts_at` says what its acquisitions are:
+    readings at dwells, or each a leg of a temperature ramp.
     """
 
     name: str
@@ -31,6 +32,7 @@ class MethodDescription:
     target: str
     settings: type[BaseModel]
     quantities: Mapping[str, str]
+    counts_at: Literal["dwells", "ramps"] = "dwells"
 
 
 class TemperatureTumbleSettings(StrictModel):
@@ -57,6 +59,40 @@ TEMPERATURE_TUMBLE = MethodDescription(
         "K0/model_residual": "g",
         "K1/model_residual": "1",
     },
+)
+
+
+class TemperatureRampSettings(StrictModel):
+    """Settings of the dynamic temperature test."""
+
+    sample_s: Annotated[float, InUnit("s", at_least=5)] = Field(
+        10.0, alias="sample", description="into which the counts are cut; as long as the reading of it must resolve"
+    )
+    jump_threshold_g: Annotated[float, InUnit("g", above=0)] = Field(
+        60e-6, alias="jump_threshold", description="a larger step is a jump"
+    )
+    jump_window: Annotated[WholeNumber, Field(ge=2, le=1000)] = Field(
+        8, description="samples on either side between which a step is looked for"
+    )
+
+
+TEMPERATURE_RAMP = MethodDescription(
+    name="temperature_ramp",
+    title="Dynamic temperature test (method M4b)",
+    target="bench.analysis.temperature_ramp:reduce",
+    settings=TemperatureRampSettings,
+    quantities={
+        "K0/temperature_coefficient": "g/°C",
+        "K0/model_residual": "g",
+        "K0/model_residual_rms": "g",
+        "K0/hysteresis": "g",
+        "K0/repeatability": "g",
+        "K0/jumps": "1",
+        "K0/largest_jump": "g",
+        "K0/lag": "s",
+        "K1/temperature_coefficient": "1/°C",
+    },
+    counts_at="ramps",
 )
 
 

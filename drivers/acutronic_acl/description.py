@@ -52,6 +52,12 @@ class AclOptions(StrictModel):
     poll: Annotated[float, InUnit("s", above=0, at_most=5)] = Field(
         0.1, description="how often a motion is looked at until it is done"
     )
+    encoder_resolution: Annotated[float, InUnit("arcsec", above=0)] | None = Field(
+        None, description="one count of the encoder; a sine must span enough of them"
+    )
+    inertia: Annotated[float, InUnit("kg·m²", above=0)] | None = Field(
+        None, description="of table and load; with limits.torque it bounds the acceleration of a sine"
+    )
     byte_order: ByteOrder = Field("little", description="of the two numbers in front of every answer")
 
 
@@ -86,6 +92,12 @@ class FrequencyRange(StrictModel):
     max: Hertz
 
 
+class TorqueRange(StrictModel):
+    """The most that the motor is asked for: `max`."""
+
+    max: Annotated[float, InUnit("N·m", above=0)]
+
+
 class AclLimits(StrictModel):
     """What the bench allows the axis; the controller's own limits hold as well."""
 
@@ -93,6 +105,7 @@ class AclLimits(StrictModel):
     rate: RateRange
     acceleration: AccelerationRange
     frequency: FrequencyRange
+    torque: TorqueRange | None = Field(None, description="of a sine, worked out from options.inertia by the check")
 
 
 class AclUncertainty(StrictModel):
