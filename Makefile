@@ -25,7 +25,7 @@ contracts: $(VENV)/.dev
 	$(BIN)/lint-imports
 
 pytest: $(VENV)/.dev
-	$(BIN)/pytest -n 2 --cov --cov-report= --dist worksteal
+	$(BIN)/pytest -n 2 --cov --cov-report= --dist worksteal --durations 20
 	$(BIN)/coverage report --fail-under=90
 
 # Results against the simulated truth, 40 seeds on a perfect and on a full bench, then with errors planted.

@@ -3,7 +3,8 @@
 They are defined as the results are: the model equation of the tumble put through the noiseless channel at the positions
 that the sequence visits. So K1 contains K3, K2 the converter's asymmetry, and K0 the converter's zero
 (methods.md 8.8). A dwell is evaluated at its *indicated* temperature with the hysteresis, drift and warm-up it then
-had.
+had. Of a leg of a temperature ramp all is told: what the noiseless channel put out, over what an ideal thermometer at
+the unit, as slow as the real one, said meanwhile.
 """
 
 from __future__ import annotations
@@ -13,9 +14,13 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from simulators.uut import UnitTruth
 from simulators.world import World
+
+Array = NDArray[np.float64]
+LEG_EVERY_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +38,20 @@ class DwellAsMeasured:
     mounted_deg: tuple[float, ...]
 
 
-def truth_record(world: World, dwells: Sequence[DwellAsMeasured]) -> dict[str, Any]:
-    """The whole truth of a run: the laboratory's errors, each unit as drawn, each dwell's true constants."""
+@dataclass(frozen=True, slots=True)
+class LegAsMeasured:
+    """A leg of a temperature ramp: host time of its ends, nominal angle of the head and what the mount added to it."""
+
+    key: str
+    place: str
+    begin_s: float
+    end_s: float
+    head_deg: float
+    mounted_deg: float
+
+
+def truth_record(world: World, dwells: Sequence[DwellAsMeasured], legs: Sequence[LegAsMeasured] = ()) -> dict[str, Any]:
+    """The whole truth of a run: the laboratory's errors, each unit as drawn, what is true of each dwell and leg."""
     settings = world.settings
     return {
         "schema": "itb-truth/1",
@@ -52,6 +69,7 @@ def truth_record(world: World, dwells: Sequence[DwellAsMeasured]) -> dict[str, A
         },
         "units": {name: asdict(unit.truth) for name, unit in sorted(world.units.items())},
         "dwells": {dwell.key: _dwell(world, dwell) for dwell in dwells},
+        "legs": {leg.key: _leg(world, leg) for leg in legs},
     }
 
 
@@ -59,15 +77,41 @@ def _dwell(world: World, dwell: DwellAsMeasured) -> dict[str, Any]:
     """The state of a unit in the middle of a dwell, and its constants then."""
     unit, settings = world.units[dwell.place], world.settings
     true_s = world.true_time(dwell.at_s)
-    times, added_g = np.array(unit.bias_history).T
-    drifted_g = float(np.interp(true_s, times, added_g))
-    fixed_deg = settings.fixture.offset_deg + unit.settings.mount_angle_deg
-    axis_deg = tuple(
-        settings.fixture.sense * head_deg + fixed_deg + mounted_deg
-        for head_deg, mounted_deg in zip(dwell.head_deg, dwell.mounted_deg, strict=True)
-    )
+    history = np.array(unit.history)
+    drifted_g = float(np.interp(true_s, history[:, 0], history[:, 1]))
+    angles = zip(dwell.head_deg, dwell.mounted_deg, strict=True)
+    axis_deg = tuple(_axis_deg(world, dwell.place, head_deg, mounted_deg) for head_deg, mounted_deg in angles)
     constants = channel_constants(unit.truth, settings.gravity_mps2, axis_deg, dwell.temperature_c, drifted_g)
     return {"temperature_c": dwell.temperature_c, "drifted_g": drifted_g, "axis_deg": axis_deg, **constants}
+
+
+def _axis_deg(world: World, place: str, head_deg: float, mounted_deg: float) -> float:
+    """The ideal angle of a unit's input axis above the horizontal."""
+    fixture = world.settings.fixture
+    return fixture.sense * head_deg + fixture.offset_deg + world.units[place].settings.mount_angle_deg + mounted_deg
+
+
+def _leg(world: World, leg: LegAsMeasured) -> dict[str, Any]:
+    """What the noiseless channel put out during a leg: temperature, output less gravity in g, K1 in pulse/s/g."""
+    unit = world.units[leg.place]
+    at_s = np.arange(world.true_time(leg.begin_s), world.true_time(leg.end_s), LEG_EVERY_S)
+    history = np.array(unit.history)
+    drifted_g, moving_g, sensor_c, thermometer_c = (np.interp(at_s, history[:, 0], row) for row in history.T[1:])
+    axis_rad = np.full_like(at_s, np.radians(_axis_deg(world, leg.place, leg.head_deg, leg.mounted_deg)))
+    k1 = _scale_factor(unit.truth, sensor_c)
+    force_g = (np.sin(axis_rad), np.cos(axis_rad), np.zeros_like(axis_rad))
+    output_g = unit.truth.rate_pps(unit.truth.current_a(force_g, sensor_c, drifted_g + moving_g)) / k1 - force_g[0]
+    columns = {"temperature_c": (thermometer_c, 5), "output_g": (output_g, 10), "K1": (k1, 4)}
+    return {name: np.round(values, digits).tolist() for name, (values, digits) in columns.items()}
+
+
+def _scale_factor(truth: UnitTruth, temperature_c: Array) -> Array:
+    """Half the difference of the rates at +1 g and -1 g, in pulse/s/g (methods.md 1.6)."""
+    nothing = np.zeros_like(temperature_c)
+    up, down = (
+        truth.rate_pps(truth.current_a((nothing + g, nothing, nothing), temperature_c, nothing)) for g in (1, -1)
+    )
+    return np.asarray((up - down) / 2)
 
 
 def channel_constants(

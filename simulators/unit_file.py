@@ -85,6 +85,13 @@ class HysteresisModel(StrictModel):
     thresholds: tuple[Annotated[float, InUnit("°C", above=0)], ...] = ()
 
 
+class JumpModel(StrictModel):
+    """A step of the bias, once: when the sensor first warms to a temperature."""
+
+    at: Celsius
+    size: Annotated[Draw, DrawIn("g")]
+
+
 class WarmUpModel(StrictModel):
     """A bias that dies away from power-on."""
 
@@ -114,6 +121,7 @@ class AccelerometerModel(StrictModel):
     misalignment_p: Annotated[Draw, DrawIn("rad")] = Draw(0)
     Kd: Annotated[Draw, DrawIn("g·s/°C")] = Draw(0)
     hysteresis: HysteresisModel = HysteresisModel()
+    jumps: tuple[JumpModel, ...] = ()
     drift: Annotated[Draw, DrawIn("g/s")] = Draw(0)
     warm_up: WarmUpModel = WarmUpModel()
     noise: NoiseModel = NoiseModel()

@@ -50,6 +50,7 @@ class UnitTruth:
     counter_bits: int
     converter_c: float
     supply_a: float
+    jumps: tuple[tuple[float, float], ...] = ()  # the temperature in °C and the size in g of each
 
     def current_a(self, force_g: tuple[Array, Array, Array], temperature_c: Array, extra_bias_g: Array) -> Array:
         """The accelerometer's output; `force_g` along input, pendulous and output axes, `extra_bias_g` what drifts."""
@@ -116,23 +117,35 @@ def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:
         counter_bits=c.counter_bits,
         converter_c=c.temperature,
         supply_a=unit.supply.current,
+        jumps=tuple(
+            (jump.at, value(jump.size, "accelerometer", "jumps", str(number))) for number, jump in enumerate(a.jumps)
+        ),
     )
 
 
 class Hysteresis:
-    """Play operators on the sensor's temperature, and what their sum does to the bias."""
+    """Play operators on the sensor's temperature, and what their sum does to the bias; beside them the jumps."""
 
     def __init__(self, truth: UnitTruth, start_c: float) -> None:
         self._thresholds = truth.thresholds_c
         self._gain = truth.hysteresis_g / sum(truth.thresholds_c) if truth.thresholds_c else 0.0
         self._play = [start_c] * len(truth.thresholds_c)
+        self._to_come, self._jumped_g, self._last_c = list(truth.jumps), 0.0, start_c
 
     def bias_g(self, temperature_c: float) -> float:
         """The bias after the temperature has come to `temperature_c`."""
         self._play = [
             max(temperature_c - r, min(temperature_c + r, y)) for r, y in zip(self._thresholds, self._play, strict=True)
         ]
-        return self._gain * sum(temperature_c - y for y in self._play)
+        return self._gain * sum(temperature_c - y for y in self._play) + self._after_jumps_g(temperature_c)
+
+    def _after_jumps_g(self, temperature_c: float) -> float:
+        """What has been added by the jumps whose temperatures have been passed on the way up."""
+        passed = [jump for jump in self._to_come if self._last_c < jump[0] <= temperature_c]
+        self._to_come = [jump for jump in self._to_come if jump not in passed]
+        self._jumped_g += sum(size_g for _, size_g in passed)
+        self._last_c = temperature_c
+        return self._jumped_g
 
 
 class Noise:

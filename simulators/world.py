@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +63,19 @@ class WorldSettings:
     places: Mapping[str, PlaceSettings] = field(default_factory=dict)
 
 
+class UnitState(NamedTuple):
+    """A unit at a true time: what hysteresis, drift and warm-up add to its bias, and what the rate of temperature adds.
+
+    Beside them the temperatures of its sensor and of an ideal thermometer at it.
+    """
+
+    true_s: float
+    drifted_g: float
+    moving_g: float
+    sensor_c: float
+    thermometer_c: float
+
+
 class SimulatedUnit:
     """One unit in its place: what its converter counts, and what the thermometer at it says."""
 
@@ -80,7 +94,7 @@ class SimulatedUnit:
         self._last_c = self._read_c = settings.chamber.start_c
         self._read_at_s = 0.0
         self.powered_at_s: float | None = None
-        self.bias_history: list[tuple[float, float]] = []  # true time; what hysteresis, drift and warm-up then added
+        self.history: list[UnitState] = []
 
     def charge_pulses(self, edges_s: Array) -> Array:
         """Pulses that the converter is owed in each interval between the consecutive times `edges_s`.
@@ -92,7 +106,7 @@ class SimulatedUnit:
         span = edges_s[-1] - edges_s[0]
         temperature = self._last_c + (middle - edges_s[0]) * ((now_c - self._last_c) / span)
         hysteresis_g = self._hysteresis.bias_g(now_c)
-        self.bias_history.append((float(edges_s[-1]), hysteresis_g + float(self._slow_bias_g(edges_s[-1:])[0])))
+        self.history.append(self._state(float(edges_s[-1]), hysteresis_g))
         self._last_c = now_c
         if self.powered_at_s is None:
             return np.zeros_like(middle)
@@ -114,9 +128,19 @@ class SimulatedUnit:
         current = self._current_a(middle, np.full_like(middle, now_c), hysteresis_g, noise.mean_g(interval))
         return float(current.mean())
 
+    def _state(self, true_s: float, hysteresis_g: float) -> UnitState:
+        thermal = self._world.thermal
+        drifted_g = hysteresis_g + float(self._slow_bias_g(np.array([true_s]))[0])
+        return UnitState(
+            true_s, drifted_g, self._moving_g(), thermal.sensor_c(self._index), thermal.thermometer_c(self._index)
+        )
+
+    def _moving_g(self) -> float:
+        """What the rate of temperature adds to the bias."""
+        return self.truth.kd * self._world.thermal.sensor_rate_c_per_s(self._index)
+
     def _current_a(self, at_s: Array, temperature_c: Array, hysteresis_g: float, noise_g: Array) -> Array:
-        moving_c_per_s = self._world.thermal.sensor_rate_c_per_s(self._index)
-        drifting = self._slow_bias_g(at_s) + (hysteresis_g + self.truth.kd * moving_c_per_s)
+        drifting = self._slow_bias_g(at_s) + (hysteresis_g + self._moving_g())
         return self.truth.current_a(self.force_g(at_s), temperature_c, drifting + noise_g)
 
     def _slow_bias_g(self, at_s: Array) -> Array:

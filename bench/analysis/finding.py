@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from bench.analysis.fit import Array
 from bench.analysis.limits import Limits, judge
 
 COVERAGE = 2
@@ -101,10 +102,23 @@ class TemperatureModel:
 
 
 @dataclass(frozen=True, slots=True)
+class LegCurve:
+    """A leg of a temperature ramp for a report to draw, (n,) in the order of time; jumps by their temperatures."""
+
+    cycle: int
+    rising: bool
+    temperature_c: Array
+    output_g: Array
+    residual_g: Array
+    jumps_c: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class UnitResult:
     """Everything one method found of one unit.
 
-    `left_out` names the parts that could not be reduced, `flags` are those of the unit as a whole.
+    `left_out` names the parts that could not be reduced, `flags` are those of the unit as a whole. `curves` are drawn,
+    and not kept with the results.
     """
 
     place: str
@@ -113,6 +127,7 @@ class UnitResult:
     models: tuple[TemperatureModel, ...]
     left_out: tuple[str, ...]
     flags: tuple[str, ...]
+    curves: tuple[LegCurve, ...] = ()
 
     @property
     def verdict(self) -> Literal["PASS", "FAIL", "INCOMPLETE"]:

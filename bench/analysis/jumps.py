@@ -16,10 +16,14 @@ SIGNIFICANCE = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Jump:
-    """A step between the samples `after - 1` and `after`; `size` is after minus before, in the unit of the record."""
+    """A step between the samples `after - 1` and `after`; `size` is after minus before, in the unit of the record.
+
+    `u` is its standard uncertainty from the scatter of the neighbours about their fit.
+    """
 
     after: int
     size: float
+    u: float
 
 
 def find_jumps(time_s: Array, value: Array, *, threshold: float, window: int = 8) -> list[Jump]:
@@ -40,7 +44,7 @@ def find_jumps(time_s: Array, value: Array, *, threshold: float, window: int = 8
     for i in largest_first:
         if not suppressed[i]:
             suppressed[max(i - 2 * window, 0) : i + 2 * window + 1] = True
-            found.append(Jump(int(i) + window, float(step[i])))
+            found.append(Jump(int(i) + window, float(step[i]), float(u[i])))
     return sorted(found, key=lambda jump: jump.after)
 
 

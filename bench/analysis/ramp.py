@@ -25,7 +25,7 @@ class RampRecord:
     leg: NDArray[np.str_]
     time_s: Array
     temperature_c: Array
-    output_v: Array
+    output_g: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Leg:
     name: str
     time_s: Array
     temperature_c: Array
-    output_v: Array
+    output_g: Array
     complete: bool
 
     def stretches(self, longest_hole: int) -> Iterator[slice]:
@@ -58,7 +58,7 @@ def cut_into_legs(record: RampRecord) -> tuple[list[Leg], dict[str, int]]:
     """
     keys = np.stack([record.cycle, record.leg == "down", record.time_s], axis=-1)
     placed = np.isfinite(keys).all(axis=-1) & np.isin(record.leg, ("up", "down"))
-    good = placed & np.isfinite(record.temperature_c) & np.isfinite(record.output_v)
+    good = placed & np.isfinite(record.temperature_c) & np.isfinite(record.output_g)
     order = _one_row_of_each_time(keys, placed, good)
     excluded = Counter(missing=int(np.sum(~good)), duplicate=int(np.sum(good) - np.sum(good[order])), thermometer=0)
     legs = []
@@ -75,7 +75,7 @@ def cut_into_legs(record: RampRecord) -> tuple[list[Leg], dict[str, int]]:
                 name="down" if falling else "up",
                 time_s=record.time_s[rows],
                 temperature_c=record.temperature_c[rows],
-                output_v=record.output_v[rows],
+                output_g=record.output_g[rows],
                 complete=2 * len(rows) >= len(scheduled),
             )
         )

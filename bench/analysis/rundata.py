@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,16 @@ class Counts:
     """One channel during one acquisition, a row for each latch that came whole; all (N,) and raw.
 
     `tick` is the device's clock in `tick_period_s`, `positive` and `negative` are cumulative; they wrap at 2**bits.
-    `sequence` is unwrapped: a step above 1 is a gap. `lost` latches did not come whole, `restarts` is how often the
-    counter began anew. `max_rate_pps` is the fastest that the converter can pulse.
+    `sequence` is unwrapped: a step above 1 is a gap. `host_s` is the bench time of arrival, good for finding a latch
+    and for nothing else. `lost` latches did not come whole, `restarts` is how often the counter began anew.
+    `max_rate_pps` is the fastest that the converter can pulse.
     """
 
     sequence: Integers
     tick: Integers
     positive: Integers
     negative: Integers
+    host_s: Array
     tick_bits: int
     counter_bits: int
     tick_period_s: float
@@ -32,14 +34,25 @@ class Counts:
     lost: int
     restarts: int
 
+    def part(self, first: int, last: int) -> Counts:
+        """From row `first` to row `last`, both included; where the counter began anew is not known of a part."""
+        rows = slice(first, last + 1)
+        sequence = self.sequence[rows]
+        lost = int(sequence[-1] - sequence[0]) + 1 - len(sequence) if len(sequence) else 0
+        return replace(
+            self, sequence=sequence, tick=self.tick[rows], positive=self.positive[rows], negative=self.negative[rows],
+            host_s=self.host_s[rows], lost=lost, restarts=0,
+        )  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True)
 class Acquisition:
     """One acquisition: its step and the group of steps it belongs to, and what the bench did meanwhile.
 
     `angle_deg` is what the head read back, `mounted_deg` what the mount of the fixture adds to the mount angles;
-    `set_c` is the chamber's set point, not-a-number before the first ramp; `counts` by channel; `temperatures_c` the
-    values of each named reading between `begin_s` and `end_s` of bench time.
+    `set_c` is the chamber's set point at the end, `set_from_c` at the beginning, not-a-number before the first ramp;
+    `counts` by channel; `temperatures_c` the values of each named reading between `begin_s` and `end_s` of bench time,
+    taken at `temperatures_at_s`.
     """
 
     step: str
@@ -48,9 +61,11 @@ class Acquisition:
     begin_s: float
     end_s: float
     angle_deg: float
+    set_from_c: float
     set_c: float
     counts: Mapping[str, Counts]
     temperatures_c: Mapping[str, Array]
+    temperatures_at_s: Mapping[str, Array]
     mounted_deg: float = 0.0
 
 

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from bench.analysis.fit import Array, NotDetermined, fit_polynomial, least_squares
+from bench.analysis.fit import Array, NotDetermined, PolynomialFit, fit_polynomial, least_squares
 from bench.analysis.jumps import find_jumps
 from bench.analysis.ramp import Leg, RampRecord, cut_into_legs
 
+UG_PER_G = 1e6
 RATE_SAMPLES = 21  # over which dT/dt is smoothed
 LEFT_BY_LAG = 0.2  # of the mean loop, when lag explains most of it
 
@@ -35,12 +36,13 @@ class RampLimits:
 
 @dataclass(frozen=True, slots=True)
 class RampJump:
-    """A jump of the output at `temperature_c`; `size_ug` is after minus before in time."""
+    """A jump of the output at `temperature_c`; `size_ug` is after minus before in time, `u_ug` from the scatter."""
 
     cycle: int
     leg: str
     temperature_c: float
     size_ug: float
+    u_ug: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,27 +53,40 @@ class LagModel:
     nor judged: there dT/dt is already new while a lagging output still turns.
     """
 
-    bias_v: float
-    slope_v_per_c: float
-    rate_v_s_per_c: float
+    bias_g: float
+    slope_g_per_c: float
+    rate_g_s_per_c: float
     max_residual_ug: float
 
 
 @dataclass(frozen=True, slots=True)
-class DynamicCharacteristic:
-    """The straight line U = bias + slope T over all data, and the departures from it in µg.
+class Differences:
+    """How two legs differ at the whole degrees that both have passed, (n,): one less other in µg at `temperature_c`.
 
-    `hysteresis_ug` is None without a temperature passed on both legs of a cycle, `repeatability_ug` without a second
-    cycle, `lag` where the rate of temperature did not change. `is_lag`: the lag model removes most of the loop, which
-    then is no hysteresis. `excluded` counts rows by reason.
+    `cycle` is that of the one, `leg` is empty for the rising against the falling one.
     """
 
-    bias_v: float
-    slope_v_per_c: float
-    max_residual_ug: float
-    rms_residual_ug: float
-    hysteresis_ug: float | None
-    repeatability_ug: float | None
+    cycle: int
+    leg: str
+    temperature_c: Array
+    ug: Array
+
+
+@dataclass(frozen=True, slots=True)
+class DynamicCharacteristic:
+    """The straight line U = bias + slope T over all data, in g over °C, and the departures from it in µg.
+
+    `residuals_ug` by leg; `loops` are rising against falling legs of a cycle, empty without a temperature passed on
+    both, `changes` the legs of later cycles against the same of the first. `lag` is None where the rate of temperature
+    did not change. `is_lag`: the lag model removes most of the loop, which then is no hysteresis. `excluded` counts
+    rows by reason.
+    """
+
+    legs: tuple[Leg, ...]
+    line: PolynomialFit
+    residuals_ug: tuple[Array, ...]
+    loops: tuple[Differences, ...]
+    changes: tuple[Differences, ...]
     jumps: tuple[RampJump, ...]
     lag: LagModel | None
     is_lag: bool
@@ -79,9 +94,29 @@ class DynamicCharacteristic:
     flags: tuple[str, ...]
     excluded: dict[str, int]
 
+    @property
+    def max_residual_ug(self) -> float:
+        """The largest departure from the line."""
+        return self.line.max_residual * UG_PER_G
 
-def reduce_ramp(record: RampRecord, scale_v_per_g: float, limits: RampLimits) -> DynamicCharacteristic:
-    """Residuals, hysteresis, repeatability, jumps, lag model and verdict; `scale_v_per_g` is the scale factor K1.
+    @property
+    def rms_residual_ug(self) -> float:
+        """The departure from the line, root mean square."""
+        return float(np.sqrt(np.mean(self.line.residuals**2))) * UG_PER_G
+
+    @property
+    def hysteresis_ug(self) -> float | None:
+        """The largest of the loops; None without one."""
+        return _largest(self.loops)
+
+    @property
+    def repeatability_ug(self) -> float | None:
+        """The largest of the changes between cycles; None without a second cycle."""
+        return _largest(self.changes)
+
+
+def reduce_ramp(record: RampRecord, limits: RampLimits) -> DynamicCharacteristic:
+    """Residuals, hysteresis, repeatability, jumps, lag model and verdict.
 
     All usable samples take part in all figures: a jump counts in the residual and in the loop as well. The verdict is
     "pass", "fail", or "invalid" when a leg has lost more than half of its samples. Flags: `ill_conditioned` when there
@@ -90,34 +125,30 @@ def reduce_ramp(record: RampRecord, scale_v_per_g: float, limits: RampLimits) ->
     Raises NotDetermined without two different temperatures.
     """
     legs, excluded = cut_into_legs(record)
-    line = fit_polynomial(_joined(leg.temperature_c for leg in legs), _joined(leg.output_v for leg in legs), 1)
-    ug_per_v = 1e6 / scale_v_per_g
-    residuals_ug = [(leg.output_v - line.value(leg.temperature_c)) * ug_per_v for leg in legs]
+    line = fit_polynomial(_joined(leg.temperature_c for leg in legs), _joined(leg.output_g for leg in legs), 1)
+    residuals_ug = [(leg.output_g - line.value(leg.temperature_c)) * UG_PER_G for leg in legs]
     at_degrees = _at_whole_degrees(legs, residuals_ug)
-    loops = _loops(at_degrees)
+    loops, changes = _loops(at_degrees), _changes(at_degrees)
     jumps = tuple(_jumps(legs, residuals_ug, limits))
-    max_residual_ug = line.max_residual * abs(ug_per_v)
-    repeatability_ug = _largest(_changes(at_degrees))
-    lag, loops_left = _lag_model(legs, ug_per_v)
+    lag, loops_left = _lag_model(legs)
     flags = {
         "ill_conditioned": lag is None,
         "invalid": not all(leg.complete for leg in legs),
     }
     failed = (
         bool(jumps)
-        or _exceeds(max_residual_ug, limits.residual_ug)
-        or _exceeds(repeatability_ug, limits.repeatability_ug)
+        or _exceeds(line.max_residual * UG_PER_G, limits.residual_ug)
+        or _exceeds(_largest(changes), limits.repeatability_ug)
     )
     return DynamicCharacteristic(
-        bias_v=float(line.powers[0]),
-        slope_v_per_c=float(line.powers[1]),
-        max_residual_ug=max_residual_ug,
-        rms_residual_ug=float(np.sqrt(np.mean(line.residuals**2)) * abs(ug_per_v)),
-        hysteresis_ug=_largest(loops),
-        repeatability_ug=repeatability_ug,
+        legs=tuple(legs),
+        line=line,
+        residuals_ug=tuple(residuals_ug),
+        loops=loops,
+        changes=changes,
         jumps=jumps,
         lag=lag,
-        is_lag=len(loops_left) > 0 and bool(np.mean(loops_left) < LEFT_BY_LAG * np.mean(loops)),
+        is_lag=bool(loops_left) and _mean(loops_left) < LEFT_BY_LAG * _mean(loops),
         verdict="invalid" if flags["invalid"] else "fail" if failed else "pass",
         flags=tuple(flag for flag, raised in flags.items() if raised),
         excluded=excluded,
@@ -128,22 +159,37 @@ def _joined(parts: Iterable[Array]) -> Array:
     return np.concatenate([np.zeros(0), *parts])
 
 
-def _largest(differences_ug: Array) -> float | None:
-    return float(np.max(differences_ug)) if len(differences_ug) else None
+def _largest(differences: Sequence[Differences]) -> float | None:
+    return max((float(np.max(np.abs(each.ug))) for each in differences), default=None)
+
+
+def _mean(differences: Sequence[Differences]) -> float:
+    return float(np.mean(np.abs(_joined(each.ug for each in differences))))
 
 
 def _exceeds(value: float | None, limit: float | None) -> bool:
     return value is not None and limit is not None and value > limit
 
 
-def _at_whole_degrees(legs: Sequence[Leg], residuals_ug: Sequence[Array]) -> dict[tuple[int, str], Array]:
-    """For each leg, by cycle and name, its residual at every whole degree of the record; NaN where it did not pass."""
+@dataclass(frozen=True, slots=True)
+class _AtDegrees:
+    """Each leg, by cycle and name, at every whole degree of the record; NaN where it did not pass."""
+
+    temperature_c: Array
+    legs_ug: dict[tuple[int, str], Array]
+
+    def between(self, one: tuple[int, str], other: tuple[int, str], leg: str) -> Differences | None:
+        """How two legs differ; None when they have no degree in common."""
+        differences_ug = self.legs_ug[one] - self.legs_ug[other]
+        common = np.isfinite(differences_ug)
+        return Differences(one[0], leg, self.temperature_c[common], differences_ug[common]) if common.any() else None
+
+
+def _at_whole_degrees(legs: Sequence[Leg], residuals_ug: Sequence[Array]) -> _AtDegrees:
     temperature_c = _joined(leg.temperature_c for leg in legs)
     degrees_c = np.arange(np.ceil(np.min(temperature_c)), np.floor(np.max(temperature_c)) + 1)
-    return {
-        (leg.cycle, leg.name): _passing(degrees_c, leg, residual_ug)
-        for leg, residual_ug in zip(legs, residuals_ug, strict=True)
-    }
+    pairs = zip(legs, residuals_ug, strict=True)
+    return _AtDegrees(degrees_c, {(leg.cycle, leg.name): _passing(degrees_c, leg, ug) for leg, ug in pairs})
 
 
 def _passing(degrees_c: Array, leg: Leg, residual_ug: Array) -> Array:
@@ -175,28 +221,22 @@ def _line_at(at: float, x: Array, y: Array) -> float:
     return float(y.mean() + (away @ y / spread * (at - x.mean()) if spread else 0.0))
 
 
-def _loops(at_degrees: dict[tuple[int, str], Array]) -> Array:
-    """|rising - falling| at all whole degrees that both legs of a cycle passed, all cycles together."""
-    return _finite(
-        np.abs(rising_ug - at_degrees[cycle, "down"])
-        for (cycle, leg), rising_ug in at_degrees.items()
-        if leg == "up" and (cycle, "down") in at_degrees
-    )
+def _loops(at_degrees: _AtDegrees) -> tuple[Differences, ...]:
+    """Rising less falling for each cycle that has both."""
+    cycles = [cycle for cycle, leg in at_degrees.legs_ug if leg == "up" and (cycle, "down") in at_degrees.legs_ug]
+    found = (at_degrees.between((cycle, "up"), (cycle, "down"), "") for cycle in cycles)
+    return tuple(each for each in found if each is not None)
 
 
-def _changes(at_degrees: dict[tuple[int, str], Array]) -> Array:
-    """|cycle n - first cycle| of the same leg at all whole degrees, all later cycles together."""
-    first = {leg: cycle for cycle, leg in sorted(at_degrees, reverse=True)}
-    return _finite(
-        np.abs(residual_ug - at_degrees[first[leg], leg])
-        for (cycle, leg), residual_ug in at_degrees.items()
+def _changes(at_degrees: _AtDegrees) -> tuple[Differences, ...]:
+    """A later cycle less the first one, by leg."""
+    first = {leg: cycle for cycle, leg in sorted(at_degrees.legs_ug, reverse=True)}
+    found = (
+        at_degrees.between((cycle, leg), (first[leg], leg), leg)
+        for cycle, leg in at_degrees.legs_ug
         if cycle != first[leg]
     )
-
-
-def _finite(parts: Iterable[Array]) -> Array:
-    joined = _joined(parts)
-    return joined[np.isfinite(joined)]
+    return tuple(each for each in found if each is not None)
 
 
 def _jumps(legs: Sequence[Leg], residuals_ug: Sequence[Array], limits: RampLimits) -> Iterator[RampJump]:
@@ -207,23 +247,23 @@ def _jumps(legs: Sequence[Leg], residuals_ug: Sequence[Array], limits: RampLimit
             temperature_c = leg.temperature_c[part]
             for jump in find_jumps(leg.time_s[part], residual_ug[part], threshold=threshold_ug, window=window):
                 at_c = (temperature_c[jump.after - 1] + temperature_c[jump.after]) / 2
-                yield RampJump(leg.cycle, leg.name, float(at_c), jump.size)
+                yield RampJump(leg.cycle, leg.name, float(at_c), jump.size, jump.u)
 
 
-def _lag_model(legs: Sequence[Leg], ug_per_v: float) -> tuple[LagModel | None, Array]:
+def _lag_model(legs: Sequence[Leg]) -> tuple[LagModel | None, tuple[Differences, ...]]:
     """The lag model and what it leaves of the loops; None when the rate of temperature is the same throughout."""
     designs = [np.stack([np.ones_like(leg.time_s), leg.temperature_c, _rates_c_per_s(leg)], axis=-1) for leg in legs]
-    design, output_v = np.concatenate(designs), _joined(leg.output_v for leg in legs)
+    design, output_g = np.concatenate(designs), _joined(leg.output_g for leg in legs)
     known = np.isfinite(design[:, 2])
     try:
-        fit = least_squares(design[known], output_v[known], names=("B0", "B1", "Bd"))
+        fit = least_squares(design[known], output_g[known], names=("B0", "B1", "Bd"))
     except NotDetermined:
-        return None, np.zeros(0)
+        return None, ()
     pairs = zip(legs, designs, strict=True)
-    residuals_ug = [(leg.output_v - columns @ fit.coefficients) * ug_per_v for leg, columns in pairs]
-    largest_ug = float(np.max(np.abs(fit.residuals))) * abs(ug_per_v)
-    bias_v, slope_v_per_c, rate_v_s_per_c = (float(coefficient) for coefficient in fit.coefficients)
-    model = LagModel(bias_v, slope_v_per_c, rate_v_s_per_c, largest_ug)
+    residuals_ug = [(leg.output_g - columns @ fit.coefficients) * UG_PER_G for leg, columns in pairs]
+    largest_ug = float(np.max(np.abs(fit.residuals))) * UG_PER_G
+    bias_g, slope_g_per_c, rate_g_s_per_c = (float(coefficient) for coefficient in fit.coefficients)
+    model = LagModel(bias_g, slope_g_per_c, rate_g_s_per_c, largest_ug)
     return model, _loops(_at_whole_degrees(legs, residuals_ug))
 
 

@@ -30,7 +30,7 @@ from bench.store.runs import RunDirectory
 from bench.store.writer import RunWriter
 from drivers.can_counter.description import CounterOptions
 from drivers.values import Reading
-from simulators.truth import DwellAsMeasured, truth_record
+from simulators.truth import DwellAsMeasured, LegAsMeasured, truth_record
 
 CALLED = "called"  # the folder of sequences that the one of a run calls
 
@@ -180,7 +180,7 @@ def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: S
             results = stored.evaluate()
             record["verdict"] = results.verdict
             if ran.laboratory is not None:
-                directory.write_json("truth.json", truth_record(ran.laboratory.world, _dwells(stored)))
+                directory.write_json("truth.json", truth_record(ran.laboratory.world, _dwells(stored), _legs(stored)))
                 record["hashes"]["truth.json"] = manifest.file_hash(path / "truth.json")
             directory.write_json("results.json", results.to_json())
         except BenchError as problem:
@@ -212,12 +212,11 @@ def _report(stored: StoredRun, outcome: Outcome) -> None:
 def _dwells(stored: StoredRun) -> list[DwellAsMeasured]:
     """The dwells of a run as the truth wants to know them: when, how warm, at which angles."""
     found = []
-    for label in dict.fromkeys(entry.data for entry in stored.sequence.results):
-        data = stored.data(label)
+    for data in stored.counted_at("dwells"):
         groups: dict[str, list[Acquisition]] = {}
         for acquisition in data.acquisitions:
             groups.setdefault(acquisition.group, []).append(acquisition)
-        found += [_dwell(label, unit, group, members) for unit in data.units for group, members in groups.items()]
+        found += [_dwell(data.label, unit, group, members) for unit in data.units for group, members in groups.items()]
     return found
 
 
@@ -230,3 +229,20 @@ def _dwell(label: str, unit: UnitUnderTest, group: str, members: Sequence[Acquis
         head_deg=tuple(member.angle_deg for member in members),
         mounted_deg=tuple(member.mounted_deg for member in members),
     )
+
+
+def _legs(stored: StoredRun) -> list[LegAsMeasured]:
+    """The legs of temperature ramps, for the truth: an acquisition each."""
+    return [
+        LegAsMeasured(
+            key=f"{data.label}/{unit.place}@{acquisition.step}",
+            place=unit.place,
+            begin_s=acquisition.begin_s,
+            end_s=acquisition.end_s,
+            head_deg=acquisition.angle_deg,
+            mounted_deg=acquisition.mounted_deg,
+        )
+        for data in stored.counted_at("ramps")
+        for unit in data.units
+        for acquisition in data.acquisitions
+    ]

@@ -41,6 +41,7 @@ _UNSEEN = re.compile(
 )
 # Seen at once, where the parser labours:
 _TOO_DEEP = re.compile(rf"(?:[\[{{][^][{{}}]{{0,100}}){{{DEPTH_LIMIT + 1}}}")
+_CLOSED = re.compile(r"\[[^][{}]{0,100}\]|\{[^][{}]{0,100}\}")
 _LONG_TAG = re.compile(r"^%TAG|(?<![^\s\[{,:-])!\S{100}", re.MULTILINE)
 _WORDS: dict[str, Any] = {"": None, "~": None, "null": None, "true": True, "false": False}
 
@@ -153,8 +154,11 @@ def read_text(path: Path) -> str:
 def parse_document(text: str, path: Path) -> Document:
     """The document that `text` spells; `path` is only for messages."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n")
-    for bad, problem in ((_UNSEEN, _INVISIBLE), (_TOO_DEEP, _DEEP), (_LONG_TAG, _TAGGED)):
-        if found := bad.search(lines):
+    opened = _CLOSED.sub(lambda pair: " " * len(pair[0]), lines)  # which leaves what is open around them
+    for bad, where, problem in (
+        (_UNSEEN, lines, _INVISIBLE), (_LONG_TAG, lines, _TAGGED), (_TOO_DEEP, lines, _DEEP), (_TOO_DEEP, opened, _DEEP)
+    ):  # fmt: skip
+        if found := bad.search(where):
             line = lines.count("\n", 0, found.start()) + 1
             column = found.start() - lines.rfind("\n", 0, found.start())
             raise InputError(f"{path}:{line}:{column}: {problem.format(ord(found[0][0]))}")

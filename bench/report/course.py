@@ -41,7 +41,10 @@ class Span:
 
 @dataclass(frozen=True)
 class Course:
-    """What the journal says of when things happened; `incident_s` is when the run left its plan."""
+    """What the journal says of when things happened; `incident_s` is when the run left its plan.
+
+    `dwells` are the legs where it counted on ramps.
+    """
 
     began_s: float
     ended_s: float
@@ -77,11 +80,12 @@ def course_of(run: StoredRun, data: Sequence[RunData]) -> Course:
         if event.kind in ("step_begins", "made_safe"):
             begins.setdefault(_phase(event), event.at_s)
     edges_s = [*begins.values(), ended_s]
+    on_ramps = {part.label for part in run.counted_at("ramps")}
     return Course(
         began_s=began_s,
         ended_s=ended_s,
         phases=tuple(map(Span, begins, edges_s[:-1], edges_s[1:])),
-        dwells=tuple(dwell for part in data for dwell in _dwells(part)),
+        dwells=tuple(span for part in data for span in (_legs if part.label in on_ramps else _dwells)(part)),
         acquisitions=tuple(Span(each.step, each.begin_s, each.end_s) for part in data for each in part.acquisitions),
         incident_s=next((event.at_s for event in events if event.kind in INCIDENTS), None),
     )
@@ -94,6 +98,12 @@ def _dwells(data: RunData) -> Iterator[Span]:
         groups.setdefault(acquisition.group, []).append(acquisition)
     for number, members in enumerate(groups.values()):
         yield Span(str(number), members[0].begin_s, members[-1].end_s)
+
+
+def _legs(data: RunData) -> Iterator[Span]:
+    """The legs of temperature ramps, an acquisition each, numbered from 1."""
+    for number, leg in enumerate(data.acquisitions, start=1):
+        yield Span(f"leg {number}", leg.begin_s, leg.end_s)
 
 
 def _phase(event: Event) -> str:
@@ -120,8 +130,8 @@ def course_plot(run: StoredRun, course: Course) -> Plot | None:
     figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=6)
     title = "Course of the run"
     caption = (
-        "On top the phases of the run and the dwells by their numbers. Shaded: the dwells while they were measured; "
-        "the ticks at the lower edge are the single acquisitions."
+        "On top the phases of the run, and by their numbers the dwells, or the legs of its ramps. Shaded: these while "
+        "they were measured; the ticks at the lower edge are the single acquisitions."
     )
     return Plot(title, rendered(figure, "course", title), caption)
 

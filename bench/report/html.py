@@ -17,6 +17,7 @@ from bench.report.course import course_of, course_plot
 from bench.report.findings import Results
 from bench.report.measured import OnTheWay
 from bench.report.plots import Plot, unit_plots
+from bench.report.ramp_plots import ramp_plots
 from bench.report.stored import BENCH_COPY, StoredRun
 from bench.report.svg import drawing
 from bench.report.words import flag_in_words
@@ -102,11 +103,11 @@ def _section(unit: UnitResult, name: str, limits: Mapping[str, Limits]) -> UnitS
         name=name,
         result=unit,
         verdicts=tuple(tables.verdict_rows(unit, limits)),
-        plots=tuple(unit_plots(unit, name)),
+        plots=(*unit_plots(unit, name), *ramp_plots(unit, name)),
         dwells=tables.dwell_table(unit),
         over_run=tuple(tables.over_run_rows(unit)),
         models=tuple(map(tables.model_table, unit.models)),
-        budgets=tuple(budget(finding, numbers) for finding in [*first.values(), *tables.over_run(unit)]),
+        budgets=tuple(budget(each, numbers) for each in [*first.values(), *tables.over_run(unit)] if each.budget),
         budgets_of_dwells=tuple(budgets_of_dwells(unit, quantity) for quantity in first) if len(dwells) > 1 else (),
     )
 

@@ -48,7 +48,11 @@ def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple
     state = {"angle_deg": 0.0, "mounted_deg": bench.fixture.mounted_deg(), "set_point_c": float("nan")}
     dwells = DwellNames()
     found: dict[str, tuple[Event, str, Mapping[str, float]]] = {}
-    for event in reader.events("step_ended"):
+    begun_c: dict[str, float] = {}
+    for event in reader.events("step_begins", "step_ended"):
+        if event.kind == "step_begins":
+            begun_c[event.step] = state["set_point_c"]
+            continue
         state.update({key: float(event.data[key]) for key in state if key in event.data})
         if "mount" in event.data:
             state["mounted_deg"] = bench.fixture.mounted_deg(event.data["mount"])
@@ -57,7 +61,7 @@ def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple
         if event.data.get("label") == label:
             step = first_visit(event.step)
             found.pop(step, None)
-            found[step] = (event, dwells.of(step), dict(state))
+            found[step] = (event, dwells.of(step), state | {"set_from_c": begun_c[event.step]})
     yield from found.values()
 
 
@@ -74,6 +78,7 @@ def _acquisition(
         counts.update(decoder.counts(frames.get(role, FrameBlock.empty())))
     parts = event.step.split("/")
     begin_s, end_s = float(event.data["begin_s"]), float(event.data["end_s"])
+    meanwhile = {name: series.between(begin_s, end_s) for name, series in temperatures.items()}
     return Acquisition(
         step=event.step,
         group=dwell,
@@ -81,10 +86,12 @@ def _acquisition(
         begin_s=begin_s,
         end_s=end_s,
         angle_deg=state["angle_deg"],
+        set_from_c=state["set_from_c"],
         set_c=state["set_point_c"],
         mounted_deg=state["mounted_deg"],
         counts=counts,
-        temperatures_c={name: series.between(begin_s, end_s).values for name, series in temperatures.items()},
+        temperatures_c={name: series.values for name, series in meanwhile.items()},
+        temperatures_at_s={name: series.at_s for name, series in meanwhile.items()},
     )
 
 

@@ -18,6 +18,10 @@ SHOWN = {
     "K0/hysteresis": (1e6, "µg"),
     "K1/hysteresis": (1e6, "ppm"),
     "K0/model_residual": (1e6, "µg"),
+    "K0/model_residual_rms": (1e6, "µg"),
+    "K0/repeatability": (1e6, "µg"),
+    "K0/largest_jump": (1e6, "µg"),
+    "K0/jump": (1e6, "µg"),
     "K1/model_residual": (1e6, "ppm"),
 }
 
@@ -36,11 +40,16 @@ def megabytes(size_bytes: int) -> str:
 
 
 def shown(finding: Finding) -> str:
-    """Value ± expanded uncertainty in the unit for people, to the digits that the uncertainty justifies."""
+    """Value ± expanded uncertainty in the unit for people, to the digits that the uncertainty justifies.
+
+    What is counted has no budget and is exact.
+    """
     factor, _ = SHOWN.get(finding.quantity, (1.0, ""))
     value, expanded = finding.value * factor, 2 * finding.u * factor
     digits = decimals(expanded)
     mark = " !" if finding.verdict in ("FAIL", "INVALID") else ""
+    if not finding.budget:
+        return f"{value:.9g}{mark}"
     return f"{value:.{digits}f} ± {expanded:.{digits}f}{mark}"
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from bench.analysis.rundata import RunData
 from bench.config.bench import load_kept_bench
@@ -15,6 +15,7 @@ from bench.report.findings import Results, evaluate
 from bench.report.measured import on_the_way
 from bench.report.rundata import run_data
 from bench.sequence.load import load_sequence
+from bench.sequence.methods import known_methods
 from bench.store.reader import RunReader
 from bench.store.runs import summary
 
@@ -42,6 +43,11 @@ class StoredRun:
         if label not in self._data:
             self._data[label] = run_data(self.reader, self.bench, self.serials, label)
         return self._data[label]
+
+    def counted_at(self, what: Literal["dwells", "ramps"]) -> list[RunData]:
+        """What was acquired for methods that count at dwells, or on temperature ramps."""
+        entries = [entry for entry in self.sequence.results if known_methods()[entry.method].counts_at == what]
+        return [self.data(label) for label in dict.fromkeys(entry.data for entry in entries)]
 
     def evaluate(self) -> Results:
         """The findings of the methods that the sequence asks for."""

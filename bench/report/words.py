@@ -26,6 +26,7 @@ REASONS = {
     IN_GUARD_BAND: "inside its limits, but within their guard band",
     GUARD_BANDS_MEET: "its uncertainty is so large that no value could pass the guard band",
     U_UNKNOWN: "its uncertainty is not known, and the guard band needs it",
+    "lag": "the loop is a lag behind the thermometer, not hysteresis: a model with dT/dt removes most of it",
 }
 CONTENTS = {"contains:K3": "contains K3", "contains:asymmetry": "contains the converter's asymmetry"}
 
@@ -37,6 +38,7 @@ _READINGS = {
     "impossible_rate": "more pulses than the converter can give",
     "dead_band": "no pulse for much longer than its rate lets expect, as in the dead band of the converter",
     "no_temperature": "no temperature of the unit",
+    "thermometer": "a temperature that a working thermometer cannot say",
 }
 _UNITS = {
     "type_a:no_repeats": (
@@ -50,6 +52,13 @@ _QUANTITIES = {
     "not_determined": "it has a limit, and the run does not hold what it takes to determine it.",
     "temperature_slope_unknown": "how it changes with temperature is not known, so the thermometer has no part in U.",
 }
+_PARTS = {
+    "part_missing": "part: there is no leg at this input, without which nothing can be determined.",
+    "leg_incomplete": "more than half of its samples could not be used.",
+    "not_one_leg": "left out: it is no leg, its set point ends where it began.",
+    "another_angle": "left out: the part has legs at another angle, and the method is of one.",
+}
+_SAMPLES = re.compile(r"(?:(.+): )?(\d+) samples(?:: (\w+))")
 _INCOMPLETE = re.compile(r"dwell (\d+) incomplete: (.+)")
 
 
@@ -63,7 +72,14 @@ def flag_in_words(flag: str) -> str:
         if missing == "ill_conditioned":
             return f"Dwell {number} is left out: its readings do not determine the four unknowns."
         return f"Dwell {number} is left out: no usable reading near {missing.replace(', ', '°, ')}°."
+    samples = _SAMPLES.fullmatch(flag)
+    if samples and samples[3] in _READINGS:
+        return f"{samples[2]} samples are left out: {_READINGS[samples[3]]}" + (
+            f" ({samples[1]})." if samples[1] else "."
+        )
     step, _, problem = flag.rpartition(": ")
+    if problem in _PARTS:
+        return f"{step}: {_PARTS[problem]}"
     if problem in _READINGS:
         return f"A reading is left out: {_READINGS[problem]} ({step})."
     quantity, _, problem = flag.partition(":")
@@ -112,10 +128,14 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
     if "dwells" in at:
         numbers = [str(dwells.get(path, path)) for path in at["dwells"]]
         parts.append(f"dwell{'s' if len(numbers) > 1 else ''} {' and '.join(numbers)}")
+    elif "cycle" in at and "dwells" not in at:
+        parts.append(f"cycle {at['cycle']}")
     if at.get("temperature_set_c") is not None:
         parts.append(f"set point {at['temperature_set_c']:g} °C")
     elif "temperature_c" in at:
         parts.append(f"centre {at['temperature_c']:.1f} °C")
     if "leg" in at:
         parts.append("rising" if at["leg"] == "up" else "falling")
+    if "at_c" in at:
+        parts.append(f"at {at['at_c']:.1f} °C")
     return ", ".join(parts)

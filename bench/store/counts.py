@@ -35,6 +35,7 @@ class CountDecoder:
                 tick=raw.tick,
                 positive=raw.positive,
                 negative=raw.negative,
+                host_s=raw.host_s,
                 tick_bits=raw.tick_bits,
                 counter_bits=raw.counter_bits,
                 tick_period_s=self._options.latch.tick_period,

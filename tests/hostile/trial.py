@@ -14,7 +14,8 @@ from pathlib import Path
 from bench.config import layout
 from bench.config.bench import load_bench
 from bench.errors import InputError
-from bench.sequence.load import load_judged_plan
+from bench.sequence.load import load_plan
+from bench.sequence.plan import Plan
 from tests.hostile.corpus import ROOT
 from tests.hostile.documents import Hostile
 from tests.hostile.plans import NEIGHBOURS
@@ -22,6 +23,7 @@ from tests.hostile.plans import NEIGHBOURS
 LIMIT_S = 0.1
 LAYOUT_LIMIT_S = 0.3  # reads a document twice, and scans it once more
 LONG_PLAN_LIMIT_S = 2.0  # for a plan of as many steps as there may be, each with values of its own
+MANY_STEPS = 1000
 LONG_PLANS = ("plans.explosions", "plans.ranges", "plans.calls")
 HANG_S = 10
 ACCEPTED, REFUSED, HANG = "accepted", "refused", "hang"
@@ -44,6 +46,7 @@ class Reading:
     outcome: str
     time_s: float
     detail: str = ""
+    steps: int = 0  # of the plan, where there is one
 
     @property
     def is_offence(self) -> bool:
@@ -58,8 +61,9 @@ class Reading:
 
     @property
     def is_long_plan(self) -> bool:
-        """Whether the document means more steps than it says, as many as there may be."""
-        return self.kind in LONG_PLANS or re.search(r"has more than \d+ (steps|passes)", self.detail) is not None
+        """Whether the document means many more steps than it says."""
+        refused = re.search(r"has more than \d+ (steps|passes)", self.detail)
+        return self.kind in LONG_PLANS or self.steps > MANY_STEPS or refused is not None
 
     @property
     def limit_s(self) -> float:
@@ -89,9 +93,9 @@ class Readers:
         bench = load_bench(ROOT / "config/simulated.yaml").bench
         smoke = WARM_UP[0]
         self._ways: dict[str, Callable[[Path], object]] = {
-            "sequence": lambda path: load_judged_plan(path, bench),
+            "sequence": lambda path: load_plan(path, bench),
             "bench": load_bench,
-            "parameters": lambda path: load_judged_plan(smoke, bench, parameters=path),
+            "parameters": lambda path: load_plan(smoke, bench, parameters=path),
             "layout": lambda path: layout.changes([path]),
         }
         for path in WARM_UP:
@@ -111,10 +115,10 @@ class Readers:
     def _one(self, document: Hostile, way: str, clock: Callable[[], float]) -> Reading:
         signal.signal(signal.SIGALRM, _hang)
         signal.setitimer(signal.ITIMER_REAL, HANG_S)
-        outcome, detail = ACCEPTED, ""
+        outcome, detail, made = ACCEPTED, "", None
         began_s = clock()
         try:
-            self._ways[way](self._path)
+            made = self._ways[way](self._path)
         except InputError as error:
             outcome, detail = REFUSED, str(error)
         except _Hang:
@@ -125,7 +129,8 @@ class Readers:
         signal.setitimer(signal.ITIMER_REAL, 0)
         if outcome == REFUSED and (odd := _odd(detail)):
             outcome, detail = odd, detail[:500]
-        return Reading(document.index, document.kind, way, outcome, took_s, detail if outcome != ACCEPTED else "")
+        steps = len(made) if isinstance(made, Plan) else 0
+        return Reading(document.index, document.kind, way, outcome, took_s, detail, steps)
 
 
 def _odd(message: str) -> str:

@@ -28,6 +28,7 @@ def counted(
         "tick": (4_294_000_000 + 100_000 * number[kept]) % 2**32,
         "positive": (16_770_000 + (pulses if rate_pps > 0 else still)[kept]) % 2**24,
         "negative": (7 + (pulses if rate_pps < 0 else still)[kept]) % 2**24,
+        "host_s": 0.1 * number[kept],
         "tick_bits": 32,
         "counter_bits": 24,
         "tick_period_s": 1e-6,

@@ -285,7 +285,7 @@ DEEP = "is nested more than 20 deep"
         ("a: 1\nb: " + "{a: " * 21 + "1" + "}" * 21, f"2:4: {DEEP}"),
         ("- " * 21 + "x", f"1:41: {DEEP}"),
         ("".join(" " * level + "a:\n" for level in range(21)), f"21:21: {DEEP}"),
-        ("[[], " * 21, f"1:97: {DEEP}"),
+        ("[[], " * 21, f"1:1: {DEEP}"),
         ("x: " + "y" * 4097, "1:4: is longer than 4096 characters"),
         (f"x: '{'y' * 4097}'", "1:4: is longer than 4096 characters"),
         ("x: |\n" + "  y\n" * 2049, "1:4: is longer than 4096 characters"),

@@ -8,13 +8,13 @@ NAN = np.nan
 
 
 def record(*rows):
-    cycle, leg, time_s, temperature_c, output_v = zip(*rows, strict=True)
+    cycle, leg, time_s, temperature_c, output_g = zip(*rows, strict=True)
     return RampRecord(
         cycle=np.array(cycle, dtype=float),
         leg=np.array(leg),
         time_s=np.array(time_s, dtype=float),
         temperature_c=np.array(temperature_c, dtype=float),
-        output_v=np.array(output_v, dtype=float),
+        output_g=np.array(output_g, dtype=float),
     )
 
 
@@ -24,7 +24,7 @@ def test_rows_in_any_order_become_legs_in_order():
             (2, "up", 9, 20, 9), (1, "down", 7, 21, 7), (1, "up", 2, 21, 2), (1, "up", 1, 20, 1), (1, "down", 6, 22, 6)
         )
     )  # fmt: skip
-    assert [(leg.cycle, leg.name, leg.output_v.tolist()) for leg in legs] == [
+    assert [(leg.cycle, leg.name, leg.output_g.tolist()) for leg in legs] == [
         (1, "up", [1, 2]),
         (1, "down", [6, 7]),
         (2, "up", [9]),
@@ -34,7 +34,7 @@ def test_rows_in_any_order_become_legs_in_order():
 
 def test_legs_may_each_start_their_own_clock():
     legs, _ = cut_into_legs(record((1, "up", 0, 20, 1), (1, "down", 0, 21, 3), (1, "up", 1, 21, 2)))
-    assert [leg.output_v.tolist() for leg in legs] == [[1, 2], [3]]
+    assert [leg.output_g.tolist() for leg in legs] == [[1, 2], [3]]
 
 
 def test_what_is_missing_or_double_is_left_out_and_counted():
@@ -51,13 +51,13 @@ def test_what_is_missing_or_double_is_left_out_and_counted():
             (1, "up", 8, 21, np.inf),
         )
     )
-    assert [leg.output_v.tolist() for leg in legs] == [[1, 7]]
+    assert [leg.output_g.tolist() for leg in legs] == [[1, 7]]
     assert excluded == {"missing": 6, "duplicate": 1, "thermometer": 0}
 
 
 def test_the_first_good_row_of_a_time_is_kept():
     legs, _ = cut_into_legs(record((1, "up", 1, 20, NAN), (1, "up", 1, 20, 5), (1, "up", 1, 20, 6)))
-    assert legs[0].output_v.tolist() == [5]
+    assert legs[0].output_g.tolist() == [5]
     assert legs[0].complete
 
 

@@ -1,0 +1,51 @@
+"""How well a largest value is known: the scatter of the values moves it, and it is larger than it would be without.
+
+Of many values that scatter the largest is one that the scatter has made larger. How much is found by trial (a Monte
+Carlo after JCGM 101): what the values would be without scatter is estimated, then they are let scatter anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from bench.analysis.fit import SIGMA_PER_MAD, Array
+
+TRIALS = 200
+NEIGHBOURS = 15  # whose mean stands for a value without scatter
+SECOND_DIFFERENCE_SD = np.sqrt(6.0)  # of 1, -2, 1 times values with a standard deviation of 1
+FEWEST = 5  # second differences whose median tells something
+
+
+def scatter_sd(records: Sequence[Array], stride: int = 1) -> float:
+    """The standard deviation of what is not smooth in records of evenly taken values, each (n,); NaN where too short.
+
+    From the median of their second differences over `stride` values, so that a few jumps do not count. A stride of 2
+    passes over what neighbours have in common, such as a count that one has more and the next has less.
+    """
+    curved = [record[2 * stride :] - 2 * record[stride:-stride] + record[: -2 * stride] for record in records]
+    differences = np.abs(np.concatenate([np.zeros(0), *curved]))
+    if len(differences) < FEWEST:
+        return float("nan")
+    return float(SIGMA_PER_MAD * np.median(differences) / SECOND_DIFFERENCE_SD)
+
+
+def largest_u(values: Array, sd: float) -> tuple[float, float]:
+    """Standard uncertainties of the largest |value| of (n,) that scatter by `sd`: by scatter, by being the largest.
+
+    The values without scatter are taken for the means of neighbours, made smaller all alike by what scatter is left in
+    them: nothing where all is scatter, hardly changed where there is none. Equal values give equal results.
+    """
+    calm = _calm(values, sd)
+    draws = np.random.default_rng(0).standard_normal((TRIALS, len(values)))
+    found = np.max(np.abs(calm + sd * draws), axis=-1)
+    return float(np.std(found, ddof=1)), float(np.mean(found) - np.max(np.abs(calm)))
+
+
+def _calm(values: Array, sd: float) -> Array:
+    together = np.ones(min(NEIGHBOURS, len(values)))
+    count = np.convolve(np.ones(len(values)), together, "same")
+    means = np.convolve(values, together, "same") / count
+    squares, left = float(np.mean(means**2)), float(np.mean(sd**2 / count))
+    return np.asarray(means * np.sqrt(max(1 - left / squares, 0.0)) if squares else means)

@@ -1,0 +1,271 @@
+"""The findings of a temperature ramp, each with its budget.
+
+A figure in g is a rate over K1, and K1 holds the misalignment of the input axis as an error. The misalignment is not
+known apart from the bias; both together are the mean reading at 0 g, which stands for it in the budgets. An offset of
+the thermometer moves all temperatures alike and no figure here, its gain moves slopes only; what lags behind it, and
+what the unit makes of the rate itself, is part of the loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bench.analysis.extremes import largest_u, scatter_sd
+from bench.analysis.finding import BudgetLine, Finding, TemperatureModel, combined
+from bench.analysis.fit import Array, PolynomialFit
+from bench.analysis.ramp_samples import RampLeg
+from bench.analysis.ramp_scale import RampScale
+from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.analysis.temperature_dynamic import UG_PER_G, Differences, DynamicCharacteristic, RampJump, RampLimits
+
+SCATTER = "samples: scatter"
+SELECTION = "samples: scatter makes the largest of many larger"
+LAG = "lag behind the thermometer, and the unit's response to the rate: contained"
+COUNT_STRIDE = 2  # neighbours share a latch, and so the error of a count
+
+
+@dataclass(frozen=True)
+class RampFindings:
+    """The results of one unit: of its legs at 0 g and at 1 g, its scale factor, and what the legs at 0 g do."""
+
+    data: RunData
+    unit: UnitUnderTest
+    level: Sequence[RampLeg]
+    upright: Sequence[RampLeg]
+    scale: RampScale
+    found: DynamicCharacteristic
+    limits: RampLimits
+
+    def findings(self) -> Iterator[Finding]:
+        """Everything that a limit may name, and each jump."""
+        yield self._slope()
+        yield from self._residuals()
+        yield from self._differences()
+        yield from self._jumps()
+        yield from self._lag()
+        yield self._scale_slope()
+
+    def models(self, left_out: tuple[str, ...]) -> Iterator[TemperatureModel]:
+        """The straight line of the bias, misalignment included, and the scale factor."""
+        yield self._model("K0", "g", self.found.line, len(self.level), left_out)
+        yield self._model("K1", "pulse/s/g", self.scale.model, len(self.upright), left_out)
+
+    # The straight line and what departs from it
+
+    def _slope(self) -> Finding:
+        line = self.found.line
+        slope = float(line.coefficients[1]) / line.scale
+        at = {"temperature_c": line.centre}
+        lines = [self._scatter_of_slope(line, self._sd_g()), self._thermometer(slope), self._scale_error(slope)]
+        name = "slope of the straight line over temperature"
+        return self._finding("K0/temperature_coefficient", name, slope, "g/°C", lines, at)
+
+    def _residuals(self) -> Iterator[Finding]:
+        found, sd_g = self.found, self._sd_g()
+        residuals_g = found.line.residuals
+        by_scatter, by_selection = largest_u(residuals_g, sd_g)
+        largest_g = found.max_residual_ug / UG_PER_G
+        lines = [
+            BudgetLine(SCATTER, "A", by_scatter), BudgetLine(SELECTION, "A", by_selection),
+            self._scale_error(largest_g), BudgetLine(LAG, "alias", 0.0),
+        ]  # fmt: skip
+        yield self._finding(
+            "K0/model_residual", "largest residual of the straight line", largest_g, "g", lines, self._at_largest()
+        )
+        rms_g = found.rms_residual_ug / UG_PER_G
+        added_g = rms_g - float(np.sqrt(max(rms_g**2 - sd_g**2, 0.0)))
+        lines = [
+            BudgetLine(SCATTER, "A", sd_g / np.sqrt(len(residuals_g))),
+            BudgetLine("samples: scatter is part of it", "A", added_g),
+            self._scale_error(rms_g), BudgetLine(LAG, "alias", 0.0),
+        ]  # fmt: skip
+        yield self._finding("K0/model_residual_rms", "root mean square of the residuals", rms_g, "g", lines, {})
+
+    def _at_largest(self) -> dict[str, Any]:
+        pairs = list(zip(self.found.legs, self.found.residuals_ug, strict=True))
+        leg, residuals_ug = max(pairs, key=lambda pair: float(np.max(np.abs(pair[1]), initial=0.0)))
+        at_c = leg.temperature_c[int(np.argmax(np.abs(residuals_ug)))]
+        return {"cycle": leg.cycle, "leg": leg.name, "at_c": float(at_c)}
+
+    def _differences(self) -> Iterator[Finding]:
+        """The loop and the change between cycles, where there are any."""
+        flags = ("lag",) if self.found.is_lag else ()
+        hysteresis = "largest difference between rising and falling temperature"
+        repeatability = "largest difference between a cycle and the first"
+        for quantity, name, differences, flagged in (
+            ("K0/hysteresis", hysteresis, self.found.loops, flags),
+            ("K0/repeatability", repeatability, self.found.changes, ()),
+        ):
+            if differences:
+                yield self._largest(quantity, name, differences, flagged)
+
+    def _largest(self, quantity: str, name: str, differences: Sequence[Differences], flags: tuple[str, ...]) -> Finding:
+        values_g = np.concatenate([each.ug for each in differences]) / UG_PER_G
+        sd_g = _known_sd(scatter_sd([each.ug / UG_PER_G for each in differences], COUNT_STRIDE), self._sd_g())
+        by_scatter, by_selection = largest_u(values_g, sd_g)
+        widest = max(differences, key=lambda each: float(np.max(np.abs(each.ug))))
+        at: dict[str, Any] = {"cycle": widest.cycle} | ({"leg": widest.leg} if widest.leg else {})
+        at["at_c"] = float(widest.temperature_c[int(np.argmax(np.abs(widest.ug)))])
+        value_g = float(np.max(np.abs(values_g)))
+        lines = [
+            BudgetLine(SCATTER, "A", by_scatter), BudgetLine(SELECTION, "A", by_selection),
+            self._scale_error(value_g),
+        ]  # fmt: skip
+        if quantity == "K0/hysteresis":
+            lines.append(BudgetLine(LAG, "alias", 0.0))
+        return self._finding(quantity, name, value_g, "g", lines, at, flags)
+
+    # Jumps and lag
+
+    def _jumps(self) -> Iterator[Finding]:
+        """How many, the largest, and each of them."""
+        jumps = self.found.jumps
+        threshold = f"steps of more than {self.limits.jump_threshold_ug:g} µg between {self.limits.jump_window} samples"
+        yield self._finding("K0/jumps", threshold, float(len(jumps)), "1", [], {})
+        largest = max(jumps, key=lambda jump: abs(jump.size_ug), default=None)
+        size_g = abs(largest.size_ug) / UG_PER_G if largest else 0.0
+        u_g = largest.u_ug / UG_PER_G if largest else self._sd_g()
+        lines = [BudgetLine(SCATTER, "A", u_g), self._scale_error(size_g)]
+        at = _at_jump(largest) if largest else {}
+        yield self._finding("K0/largest_jump", "the largest of them, 0 when there is none", size_g, "g", lines, at)
+        for number, jump in enumerate(jumps, start=1):
+            lines = [BudgetLine(SCATTER, "A", jump.u_ug / UG_PER_G), self._scale_error(jump.size_ug / UG_PER_G)]
+            size_g, name = jump.size_ug / UG_PER_G, "after minus before in time"
+            yield self._finding("K0/jump", name, size_g, "g", lines, _at_jump(jump), id_tail=f"/{number}")
+
+    def _lag(self) -> Iterator[Finding]:
+        """The time by which the output is behind the thermometer, where that is what the loop is."""
+        lag = self.found.lag
+        if lag is None or not self.found.is_lag:
+            return
+        lag_s = -lag.rate_g_s_per_c / lag.slope_g_per_c
+        leg_s = float(np.median([np.ptp(leg.time_s) for leg in self.found.legs]))
+        lines = [
+            BudgetLine("turns of the ramp, behind which the loop is not open yet", "B", lag_s**2 / leg_s),
+            BudgetLine(SCATTER, "A", self._sd_g() / abs(lag.slope_g_per_c) * self._rate_gain()),
+        ]
+        name = "by which the output is behind the thermometer"
+        yield self._finding("K0/lag", name, lag_s, "s", lines, {})
+
+    def _rate_gain(self) -> float:
+        """Standard uncertainty of the coefficient of a rate of ±r for samples that scatter by 1: 1 / (r √n)."""
+        legs = self.found.legs
+        rate_c_per_s = float(np.median([np.ptp(leg.temperature_c) / np.ptp(leg.time_s) for leg in legs]))
+        return 1 / (rate_c_per_s * float(np.sqrt(len(self.found.line.residuals))))
+
+    # The scale factor
+
+    def _scale_slope(self) -> Finding:
+        line = self.scale.line
+        relative = 1 / float(line.coefficients[0])
+        slope = float(line.coefficients[1]) / line.scale * relative
+        sd = _known_sd(scatter_sd([_finite(leg.rate_pps) for leg in self.upright], COUNT_STRIDE), line.residual_sd)
+        spread_c = float(np.std(np.concatenate([_finite(leg.temperature_c) for leg in self.upright])))
+        lines = [
+            self._scatter_of_slope(line, abs(sd * relative)), self._thermometer(slope),
+            BudgetLine("bias: its change between the 0 g part and the 1 g part", "B", self._bias_change_g() / spread_c),
+        ]  # fmt: skip
+        at, name = {"temperature_c": line.centre}, "relative slope of the straight line over temperature"
+        steps = tuple(leg.step for leg in (*self.level, *self.upright))
+        return self._finding("K1/temperature_coefficient", name, slope, "1/°C", lines, at, steps=steps)
+
+    def _model(
+        self, quantity: str, unit: str, fit: PolynomialFit, legs: int, left_out: tuple[str, ...]
+    ) -> TemperatureModel:
+        return TemperatureModel(
+            id=self._id(f"{quantity}/model={fit.degree}"),
+            uut=self.unit.serial,
+            quantity=quantity,
+            unit=unit,
+            centre=fit.centre,
+            scale=fit.scale,
+            coefficients=_floats(fit.coefficients),
+            u=_floats(fit.u) if fit.dof else None,
+            correlation=tuple(_floats(row) for row in fit.correlation),
+            powers_of_t=_floats(fit.powers),
+            residual_sd=fit.residual_sd if fit.dof else None,
+            dof=fit.dof,
+            max_residual=fit.max_residual,
+            valid_c=fit.valid,
+            dwells_used=legs,
+            dwells_left_out=left_out,
+        )
+
+    # Sources of uncertainty
+
+    def _sd_g(self) -> float:
+        """Standard deviation of a sample about anything smooth."""
+        smooth = [residuals_ug / UG_PER_G for residuals_ug in self.found.residuals_ug]
+        return _known_sd(scatter_sd(smooth, COUNT_STRIDE), self.found.line.residual_sd)
+
+    def _bias_change_g(self) -> float:
+        """What the bias changes from one cycle to another beside scatter, root mean square; 0 with one cycle."""
+        changes = [each.ug / UG_PER_G for each in self.found.changes]
+        if not changes:
+            return 0.0
+        sd_g = _known_sd(scatter_sd(changes, COUNT_STRIDE), self._sd_g())
+        return float(np.sqrt(max(float(np.mean(np.concatenate(changes) ** 2)) - sd_g**2, 0.0)))
+
+    def _scatter_of_slope(self, line: PolynomialFit, sd: float) -> BudgetLine:
+        gain = float(np.linalg.norm(line.fit.gain[1])) / line.scale
+        return BudgetLine(SCATTER, "A", sd * gain, line.dof or None)
+
+    def _thermometer(self, slope: float) -> BudgetLine:
+        _, gain = self.data.bench.thermometers_u.get(self.unit.temperature, (0.0, 0.0))
+        return BudgetLine(f"{self.unit.temperature}: gain", "B", abs(slope) * gain, None, self.unit.temperature)
+
+    def _scale_error(self, value_g: float) -> BudgetLine:
+        """The misalignment in K1, which is no more than the mean reading at 0 g but for what the bias cancels of it."""
+        reading_g = abs(float(self.found.line.coefficients[0]))
+        return BudgetLine("K1: misalignment in it", "B", abs(value_g) * reading_g, None, self._id("K1"))
+
+    # Forms
+
+    def _id(self, quantity: str) -> str:
+        return f"{self.data.label}/{self.unit.place}/{quantity}"
+
+    def _finding(
+        self,
+        quantity: str,
+        name: str,
+        value: float,
+        unit: str,
+        lines: Sequence[BudgetLine],
+        at: Mapping[str, Any],
+        flags: tuple[str, ...] = (),
+        id_tail: str = "",
+        steps: tuple[str, ...] = (),
+    ) -> Finding:
+        return Finding(
+            id=self._id(quantity) + id_tail,
+            uut=self.unit.serial,
+            quantity=quantity,
+            name=name,
+            at=at,
+            value=value,
+            unit=unit,
+            budget=combined(lines),
+            steps=steps or tuple(leg.step for leg in self.level),
+            flags=flags,
+        )
+
+
+def _at_jump(jump: RampJump) -> dict[str, Any]:
+    return {"cycle": jump.cycle, "leg": jump.leg, "at_c": jump.temperature_c}
+
+
+def _known_sd(sd: float, otherwise: float) -> float:
+    """A standard deviation, or another one where there were too few values to tell it."""
+    return float(sd if np.isfinite(sd) else otherwise if np.isfinite(otherwise) else 0.0)
+
+
+def _finite(values: Array) -> Array:
+    return values[np.isfinite(values)]
+
+
+def _floats(values: Array) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)

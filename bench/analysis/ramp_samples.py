@@ -1,0 +1,84 @@
+"""An acquisition during a temperature ramp, cut into samples: a pulse rate and a temperature each."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from bench.analysis.counts import Rate, mean_rate
+from bench.analysis.rundata import Acquisition, Array, Counts, UnitUnderTest
+
+
+@dataclass(frozen=True, slots=True)
+class RampLeg:
+    """The samples of one acquisition, (n,) each; what could not be read is not-a-number.
+
+    `direction` is that of the chamber's set point: 1 rising, -1 falling, 0 for an acquisition that is no leg.
+    `problems` tells how many samples were left out for which reason, with the flags of `mean_rate`.
+    """
+
+    step: str
+    cycle: int
+    direction: int
+    angle_rad: float
+    time_s: Array
+    temperature_c: Array
+    rate_pps: Array
+    problems: Mapping[str, int]
+
+    @property
+    def name(self) -> str:
+        """As a record of a ramp calls it."""
+        return "up" if self.direction > 0 else "down"
+
+    @property
+    def path(self) -> str:
+        """The loops around its acquisition: `position=0/cycle=1/end=80`."""
+        return self.step.partition("/")[2].rpartition("/")[0]
+
+
+def cut_into_samples(acquisition: Acquisition, unit: UnitUnderTest, angle_rad: float, sample_s: float) -> RampLeg:
+    """The samples of `sample_s` of one acquisition, of which the last one may be missing.
+
+    A rate goes from the first latch after the beginning of a sample to the first after its end, so that consecutive
+    samples share a latch and nothing is lost between them. A temperature is the mean of the readings in between.
+    """
+    counts = acquisition.counts[unit.channel]
+    begins_s = np.arange(acquisition.begin_s, acquisition.end_s, sample_s)
+    latches = np.searchsorted(counts.host_s, begins_s)
+    latches = latches[latches < len(counts.host_s)]
+    rates = [_rate(counts, first, last) for first, last in pairwise(latches.tolist())]
+    edges_s = counts.host_s[latches]
+    temperature_c = _means(
+        acquisition.temperatures_at_s[unit.temperature], acquisition.temperatures_c[unit.temperature], edges_s
+    )
+    problems = Counter(problem for rate in rates for problem in rate.problems)
+    rate_pps = np.array([np.nan if rate.problems else rate.net_pps for rate in rates])
+    problems["no_temperature"] += int(np.count_nonzero(np.isnan(temperature_c) & np.isfinite(rate_pps)))
+    return RampLeg(
+        step=acquisition.step,
+        cycle=int(acquisition.loops.get("cycle", 1)),
+        direction=int(np.nan_to_num(np.sign(acquisition.set_c - acquisition.set_from_c))),
+        angle_rad=angle_rad,
+        time_s=(edges_s[:-1] + edges_s[1:]) / 2,
+        temperature_c=temperature_c,
+        rate_pps=rate_pps,
+        problems={problem: count for problem, count in problems.items() if count},
+    )
+
+
+def _rate(counts: Counts, first: int, last: int) -> Rate:
+    return mean_rate(counts.part(first, last))
+
+
+def _means(at_s: Array, values: Array, edges_s: Array) -> Array:
+    """The mean of the values between each two consecutive edges; not-a-number where there is none."""
+    known = np.isfinite(values)
+    ends = np.searchsorted(at_s[known], edges_s)
+    sums = np.concatenate(([0.0], np.cumsum(values[known])))[ends]
+    count = np.diff(ends)
+    return np.where(count > 0, np.diff(sums) / np.maximum(count, 1), np.nan)

@@ -1,0 +1,121 @@
+"""Method M4b on counts: how the bias follows a temperature that never rests (methods.md 6.3).
+
+The output at 0 g differs from K0 by the misalignment of the input axis, a constant; its changes are those of K0. The
+scale factor comes from the same run, from its 0 g and 1 g parts. The temperature is what the unit's thermometer says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from bench.analysis.finding import LegCurve, UnitResult
+from bench.analysis.fit import Array, NotDetermined
+from bench.analysis.ramp import RampRecord
+from bench.analysis.ramp_findings import RampFindings
+from bench.analysis.ramp_samples import RampLeg, cut_into_samples
+from bench.analysis.ramp_scale import RampScale, scale_over_temperature
+from bench.analysis.rundata import Acquisition, RunData, UnitUnderTest
+from bench.analysis.temperature_dynamic import UG_PER_G, DynamicCharacteristic, RampLimits, reduce_ramp
+
+LEVEL_BELOW_G = 0.5  # of gravity along the input axis: the 0 g part; the others are the 1 g part
+SAME_ANGLE_RAD = 1e-4
+
+
+def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
+    """The findings and models of every unit.
+
+    `settings` has the length of a sample, the size of a step that is called a jump, and over how many samples on either
+    side it is looked for.
+    """
+    return [_reduced(data, unit, settings) for unit in data.units]
+
+
+def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
+    legs, left_out, flags = _legs(data, unit, settings["sample_s"])
+    level = _at_first_angle([leg for leg in legs if _is_level(leg)])
+    upright = _at_first_angle([leg for leg in legs if not _is_level(leg)])
+    flags += [f"{leg.path}: another_angle" for leg in legs if not any(leg is used for used in (*level, *upright))]
+    flags += [f"{name}: part_missing" for name, part in (("0 g", level), ("1 g", upright)) if not part]
+    limits = RampLimits(settings["jump_threshold_g"] * UG_PER_G, settings["jump_window"])
+    found = None
+    if level and upright:
+        try:
+            scale = scale_over_temperature(level, upright)
+            found = reduce_ramp(_record(level, scale), limits)
+        except NotDetermined:
+            flags.append("K0:ill_conditioned")
+    if found is None:
+        return UnitResult(unit.place, unit.serial, (), (), left_out, tuple(flags))
+    if found.excluded["thermometer"]:
+        flags.append(f"{found.excluded['thermometer']} samples: thermometer")
+    incomplete = {(leg.cycle, leg.name) for leg in found.legs if not leg.complete}
+    lost = [leg.path for leg in level if (leg.cycle, leg.name) in incomplete]
+    flags += [f"{path}: leg_incomplete" for path in lost]
+    left_out = (*left_out, *lost)
+    findings = RampFindings(data, unit, level, upright, scale, found, limits)
+    return UnitResult(
+        place=unit.place,
+        uut=unit.serial,
+        findings=tuple(findings.findings()),
+        models=tuple(findings.models(left_out)),
+        left_out=left_out,
+        flags=tuple(flags),
+        curves=tuple(_curves(found)),
+    )
+
+
+def _legs(data: RunData, unit: UnitUnderTest, sample_s: float) -> tuple[list[RampLeg], tuple[str, ...], list[str]]:
+    """The legs of a unit; what was left out of them, and why."""
+    legs, left_out, flags = [], [], []
+    for acquisition in data.acquisitions:
+        leg = cut_into_samples(acquisition, unit, _angle_rad(acquisition, unit, data), sample_s)
+        flags += [f"{leg.step}: {count} samples: {problem}" for problem, count in leg.problems.items()]
+        if leg.direction:
+            legs.append(leg)
+        else:
+            left_out.append(leg.path)
+            flags.append(f"{leg.path}: not_one_leg")
+    return legs, tuple(left_out), flags
+
+
+def _angle_rad(acquisition: Acquisition, unit: UnitUnderTest, data: RunData) -> float:
+    """The nominal angle of the input axis above the horizontal."""
+    bench = data.bench
+    fixed_deg = bench.offset_deg + acquisition.mounted_deg + unit.mount_angle_deg + bench.level_deg
+    return float(np.radians(bench.sense * acquisition.angle_deg + fixed_deg))
+
+
+def _is_level(leg: RampLeg) -> bool:
+    return bool(abs(np.sin(leg.angle_rad)) < LEVEL_BELOW_G)
+
+
+def _at_first_angle(legs: Sequence[RampLeg]) -> list[RampLeg]:
+    """The legs at the angle of the first: the method is of one position (methods.md 6.3)."""
+    return [leg for leg in legs if np.isclose(leg.angle_rad, legs[0].angle_rad, rtol=0, atol=SAME_ANGLE_RAD)]
+
+
+def _record(legs: Sequence[RampLeg], scale: RampScale) -> RampRecord:
+    """The 0 g part as one record."""
+    return RampRecord(
+        cycle=_joined([np.full(len(leg.time_s), leg.cycle) for leg in legs]),
+        leg=np.concatenate([np.full(len(leg.time_s), leg.name) for leg in legs]),
+        time_s=_joined([leg.time_s for leg in legs]),
+        temperature_c=_joined([leg.temperature_c for leg in legs]),
+        output_g=_joined([scale.output_g(leg) for leg in legs]),
+    )
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    return np.concatenate(parts).astype(np.float64)
+
+
+def _curves(found: DynamicCharacteristic) -> Iterator[LegCurve]:
+    """What a report draws."""
+    for leg, residuals_ug in zip(found.legs, found.residuals_ug, strict=True):
+        jumps_c = [jump.temperature_c for jump in found.jumps if (jump.cycle, jump.leg) == (leg.cycle, leg.name)]
+        yield LegCurve(
+            leg.cycle, leg.name == "up", leg.temperature_c, leg.output_g, residuals_ug / UG_PER_G, tuple(jumps_c)
+        )

@@ -1,0 +1,82 @@
+"""What a temperature ramp has shown of one unit, drawn over temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.polynomial import polynomial
+
+from bench.analysis.finding import LegCurve, TemperatureModel, UnitResult
+from bench.report.plots import TEMPERATURE, Array, Plot
+from bench.report.shown import SHOWN
+from bench.report.svg import new_figure, rendered
+
+MOST_POINTS = 300  # of a leg; more cannot be told apart
+RISING = ("#0b5394", "#6fa8dc", "#134f5c", "#8bb8a8")  # by cycle, then again
+FALLING = ("#b45309", "#f0a35e", "#7f1d1d", "#d58a94")
+
+
+def ramp_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
+    """The bias of every leg and what its straight line leaves; `name` begins the ids in the page."""
+    if not unit.curves:
+        return
+    factor, symbol = SHOWN["K0"]
+    figure = new_figure(5.6)
+    above, below = figure.subplots(2, 1, height_ratios=[2, 3], gridspec_kw={"hspace": 0.4})
+    _draw_legs(above, unit.curves, [curve.output_g * factor for curve in unit.curves])
+    for line in unit.models:
+        if line.quantity == "K0":
+            _draw_line(above, line, factor)
+    residuals = [curve.residual_g * factor for curve in unit.curves]
+    below.axhline(0, color="#444444", linewidth=0.6)
+    _draw_legs(below, unit.curves, residuals)
+    _draw_jumps(below, unit.curves, residuals)
+    above.set(ylabel=f"K0 + misalignment / {symbol}", title="Output at 0 g", xlabel=TEMPERATURE)
+    below.set(ylabel=f"residual / {symbol}", title="Residuals of the straight line", xlabel=TEMPERATURE)
+    below.legend(ncols=2)
+    title = "Bias K0 on the ramps, over temperature"
+    caption = (
+        "Above the output at 0 g less gravity at the angle of the head: the bias and the misalignment of the input "
+        "axis, which is constant. Below what the straight line leaves: solid on rising, dashed on falling temperature."
+    )
+    if any(curve.jumps_c for curve in unit.curves):
+        caption += " Crosses: jumps."
+    yield Plot(title, rendered(figure, f"{name}-ramp", title), caption)
+
+
+def _draw_legs(axes: Axes, curves: Sequence[LegCurve], values: Sequence[Array]) -> None:
+    for curve, of_leg in zip(curves, values, strict=True):
+        colours, style, word = (RISING, "-", "rising") if curve.rising else (FALLING, "--", "falling")
+        temperature_c, shown = thinned(curve.temperature_c), thinned(of_leg)
+        colour, label = colours[(curve.cycle - 1) % len(colours)], f"cycle {curve.cycle}, {word}"
+        axes.plot(temperature_c, shown, color=colour, linestyle=style, linewidth=0.9, label=label)
+
+
+def _draw_line(axes: Axes, line: TemperatureModel, factor: float) -> None:
+    ends_c = np.array(line.valid_c)
+    values = polynomial.polyval((ends_c - line.centre) / line.scale, line.coefficients)
+    axes.plot(ends_c, values * factor, color="#222222", linewidth=0.7, label="straight line")
+
+
+def _draw_jumps(axes: Axes, curves: Sequence[LegCurve], residuals: Sequence[Array]) -> None:
+    """Each jump where it is, at the residual of the nearest sample."""
+    found = [
+        (at_c, of_leg[int(np.argmin(np.abs(curve.temperature_c - at_c)))])
+        for curve, of_leg in zip(curves, residuals, strict=True)
+        for at_c in curve.jumps_c
+    ]
+    if found:
+        axes.plot(
+            *zip(*found, strict=True), "x", color="#b42318", markersize=9, markeredgewidth=2, label="jump", zorder=3
+        )
+
+
+def thinned(values: Array, most: int = MOST_POINTS) -> Array:
+    """The means of consecutive values (n,), so many together that no more than `most` are left."""
+    together = -(-len(values) // most)
+    if together <= 1:
+        return values
+    starts = np.arange(0, len(values), together)
+    return np.asarray(np.add.reduceat(values, starts) / np.diff([*starts, len(values)]))

@@ -1,0 +1,69 @@
+"""The dynamic temperature test against the truth: short ramps on the full bench, of a good unit and one that jumps."""
+
+import pytest
+
+from bench.app.request import RunRequest
+from tests.truth.campaign import full_bench, results_of, run_one
+from tests.truth.ramp import QUANTITIES, compare_ramp
+
+SHORT = ("low=10 °C", "high=40 °C", "ramp_rate=3 °C/min", "warm_up=0 s")
+QUICK = (
+    ("case_time_constant: 3 min", "case_time_constant: 40 s"),
+    ("sensor_time_constant: 1 min", "sensor_time_constant: 20 s"),
+)
+JUMP_C, JUMP_G = 30.0, 150e-6
+JUMPING = ("  Kd:", f"  jumps: [{{at: {JUMP_C:g} °C, size: {JUMP_G * 1e6:g} µg}}]\n  Kd:")
+
+
+def ramped(folder, seed, *edits):
+    """A run of a unit that follows the air more quickly, so that short legs overlap; its truth file edited."""
+    bench = full_bench(folder / "config")
+    unit = folder / "config" / "uut" / "quartz_flexure.yaml"
+    text = unit.read_text("utf-8")
+    for old, new in (*QUICK, *edits):
+        assert old in text, old
+        text = text.replace(old, new)
+    unit.write_text(text, "utf-8")
+    return run_one(RunRequest("ramp_dynamic", bench=str(bench), seed=seed, settings=SHORT, runs=folder / "runs"))
+
+
+@pytest.fixture(scope="module")
+def good_run(tmp_path_factory):
+    return ramped(tmp_path_factory.mktemp("good"), 1)
+
+
+@pytest.fixture(scope="module")
+def jumping_run(tmp_path_factory):
+    return ramped(tmp_path_factory.mktemp("jumping"), 2, JUMPING)
+
+
+@pytest.mark.timeout(120)
+def test_errors_stay_within_their_uncertainties(good_run, jumping_run):
+    comparisons = [comparison for run in (good_run, jumping_run) for comparison in compare_ramp(run)]
+    assert [comparison.quantity for comparison in comparisons] == [*QUANTITIES, *QUANTITIES]
+    assert max(abs(comparison.ratio) for comparison in comparisons) < 3.5
+    assert sum(abs(comparison.ratio) < 2 for comparison in comparisons) > 0.8 * len(comparisons)
+
+
+def test_uncertainties_are_worth_stating(good_run):
+    most = {"K0/temperature_coefficient": 0.1e-6, "K0/hysteresis": 8e-6, "K0/repeatability": 8e-6}
+    found = {each["quantity"]: each["u"] for each in results_of(good_run)["findings"]}
+    assert {quantity: u for quantity, u in found.items() if u > most.get(quantity, 1.0)} == {}
+
+
+def test_a_jump_of_the_unit_is_found_and_fails_it(good_run, jumping_run):
+    assert results_of(good_run)["verdict"] == "PASS"
+    results = results_of(jumping_run)
+    (jump,) = (found for found in results["findings"] if found["quantity"] == "K0/jump")
+    assert results["verdict"] == "FAIL"
+    assert (jump["at"]["cycle"], jump["at"]["leg"]) == (1, "up")
+    assert abs(jump["at"]["at_c"] - JUMP_C) < 2, "the thermometer lags, and has its error"
+    assert abs(jump["value"] - JUMP_G) < 3 * jump["u"]
+
+
+def test_the_report_draws_every_leg_and_the_jump(good_run, jumping_run):
+    good, jumping = ((run / "report.html").read_text("utf-8") for run in (good_run, jumping_run))
+    for words in ("cycle 1, rising", "cycle 1, falling", "cycle 2, rising", "cycle 2, falling", "leg 8", "4 legs used"):
+        assert words in good
+    assert ">jump<" in jumping
+    assert ">jump<" not in good
