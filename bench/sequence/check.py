@@ -56,7 +56,11 @@ def _steps(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
     """
     told: set[tuple[Path, Place]] = set()
     needs = plan.sequence.needs
+    seen: set[tuple[Place, int, float]] = set()  # the same step from the same angle is as right in every pass
     for planned, from_deg in angles_before(plan):
+        if (once := (planned.place, id(planned.step), from_deg)) in seen:
+            continue
+        seen.add(once)
         found = list(role_problems(planned.step, needs, bench))
         if not found and bench is not None and is_there(planned.step, needs, bench):
             found = [

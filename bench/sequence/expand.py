@@ -19,13 +19,13 @@ from bench.sequence.measuring import Measure
 from bench.sequence.model import Outline
 from bench.sequence.outline import block_around
 from bench.sequence.plan import PHASES, Node, Nodes, Plan
-from bench.sequence.scope import Scope
+from bench.sequence.scope import Scope, names_mentioned
 from bench.sequence.steps import STEPS, Step
 from bench.sequence.talk import Prompt
 from bench.sequence.unroll import Raw, Wrong, nodes_of
 from drivers.fields import DEFERRED
 
-STEP_LIMIT = 100_000
+STEP_LIMIT = 10_000
 Measured = Callable[[str], Value | None]  # an example of what a reading gives; None when its unit is not known
 
 
@@ -44,15 +44,29 @@ def expand(
     """
     expansion = Expansion(document, outline, broken, measured)
     known: dict[str, Value | None] = {}
-    setup, steps, teardown = (
-        expansion.nodes(
-            document.value.get(phase) or (), (phase,), Scope(phase, phase, dict(parameters), {}, known)
-        )
-        for phase in PHASES
-    )  # fmt: skip
+    setup: Nodes = ()
+    steps: Nodes = ()
+    teardown: Nodes = ()
+    try:
+        setup, steps, teardown = (
+            expansion.nodes(
+                document.value.get(phase) or (), (phase,), Scope(phase, phase, dict(parameters), {}, known)
+            )
+            for phase in PHASES
+        )  # fmt: skip
+    except TooMany as problem:
+        expansion.problems.append((problem.place, str(problem)))
     outline = outline.model_copy(update={"needs": expansion.needs, "interlocks": expansion.interlocks})
     plan = Plan(document, outline, parameters, preset, setup=setup, steps=steps, teardown=teardown)
     return plan, expansion.problems
+
+
+class TooMany(Exception):
+    """The plan has more steps, or its loops have more passes, than there may be; `place` is where it has."""
+
+    def __init__(self, place: Place, what: str) -> None:
+        super().__init__(f"the plan has more than {STEP_LIMIT} {what}")
+        self.place = place
 
 
 class Expansion:
@@ -62,8 +76,10 @@ class Expansion:
         self._document = document
         self._broken = set(broken)
         self._measured = measured
-        self._made: dict[tuple[Place, tuple[Value, ...]], Step] = {}  # by the values of the names that a step mentions
-        self._count = 0
+        self._made: dict[tuple[Place, tuple[object, ...]], Step] = {}  # by the values of the names that a step mentions
+        self._mentioned: dict[Place, tuple[str, ...]] = {}
+        self._lists: dict[int, Value] = {}  # lists among those values, by identity, which they keep while they are here
+        self._count = self._passes = 0
         self._callers: tuple[Path, ...] = (document.path.resolve(),)
         self._read: dict[Path, Called] = {}  # by their files
         self.needs, self.interlocks = dict(outline.needs), dict(outline.interlocks)
@@ -73,9 +89,12 @@ class Expansion:
         """What a list of steps and blocks comes to; `taken` are labels that stand for something else in its ids."""
         seen: Counter[str] = Counter(taken)
         found: list[Node] = []
+        self._passes += 1
+        if self._passes > STEP_LIMIT:
+            raise TooMany(place, "passes")
         for index, block in enumerate(raw):
             here: Place = (*place, index)
-            if here in self._broken or self._count > STEP_LIMIT:
+            if here in self._broken:
                 continue
             try:
                 found += nodes_of(self, block, here, scope, seen)
@@ -88,13 +107,20 @@ class Expansion:
         """The step with its expressions evaluated; None, and its problems noted, when it does not validate."""
         self._count += 1
         if self._count > STEP_LIMIT:
-            self.problems.append((here, f"the plan has more than {STEP_LIMIT} steps"))
-            return None
-        text = str(block)
-        key = (here, tuple(value for name, value in scope.names.items() if name in text))
+            raise TooMany(here, "steps")
+        if here not in self._mentioned:
+            self._mentioned[here] = tuple(names_mentioned(block))
+        key = (here, tuple(self._told_apart(scope.names.get(name)) for name in self._mentioned[here]))
         if key not in self._made and (step := self._made_anew(verb, block, here, scope)):
             self._made[key] = step
         return self._made.get(key)
+
+    def _told_apart(self, value: Value | None) -> object:
+        """A value for a key: a list may be long, and stands for itself alone."""
+        if not isinstance(value, tuple):
+            return value
+        self._lists[id(value)] = value
+        return id(value)
 
     def _made_anew(self, verb: str, block: Raw, here: Place, scope: Scope) -> Step | None:
         found: list[Problem] = []
@@ -129,9 +155,10 @@ class Expansion:
             raise Wrong("call", str(problem)) from None
         document, outline, found = self._read[path]
         place = (*here, "call")
-        self._document.include(place, document)
-        self._broken |= {(*place, *inner) for at, _ in found if (inner := block_around(at)) is not None}
-        self.problems += [((*place, *at), problem) for at, problem in found]
+        if self._document.owner((*place, "title"))[0] is not document:  # in the first pass that comes here
+            self._document.include(place, document)
+            self._broken |= {(*place, *inner) for at, _ in found if (inner := block_around(at)) is not None}
+            self.problems += [((*place, *at), problem) for at, problem in found]
         names = given_to(outline, block.get("with", {}), scope, (*here, "with"), self.problems)
         self._take_over(outline)
         self._callers = (*self._callers, document.path.resolve())

@@ -10,6 +10,7 @@ import ast
 import functools
 import math
 import re
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -90,7 +91,9 @@ def _read(expression: str) -> _Read:
     if "\\" in expression:  # Python would make control characters and half characters of it
         raise ValueProblem("a backslash has no meaning in an expression")
     try:
-        tree = ast.parse(expression.strip(), mode="eval").body
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # what Python will no longer read one day, such as 1if
+            tree = ast.parse(expression.strip(), mode="eval").body
     except SyntaxError:
         bare = _BARE_QUANTITY.search(_QUOTED.sub("", expression))
         expected = f"a quantity stands in quotes: '{bare[0]}'" if bare else _UNDERSTOOD

@@ -94,7 +94,7 @@ class Scope:
     ) -> list[Problem]:
         """Expressions that wait and are in another unit than their key takes, or than the reading of the step."""
         found: list[Problem] = []
-        for keys, unit in _units(model, reading):
+        for keys, unit in _units(model, reading) if self.waits(raw) else ():
             part: Any = raw
             for key in keys:
                 part = part.get(key) if isinstance(part, Mapping) else None
@@ -105,6 +105,14 @@ class Scope:
             except QuantityError as problem:
                 found.append(((*place, *keys), f"{keys[-1]}: {problem}"))
         return found
+
+
+def names_mentioned(raw: Any) -> frozenset[str]:
+    """Every name in the expressions of a value."""
+    if isinstance(raw, (Mapping, list)):
+        parts = raw.values() if isinstance(raw, Mapping) else raw
+        return frozenset().union(*map(names_mentioned, parts))
+    return frozenset().union(*map(names_in, _IN_TEXT.findall(raw))) if holds_expression(raw) else frozenset()
 
 
 def filled(raw: str, names: Mapping[str, Value]) -> str:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from decimal import Decimal
+from fractions import Fraction
 from typing import Any
 
 from bench.sequence.expressions import Scalar, Value, ValueProblem, evaluate, scalar_of
-from drivers.quantities import Quantity, parse, spell
+from drivers.quantities import Quantity, spell
 from drivers.suggest import did_you_mean
-from drivers.units import NO_DIMENSION, quoted
+from drivers.units import NO_DIMENSION, parse_unit, quoted
 
 LIST_LIMIT = 10_000
 _KEYS = ("from", "to", "step")
@@ -87,7 +88,10 @@ def _values(first: Quantity, last: Quantity, step: Quantity) -> tuple[Quantity, 
             f"a range from {in_words(first)} in steps of {in_words(step)} does not meet its end, {in_words(last)}"
         )
     signed = stride if end >= begin else -stride
-    between = (parse(f"{begin + signed * index} {unit}") for index in range(1, count))
+    factor = parse_unit(unit).factor
+    between = (
+        Quantity(float(Fraction(begin + signed * index) * factor), first.dimension) for index in range(1, count)
+    )
     return (first, *between, last) if count else (first,)
 
 

@@ -409,7 +409,7 @@ def test_every_problem_is_told_at_once_the_wishes_first_then_in_the_order_of_the
         "13:10: 'ramp' needs a thermal_chamber, 'head' is a positioner",
         "14:25: to: '${c}': there is no name 'c'; expected p or b",
         "16:19: output: is 'offf', expected 'on' or 'off'",
-        "17:12: there is no method 'tumble'; expected temperature_tumble",
+        "17:12: there is no method 'tumble'; expected temperature_ramp or temperature_tumble",
         "17:28: no step acquires with the label 'x'; none is known here",
         "20:9: the bench 'Simulated accelerometer bench' has no device 'suppl'; did you mean 'supply'?",
     ]
