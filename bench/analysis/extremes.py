@@ -15,20 +15,23 @@ from bench.analysis.fit import SIGMA_PER_MAD, Array
 TRIALS = 200
 NEIGHBOURS = 15  # whose mean stands for a value without scatter
 SECOND_DIFFERENCE_SD = np.sqrt(6.0)  # of 1, -2, 1 times values with a standard deviation of 1
+FAR_SIGMAS = 3.0  # from there on it is a jump, or a corner
 FEWEST = 5  # second differences whose median tells something
 
 
 def scatter_sd(records: Sequence[Array], stride: int = 1) -> float:
     """The standard deviation of what is not smooth in records of evenly taken values, each (n,); NaN where too short.
 
-    From the median of their second differences over `stride` values, so that a few jumps do not count. A stride of 2
-    passes over what neighbours have in common, such as a count that one has more and the next has less.
+    From their second differences over `stride` values, without those far beyond the median, so that a few jumps do not
+    count. A stride of 2 passes over what neighbours share, such as a count that one has more and the next has less.
     """
     curved = [record[2 * stride :] - 2 * record[stride:-stride] + record[: -2 * stride] for record in records]
     differences = np.abs(np.concatenate([np.zeros(0), *curved]))
     if len(differences) < FEWEST:
         return float("nan")
-    return float(SIGMA_PER_MAD * np.median(differences) / SECOND_DIFFERENCE_SD)
+    usual = SIGMA_PER_MAD * float(np.median(differences))  # of counts it may be no better than one count
+    calm = differences[differences <= FAR_SIGMAS * usual] if usual else differences
+    return float(np.sqrt(np.mean(calm**2)) / SECOND_DIFFERENCE_SD)
 
 
 def largest_u(values: Array, sd: float) -> tuple[float, float]:

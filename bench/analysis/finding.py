@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from bench.analysis.fit import Array
 from bench.analysis.limits import Limits, judge
+
+if TYPE_CHECKING:  # findings are shown where no arithmetic is loaded
+    from bench.analysis.fit import Array
 
 COVERAGE = 2
 NEGLIGIBLE = 1e-4  # of the largest line of a budget: 1e-8 of its variance

@@ -45,7 +45,7 @@ def cut_into_samples(acquisition: Acquisition, unit: UnitUnderTest, angle_rad: f
     """The samples of `sample_s` of one acquisition, of which the last one may be missing.
 
     A rate goes from the first latch after the beginning of a sample to the first after its end, so that consecutive
-    samples share a latch and nothing is lost between them. A temperature is the mean of the readings in between.
+    samples share a latch and nothing is lost between them. A temperature is the mean of the reading in between.
     """
     counts = acquisition.counts[unit.channel]
     begins_s = np.arange(acquisition.begin_s, acquisition.end_s, sample_s)
@@ -76,9 +76,16 @@ def _rate(counts: Counts, first: int, last: int) -> Rate:
 
 
 def _means(at_s: Array, values: Array, edges_s: Array) -> Array:
-    """The mean of the values between each two consecutive edges; not-a-number where there is none."""
+    """The mean over time of the values between each two consecutive edges; not-a-number where there is none.
+
+    The temperature rises in between, so that it matters when a reading was taken.
+    """
     known = np.isfinite(values)
-    ends = np.searchsorted(at_s[known], edges_s)
-    sums = np.concatenate(([0.0], np.cumsum(values[known])))[ends]
-    count = np.diff(ends)
-    return np.where(count > 0, np.diff(sums) / np.maximum(count, 1), np.nan)
+    at_s, values = at_s[known], values[known]
+    if len(at_s) < 2:
+        return np.full(max(len(edges_s) - 1, 0), np.nan)
+    area = np.concatenate(([0.0], np.cumsum(np.diff(at_s) * (values[1:] + values[:-1]) / 2)))
+    inside_s = np.clip(edges_s, at_s[0], at_s[-1])
+    span_s = np.diff(inside_s)
+    is_read = (np.diff(np.searchsorted(at_s, edges_s)) > 0) & (span_s > 0)
+    return np.where(is_read, np.diff(np.interp(inside_s, at_s, area)) / np.where(is_read, span_s, 1.0), np.nan)

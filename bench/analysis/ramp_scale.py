@@ -1,17 +1,18 @@
 """The scale factor over temperature, from the 0 g and the 1 g part of a ramp (methods.md 6.3: U90 - U0 gives K1).
 
 The difference of the two readings is K1 times the difference of their specific forces. It holds K2, K3 and the
-misalignment of the input axis too, which the two positions do not tell from K1.
+misalignment of the input axis too, which the two positions do not tell from K1. Rising and falling temperature are kept
+apart: at one indicated temperature the unit is not equally warm on both, nor has its bias the same history.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from bench.analysis.fit import Array, PolynomialFit, fit_polynomial
+from bench.analysis.fit import Array, NotDetermined, PolynomialFit, fit_polynomial
 from bench.analysis.ramp_samples import RampLeg
 
 DEGREE = 4  # that of K0 and K1 over temperature in methods.md 6.2
@@ -19,27 +20,47 @@ DEGREE = 4  # that of K0 and K1 over temperature in methods.md 6.2
 
 @dataclass(frozen=True, slots=True)
 class RampScale:
-    """K1 in pulse/s/g over the temperature in °C: the polynomial, and the straight line through the same readings."""
+    """K1 in pulse/s/g over the temperature in °C, by the direction of the temperature: 1 rising, -1 falling.
 
+    `model` and `line` are the polynomial and the straight line through the readings of both.
+    """
+
+    by_direction: Mapping[int, PolynomialFit]
     model: PolynomialFit
     line: PolynomialFit
 
-    def at(self, temperature_c: Array) -> Array:
-        """K1 at temperatures; beyond those it was measured at, that of the nearest."""
-        return self.model.value(np.clip(temperature_c, *self.model.valid))
-
     def output_g(self, leg: RampLeg) -> Array:
-        """What a leg read, less gravity at its angle: at 0 g the bias and the misalignment, which is constant."""
-        return np.asarray(leg.rate_pps / self.at(leg.temperature_c) - np.sin(leg.angle_rad))
+        """What a leg read, less gravity at its angle: at 0 g the bias and the misalignment, which is constant.
+
+        Where the legs at 1 g did not come, K1 is that of the nearest temperature.
+        """
+        k1 = _within(self.by_direction.get(leg.direction, self.model), leg.temperature_c)
+        return np.asarray(leg.rate_pps / k1 - np.sin(leg.angle_rad))
 
 
 def scale_over_temperature(level: Sequence[RampLeg], upright: Sequence[RampLeg]) -> RampScale:
-    """K1 of the legs of two angles; NotDetermined when a part has too few temperatures."""
-    at_rest = _fitted([leg.temperature_c for leg in level], [leg.rate_pps for leg in level], DEGREE)
-    temperatures = [leg.temperature_c for leg in upright]
+    """K1 of the legs of two angles; NotDetermined when they have no direction in common, or too few temperatures."""
     lifted_g = np.sin(upright[0].angle_rad) - np.sin(level[0].angle_rad)
-    k1 = [(leg.rate_pps - at_rest.value(np.clip(leg.temperature_c, *at_rest.valid))) / lifted_g for leg in upright]
-    return RampScale(_fitted(temperatures, k1, DEGREE), _fitted(temperatures, k1, 1))
+    by_direction, temperatures, scales = {}, [], []
+    for direction in (1, -1):
+        below = [leg for leg in level if leg.direction == direction]
+        above = [leg for leg in upright if leg.direction == direction]
+        if below and above:
+            at_rest = _fitted([leg.temperature_c for leg in below], [leg.rate_pps for leg in below], DEGREE)
+            temperature_c = np.concatenate([leg.temperature_c for leg in above])
+            rate_pps = np.concatenate([leg.rate_pps for leg in above])
+            k1 = (rate_pps - _within(at_rest, temperature_c)) / lifted_g
+            by_direction[direction] = _fitted([temperature_c], [k1], DEGREE)
+            temperatures.append(temperature_c)
+            scales.append(k1)
+    if not by_direction:
+        raise NotDetermined(["K1"], rank=0, of=1, condition=np.inf)
+    return RampScale(by_direction, _fitted(temperatures, scales, DEGREE), _fitted(temperatures, scales, 1))
+
+
+def _within(fit: PolynomialFit, temperature_c: Array) -> Array:
+    """A polynomial at temperatures; beyond those that it was fitted to, at the nearest of these."""
+    return fit.value(np.clip(temperature_c, *fit.valid))
 
 
 def _fitted(temperatures_c: Sequence[Array], values: Sequence[Array], degree: int) -> PolynomialFit:

@@ -39,7 +39,8 @@ def ramp_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
     title = "Bias K0 on the ramps, over temperature"
     caption = (
         "Above the output at 0 g less gravity at the angle of the head: the bias and the misalignment of the input "
-        "axis, which is constant. Below what the straight line leaves: solid on rising, dashed on falling temperature."
+        "axis, which is constant; thin and black its straight line. Below what that leaves: solid on rising, dashed on "
+        "falling temperature."
     )
     if any(curve.jumps_c for curve in unit.curves):
         caption += " Crosses: jumps."

@@ -22,6 +22,7 @@ SHOWN = {
     "K0/repeatability": (1e6, "µg"),
     "K0/largest_jump": (1e6, "µg"),
     "K0/jump": (1e6, "µg"),
+    "K0/jumps": (1.0, ""),
     "K1/model_residual": (1e6, "ppm"),
 }
 

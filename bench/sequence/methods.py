@@ -66,7 +66,7 @@ class TemperatureRampSettings(StrictModel):
     """Settings of the dynamic temperature test."""
 
     sample_s: Annotated[float, InUnit("s", at_least=5)] = Field(
-        10.0, alias="sample", description="into which the counts are cut; as long as the reading of it must resolve"
+        10.0, alias="sample", description="the length of a sample; a longer one resolves more"
     )
     jump_threshold_g: Annotated[float, InUnit("g", above=0)] = Field(
         60e-6, alias="jump_threshold", description="a larger step is a jump"
@@ -89,7 +89,6 @@ TEMPERATURE_RAMP = MethodDescription(
         "K0/repeatability": "g",
         "K0/jumps": "1",
         "K0/largest_jump": "g",
-        "K0/lag": "s",
         "K1/temperature_coefficient": "1/°C",
     },
     counts_at="ramps",
