@@ -1,9 +1,9 @@
 """The findings of a temperature ramp, each with its budget.
 
-A figure in g is a rate over K1, and K1 holds the misalignment of the input axis as an error. The misalignment is not
-known apart from the bias; both together are the mean reading at 0 g, which bounds it in the budgets. An offset of the
-thermometer moves all temperatures alike and no figure here, its gain moves slopes only; what lags behind it, and what
-the unit makes of the rate itself, is part of the loop.
+A figure in g is a rate over K1, and K1 holds the misalignment of the input axis as an error. Two positions do not tell
+it from the bias, so that what is known of it before stands in the budgets. An offset of the thermometer moves all
+temperatures alike and no figure here, its gain moves slopes only; what lags behind it, and what the unit makes of the
+rate itself, is part of the loop.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ class RampFindings:
     scale: RampScale
     found: DynamicCharacteristic
     limits: RampLimits
+    misalignment_u_rad: float
 
     def findings(self) -> Iterator[Finding]:
         """Everything that a limit may name, and each jump."""
@@ -219,9 +220,8 @@ class RampFindings:
         return BudgetLine(f"{self.unit.temperature}: gain", "B", abs(slope) * gain, None, self.unit.temperature)
 
     def _scale_error(self, value_g: float) -> BudgetLine:
-        """The misalignment in K1, taken for anything up to the mean reading at 0 g, which is bias and misalignment."""
-        reading_g = abs(float(self.found.line.coefficients[0]))
-        return BudgetLine("K1: misalignment in it", "B", abs(value_g) * reading_g / np.sqrt(3), None, self._id("K1"))
+        """The misalignment in K1, relative to it as large as in rad; the reading at 0 g holds it too, beside the bias."""
+        return BudgetLine("K1: misalignment in it", "B", abs(value_g) * self.misalignment_u_rad, None, self._id("K1"))
 
     # Forms
 

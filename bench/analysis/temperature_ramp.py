@@ -27,8 +27,8 @@ SAME_ANGLE_RAD = 1e-4
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
     """The findings and models of every unit.
 
-    `settings` has the length of a sample, the size of a step that is called a jump, and over how many samples on either
-    side it is looked for.
+    `settings` has the length of a sample, the size of a step that is called a jump, over how many samples on either side
+    it is looked for, and the standard uncertainty of the misalignment.
     """
     return [_reduced(data, unit, settings) for unit in data.units]
 
@@ -55,7 +55,8 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
     lost = [leg.path for leg in level if (leg.cycle, leg.name) in incomplete]
     flags += [f"{path}: leg_incomplete" for path in lost]
     left_out = (*left_out, *lost)
-    findings = RampFindings(data, unit, level, upright, scale, found, limits)
+    known_rad = settings["misalignment_u_rad"]
+    findings = RampFindings(data, unit, level, upright, scale, found, limits, known_rad)
     return UnitResult(
         place=unit.place,
         uut=unit.serial,

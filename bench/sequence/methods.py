@@ -74,6 +74,11 @@ class TemperatureRampSettings(StrictModel):
     jump_window: Annotated[WholeNumber, Field(ge=2, le=1000)] = Field(
         8, description="samples on either side between which a step is looked for"
     )
+    misalignment_u_rad: Annotated[float, InUnit("rad", at_least=0)] = Field(
+        1e-3,
+        alias="misalignment_u",
+        description="standard uncertainty of the input axis's misalignment, which is in K1",
+    )
 
 
 TEMPERATURE_RAMP = MethodDescription(

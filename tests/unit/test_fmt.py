@@ -140,7 +140,7 @@ def edited(text: str, edits: list[tuple[int, str, int]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(text=st.sampled_from(TEXTS), edits=st.lists(EDIT, max_size=6), line_end=st.sampled_from(["\n", "\r\n"]))
 def test_layout_never_changes_what_is_said_and_doing_it_again_changes_nothing(text, edits, line_end):
     text = edited(text, edits).replace("\n", line_end)
