@@ -220,7 +220,7 @@ class RampFindings:
         return BudgetLine(f"{self.unit.temperature}: gain", "B", abs(slope) * gain, None, self.unit.temperature)
 
     def _scale_error(self, value_g: float) -> BudgetLine:
-        """The misalignment in K1, relative to it as large as in rad; the reading at 0 g holds it too, beside the bias."""
+        """The misalignment in K1, relative to it as large as in rad."""
         return BudgetLine("K1: misalignment in it", "B", abs(value_g) * self.misalignment_u_rad, None, self._id("K1"))
 
     # Forms

@@ -27,8 +27,8 @@ SAME_ANGLE_RAD = 1e-4
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
     """The findings and models of every unit.
 
-    `settings` has the length of a sample, the size of a step that is called a jump, over how many samples on either side
-    it is looked for, and the standard uncertainty of the misalignment.
+    `settings` has the length of a sample, the size of a step that is called a jump, over how many samples on either
+    side it is looked for, and the standard uncertainty of the misalignment.
     """
     return [_reduced(data, unit, settings) for unit in data.units]
 

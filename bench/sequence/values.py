@@ -89,9 +89,7 @@ def _values(first: Quantity, last: Quantity, step: Quantity) -> tuple[Quantity, 
         )
     signed = stride if end >= begin else -stride
     factor = parse_unit(unit).factor
-    between = (
-        Quantity(float(Fraction(begin + signed * index) * factor), first.dimension) for index in range(1, count)
-    )
+    between = (Quantity(float(Fraction(begin + signed * index) * factor), first.dimension) for index in range(1, count))
     return (first, *between, last) if count else (first,)
 
 
