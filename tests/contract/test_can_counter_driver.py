@@ -50,8 +50,8 @@ def rate_pps(block: FrameBlock) -> tuple[float, tuple[str, ...]]:
     raw = wire.decode_counts(FORM, "x", block)
     rate = mean_rate(
         Counts(
-            raw.sequence, raw.tick, raw.positive, raw.negative, raw.host_s, raw.tick_bits, raw.counter_bits, 1e-6, 256_000,
-            raw.lost, raw.restarts,
+            raw.sequence, raw.tick, raw.positive, raw.negative, raw.host_s, raw.tick_bits, raw.counter_bits, 1e-6,
+            256_000, raw.lost, raw.restarts,
         )
     )  # fmt: skip
     return rate.net_pps, rate.problems

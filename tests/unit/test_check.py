@@ -193,7 +193,8 @@ def result_problems(folder, entry):
     [
         ("{method: temperature_tumbl, data: tumble}",
          ["5:6: there is no method 'temperature_tumbl'; did you mean 'temperature_tumble'?"]),
-        ("{method: fft, data: tumble}", ["5:6: there is no method 'fft'; expected temperature_ramp or temperature_tumble"]),
+        ("{method: fft, data: tumble}",
+         ["5:6: there is no method 'fft'; expected temperature_ramp or temperature_tumble"]),
         ("{method: temperature_tumble, data: tumbl}",
          ["5:34: no step acquires with the label 'tumbl'; did you mean 'tumble'?"]),
         ("{method: temperature_tumble, data: outer}",
