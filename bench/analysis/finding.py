@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from bench.analysis.limits import Limits, judge
-
-if TYPE_CHECKING:  # findings are shown where no arithmetic is loaded
-    from bench.analysis.fit import Array
+from bench.analysis.models import Model
 
 COVERAGE = 2
 NEGLIGIBLE = 1e-4  # of the largest line of a budget: 1e-8 of its variance
@@ -82,54 +80,20 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
-class TemperatureModel:
-    """A polynomial of a quantity over temperature: in x = (T - centre) / scale, and in powers of T in °C."""
-
-    id: str
-    uut: str
-    quantity: str
-    unit: str
-    centre: float
-    scale: float
-    coefficients: tuple[float, ...]
-    u: tuple[float, ...] | None
-    correlation: tuple[tuple[float, ...], ...]
-    powers_of_t: tuple[float, ...]
-    residual_sd: float | None
-    dof: int
-    max_residual: float
-    valid_c: tuple[float, float]
-    dwells_used: int
-    dwells_left_out: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class LegCurve:
-    """A leg of a temperature ramp for a report to draw, (n,) in the order of time; jumps by their temperatures."""
-
-    cycle: int
-    rising: bool
-    temperature_c: Array
-    output_g: Array
-    residual_g: Array
-    jumps_c: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class UnitResult:
     """Everything one method found of one unit.
 
-    `left_out` names the parts that could not be reduced, `flags` are those of the unit as a whole. `curves` are drawn,
-    and not kept with the results.
+    `left_out` names the parts that could not be reduced, `flags` are those of the unit as a whole. `detail` is what the
+    method's own part of the report is drawn from; it is not kept with the results.
     """
 
     place: str
     uut: str
     findings: tuple[Finding, ...]
-    models: tuple[TemperatureModel, ...]
+    models: tuple[Model, ...]
     left_out: tuple[str, ...]
     flags: tuple[str, ...]
-    curves: tuple[LegCurve, ...] = ()
+    detail: object = None
 
     @property
     def verdict(self) -> Literal["PASS", "FAIL", "INCOMPLETE"]:

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from bench.analysis.extremes import largest_u, scatter_sd
-from bench.analysis.finding import BudgetLine, Finding, TemperatureModel, combined
+from bench.analysis.finding import BudgetLine, Finding, combined
 from bench.analysis.fit import Array, PolynomialFit
+from bench.analysis.models import TemperatureModel
 from bench.analysis.ramp_samples import RampLeg
 from bench.analysis.ramp_scale import RampScale
 from bench.analysis.rundata import RunData, UnitUnderTest
@@ -177,23 +178,14 @@ class RampFindings:
     def _model(
         self, quantity: str, unit: str, fit: PolynomialFit, legs: int, left_out: tuple[str, ...]
     ) -> TemperatureModel:
-        return TemperatureModel(
+        return TemperatureModel.of_fit(
+            fit,
             id=self._id(f"{quantity}/model={fit.degree}"),
             uut=self.unit.serial,
             quantity=quantity,
             unit=unit,
-            centre=fit.centre,
-            scale=fit.scale,
-            coefficients=_floats(fit.coefficients),
-            u=_floats(fit.u) if fit.dof else None,
-            correlation=tuple(_floats(row) for row in fit.correlation),
-            powers_of_t=_floats(fit.powers),
-            residual_sd=fit.residual_sd if fit.dof else None,
-            dof=fit.dof,
-            max_residual=fit.max_residual,
-            valid_c=fit.valid,
-            dwells_used=legs,
-            dwells_left_out=left_out,
+            used=legs,
+            left_out=left_out,
         )
 
     # Sources of uncertainty
@@ -265,7 +257,3 @@ def _known_sd(sd: float, otherwise: float) -> float:
 
 def _finite(values: Array) -> Array:
     return values[np.isfinite(values)]
-
-
-def _floats(values: Array) -> tuple[float, ...]:
-    return tuple(float(value) for value in values)

@@ -7,11 +7,12 @@ scale factor comes from the same run, from its 0 g and 1 g parts. The temperatur
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from bench.analysis.finding import LegCurve, UnitResult
+from bench.analysis.finding import UnitResult
 from bench.analysis.fit import Array, NotDetermined
 from bench.analysis.ramp import RampRecord
 from bench.analysis.ramp_findings import RampFindings
@@ -22,6 +23,18 @@ from bench.analysis.temperature_dynamic import UG_PER_G, DynamicCharacteristic, 
 
 LEVEL_BELOW_G = 0.5  # of gravity along the input axis: the 0 g part; the others are the 1 g part
 SAME_ANGLE_RAD = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class LegCurve:
+    """A leg of a temperature ramp for a report to draw, (n,) in the order of time; jumps by their temperatures."""
+
+    cycle: int
+    rising: bool
+    temperature_c: Array
+    output_g: Array
+    residual_g: Array
+    jumps_c: tuple[float, ...]
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
@@ -64,7 +77,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
         models=tuple(findings.models(left_out)),
         left_out=left_out,
         flags=tuple(flags),
-        curves=tuple(_curves(found)),
+        detail=tuple(_curves(found)),
     )
 
 

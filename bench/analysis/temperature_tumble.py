@@ -12,8 +12,9 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from bench.analysis.dwells import QUANTITIES, Dwell, solve_dwells
-from bench.analysis.finding import BudgetLine, Finding, TemperatureModel, UnitResult, combined
+from bench.analysis.finding import BudgetLine, Finding, UnitResult, combined
 from bench.analysis.fit import NotDetermined, PolynomialFit, fit_polynomial
+from bench.analysis.models import TemperatureModel
 from bench.analysis.rundata import Array, RunData, UnitUnderTest
 from bench.analysis.tumble import hysteresis
 
@@ -110,23 +111,14 @@ class _Unit:
             yield line
 
     def _model(self, quantity: str, fit: PolynomialFit) -> TemperatureModel:
-        return TemperatureModel(
+        return TemperatureModel.of_fit(
+            fit,
             id=self._id(f"{quantity}/model={fit.degree}"),
             uut=self._unit.serial,
             quantity=quantity,
             unit=UNITS[quantity],
-            centre=fit.centre,
-            scale=fit.scale,
-            coefficients=_floats(fit.coefficients),
-            u=_floats(fit.u) if fit.dof else None,
-            correlation=tuple(_floats(row) for row in fit.correlation),
-            powers_of_t=_floats(fit.powers),
-            residual_sd=fit.residual_sd if fit.dof else None,
-            dof=fit.dof,
-            max_residual=fit.max_residual,
-            valid_c=fit.valid,
-            dwells_used=len(self._dwells),
-            dwells_left_out=self._left_out,
+            used=len(self._dwells),
+            left_out=self._left_out,
         )
 
     # Findings at a dwell
@@ -285,7 +277,3 @@ class _Unit:
 
 def _type_b(source: str, u: float | np.floating, shared: str | None) -> BudgetLine:
     return BudgetLine(source, "B", float(u), None, shared)
-
-
-def _floats(values: Array) -> tuple[float, ...]:
-    return tuple(float(value) for value in values)

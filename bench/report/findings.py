@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any, Literal
 
-from bench.analysis.finding import COVERAGE, BudgetLine, Finding, TemperatureModel, UnitResult
+from bench.analysis.finding import COVERAGE, BudgetLine, Finding, UnitResult
 from bench.analysis.limits import Limits
 from bench.analysis.rundata import RunData
 from bench.report.measured import OnTheWay, verdicts_of
@@ -47,7 +47,7 @@ class Results:
                 for unit in self.units
             ],
             "findings": [_finding(finding) for unit in self.units for finding in unit.findings],
-            "models": [_model(model) for unit in self.units for model in unit.models],
+            "models": [model.to_json() for unit in self.units for model in unit.models],
             **self.on_the_way.to_json(),
         }
 
@@ -121,25 +121,3 @@ def _finding(finding: Finding) -> dict[str, Any]:
 
 def _line(line: BudgetLine) -> dict[str, Any]:
     return {"source": line.source, "type": line.type, "u": line.u, "dof": line.dof, "shared": line.shared}
-
-
-def _model(model: TemperatureModel) -> dict[str, Any]:
-    return {
-        "id": model.id,
-        "uut": model.uut,
-        "quantity": model.quantity,
-        "unit": model.unit,
-        "form": "sum of c[i] · x^i, x = (T - centre) / scale, T the indicated temperature in °C",
-        "centre": model.centre,
-        "scale": model.scale,
-        "coefficients": list(model.coefficients),
-        "u": list(model.u) if model.u is not None else None,
-        "correlation": [list(row) for row in model.correlation],
-        "powers_of_T": list(model.powers_of_t),
-        "residual_sd": model.residual_sd,
-        "dof": model.dof,
-        "max_residual": model.max_residual,
-        "valid_c": list(model.valid_c),
-        "dwells_used": model.dwells_used,
-        "dwells_left_out": list(model.dwells_left_out),
-    }

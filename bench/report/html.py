@@ -5,24 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib import import_module
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from bench.analysis.finding import COVERAGE, UnitResult
 from bench.analysis.limits import Limits
+from bench.analysis.models import TemperatureModel
 from bench.analysis.rundata import RunData
 from bench.report import page, tables
 from bench.report.budgets import Budget, BudgetsOfDwells, budget, budgets_of_dwells
 from bench.report.course import course_of, course_plot
 from bench.report.findings import Results
 from bench.report.measured import OnTheWay
-from bench.report.plots import Plot, unit_plots
-from bench.report.ramp_plots import ramp_plots
+from bench.report.plots import Plot
 from bench.report.stored import BENCH_COPY, StoredRun
 from bench.report.svg import drawing
 from bench.report.words import flag_in_words
 from bench.sequence.limits import limits_in
-from bench.sequence.methods import known_methods
+from bench.sequence.methods import MethodDescription, known_methods
 
 TEMPLATE = "report.html.j2"
 MOST_NOTES = 12  # at the top of the page; the others unfold
@@ -35,10 +36,11 @@ class UnitSection:
     name: str
     result: UnitResult
     verdicts: tuple[tables.Row, ...]
-    plots: tuple[Plot, ...]
+    shown: tuple[Plot | tables.Sheet, ...]
     dwells: tables.DwellTable | None
     over_run: tuple[tables.Row, ...]
     models: tuple[tables.ModelTable, ...]
+    model_sheets: tuple[tables.Sheet, ...]
     budgets: tuple[Budget, ...]
     budgets_of_dwells: tuple[BudgetsOfDwells, ...]
 
@@ -90,12 +92,12 @@ def _sections(run: StoredRun, results: Results) -> Iterator[UnitSection]:
     """A section for each unit and method; every method gives one result for each unit."""
     entries = [entry for entry in run.sequence.results for _ in run.serials]
     for number, (entry, unit) in enumerate(zip(entries, results.units, strict=True)):
-        units = known_methods()[entry.method].quantities
-        limits = {quantity: limits_in(limit, units[quantity]) for quantity, limit in entry.limits.items()}
-        yield _section(unit, f"{unit.place}-{number}", limits)
+        method = known_methods()[entry.method]
+        limits = {name: limits_in(limit, method.quantities[name]) for name, limit in entry.limits.items()}
+        yield _section(unit, f"{unit.place}-{number}", limits, method)
 
 
-def _section(unit: UnitResult, name: str, limits: Mapping[str, Limits]) -> UnitSection:
+def _section(unit: UnitResult, name: str, limits: Mapping[str, Limits], method: MethodDescription) -> UnitSection:
     dwells = tables.at_dwells(unit)
     first = next(iter(dwells.values()), {})
     numbers = tables.dwell_numbers(unit)
@@ -103,13 +105,23 @@ def _section(unit: UnitResult, name: str, limits: Mapping[str, Limits]) -> UnitS
         name=name,
         result=unit,
         verdicts=tuple(tables.verdict_rows(unit, limits)),
-        plots=(*unit_plots(unit, name), *ramp_plots(unit, name)),
+        shown=tuple(_drawn(method, unit, name)),
         dwells=tables.dwell_table(unit),
         over_run=tuple(tables.over_run_rows(unit)),
-        models=tuple(map(tables.model_table, unit.models)),
+        models=tuple(tables.model_table(model) for model in unit.models if isinstance(model, TemperatureModel)),
+        model_sheets=tuple(
+            tables.model_sheet(model) for model in unit.models if not isinstance(model, TemperatureModel)
+        ),
         budgets=tuple(budget(each, numbers) for each in [*first.values(), *tables.over_run(unit)] if each.budget),
         budgets_of_dwells=tuple(budgets_of_dwells(unit, quantity) for quantity in first) if len(dwells) > 1 else (),
     )
+
+
+def _drawn(method: MethodDescription, unit: UnitResult, name: str) -> Iterator[Plot | tables.Sheet]:
+    """What the method itself shows of a unit; `name` begins the ids in the page."""
+    if method.drawn_by:
+        module, _, function = method.drawn_by.partition(":")
+        yield from getattr(import_module(module), function)(unit, name)
 
 
 def _flags(results: Results | None) -> Iterator[str]:

@@ -12,7 +12,8 @@ from matplotlib.axes import Axes
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
-from bench.analysis.finding import COVERAGE, TemperatureModel, UnitResult
+from bench.analysis.finding import COVERAGE, UnitResult
+from bench.analysis.models import TemperatureModel
 from bench.report.shown import SHOWN, decimals
 from bench.report.svg import new_figure, rendered
 
@@ -91,7 +92,11 @@ class Scale:
 
     def curves(self, unit: UnitResult, quantity: str) -> list[Curve]:
         """The models of a quantity, the best first."""
-        return [self._curve(model) for model in unit.models if model.quantity == quantity]
+        return [
+            self._curve(model)
+            for model in unit.models
+            if isinstance(model, TemperatureModel) and model.quantity == quantity
+        ]
 
     def _curve(self, model: TemperatureModel) -> Curve:
         def at(temperature_c: Array) -> Array:
@@ -124,7 +129,7 @@ def unit_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
 def _middle(unit: UnitResult, quantity: str) -> tuple[float, str]:
     """What the model says in the middle of the temperatures, and where that is; without a model, the mean."""
     for model in unit.models:
-        if model.quantity == quantity:
+        if isinstance(model, TemperatureModel) and model.quantity == quantity:
             return model.coefficients[0], f" at {model.centre:.1f} °C"
     return float(np.mean([finding.value for finding in unit.findings if finding.quantity == quantity])), ""
 

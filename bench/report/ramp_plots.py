@@ -8,7 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.polynomial import polynomial
 
-from bench.analysis.finding import LegCurve, TemperatureModel, UnitResult
+from bench.analysis.finding import UnitResult
+from bench.analysis.models import TemperatureModel
+from bench.analysis.temperature_ramp import LegCurve
 from bench.report.plots import TEMPERATURE, Array, Plot
 from bench.report.shown import SHOWN
 from bench.report.svg import new_figure, rendered
@@ -20,19 +22,20 @@ FALLING = ("#b45309", "#f0a35e", "#7f1d1d", "#d58a94")
 
 def ramp_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
     """The bias of every leg and what its straight line leaves; `name` begins the ids in the page."""
-    if not unit.curves:
+    if not isinstance(unit.detail, tuple) or not unit.detail:
         return
+    curves: tuple[LegCurve, ...] = unit.detail
     factor, symbol = SHOWN["K0"]
     figure = new_figure(5.6)
     above, below = figure.subplots(2, 1, height_ratios=[2, 3], gridspec_kw={"hspace": 0.4})
-    _draw_legs(above, unit.curves, [curve.output_g * factor for curve in unit.curves])
+    _draw_legs(above, curves, [curve.output_g * factor for curve in curves])
     for line in unit.models:
-        if line.quantity == "K0":
+        if isinstance(line, TemperatureModel) and line.quantity == "K0":
             _draw_line(above, line, factor)
-    residuals = [curve.residual_g * factor for curve in unit.curves]
+    residuals = [curve.residual_g * factor for curve in curves]
     below.axhline(0, color="#444444", linewidth=0.6)
-    _draw_legs(below, unit.curves, residuals)
-    _draw_jumps(below, unit.curves, residuals)
+    _draw_legs(below, curves, residuals)
+    _draw_jumps(below, curves, residuals)
     above.set(ylabel=f"K0 + misalignment / {symbol}", title="Output at 0 g", xlabel=TEMPERATURE)
     below.set(ylabel=f"residual / {symbol}", title="Residuals of the straight line", xlabel=TEMPERATURE)
     below.legend(ncols=2)
@@ -42,7 +45,7 @@ def ramp_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
         "axis, which is constant; thin and black its straight line. Below what that leaves: solid on rising, dashed on "
         "falling temperature."
     )
-    if any(curve.jumps_c for curve in unit.curves):
+    if any(curve.jumps_c for curve in curves):
         caption += " Crosses: jumps."
     yield Plot(title, rendered(figure, f"{name}-ramp", title), caption)
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from bench.analysis.finding import COVERAGE, Finding, TemperatureModel, UnitResult
+from bench.analysis.finding import COVERAGE, Finding, UnitResult
 from bench.analysis.limits import Limits
+from bench.analysis.models import Constant, Equation, KnotModel, TemperatureModel
 from bench.report.shown import SHOWN, decimals, shown
 from bench.report.words import (
     CONTENTS,
@@ -21,6 +23,16 @@ from bench.report.words import (
 
 POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 SEVERITY = ("FAIL", "INVALID", "PASS", None)
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table of the page: heads with their units, empty for none, and rows of what stands under them."""
+
+    title: str
+    caption: str
+    heads: tuple[tuple[str, str], ...]
+    rows: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -191,6 +203,39 @@ def _notes(finding: Finding) -> Iterator[str]:
     for flag in finding.flags:
         if flag not in CONTENTS:
             yield f"{finding.quantity}: {REASONS.get(flag, flag)}"
+
+
+def model_sheet(model: Equation | KnotModel) -> Sheet:
+    """The constants of an equation, or the knots of a model of straight lines."""
+    if isinstance(model, Equation):
+        valid = ", ".join(
+            f"{name.replace('_', ' ')} {low:.6g} to {high:.6g}" for name, (low, high) in model.valid.items()
+        )
+        rows = tuple((name, *_constant(each), each.unit) for name, each in model.constants.items())
+        return Sheet(
+            f"{quantity_in_words(model.quantity)}: {model.form}",
+            f"Valid for {valid}." if valid else "",
+            (("Constant", ""), ("Value", ""), ("u", "k = 1"), ("Unit", "")),
+            rows,
+        )
+    factor, unit = SHOWN.get(model.quantity, (1.0, model.unit))
+    knots = zip(model.knots_c, model.values, model.u, strict=True)
+    return Sheet(
+        f"{quantity_in_words(model.quantity)} over temperature",
+        "Straight lines between the knots; beyond them the end values, and whoever uses them is told.",
+        (("Temperature", "°C"), ("Value", unit), ("u", f"{unit}, k = 1")),
+        tuple((f"{at_c:.2f}", *_constant(Constant(value * factor, unit, u * factor))) for at_c, value, u in knots),
+    )
+
+
+def _constant(constant: Constant) -> tuple[str, str]:
+    """A value and its u, to the digits that u justifies."""
+    if not constant.u:
+        return f"{constant.value:.9g}", "not known" if constant.u is None else "0"
+    digits = 1 - math.floor(math.log10(constant.u))
+    if -1 <= digits <= 12:
+        return f"{constant.value:.{max(digits, 0)}f}", f"{constant.u:.{max(digits, 0)}f}"
+    return f"{constant.value:.9g}", f"{constant.u:.2g}"
 
 
 def model_table(model: TemperatureModel) -> ModelTable:

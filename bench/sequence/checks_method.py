@@ -9,7 +9,7 @@ from bench.config.document import Place
 from bench.config.models import BenchFile
 from bench.sequence.dwells import DwellNames
 from bench.sequence.measuring import Acquire
-from bench.sequence.methods import TEMPERATURE_TUMBLE, TemperatureTumbleSettings
+from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE, TemperatureTumbleSettings
 from bench.sequence.model import ResultEntry
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Found

@@ -7,7 +7,8 @@ from importlib import import_module
 import pytest
 from pydantic import ValidationError
 
-from bench.sequence.methods import TEMPERATURE_TUMBLE, known_methods
+from bench.sequence.methods import known_methods
+from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE
 from drivers.units import parse_unit
 from tests.support.runs import run_short
 from tests.support.sequences import plan_of, problems_of, steps

@@ -13,7 +13,7 @@ from bench.analysis.finding import Finding, UnitResult
 from bench.analysis.rundata import Acquisition, BenchRecord, Counts, RunData, UnitUnderTest
 from bench.analysis.temperature_ramp import reduce
 from bench.report.words import flag_in_words, where
-from bench.sequence.methods import TEMPERATURE_RAMP
+from bench.sequence.methods.temperature import TEMPERATURE_RAMP
 
 LOW_C, HIGH_C, LEG_S = 10.0, 60.0, 2400
 K1, K1_SLOPE, MISALIGNMENT = 11_300.0, -58e-6, 3e-4
@@ -137,7 +137,7 @@ def test_a_jump_is_counted_and_told_with_its_place():
     assert findings["K0/largest_jump"].value == -jump.value
     assert where(jump.at, {}) == f"cycle 2, rising, at {jump.at['at_c']:.1f} °C"
     assert abs(jump.at["at_c"] - 40) < 0.5
-    assert [curve.jumps_c for curve in result.curves] == [(), (), (jump.at["at_c"],), ()]
+    assert [curve.jumps_c for curve in result.detail] == [(), (), (jump.at["at_c"],), ()]
     assert found(reduced(run(jumping), jump_threshold_g=300e-6))["K0/jumps"].value == 0
 
 
@@ -179,7 +179,7 @@ def test_another_angle_is_left_out_and_told():
     acquisitions = [*run(), *run(positions=(179.0,), cycles=1)]
     result = reduced(acquisitions)
     assert [flag.partition(": ")[2] for flag in result.flags] == ["another_angle"] * 2
-    assert len(result.curves) == 4
+    assert len(result.detail) == 4
 
 
 def test_samples_without_counts_or_temperature_are_left_out_and_counted():

@@ -1,38 +1,13 @@
-"""What a sequence may ask of the test methods, known without importing their arithmetic.
-
-The entry-point group `inertial_test_bench.methods` finds descriptions, a plug-in's too.
-"""
+"""The methods over temperature as a sequence sees them: the static tumble and the dynamic test (method M4)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import lru_cache
-from importlib.metadata import entry_points
-from typing import Annotated, Literal
+from typing import Annotated
 
-from pydantic import BaseModel, Field
+from pydantic import Field
 
+from bench.sequence.methods import MethodDescription
 from drivers.fields import InUnit, StrictModel, WholeNumber
-
-ENTRY_POINTS = "inertial_test_bench.methods"
-
-
-@dataclass(frozen=True)
-class MethodDescription:
-    """A method as a sequence sees it.
-
-    `settings` validates its settings; `quantities` are the results that limits may name, with their units;
-    `target` is "module:function", which turns a run's data into findings. `counts_at` says what its acquisitions are:
-    readings at dwells, or each a leg of a temperature ramp.
-    """
-
-    name: str
-    title: str
-    target: str
-    settings: type[BaseModel]
-    quantities: Mapping[str, str]
-    counts_at: Literal["dwells", "ramps"] = "dwells"
 
 
 class TemperatureTumbleSettings(StrictModel):
@@ -59,6 +34,7 @@ TEMPERATURE_TUMBLE = MethodDescription(
         "K0/model_residual": "g",
         "K1/model_residual": "1",
     },
+    drawn_by="bench.report.plots:unit_plots",
 )
 
 
@@ -97,10 +73,5 @@ TEMPERATURE_RAMP = MethodDescription(
         "K1/temperature_coefficient": "1/°C",
     },
     counts_at="ramps",
+    drawn_by="bench.report.ramp_plots:ramp_plots",
 )
-
-
-@lru_cache(maxsize=1)
-def known_methods() -> Mapping[str, MethodDescription]:
-    """Every installed method by name."""
-    return {point.name: point.load() for point in entry_points(group=ENTRY_POINTS)}

@@ -1,0 +1,41 @@
+"""What a sequence may ask of the test methods, known without importing their arithmetic.
+
+The entry-point group `inertial_test_bench.methods` finds descriptions, a plug-in's too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import entry_points
+from typing import Literal
+
+from pydantic import BaseModel
+
+ENTRY_POINTS = "inertial_test_bench.methods"
+
+
+@dataclass(frozen=True)
+class MethodDescription:
+    """A method as a sequence sees it.
+
+    `settings` validates its settings; `quantities` are the results that limits may name, with their units;
+    `target` is "module:function", which turns a run's data into findings. `counts_at` says what its acquisitions are:
+    readings at dwells, each a leg of a temperature ramp, or each a record of its own. `drawn_by` is "module:function",
+    which turns a unit's results into what a report shows of them beside the tables that all methods have.
+    """
+
+    name: str
+    title: str
+    target: str
+    settings: type[BaseModel]
+    quantities: Mapping[str, str]
+    counts_at: Literal["dwells", "ramps", "records"] = "dwells"
+    drawn_by: str = ""
+
+
+@lru_cache(maxsize=1)
+def known_methods() -> Mapping[str, MethodDescription]:
+    """Every installed method by name."""
+    return {point.name: point.load() for point in entry_points(group=ENTRY_POINTS)}
