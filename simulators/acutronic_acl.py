@@ -58,12 +58,14 @@ class SimulatedAcutrol:
     """
 
     def __init__(
-        self, world: World, faults: FaultPlan, *, axis: int = 1, byte_order: ByteOrder = "little", serial: str = "0"
-    ) -> None:
+        self, world: World, faults: FaultPlan, *, axis: int = 1, byte_order: ByteOrder = "little", serial: str = "0",
+        role: str | None = None,
+    ) -> None:  # fmt: skip
         self.faults = faults
         self.interlock, self.mode = Interlock.OPEN, Mode.OFF
         self.supervisor = Supervisor(0)
         self._world, self._axis, self._order = world, str(axis), byte_order
+        self._role, self._driven = role, world.axis_of(role)
         self._identity = f"Acutronic R&D USA,Acutrol3000,{serial},A8800-SIM"
         self._limits = {mode: Limits() for mode in Mode}
         self._demand_deg = self._demand_dps = 0.0
@@ -176,7 +178,7 @@ class SimulatedAcutrol:
 
     def _leave(self, acceleration_dps2: float) -> None:
         self.mode = Mode.OFF
-        self._world.turn(0.0, acceleration_dps2)
+        self._world.turn(0.0, acceleration_dps2, self._role)
 
     # Modes and demands
 
@@ -190,7 +192,7 @@ class SimulatedAcutrol:
                 return
             if follow is None or self.interlock is not Interlock.CLOSED:
                 raise Refusal(NOT_NOW, "mode cannot be entered")
-            if mode is not self.mode and self._world.axis.moving(self._world.now()):
+            if mode is not self.mode and self._driven.moving(self._world.now()):
                 raise Refusal(NOT_NOW, "axis is moving")
             self.mode = mode
             follow()
@@ -233,29 +235,29 @@ class SimulatedAcutrol:
         self._slews = (_positive(slews[0]), _positive(slews[1]))
 
     def _go(self) -> None:
-        limits, here_deg = self._limits[Mode.POSITION], self._world.axis.encoder_deg(self._world.now())
+        limits, here_deg = self._limits[Mode.POSITION], self._driven.encoder_deg(self._world.now())
         target_deg = here_deg + math.remainder(self._demand_deg - here_deg, TURN_DEG)
         if not self.faults.active("stuck"):
-            self._world.move(target_deg, limits.rate_dps, limits.acceleration_dps2)
+            self._world.move(target_deg, limits.rate_dps, limits.acceleration_dps2, self._role)
 
     def _turn(self) -> None:
         limits = self._limits[Mode.RATE]
         rate_dps = min(max(self._demand_dps, -limits.rate_dps), limits.rate_dps)
         if not self.faults.active("stuck"):
-            self._world.turn(rate_dps, limits.acceleration_dps2)
+            self._world.turn(rate_dps, limits.acceleration_dps2, self._role)
 
     def _swing(self) -> None:
         amplitude_deg, frequency_hz, phase_deg = self._sine
         if not self.faults.active("stuck"):
             amplitude, frequency = Slew(0.0, amplitude_deg, self._slews[0]), Slew(0.0, frequency_hz, self._slews[1])
-            self._world.swing(amplitude, frequency, phase_deg)
+            self._world.swing(amplitude, frequency, phase_deg, self._role)
 
     # Readings
 
     def _read(self) -> tuple[float, float]:
         """Angle and rate as they are told, ° and °/s."""
         if not self.faults.active("frozen"):
-            now, axis = self._world.now(), self._world.axis
+            now, axis = self._world.now(), self._driven
             self._seen = math.remainder(axis.encoder_deg(now), TURN_DEG), axis.rate_dps(now)
         return self._seen
 
@@ -273,7 +275,7 @@ class SimulatedAcutrol:
     def _dynamics(self) -> Dynamics:
         if self._latched is not None:
             return self._latched
-        now, axis = self._world.now(), self._world.axis
+        now, axis = self._world.now(), self._driven
         swinging = Dynamics.AT_AMPLITUDE | Dynamics.AT_FREQUENCY if axis.moving(now) else Dynamics(0)
         reached = {
             Mode.POSITION: Dynamics.POSITION_COMPLETE, Mode.RATE: Dynamics.RATE_COMPLETE, Mode.SYNTHESIS: swinging

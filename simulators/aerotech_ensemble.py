@@ -14,7 +14,7 @@ _DONE, _INVALID, _FAULT = Reply(Outcome.DONE), Reply(Outcome.INVALID), Reply(Out
 
 
 class SimulatedEnsemble:
-    """A controller with one axis, which is the head of the world; it stays energised until something disables it.
+    """A controller with one axis, the head of the world or that of a `role`; energised until something disables it.
 
     Faults latch and disable the axis until they are acknowledged; a move beyond the software limits is such a fault.
     `frozen`: the feedback stands still. `stuck`: a move is acknowledged and does not begin.
@@ -22,14 +22,15 @@ class SimulatedEnsemble:
 
     def __init__(
         self, world: World, faults: FaultPlan, *, axis: str = "X", homed: bool = True, counts_per_unit: int = 1_000_000,
-        software_limits_deg: tuple[float, float] = (-370.0, 370.0),
+        software_limits_deg: tuple[float, float] = (-370.0, 370.0), role: str | None = None,
     ) -> None:  # fmt: skip
         self.faults = faults
+        self._role, self._driven = role, world.axis_of(role)
         self.homed, self.enabled = homed, False
         self._world, self._axis = world, axis.upper()
         self._counts_per_unit, self._software_limits_deg = counts_per_unit, software_limits_deg
         self._latched = AxisFault(0)
-        self._feedback_deg = world.axis.encoder_deg(world.now())
+        self._feedback_deg = self._driven.encoder_deg(world.now())
         self._words: dict[str, Callable[[Sequence[str]], Reply]] = {
             "ENABLE": self._enable,
             "DISABLE": self._disable,
@@ -51,7 +52,7 @@ class SimulatedEnsemble:
         """A fault comes up: it latches, the axis stops and is disabled."""
         self._latched |= fault
         self.enabled = False
-        self._world.stop()
+        self._world.stop(self._role)
 
     def execute(self, line: bytes) -> bytes:
         """Carries one line out; its answer."""
@@ -73,7 +74,7 @@ class SimulatedEnsemble:
         return _DONE
 
     def _disable(self, _: Sequence[str]) -> Reply:
-        self._world.stop()
+        self._world.stop(self._role)
         self.enabled = False
         return _DONE
 
@@ -87,18 +88,18 @@ class SimulatedEnsemble:
             self.trip(AxisFault.POSITIVE_SOFTWARE_LIMIT if above else AxisFault.NEGATIVE_SOFTWARE_LIMIT)
             return _FAULT
         if not self.faults.active("stuck"):
-            self._world.move(move.angle_deg, move.rate_dps or DEFAULT_RATE_DPS)
+            self._world.move(move.angle_deg, move.rate_dps or DEFAULT_RATE_DPS, role=self._role)
         return _DONE
 
     def _abort(self, _: Sequence[str]) -> Reply:
-        self._world.stop()
+        self._world.stop(self._role)
         return _DONE
 
     def _home(self, _: Sequence[str]) -> Reply:
         if self._latched or not self.enabled:
             return _INVALID
         self.homed = True
-        self._world.move(0.0, DEFAULT_RATE_DPS)
+        self._world.move(0.0, DEFAULT_RATE_DPS, role=self._role)
         return _DONE
 
     def _acknowledge(self, _: Sequence[str]) -> Reply:
@@ -112,7 +113,7 @@ class SimulatedEnsemble:
 
     def _feedback(self) -> float:
         if not self.faults.active("frozen"):
-            self._feedback_deg = self._world.axis.encoder_deg(self._world.now())
+            self._feedback_deg = self._driven.encoder_deg(self._world.now())
         return self._feedback_deg
 
     def _status(self) -> AxisStatus:
@@ -121,7 +122,7 @@ class SimulatedEnsemble:
             status |= AxisStatus.ENABLED
         if self.homed:
             status |= AxisStatus.HOMED
-        if self._world.axis.moving(self._world.now()):
+        if self._driven.moving(self._world.now()):
             status |= AxisStatus.MOVING
         elif self.enabled:
             status |= AxisStatus.IN_POSITION

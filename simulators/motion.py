@@ -255,15 +255,22 @@ class Axis:
         """Where the last command ends, if it does."""
         return self._profile.angle_at(self._profile.start_s + self._profile.duration_s)
 
-    def true_deg(self, at_s: Angles) -> Angles:
-        """Where the axis really is."""
-        if self.moving(float(at_s[0])):
-            angle = self._profile.angle_deg(at_s)
-            return angle + self._error_deg(angle)
+    def still_deg(self, at_s: float) -> float | None:
+        """Where the axis really stands; None while it moves."""
+        if self.moving(at_s):
+            return None
         if self._rest_deg is None:
             target = np.array([self.target_deg()])
             self._rest_deg = float(target[0] + self._error_deg(target)[0])
-        return np.full_like(at_s, self._rest_deg)
+        return self._rest_deg
+
+    def true_deg(self, at_s: Angles) -> Angles:
+        """Where the axis really is."""
+        still_deg = self.still_deg(float(at_s[0]))
+        if still_deg is not None:
+            return np.full_like(at_s, still_deg)
+        angle = self._profile.angle_deg(at_s)
+        return angle + self._error_deg(angle)
 
     def _begin(self, profile: Profile) -> None:
         self._profile, self._rest_deg = profile, None

@@ -10,12 +10,13 @@ the unit, as slow as the real one, said meanwhile.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from simulators.attitude import Mount, to_unit
 from simulators.uut import UnitTruth
 from simulators.world import World
 
@@ -24,30 +25,33 @@ LEG_EVERY_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class DwellAsMeasured:
-    """What the results say of a dwell: host time of its middle, indicated temperature, nominal angles.
+class Lies:
+    """Nominal angles of the table's axes, outer first, and the mount."""
 
-    Those of the head, and what the mount of the fixture added, each for every reading.
-    """
+    angles_deg: tuple[float, ...]
+    mount: Mount = field(default_factory=Mount)
+
+
+@dataclass(frozen=True, slots=True)
+class DwellAsMeasured:
+    """What the results say of a dwell: host time of its middle, indicated temperature, how it lay at each reading."""
 
     key: str
     place: str
     at_s: float
     temperature_c: float
-    head_deg: tuple[float, ...]
-    mounted_deg: tuple[float, ...]
+    lies: tuple[Lies, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class LegAsMeasured:
-    """A leg of a temperature ramp: host time of its ends, nominal angle of the head and what the mount added to it."""
+    """A leg of a temperature ramp: host time of its ends, and how the unit lay."""
 
     key: str
     place: str
     begin_s: float
     end_s: float
-    head_deg: float
-    mounted_deg: float
+    lies: Lies
 
 
 def truth_record(world: World, dwells: Sequence[DwellAsMeasured], legs: Sequence[LegAsMeasured] = ()) -> dict[str, Any]:
@@ -60,7 +64,7 @@ def truth_record(world: World, dwells: Sequence[DwellAsMeasured], legs: Sequence
             "gravity_mps2": settings.gravity_mps2,
             "host_clock": settings.host_clock,
             "device_clock": settings.device_clock,
-            "head": asdict(settings.axis),
+            "axes": {role: asdict(errors) for role, errors in settings.axes.items()},
             "level_deg": settings.level_deg,
             "thermometers": {
                 name: {"offset_c": place.thermometer_offset_c, "gain": place.thermometer_gain}
@@ -79,16 +83,17 @@ def _dwell(world: World, dwell: DwellAsMeasured) -> dict[str, Any]:
     true_s = world.true_time(dwell.at_s)
     history = np.array(unit.history)
     drifted_g = float(np.interp(true_s, history[:, 0], history[:, 1]))
-    angles = zip(dwell.head_deg, dwell.mounted_deg, strict=True)
-    axis_deg = tuple(_axis_deg(world, dwell.place, head_deg, mounted_deg) for head_deg, mounted_deg in angles)
+    axis_deg = tuple(_axis_deg(world, dwell.place, lies) for lies in dwell.lies)
     constants = channel_constants(unit.truth, settings.gravity_mps2, axis_deg, dwell.temperature_c, drifted_g)
     return {"temperature_c": dwell.temperature_c, "drifted_g": drifted_g, "axis_deg": axis_deg, **constants}
 
 
-def _axis_deg(world: World, place: str, head_deg: float, mounted_deg: float) -> float:
-    """The ideal angle of a unit's input axis above the horizontal."""
-    fixture = world.settings.fixture
-    return fixture.sense * head_deg + fixture.offset_deg + world.units[place].settings.mount_angle_deg + mounted_deg
+def _axis_deg(world: World, place: str, lies: Lies) -> float:
+    """The ideal angle of a unit's input axis above the horizontal, up to ±180°."""
+    angles_deg = [np.array([angle_deg]) for angle_deg in lies.angles_deg]
+    upward = world.settings.fixture.to_fixture(angles_deg)[0, :, 2]
+    along, _, pendulous = to_unit(lies.mount, world.units[place].settings.mount_angle_deg) @ upward
+    return float(np.degrees(np.arctan2(along, pendulous)))
 
 
 def _leg(world: World, leg: LegAsMeasured) -> dict[str, Any]:
@@ -97,7 +102,7 @@ def _leg(world: World, leg: LegAsMeasured) -> dict[str, Any]:
     at_s = np.arange(world.true_time(leg.begin_s), world.true_time(leg.end_s), LEG_EVERY_S)
     history = np.array(unit.history)
     drifted_g, moving_g, sensor_c, thermometer_c = (np.interp(at_s, history[:, 0], row) for row in history.T[1:])
-    axis_rad = np.full_like(at_s, np.radians(_axis_deg(world, leg.place, leg.head_deg, leg.mounted_deg)))
+    axis_rad = np.full_like(at_s, np.radians(_axis_deg(world, leg.place, leg.lies)))
     k1 = _scale_factor(unit.truth, sensor_c)
     force_g = (np.sin(axis_rad), np.cos(axis_rad), np.zeros_like(axis_rad))
     output_g = unit.truth.rate_pps(unit.truth.current_a(force_g, sensor_c, drifted_g + moving_g)) / k1 - force_g[0]

@@ -8,13 +8,14 @@ integrates catch up, so that no part of the time is counted under the wrong stim
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from simulators.attitude import Fixture, Mount, to_unit
 from simulators.motion import Axis, AxisErrors, Slew
 from simulators.thermal import ChamberPhysics, Thermal, UnitPhysics
 from simulators.unit_file import UnitFile, stream
@@ -22,14 +23,6 @@ from simulators.uut import Hysteresis, Noise, UnitTruth, draw_unit
 
 Array = NDArray[np.float64]
 LOOK_S = 0.02  # how finely a mean current follows the head
-
-
-@dataclass(frozen=True, slots=True)
-class Fixture:
-    """How the input axis lies: its angle above the horizontal is `sense` x head angle + `offset_deg`."""
-
-    sense: int = 1
-    offset_deg: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,16 +39,20 @@ class PlaceSettings:
 
 @dataclass(frozen=True, slots=True)
 class WorldSettings:
-    """The laboratory of one run: its seed, its own errors as drawn, and the units by place."""
+    """The laboratory of one run: its seed, its own errors as drawn, and the units by place.
+
+    `axes` are those of the table by the role of what drives them, outer first, as the fixture has them. `level_deg` is
+    how far its base is tilted, `mount` how the units are fixed in the beginning.
+    """
 
     seed: int
     gravity_mps2: float
     host_clock: float = 0.0  # relative error of the host's clock against the true second
     device_clock: float = 0.0  # relative error of the counter's time base
-    axis: AxisErrors = field(default_factory=AxisErrors)
+    axes: Mapping[str, AxisErrors] = field(default_factory=lambda: {"head": AxisErrors()})
     axis_acceleration_dps2: float = 40.0
     level_deg: float = 0.0
-    mounted_deg: float = 0.0  # what the mount that units are fixed in adds to their mount angles
+    mount: Mount = field(default_factory=Mount)
     fixture: Fixture = field(default_factory=Fixture)
     chamber: ChamberPhysics = field(default_factory=ChamberPhysics)
     thermometer_lag_s: float = 20.0
@@ -84,9 +81,6 @@ class SimulatedUnit:
         self.settings = settings.places[place]
         self.truth: UnitTruth = draw_unit(self.settings.unit, settings.seed, place)
         self._index, self._world = index, world
-        self._attitude_deg = self.settings.mount_angle_deg + settings.level_deg + settings.fixture.offset_deg
-        self.mounted_deg = settings.mounted_deg
-        self._sense = settings.fixture.sense
         self._noise = Noise(self.truth, settings.seed, place)
         self._hysteresis = Hysteresis(self.truth, settings.chamber.start_c)
         self._thermometer_noise_c = settings.thermometer_noise_c
@@ -152,9 +146,8 @@ class SimulatedUnit:
 
     def force_g(self, at_s: Array) -> tuple[Array, Array, Array]:
         """Specific force along the input, pendulous and output axes, in local g."""
-        fixed_deg = self._attitude_deg + self.mounted_deg
-        above_horizontal = np.radians(self._sense * self._world.axis.true_deg(at_s) + fixed_deg)
-        return np.sin(above_horizontal), np.cos(above_horizontal), np.zeros_like(above_horizontal)
+        x, y, z = to_unit(self._world.mount, self.settings.mount_angle_deg) @ self._world.upward(at_s)
+        return x, z, y
 
     def thermometer_c(self, at_s: Array) -> Array:
         """Readings of the thermometer at the unit at times since the last call, with its errors and noise."""
@@ -174,7 +167,12 @@ class World:
     def __init__(self, settings: WorldSettings, host_s: Callable[[], float]) -> None:
         self.settings = settings
         self._host_s, self._origin_s = host_s, host_s()
-        self.axis = Axis(settings.axis, settings.axis_acceleration_dps2, stream(settings.seed, "head", "repeatability"))
+        self.mount = settings.mount
+        self.axes = {
+            role: Axis(errors, settings.axis_acceleration_dps2, stream(settings.seed, *path, "repeatability"))
+            for (role, errors), path in zip(settings.axes.items(), _streams(settings.axes), strict=True)
+        }
+        self._at_rest: tuple[tuple[float, ...], Array] = (), np.empty((3, 1))
         names = sorted(settings.places)
         physics = tuple(self._physics(settings.places[name]) for name in names)
         phase = float(stream(settings.seed, "chamber", "limit cycle").uniform(0, 2 * np.pi))
@@ -187,6 +185,25 @@ class World:
         return UnitPhysics(
             model.case_time_constant, model.sensor_time_constant, model.self_heating, self.settings.thermometer_lag_s
         )
+
+    @property
+    def axis(self) -> Axis:
+        """The axis of the head, the outermost of a table with several."""
+        return next(iter(self.axes.values()))
+
+    def upward(self, at_s: Array) -> Array:
+        """Where up is in the fixture's frame at the times (n,), (3, n)."""
+        settings = self.settings
+        still_deg = tuple(
+            angle_deg for axis in self.axes.values() if (angle_deg := axis.still_deg(float(at_s[0]))) is not None
+        )
+        if len(still_deg) < len(self.axes):
+            turning_deg = [axis.true_deg(at_s) for axis in self.axes.values()]
+            return np.asarray(settings.fixture.to_fixture(turning_deg, settings.level_deg)[:, :, 2].T)
+        if still_deg != self._at_rest[0]:
+            at_deg = [np.array([angle_deg]) for angle_deg in still_deg]
+            self._at_rest = still_deg, settings.fixture.to_fixture(at_deg, settings.level_deg)[:, :, 2].T
+        return np.broadcast_to(self._at_rest[1], (3, len(at_s)))
 
     def now(self) -> float:
         """True seconds since the world began."""
@@ -219,21 +236,27 @@ class World:
 
     # What instruments do to the world
 
-    def move(self, target_deg: float, rate_dps: float, acceleration_dps2: float | None = None) -> None:
-        """The head starts for `target_deg`, with the acceleration of the settings unless one is given."""
-        self.axis.start(self.before_change(), target_deg, rate_dps, acceleration_dps2)
+    def axis_of(self, role: str | None) -> Axis:
+        """The axis that a controller drives; without a role that of the head."""
+        return self.axis if role is None else self.axes[role]
 
-    def turn(self, rate_dps: float, acceleration_dps2: float) -> None:
-        """The table changes its rate."""
-        self.axis.turn(self.before_change(), rate_dps, acceleration_dps2)
+    def move(
+        self, target_deg: float, rate_dps: float, acceleration_dps2: float | None = None, role: str | None = None
+    ) -> None:
+        """An axis starts for `target_deg`, with the acceleration of the settings unless one is given."""
+        self.axis_of(role).start(self.before_change(), target_deg, rate_dps, acceleration_dps2)
 
-    def swing(self, amplitude_deg: Slew, frequency_hz: Slew, phase_deg: float) -> None:
-        """The table begins to swing about where it is."""
-        self.axis.swing(self.before_change(), amplitude_deg, frequency_hz, phase_deg)
+    def turn(self, rate_dps: float, acceleration_dps2: float, role: str | None = None) -> None:
+        """An axis changes its rate."""
+        self.axis_of(role).turn(self.before_change(), rate_dps, acceleration_dps2)
 
-    def stop(self) -> None:
-        """The head stands still."""
-        self.axis.stop(self.before_change())
+    def swing(self, amplitude_deg: Slew, frequency_hz: Slew, phase_deg: float, role: str | None = None) -> None:
+        """An axis begins to swing about where it is."""
+        self.axis_of(role).swing(self.before_change(), amplitude_deg, frequency_hz, phase_deg)
+
+    def stop(self, role: str | None = None) -> None:
+        """An axis stands still."""
+        self.axis_of(role).stop(self.before_change())
 
     def ramp(self, target_c: float, rate_c_per_s: float) -> None:
         """The chamber's set point in force starts for `target_c`."""
@@ -248,12 +271,17 @@ class World:
                 unit.powered_at_s = now if on else None
                 self.thermal.power(index, on)
 
-    def fix_units(self, mounted_deg: float) -> None:
-        """Somebody fixes all units in another way, which adds `mounted_deg` to their mount angles."""
+    def fix_units(self, mount: Mount) -> None:
+        """Somebody fixes all units in another way."""
         self.before_change()
-        for unit in self.units.values():
-            unit.mounted_deg = mounted_deg
+        self.mount = mount
 
     def load_a(self, supply: str) -> float:
         """What the units on a supply draw while its output is on."""
         return sum(unit.truth.supply_a for unit in self.units.values() if unit.settings.supply == supply)
+
+
+def _streams(roles: Iterable[str]) -> Iterator[tuple[str, ...]]:
+    """Under which names the random numbers of each axis are drawn: the head's its own, further axes by their roles."""
+    for number, role in enumerate(roles):
+        yield ("head",) if number == 0 else ("head", role)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
+from bench.analysis.orientation import elevation_rad
 from bench.analysis.rundata import Acquisition, Array, BenchRecord, RunData, UnitUnderTest
 from bench.analysis.tumble import IncompleteTumble, Tumble, solve_tumble
 
@@ -106,8 +107,7 @@ def _solved(
 ) -> Dwell:
     """The solution of one dwell; raises IncompleteTumble."""
     head_deg = np.array([acquisition.angle_deg for acquisition in used])
-    fixed_deg = np.array([acquisition.mounted_deg for acquisition in used]) + unit.mount_angle_deg
-    angle = np.radians(bench.sense * head_deg + bench.offset_deg + fixed_deg + bench.level_deg)
+    angle = np.array([elevation_rad(acquisition, unit, bench) for acquisition in used])
     tumble = solve_tumble(angle, np.array(rates))
     sine, cosine = np.sin(angle), np.cos(angle)
     gate_s = np.mean([acquisition.end_s - acquisition.begin_s for acquisition in used])

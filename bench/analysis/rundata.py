@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 Integers = NDArray[np.int64]
 Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +47,26 @@ class Counts:
 
 
 @dataclass(frozen=True, slots=True)
+class Mount:
+    """How the units are fixed, in degrees.
+
+    Raised about the output axis by `angle_deg`, then rolled about the input axis, then clocked about the pendulous one.
+    """
+
+    name: str = ""
+    angle_deg: float = 0.0
+    roll_deg: float = 0.0
+    clock_deg: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Acquisition:
     """One acquisition: its step and the group of steps it belongs to, and what the bench did meanwhile.
 
-    `angle_deg` is what the head read back, `mounted_deg` what the mount of the fixture adds to the mount angles;
-    `set_c` is the chamber's set point at the end, `set_from_c` at the beginning, not-a-number before the first ramp;
-    `counts` by channel; `temperatures_c` the values of each named reading between `begin_s` and `end_s` of bench time,
-    taken at `temperatures_at_s`.
+    `angles_deg` is what each axis of the table read back, outer first, `mount` how the units were fixed; `set_c` is the
+    chamber's set point at the end, `set_from_c` at the beginning, not-a-number before the first ramp; `counts` by
+    channel; `temperatures_c` the values of each named reading between `begin_s` and `end_s` of bench time, taken at
+    `temperatures_at_s`.
     """
 
     step: str
@@ -60,13 +74,18 @@ class Acquisition:
     loops: Mapping[str, float]
     begin_s: float
     end_s: float
-    angle_deg: float
+    angles_deg: Mapping[str, float]
     set_from_c: float
     set_c: float
     counts: Mapping[str, Counts]
     temperatures_c: Mapping[str, Array]
     temperatures_at_s: Mapping[str, Array]
-    mounted_deg: float = 0.0
+    mount: Mount = Mount()
+
+    @property
+    def angle_deg(self) -> float:
+        """The angle of the head, which is the outermost axis; 0 without one."""
+        return next(iter(self.angles_deg.values()), 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,25 +100,41 @@ class UnitUnderTest:
 
 
 @dataclass(frozen=True, slots=True)
+class AxisRecord:
+    """An axis of the table: where its positive end points while all angles are 0 (east, north, up), and its errors.
+
+    `harmonics_u_deg` are those of the cosine and of the sine amplitude of harmonics 1, 2, … of its error.
+    """
+
+    points: Vector = (0.0, -1.0, 0.0)
+    zero_u_deg: float = 0.0
+    harmonics_u_deg: tuple[float, ...] = ()
+    repeatability_u_deg: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class BenchRecord:
     """What certificates and surveys say of the bench; every `u` is a standard uncertainty.
 
-    Angles in degrees. The input axis stands at `sense` x head angle + `offset_deg` + level above the horizontal.
-    `harmonics_u_deg` are those of the cosine and of the sine amplitude of harmonics 1, 2, … of the head's error.
-    `thermometers_u` gives offset (°C) and gain (on the temperature in °C) by the name of the reading.
+    `axes` are those of the table, outer first; `x` and `z` are where those of the fixture point while all angles are 0.
+    `level_deg` tilts the whole table about south. `thermometers_u` gives offset (°C) and gain (on the temperature in
+    °C) by the name of the reading.
     """
 
     gravity_mps2: float
     gravity_u_mps2: float
-    sense: int
-    offset_deg: float
+    axes: Mapping[str, AxisRecord]
+    x: Vector
+    z: Vector
     level_deg: float
     level_u_deg: float
-    zero_u_deg: float
-    harmonics_u_deg: tuple[float, ...]
-    repeatability_u_deg: float
     time_base_u: float
     thermometers_u: Mapping[str, tuple[float, float]]
+
+    @property
+    def head(self) -> AxisRecord:
+        """The head, which is the outermost axis; one without errors when there is none."""
+        return next(iter(self.axes.values()), AxisRecord())
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,11 +14,12 @@ import numpy as np
 
 from bench.analysis.finding import UnitResult
 from bench.analysis.fit import Array, NotDetermined
+from bench.analysis.orientation import elevation_rad
 from bench.analysis.ramp import RampRecord
 from bench.analysis.ramp_findings import RampFindings
 from bench.analysis.ramp_samples import RampLeg, cut_into_samples
 from bench.analysis.ramp_scale import RampScale, scale_over_temperature
-from bench.analysis.rundata import Acquisition, RunData, UnitUnderTest
+from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.temperature_dynamic import UG_PER_G, DynamicCharacteristic, RampLimits, reduce_ramp
 
 LEVEL_BELOW_G = 0.5  # of gravity along the input axis: the 0 g part; the others are the 1 g part
@@ -85,7 +86,7 @@ def _legs(data: RunData, unit: UnitUnderTest, sample_s: float) -> tuple[list[Ram
     """The legs of a unit; what was left out of them, and why."""
     legs, left_out, flags = [], [], []
     for acquisition in data.acquisitions:
-        leg = cut_into_samples(acquisition, unit, _angle_rad(acquisition, unit, data), sample_s)
+        leg = cut_into_samples(acquisition, unit, elevation_rad(acquisition, unit, data.bench), sample_s)
         flags += [f"{leg.step}: {count} samples: {problem}" for problem, count in leg.problems.items()]
         if leg.direction:
             legs.append(leg)
@@ -93,13 +94,6 @@ def _legs(data: RunData, unit: UnitUnderTest, sample_s: float) -> tuple[list[Ram
             left_out.append(leg.path)
             flags.append(f"{leg.path}: not_one_leg")
     return legs, tuple(left_out), flags
-
-
-def _angle_rad(acquisition: Acquisition, unit: UnitUnderTest, data: RunData) -> float:
-    """The nominal angle of the input axis above the horizontal."""
-    bench = data.bench
-    fixed_deg = bench.offset_deg + acquisition.mounted_deg + unit.mount_angle_deg + bench.level_deg
-    return float(np.radians(bench.sense * acquisition.angle_deg + fixed_deg))
 
 
 def _is_level(leg: RampLeg) -> bool:

@@ -176,14 +176,14 @@ class _Unit:
         together = abs(float(turned.sum()))  # all positions turned alike
         harmonics = [
             float(turned @ shape(order * dwell.head_rad)) * np.radians(u_deg)
-            for order, u_deg in enumerate(bench.harmonics_u_deg, start=1)
+            for order, u_deg in enumerate(bench.head.harmonics_u_deg, start=1)
             for shape in (np.cos, np.sin)
         ]
         lines = [
             self._scatter(gain),
-            _type_b("head: zero", together * np.radians(bench.zero_u_deg), "head.zero"),
+            _type_b("head: zero", together * np.radians(bench.head.zero_u_deg), "head.zero"),
             _type_b("head: harmonics", np.linalg.norm(harmonics), "head.harmonics"),
-            _type_b("head: repeatability", np.linalg.norm(turned) * np.radians(bench.repeatability_u_deg), None),
+            _type_b("head: repeatability", np.linalg.norm(turned) * np.radians(bench.head.repeatability_u_deg), None),
             _type_b("fixture: level", together * np.radians(bench.level_u_deg), "fixture.level"),
             _type_b("counter: time base", abs(float(gain @ dwell.rates_pps)) * bench.time_base_u, "counter.time_base"),
         ]

@@ -30,7 +30,8 @@ from bench.store.runs import RunDirectory
 from bench.store.writer import RunWriter
 from drivers.can_counter.description import CounterOptions
 from drivers.values import Reading
-from simulators.truth import DwellAsMeasured, LegAsMeasured, truth_record
+from simulators.attitude import Mount
+from simulators.truth import DwellAsMeasured, LegAsMeasured, Lies, truth_record
 
 CALLED = "called"  # the folder of sequences that the one of a run calls
 
@@ -226,9 +227,15 @@ def _dwell(label: str, unit: UnitUnderTest, group: str, members: Sequence[Acquis
         place=unit.place,
         at_s=sum(member.begin_s + member.end_s for member in members) / (2 * len(members)),
         temperature_c=sum(float(member.temperatures_c[unit.temperature].mean()) for member in members) / len(members),
-        head_deg=tuple(member.angle_deg for member in members),
-        mounted_deg=tuple(member.mounted_deg for member in members),
+        lies=tuple(_lies(member) for member in members),
     )
+
+
+def _lies(acquisition: Acquisition) -> Lies:
+    """The angles of the table that the bench knows of, and the mount."""
+    mount = acquisition.mount
+    angles_deg = tuple(acquisition.angles_deg.values()) or (0.0,)
+    return Lies(angles_deg, Mount(mount.angle_deg, mount.roll_deg, mount.clock_deg))
 
 
 def _legs(stored: StoredRun) -> list[LegAsMeasured]:
@@ -239,8 +246,7 @@ def _legs(stored: StoredRun) -> list[LegAsMeasured]:
             place=unit.place,
             begin_s=acquisition.begin_s,
             end_s=acquisition.end_s,
-            head_deg=acquisition.angle_deg,
-            mounted_deg=acquisition.mounted_deg,
+            lies=_lies(acquisition),
         )
         for data in stored.counted_at("ramps")
         for unit in data.units

@@ -12,7 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from bench.analysis.rundata import AxisRecord
 from bench.config.devices import DeviceEntry
+from bench.config.fixture import Mount
 from bench.config.load import load_file
 from bench.config.models import BenchFile, PlaceEntry
 from bench.errors import InputError
@@ -25,8 +27,10 @@ from drivers.transport.address import Address
 from drivers.transport.frames import FrameLink
 from drivers.transport.memory import Line, join
 from drivers.transport.wires import RealWires
+from simulators import attitude
 from simulators.acutronic_acl import SimulatedAcutrol
 from simulators.aerotech_ensemble import SimulatedEnsemble
+from simulators.attitude import SOUTH, Fixture
 from simulators.can_counter import CounterSettings, SimulatedCounter
 from simulators.faults import FaultPlan
 from simulators.fluke_5700a import SimulatedFluke
@@ -38,7 +42,7 @@ from simulators.serve import Instrument, protocol_factory
 from simulators.thermal import ChamberPhysics
 from simulators.unit_file import UnitFile, stream
 from simulators.watlow_f4t import SimulatedF4T
-from simulators.world import Fixture, PlaceSettings, World, WorldSettings
+from simulators.world import PlaceSettings, World, WorldSettings
 
 P = TypeVar("P", bound=asyncio.Protocol)
 TCP = Line(latency_s=0.002)
@@ -98,24 +102,30 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -
             thermometer_gain=draw(gain_u, entry.temperature, "gain"),
         )
 
-    harmonics = enumerate(stated.harmonics_u_deg, start=1)
-    amplitudes = [[draw(u, "head", str(order), shape) for shape in ("cosine", "sine")] for order, u in harmonics]
+    def axis(role: str, path: tuple[str, ...]) -> AxisErrors:
+        known = stated.axes.get(role, AxisRecord())
+        harmonics = enumerate(known.harmonics_u_deg, start=1)
+        amplitudes = [
+            [draw(u, "head", *path, str(order), shape) for shape in ("cosine", "sine")] for order, u in harmonics
+        ]
+        return AxisErrors(
+            zero_deg=draw(known.zero_u_deg, "head", *path, "zero"),
+            cosines=tuple(cosine for cosine, _ in amplitudes),
+            sines=tuple(sine for _, sine in amplitudes),
+            backlash_deg=simulation.head.backlash / 3600,
+            repeatability_deg=known.repeatability_u_deg,
+        )
+
     return WorldSettings(
         seed=seed,
         gravity_mps2=stated.gravity_mps2 + draw(stated.gravity_u_mps2, "gravity"),
         host_clock=draw(simulation.host_clock, "host clock"),
         device_clock=draw(stated.time_base_u, "counter", "time base"),
-        axis=AxisErrors(
-            zero_deg=draw(stated.zero_u_deg, "head", "zero"),
-            cosines=tuple(cosine for cosine, _ in amplitudes),
-            sines=tuple(sine for _, sine in amplitudes),
-            backlash_deg=simulation.head.backlash / 3600,
-            repeatability_deg=stated.repeatability_u_deg,
-        ),
+        axes={role: axis(role, () if number == 0 else (role,)) for number, role in enumerate(bench.axes or ["head"])},
         axis_acceleration_dps2=simulation.head.acceleration,
-        mounted_deg=bench.fixture.mounted_deg(),
+        mount=simulated_mount(bench.fixture.mount()),
         level_deg=stated.level_deg + draw(stated.level_u_deg, "level"),
-        fixture=Fixture(stated.sense, stated.offset_deg),
+        fixture=Fixture(tuple(bench.axes.values()) or (SOUTH,), bench.fixture.x, bench.fixture.z),
         chamber=ChamberPhysics(
             start_c=simulation.chamber.start,
             natural_period_s=simulation.chamber.natural_period,
@@ -127,6 +137,11 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -
         thermometer_noise_c=simulation.thermometer.noise,
         places={name: place(name, entry) for name, entry in bench.places.items()},
     )
+
+
+def simulated_mount(mount: Mount) -> attitude.Mount:
+    """A mount as the simulated world knows it."""
+    return attitude.Mount(mount.angle, mount.roll, mount.clock)
 
 
 def _counter_settings(bench: BenchFile, role: str, options: CounterOptions) -> CounterSettings:
@@ -158,15 +173,16 @@ def _instrument(role: str, entry: DeviceEntry, world: World, faults: FaultPlan) 
     """The simulator of a dialect, with the identity and settings that the bench file states."""
     options: Any = entry.options  # validated by the driver's own model
     pin = entry.identity
+    driven = role if role in world.axes else None
     match entry.driver:
         case "watlow_f4t":
             return SimulatedF4T(
                 world, faults, unit_id=options.unit_id, loop=options.loop, word_order=options.word_order
             )
         case "acutronic_acl":
-            return SimulatedAcutrol(world, faults, axis=options.axis, byte_order=options.byte_order)
+            return SimulatedAcutrol(world, faults, axis=options.axis, byte_order=options.byte_order, role=driven)
         case "aerotech_ensemble":
-            return SimulatedEnsemble(world, faults, axis=options.axis)
+            return SimulatedEnsemble(world, faults, axis=options.axis, role=driven)
         case "scpi_supply":
             return SimulatedSupply(
                 world, faults, name=role, model=pin.model or "SIM-PSU", serial=pin.serial or "SIM-PSU-01"

@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
+from bench.app.laboratory import simulated_mount
 from bench.config.answers import AnswersFile, ScriptedAnswer
 from bench.config.document import Problem, read_document
 from bench.config.load import load
@@ -84,7 +85,7 @@ class Technician:
         expected = question.expect.mount if question.expect else None
         mount = given.does.mount if given.does is not None else expected
         if mount is not None and self._world is not None:
-            self._world.fix_units(self._bench.fixture.mounts[mount])
+            self._world.fix_units(simulated_mount(self._bench.fixture.mounts[mount]))
         answer = given.answer if given.answer is not None else next(iter(question.choices), "")
         if question in self._desk.questions:  # nobody was faster
             self._notice(f"{question.text}\n{given.by}: {answer}")

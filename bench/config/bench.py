@@ -43,6 +43,11 @@ def misfits(bench: BenchFile) -> Iterator[Problem]:
     yield from interlock_misfits(bench.interlocks, bench)
     for name, place in bench.places.items():
         yield from _place(bench, name, place)
+    turning = bench.with_capability("positioner", "rate_table")
+    for index, axis in enumerate(bench.fixture.axes):
+        if axis.device not in turning:
+            where: Place = ("fixture", "axes", index, "device")
+            yield where, f"'{axis.device}' is no head and no rate table{did_you_mean(axis.device, turning)}"
     for name in bench.simulation.units:
         if name not in bench.places:
             problem = f"there is no place '{name}'{did_you_mean(name, bench.places)}"

@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import Annotated, Literal
 from zoneinfo import ZoneInfo
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 
 from bench.config.devices import Calibration, CoverageFactor, DeviceEntry, Text
+from bench.config.fixture import DIRECTIONS, FixtureEntry, Vector
 from bench.config.interlocks import InterlockEntry
 from drivers.fields import (
     NOT_EMPTY,
     Amperes,
     Arcseconds,
     Celsius,
-    Date,
     Degrees,
     FileBeside,
     Instant,
@@ -31,7 +31,7 @@ from drivers.fields import (
     TextLike,
     WholeNumber,
 )
-from drivers.wording import expected, telling
+from drivers.wording import expected
 
 
 def _zone(name: str) -> str:
@@ -101,67 +101,6 @@ class ReadingEntry(StrictModel):
     def channel(self) -> str:
         """The device's name for the reading."""
         return self.from_.partition(".")[2]
-
-
-Direction = Literal["level", "up", "down"]
-
-
-class InputAxis(StrictModel):
-    """How the input axis lies in the fixture at two angles of the head."""
-
-    at_0: Direction = Field(description="where it points at a head angle of 0°")
-    at_90: Direction = Field(description="where it points at 90°")
-
-    @model_validator(mode="after")
-    def _turns_in_the_vertical_plane(self) -> InputAxis:
-        if (self.at_0 == "level") == (self.at_90 == "level"):
-            raise telling("of at_0 and at_90 one is level and the other up or down: the axis turns in a vertical plane")
-        return self
-
-    @property
-    def sense(self) -> int:
-        """+1 where the axis rises as the head angle does, at the angle where it is level."""
-        rises = self.at_90 == "up" if self.at_0 == "level" else self.at_0 == "down"
-        return 1 if rises else -1
-
-    @property
-    def offset_deg(self) -> float:
-        """The angle of the axis above the horizontal at head angle 0."""
-        return {"level": 0.0, "up": 90.0, "down": -90.0}[self.at_0]
-
-
-class Level(StrictModel):
-    """How far from level the fixture is when the head says it is level."""
-
-    value: Annotated[float, InUnit("arcsec")] = Field(description="as last measured")
-    U: Arcseconds = Field(description="expanded uncertainty")
-    k: CoverageFactor = Field(2.0, description="coverage factor of U")
-    date: Date = Field(description="of the measurement")
-
-
-class AngleRange(Range):
-    """Angles of the head from `min` to `max`, modulo a turn."""
-
-    min: Degrees
-    max: Degrees
-
-
-class FixtureEntry(StrictModel):
-    """What holds the units on the head."""
-
-    serial: Text = Field(description="serial number of the fixture")
-    input_axis: InputAxis
-    level: Level
-    mounts: Mapping[Name, Degrees] = Field(
-        {},
-        description="ways in which units can be fixed by hand, by what each adds to the mount angles; a run begins "
-        "with the first",
-    )
-    forbidden: tuple[AngleRange, ...] = Field((), description="angles of the head at which something would touch")
-
-    def mounted_deg(self, mount: str | None = None) -> float:
-        """What a mount adds to the mount angles; without a name the first one, 0 when there is none."""
-        return self.mounts[mount] if mount is not None else next(iter(self.mounts.values()), 0.0)
 
 
 class CurrentWindow(Range):
@@ -303,6 +242,23 @@ class BenchFile(StrictModel):
             for name, entry in self.devices.items()
         }
         return self.model_copy(update={"devices": devices})
+
+    def with_capability(self, *capabilities: str) -> list[str]:
+        """The roles of the devices that have one of these capabilities, in the order of the file."""
+        return [
+            role for role, entry in self.devices.items() if entry.description.capabilities & frozenset(capabilities)
+        ]
+
+    @property
+    def axes(self) -> Mapping[str, Vector]:
+        """Where the axes of the table point while all their angles are 0°, by the devices that drive them, outer first.
+
+        In the level frame: east, north, up.
+        """
+        fixture = self.fixture
+        if fixture.input_axis is None:
+            return {axis.device: DIRECTIONS[axis.points] for axis in fixture.axes}
+        return dict.fromkeys(self.with_capability("positioner")[:1], DIRECTIONS[fixture.input_axis.points])
 
     @property
     def is_simulated(self) -> bool:

@@ -107,7 +107,7 @@ async def _move(step: Move, bench: Bench) -> Found:
     bench.angles_deg.pop(step.role, None)
     reading = await head.move_to(target_deg, approach=step.approach, settle_s=step.settle_s)
     bench.angles_deg[step.role] = target_deg
-    return {"angle_deg": reading.value}
+    return {"device": step.role, "angle_deg": reading.value}
 
 
 async def begin_turning(step: Rotate | Oscillate, bench: Bench) -> None:

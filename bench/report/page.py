@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo
 
 from bench.analysis.rundata import RunData
 from bench.config.devices import Calibration
+from bench.config.fixture import FixtureEntry
 from bench.report.shown import decimals, duration
 from bench.report.stored import StoredRun
 from bench.report.words import ENDINGS
@@ -131,16 +132,27 @@ def _instant(text: str | None, zone: str) -> str:
 def site(run: StoredRun) -> Facts:
     """The bench, where it stands, and the fixture."""
     bench = run.bench
-    g, level, axis = bench.site.gravity, bench.fixture.level, bench.fixture.input_axis
+    g, level = bench.site.gravity, bench.fixture.level
     digits = decimals(g.U)
     return [
         ("Bench", bench.title),
         ("Latitude, height", f"{bench.site.latitude:g}°, {bench.site.height:g} m"),
         ("Local gravity g", f"{g.value:.{digits}f} m/s² ± {g.U:.{digits}f} m/s² (k = {g.k:g}), {g.origin}"),
         ("Fixture", bench.fixture.serial),
-        ("Input axis", f"{axis.at_0} at head angle 0°, {axis.at_90} at 90°"),
+        *_geometry(bench.fixture),
         ("Level of the fixture", f"{level.value:g} ± {level.U:g} arcsec (k = {level.k:g}), of {level.date}"),
     ]
+
+
+def _geometry(fixture: FixtureEntry) -> Facts:
+    """How the units lie."""
+    if (axis := fixture.input_axis) is not None:
+        return [("Input axis", f"{axis.at_0} at head angle 0°, {axis.at_90} at 90°")]
+    if (body := fixture.body) is None:
+        return []
+    axes = [f"{each.device}, {each.points}" for each in fixture.axes]
+    told = [("Axes of the table at 0°, outer first", "; ".join(axes))] if axes else []
+    return [*told, ("Fixture at 0°", f"x {body.x}, z {body.z}")]
 
 
 def instruments(run: StoredRun) -> list[Instrument]:

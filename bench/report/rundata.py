@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from bench.analysis.rundata import Acquisition, BenchRecord, Counts, RunData, UnitUnderTest
+from bench.analysis.rundata import Acquisition, AxisRecord, BenchRecord, Counts, Mount, RunData, UnitUnderTest
+from bench.config.fixture import Vector
 from bench.config.models import BenchFile
 from bench.sequence.dwells import DwellNames, first_visit
 from bench.store.counts import CountDecoder
@@ -40,35 +43,58 @@ def run_data(reader: RunReader, bench: BenchFile, serials: Mapping[str, str], la
     return RunData(label, units, acquisitions, bench_record(bench))
 
 
-def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple[Event, str, Mapping[str, float]]]:
-    """Finished acquisitions under a label, each with its dwell and with the angle, mount and set point in force.
+@dataclass(frozen=True)
+class _InForce:
+    """What the bench stood at while something was acquired."""
+
+    angles_deg: Mapping[str, float]
+    mount: Mount
+    set_c: float
+    set_from_c: float = math.nan
+
+    def after(self, event: Event, bench: BenchFile) -> _InForce:
+        """What it stands at when a step has ended."""
+        data, now = event.data, self
+        if "angle_deg" in data:
+            device = data.get("device", next(iter(bench.axes), ""))
+            now = replace(now, angles_deg={**now.angles_deg, device: float(data["angle_deg"])})
+        if "mount" in data:
+            now = replace(now, mount=_mount(bench, data["mount"]))
+        return replace(now, set_c=float(data["set_point_c"])) if "set_point_c" in data else now
+
+
+def _mount(bench: BenchFile, name: str | None = None) -> Mount:
+    mount = bench.fixture.mount(name)
+    return Mount(name or next(iter(bench.fixture.mounts), ""), mount.angle, mount.roll, mount.clock)
+
+
+def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple[Event, str, _InForce]]:
+    """Finished acquisitions under a label, each with its dwell and with what was in force.
 
     Of a step that was done again only the last time counts.
     """
-    state = {"angle_deg": 0.0, "mounted_deg": bench.fixture.mounted_deg(), "set_point_c": float("nan")}
+    state = _InForce(dict.fromkeys(bench.axes, 0.0), _mount(bench), math.nan)
     dwells = DwellNames()
-    found: dict[str, tuple[Event, str, Mapping[str, float]]] = {}
+    found: dict[str, tuple[Event, str, _InForce]] = {}
     begun_c: dict[str, float] = {}
     for event in reader.events("step_begins", "step_ended"):
         if event.kind == "step_begins":
-            begun_c[event.step] = state["set_point_c"]
+            begun_c[event.step] = state.set_c
             continue
-        state.update({key: float(event.data[key]) for key in state if key in event.data})
-        if "mount" in event.data:
-            state["mounted_deg"] = bench.fixture.mounted_deg(event.data["mount"])
+        state = state.after(event, bench)
         if "set_point_c" in event.data:
             dwells.ramped(first_visit(event.step))
         if event.data.get("label") == label:
             step = first_visit(event.step)
             found.pop(step, None)
-            found[step] = (event, dwells.of(step), state | {"set_from_c": begun_c[event.step]})
+            found[step] = (event, dwells.of(step), replace(state, set_from_c=begun_c[event.step]))
     yield from found.values()
 
 
 def _acquisition(
     event: Event,
     dwell: str,
-    state: Mapping[str, float],
+    state: _InForce,
     frames: Mapping[str, FrameBlock],
     decoders: Mapping[str, CountDecoder],
     temperatures: Mapping[str, Series],
@@ -85,10 +111,10 @@ def _acquisition(
         loops=_loops(parts),
         begin_s=begin_s,
         end_s=end_s,
-        angle_deg=state["angle_deg"],
-        set_from_c=state["set_from_c"],
-        set_c=state["set_point_c"],
-        mounted_deg=state["mounted_deg"],
+        angles_deg=state.angles_deg,
+        set_from_c=state.set_from_c,
+        set_c=state.set_c,
+        mount=state.mount,
         counts=counts,
         temperatures_c={name: series.values for name, series in meanwhile.items()},
         temperatures_at_s={name: series.at_s for name, series in meanwhile.items()},
@@ -110,8 +136,7 @@ def _loops(parts: list[str]) -> dict[str, float]:
 
 def bench_record(bench: BenchFile) -> BenchRecord:
     """What the certificates and surveys of a bench file say, as standard uncertainties u = U / k."""
-    head = _uncertainties(bench, "positioner")
-    counter = _uncertainties(bench, "pulse_counter")
+    counter = next((_uncertainties(bench, role) for role in bench.with_capability("pulse_counter")), {})
     gravity, level = bench.site.gravity, bench.fixture.level
     thermometers = {
         name: (reading.calibration.U.offset / reading.calibration.k, reading.calibration.U.gain / reading.calibration.k)
@@ -121,22 +146,30 @@ def bench_record(bench: BenchFile) -> BenchRecord:
     return BenchRecord(
         gravity_mps2=gravity.value,
         gravity_u_mps2=gravity.U / gravity.k,
-        sense=bench.fixture.input_axis.sense,
-        offset_deg=bench.fixture.input_axis.offset_deg,
+        axes={role: _axis(bench, role, points) for role, points in bench.axes.items()},
+        x=bench.fixture.x,
+        z=bench.fixture.z,
         level_deg=level.value * ARCSEC_DEG,
         level_u_deg=level.U / level.k * ARCSEC_DEG,
-        zero_u_deg=float(head.get("zero", 0.0)) * ARCSEC_DEG,
-        harmonics_u_deg=tuple(np.array(head.get("harmonics", ())) * ARCSEC_DEG),
-        repeatability_u_deg=float(head.get("repeatability", 0.0)) * ARCSEC_DEG,
         time_base_u=float(counter.get("time_base", 0.0)),
         thermometers_u=thermometers,
     )
 
 
-def _uncertainties(bench: BenchFile, capability: str) -> dict[str, Any]:
-    """The calibrated uncertainties of the first device with a capability, each divided by its k."""
-    for entry in bench.devices.values():
-        if capability in entry.description.capabilities and entry.calibration is not None:
-            stated = entry.calibration.U.model_dump()
-            return {name: np.array(U) / entry.calibration.k for name, U in stated.items() if U is not None}
-    return {}
+def _axis(bench: BenchFile, role: str, points: Vector) -> AxisRecord:
+    known = _uncertainties(bench, role)
+    return AxisRecord(
+        points=points,
+        zero_u_deg=float(known.get("zero", 0.0)) * ARCSEC_DEG,
+        harmonics_u_deg=tuple(np.array(known.get("harmonics", ())) * ARCSEC_DEG),
+        repeatability_u_deg=float(known.get("repeatability", 0.0)) * ARCSEC_DEG,
+    )
+
+
+def _uncertainties(bench: BenchFile, role: str) -> dict[str, Any]:
+    """The calibrated uncertainties of a device, each divided by its k; none without a certificate."""
+    calibration = bench.devices[role].calibration
+    if calibration is None:
+        return {}
+    stated = calibration.U.model_dump()
+    return {name: np.array(U) / calibration.k for name, U in stated.items() if U is not None}

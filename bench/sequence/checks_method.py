@@ -62,10 +62,11 @@ def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:
 
     from bench.analysis.tumble import IncompleteTumble, solve_tumble
 
-    axis, mount_deg = bench.fixture.input_axis, next(iter(bench.places.values())).mount_angle
-    turned_deg = axis.sense * np.array(angles_deg) + axis.offset_deg + mount_deg
+    mount_deg = next(iter(bench.places.values())).mount_angle
+    axis = bench.fixture.input_axis
+    turned_deg = np.array(angles_deg) if axis is None else axis.sense * np.array(angles_deg) + axis.offset_deg
     try:
-        solve_tumble(np.radians(turned_deg), np.zeros(len(angles_deg)))
+        solve_tumble(np.radians(turned_deg + mount_deg), np.zeros(len(angles_deg)))
     except IncompleteTumble as problem:
         names = [CONSTANTS[name] for name in problem.names]
         return f"{', '.join(names[:-1])} and {names[-1]} cannot be told apart"

@@ -9,9 +9,10 @@ from drivers.description import IdentityPin, Nothing, Setup, make_driver
 from drivers.keysight_3458a.description import DESCRIPTION, VoltmeterOptions
 from drivers.keysight_3458a.driver import Keysight3458A
 from drivers.transport.address import Address
+from simulators.attitude import planar
 from simulators.faults import FaultPlan
 from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
-from simulators.world import Fixture, World, WorldSettings
+from simulators.world import World, WorldSettings
 from tests.support.laboratory import STILL_AIR, place
 from tests.support.lines import TappedWire
 
@@ -22,7 +23,7 @@ CYCLE_S = 0.02
 def a_world(now_s: Callable[[], float]) -> World:
     """A powered unit of 1 mA/g, its axis up at a head angle of 0°."""
     settings = WorldSettings(
-        seed=1, gravity_mps2=9.8, fixture=Fixture(offset_deg=90.0), chamber=STILL_AIR, places={"a": place()}
+        seed=1, gravity_mps2=9.8, fixture=planar(1, 90.0), chamber=STILL_AIR, places={"a": place()}
     )
     world = World(settings, now_s)
     world.power("supply", True)

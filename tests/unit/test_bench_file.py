@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from bench.config.bench import LoadedBench, load_bench, load_kept_bench, misfits
 from bench.config.document import Document, parse_document
+from bench.config.fixture import InputAxis
 from bench.config.load import find, load, load_file
-from bench.config.models import BenchFile, InputAxis, ReadingEntry
+from bench.config.models import BenchFile, ReadingEntry
 from bench.errors import InputError
 from drivers.transport.address import Address
 
@@ -367,6 +368,14 @@ def test_a_wrong_value_elsewhere_is_told_under_its_key(folder, old, new, problem
          "calibration: is due on 2026-01-01, which is not after its date 2026-01-01"),
         ("at_90: up", "at_90: level", "input_axis:",
          "input_axis: of at_0 and at_90 one is level and the other up or down: the axis turns in a vertical plane"),
+        ("  input_axis: {at_0: level, at_90: up}\n", "", "fixture:",
+         "fixture: say how the units lie: input_axis on a head with a level axis, else body (and axes)"),
+        ("input_axis: {at_0: level, at_90: up}", "body: {x: east, z: west}", "body:",
+         "body: x and z are on one line; they are at right angles"),
+        ("input_axis: {at_0: level, at_90: up}", "body: {x: east, z: up}\n  axes: [{device: chamber, points: up}]",
+         "device: chamber, points", "'chamber' is no head and no rate table; expected head"),
+        ("upright: 0°", "upright: {roll: 0°, tilt: 1°}", "tilt: 1°",
+         "tilt: unknown key; expected angle, roll or clock"),
         ("[2 arcsec, 2 arcsec, 2 arcsec, 2 arcsec]", "[2 arcsec, 7]", "7]", "7 has no unit, write it like '7 arcsec'"),
         ("chamber:\n    driver", "Chamber:\n    driver", "Chamber:", f"Chamber: is 'Chamber', expected {A_NAME}"),
         ("unit_temperature:", "unit temperature:", "unit temperature:",

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench.analysis.finding import Finding, UnitResult
-from bench.analysis.rundata import Acquisition, BenchRecord, Counts, RunData, UnitUnderTest
+from bench.analysis.rundata import Acquisition, AxisRecord, BenchRecord, Counts, RunData, UnitUnderTest
 from bench.analysis.temperature_ramp import reduce
 from bench.report.words import flag_in_words, where
 from bench.sequence.methods.temperature import TEMPERATURE_RAMP
@@ -20,8 +20,8 @@ K1, K1_SLOPE, MISALIGNMENT = 11_300.0, -58e-6, 3e-4
 SETTINGS = TEMPERATURE_RAMP.settings.model_validate({}).model_dump()
 UNIT = UnitUnderTest("a", "QF-7", "x", 0.0, "unit_temperature")
 BENCH = BenchRecord(
-    gravity_mps2=9.8, gravity_u_mps2=0.0, sense=1, offset_deg=0.0, level_deg=0.0, level_u_deg=0.0, zero_u_deg=0.0,
-    harmonics_u_deg=(), repeatability_u_deg=0.0, time_base_u=0.0, thermometers_u={"unit_temperature": (0.3, 1e-3)},
+    gravity_mps2=9.8, gravity_u_mps2=0.0, axes={"head": AxisRecord()}, x=(1.0, 0.0, 0.0), z=(0.0, 0.0, 1.0),
+    level_deg=0.0, level_u_deg=0.0, time_base_u=0.0, thermometers_u={"unit_temperature": (0.3, 1e-3)},
 )  # fmt: skip
 Bias = Callable[[np.ndarray, int, bool], np.ndarray]
 
@@ -49,7 +49,8 @@ def leg(position_deg, cycle, rising, begin_s, bias: Bias) -> Acquisition:
     force_g = np.sin(angle_rad) + MISALIGNMENT * np.cos(angle_rad) + bias(temperature_c, cycle, rising)
     return Acquisition(
         step=f"steps/position={position_deg:g}/cycle={cycle}/end={to_c:g}/acquire", group="", begin_s=begin_s,
-        end_s=begin_s + LEG_S, loops={"position": position_deg, "cycle": cycle, "end": to_c}, angle_deg=position_deg,
+        end_s=begin_s + LEG_S, loops={"position": position_deg, "cycle": cycle, "end": to_c},
+        angles_deg={"head": position_deg},
         set_from_c=from_c, set_c=to_c, counts={"x": counts_of(scale * force_g, at_s)},
         temperatures_c={"unit_temperature": temperature_c}, temperatures_at_s={"unit_temperature": at_s},
     )  # fmt: skip

@@ -12,11 +12,11 @@ from bench.analysis.counts import mean_rate
 from bench.analysis.rundata import Counts
 from bench.analysis.tumble import Tumble, solve_tumble
 from drivers.can_counter.wire import decode_counts
+from simulators.attitude import planar
 from simulators.motion import AxisErrors
-from simulators.truth import DwellAsMeasured, channel_constants, truth_record
+from simulators.truth import DwellAsMeasured, Lies, channel_constants, truth_record
 from simulators.unit_file import UnitFile
 from simulators.uut import draw_unit
-from simulators.world import Fixture
 from tests.support.laboratory import ARCSEC_DEG, Laboratory, counter_form, place, unit
 
 FOUR_DEG = (0.0, 90.0, 180.0, 270.0)
@@ -40,7 +40,7 @@ def powered(unit_file: UnitFile, **settings: Any) -> Laboratory:
     return lab
 
 
-def tumbled(lab: Laboratory, head_deg: tuple[float, ...]) -> Tumble:
+def tumbled(lab: Laboratory, head_deg: tuple[float, ...], sense: int = 1, offset_deg: float = 0.0) -> Tumble:
     """The charge at each position, solved as a dwell is: at the angles that the head indicates."""
     rates = []
     for angle_deg in head_deg:
@@ -48,8 +48,7 @@ def tumbled(lab: Laboratory, head_deg: tuple[float, ...]) -> Tumble:
         lab.wait(20)
         lab.world.units["a"].charge_pulses(np.array([lab.world.now() - 1, lab.world.now()]))
         rates.append(lab.rate_pps())
-    fixture = lab.world.settings.fixture
-    return solve_tumble(np.radians(fixture.sense * np.array(head_deg) + fixture.offset_deg), np.array(rates))
+    return solve_tumble(np.radians(sense * np.array(head_deg) + offset_deg), np.array(rates))
 
 
 def constants(found: Tumble) -> dict[str, float]:
@@ -70,11 +69,11 @@ def true_constants(lab: Laboratory, axis_deg: tuple[float, ...], temperature_c: 
 
 
 @pytest.mark.parametrize("head_deg", [FOUR_DEG, TILTED_DEG, TILTED_DEG + TILTED_DEG[::-1]])
-@pytest.mark.parametrize("fixture", [Fixture(), Fixture(-1, 90.0)])
-def test_a_perfect_bench_finds_the_truth_exactly(head_deg: tuple[float, ...], fixture: Fixture) -> None:
-    lab = powered(unit(**LIKE_REAL), fixture=fixture)
-    axis_deg = tuple(fixture.sense * angle + fixture.offset_deg for angle in head_deg)
-    error = difference(tumbled(lab, head_deg), true_constants(lab, axis_deg))
+@pytest.mark.parametrize(("sense", "offset_deg"), [(1, 0.0), (-1, 90.0)])
+def test_a_perfect_bench_finds_the_truth_exactly(head_deg: tuple[float, ...], sense: int, offset_deg: float) -> None:
+    lab = powered(unit(**LIKE_REAL), fixture=planar(sense, offset_deg))
+    axis_deg = tuple(sense * angle + offset_deg for angle in head_deg)
+    error = difference(tumbled(lab, head_deg, sense, offset_deg), true_constants(lab, axis_deg))
     assert error == pytest.approx(dict.fromkeys(error, 0), abs=1e-12)
 
 
@@ -121,7 +120,9 @@ def bench_error(head_deg: tuple[float, ...] = FOUR_DEG, **settings: Any) -> dict
     return difference(tumbled(lab, head_deg), true_constants(lab, head_deg))
 
 
-@pytest.mark.parametrize("settings", [{"axis": AxisErrors(zero_deg=5 * ARCSEC_DEG)}, {"level_deg": 5 * ARCSEC_DEG}])
+@pytest.mark.parametrize(
+    "settings", [{"axes": {"head": AxisErrors(zero_deg=5 * ARCSEC_DEG)}}, {"level_deg": 5 * ARCSEC_DEG}]
+)
 def test_zero_and_level_errors_go_into_the_misalignment(settings: Any) -> None:
     error = bench_error(**settings)
     assert error["misalignment"] == pytest.approx(5 * ARCSEC, rel=1e-6)
@@ -129,14 +130,14 @@ def test_zero_and_level_errors_go_into_the_misalignment(settings: Any) -> None:
 
 
 def test_a_first_harmonic_in_cosine_goes_into_the_bias() -> None:
-    error = bench_error(axis=AxisErrors(cosines=(1 * ARCSEC_DEG,), sines=(0.0,)))
+    error = bench_error(axes={"head": AxisErrors(cosines=(1 * ARCSEC_DEG,), sines=(0.0,))})
     assert error["K0"] == pytest.approx(4.848e-6, rel=1e-3)
     assert error["K2"] == pytest.approx(-4.848e-6, rel=1e-3)
     assert [error["K1"], error["misalignment"]] == pytest.approx([0, 0], abs=1e-9)
 
 
 def test_a_second_harmonic_in_cosine_goes_into_the_misalignment() -> None:
-    error = bench_error(axis=AxisErrors(cosines=(0.0, 1 * ARCSEC_DEG), sines=(0.0, 0.0)))
+    error = bench_error(axes={"head": AxisErrors(cosines=(0.0, 1 * ARCSEC_DEG), sines=(0.0, 0.0))})
     assert error["misalignment"] == pytest.approx(ARCSEC, rel=1e-6)
     assert error["K0"] == pytest.approx(0, abs=1e-9)
 
@@ -184,13 +185,15 @@ def test_a_dwell_has_the_hysteresis_drift_and_warm_up_of_its_middle_though_the_u
     lab.world.power("supply", False)
     lab.wait(5000)
     counter.take()
-    dwell = DwellAsMeasured("tumble/a@temperature=60", "a", 8600.0, 60.25, (1.0, 91.0, 181.0, 271.0), (0.0,) * 4)
+    dwell = DwellAsMeasured(
+        "tumble/a@temperature=60", "a", 8600.0, 60.25, tuple(Lies((angle,)) for angle in (1.0, 91.0, 181.0, 271.0))
+    )
     record = json.loads(json.dumps(truth_record(lab.world, [dwell])))
     found = record["dwells"]["tumble/a@temperature=60"]
     true_s = 8600 * (1 + 1e-4)
     drifted_g = 60e-6 + 1e-7 * true_s + 50e-6 * math.exp(-(true_s - 5000.5) / 1200)
     assert found["drifted_g"] == pytest.approx(drifted_g, abs=1e-10)
-    assert found["axis_deg"] == [3.0, 93.0, 183.0, 273.0]
+    assert found["axis_deg"] == pytest.approx([3.0, 93.0, -177.0, -87.0])
     assert found["temperature_c"] == 60.25
     assert found["K0"] == pytest.approx(drifted_g, rel=1e-9)
     assert found["K1_si"] == pytest.approx(10_000 / 9.8)
@@ -200,15 +203,15 @@ def test_the_record_tells_the_errors_of_the_bench_and_the_unit_as_drawn() -> Non
     axis = AxisErrors(zero_deg=0.001, cosines=(0.002,), sines=(0.003,), backlash_deg=0.004, repeatability_deg=0.005)
     lab = Laboratory(
         place(unit=unit(**LIKE_REAL), thermometer_offset_c=0.3, thermometer_gain=0.001),
-        seed=7, device_clock=1e-6, host_clock=2e-5, level_deg=0.006, axis=axis,
+        seed=7, device_clock=1e-6, host_clock=2e-5, level_deg=0.006, axes={"head": axis},
     )  # fmt: skip
     record = json.loads(json.dumps(truth_record(lab.world, [])))
     assert record["schema"] == "itb-truth/1"
     assert record["seed"] == 7
     assert record["bench"] == {
         "gravity_mps2": 9.8, "host_clock": 2e-5, "device_clock": 1e-6, "level_deg": 0.006,
-        "head": {"zero_deg": 0.001, "cosines": [0.002], "sines": [0.003], "backlash_deg": 0.004,
-                 "repeatability_deg": 0.005},
+        "axes": {"head": {"zero_deg": 0.001, "cosines": [0.002], "sines": [0.003], "backlash_deg": 0.004,
+                          "repeatability_deg": 0.005}},
         "thermometers": {"a": {"offset_c": 0.3, "gain": 0.001}},
     }  # fmt: skip
     assert record["units"]["a"]["k2"] == pytest.approx(20e-6)

@@ -11,10 +11,10 @@ from bench.errors import InputError
 from drivers.can_counter.wire import decode_counts, latches, temperatures
 from drivers.errors import LinkLost
 from drivers.frame_block import FrameBlock
+from simulators.attitude import planar
 from simulators.faults import FaultPlan
 from simulators.motion import AxisErrors
 from simulators.uut import UnitTruth
-from simulators.world import Fixture
 from tests.support.laboratory import ARCSEC_DEG, ROOT, Laboratory, counter_form, place, unit
 
 FORM = counter_form()
@@ -47,11 +47,11 @@ def test_a_world_begins_when_it_is_made() -> None:
     ("settings", "mount_deg", "above_horizontal_deg"),
     [
         ({}, 0.0, 30.0),
-        ({"fixture": Fixture(sense=-1, offset_deg=90)}, 0.0, 60.0),
-        ({"fixture": Fixture(sense=-1, offset_deg=0)}, 5.0, -25.0),
+        ({"fixture": planar(-1, 90)}, 0.0, 60.0),
+        ({"fixture": planar(-1, 0)}, 5.0, -25.0),
         ({"level_deg": 0.25}, 5.0, 35.25),
-        ({"axis": AxisErrors(zero_deg=0.5)}, 0.0, 30.5),
-        ({"axis": AxisErrors(zero_deg=0.5), "fixture": Fixture(sense=-1, offset_deg=0)}, 0.0, -30.5),
+        ({"axes": {"head": AxisErrors(zero_deg=0.5)}}, 0.0, 30.5),
+        ({"axes": {"head": AxisErrors(zero_deg=0.5)}, "fixture": planar(-1, 0)}, 0.0, -30.5),
     ],
 )
 def test_the_axes_stand_as_fixture_head_and_level_say(
@@ -357,19 +357,20 @@ def test_the_errors_that_certificates_bound_are_drawn_with_their_standard_uncert
     assert sd(lambda s: s.host_clock) == pytest.approx(20e-6, **wide)
     assert sd(lambda s: s.device_clock) == pytest.approx(0.5e-6, **wide)
     assert sd(lambda s: s.level_deg) == pytest.approx(2 * ARCSEC_DEG, **wide)
-    assert sd(lambda s: s.axis.zero_deg) == pytest.approx(5 * ARCSEC_DEG, **wide)
+    assert sd(lambda s: s.axes["head"].zero_deg) == pytest.approx(5 * ARCSEC_DEG, **wide)
     for order in range(4):
-        assert sd(lambda s, n=order: s.axis.cosines[n]) == pytest.approx(1 * ARCSEC_DEG, **wide)
-        assert sd(lambda s, n=order: s.axis.sines[n]) == pytest.approx(1 * ARCSEC_DEG, **wide)
+        assert sd(lambda s, n=order: s.axes["head"].cosines[n]) == pytest.approx(1 * ARCSEC_DEG, **wide)
+        assert sd(lambda s, n=order: s.axes["head"].sines[n]) == pytest.approx(1 * ARCSEC_DEG, **wide)
     assert sd(lambda s: s.places["a"].thermometer_offset_c) == pytest.approx(0.3, **wide)
     assert sd(lambda s: s.places["a"].thermometer_gain) == pytest.approx(1e-3, **wide)
+    heads = [s.axes["head"] for s in drawn]
     errors = np.array([
-        [s.gravity_mps2, s.host_clock, s.device_clock, s.level_deg, s.axis.zero_deg, *s.axis.cosines, *s.axis.sines]
-        for s in drawn
+        [s.gravity_mps2, s.host_clock, s.device_clock, s.level_deg, head.zero_deg, *head.cosines, *head.sines]
+        for s, head in zip(drawn, heads, strict=True)
     ])  # fmt: skip
     assert np.abs(np.triu(np.corrcoef(errors.T), 1)).max() < 0.12, "each from a stream of its own"
-    assert {s.axis.backlash_deg for s in drawn} == {ARCSEC_DEG}
-    assert {s.axis.repeatability_deg for s in drawn} == {0.1 * ARCSEC_DEG}
+    assert {s.axes["head"].backlash_deg for s in drawn} == {ARCSEC_DEG}
+    assert {s.axes["head"].repeatability_deg for s in drawn} == {0.1 * ARCSEC_DEG}
 
 
 def test_one_seed_is_one_laboratory() -> None:

@@ -1,0 +1,154 @@
+"""What a bench file says of how units lie: the axes of the table, the fixture on it, the ways to fix units in it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, GetJsonSchemaHandler, model_validator
+from pydantic_core import CoreSchema
+
+from bench.config.devices import CoverageFactor, Text
+from drivers.fields import Arcseconds, Date, Degrees, InUnit, Name, Range, StrictModel
+from drivers.wording import telling
+
+Vector = tuple[float, float, float]
+Compass = Literal["east", "west", "north", "south", "up", "down"]
+DIRECTIONS: Mapping[Compass, Vector] = {
+    "east": (1.0, 0.0, 0.0),
+    "west": (-1.0, 0.0, 0.0),
+    "north": (0.0, 1.0, 0.0),
+    "south": (0.0, -1.0, 0.0),
+    "up": (0.0, 0.0, 1.0),
+    "down": (0.0, 0.0, -1.0),
+}
+"""Unit vectors in the level frame: east, north, up."""
+
+Direction = Literal["level", "up", "down"]
+
+
+class InputAxis(StrictModel):
+    """How the input axis lies in the fixture at two angles of the head."""
+
+    at_0: Direction = Field(description="where it points at a head angle of 0°")
+    at_90: Direction = Field(description="where it points at 90°")
+
+    @model_validator(mode="after")
+    def _turns_in_the_vertical_plane(self) -> InputAxis:
+        if (self.at_0 == "level") == (self.at_90 == "level"):
+            raise telling("of at_0 and at_90 one is level and the other up or down: the axis turns in a vertical plane")
+        return self
+
+    @property
+    def sense(self) -> int:
+        """+1 where the axis rises as the head angle does, at the angle where it is level."""
+        rises = self.at_90 == "up" if self.at_0 == "level" else self.at_0 == "down"
+        return 1 if rises else -1
+
+    @property
+    def offset_deg(self) -> float:
+        """The angle of the axis above the horizontal at head angle 0."""
+        return {"level": 0.0, "up": 90.0, "down": -90.0}[self.at_0]
+
+    @property
+    def points(self) -> Compass:
+        """Where the positive end of the head's axis points, east being where a level input axis does at 0°."""
+        return "south" if self.sense > 0 else "north"
+
+
+class TableAxis(StrictModel):
+    """An axis of a table with several."""
+
+    device: Name = Field(description="which drives it")
+    points: Compass = Field(description="where its positive end points while the angles of all axes are 0°")
+
+
+class Body(StrictModel):
+    """How the fixture lies while the angles of all axes are 0°; y completes a right-handed set."""
+
+    x: Compass = Field(description="where its x axis points, the input axis of a unit with one")
+    z: Compass = Field(description="where its z axis points, the normal of the seat")
+
+    @model_validator(mode="after")
+    def _square(self) -> Body:
+        if any(a and b for a, b in zip(DIRECTIONS[self.x], DIRECTIONS[self.z], strict=True)):
+            raise telling("x and z are on one line; they are at right angles")
+        return self
+
+
+class Mount(StrictModel):
+    """A way in which units are fixed by hand; an angle alone raises the input axis."""
+
+    angle: Degrees = Field(0.0, description="added to the mount angles: by how much the input axis is raised")
+    roll: Degrees = Field(0.0, description="then about the input axis; 180° stands the units on their other end")
+    clock: Degrees = Field(0.0, description="then about the normal of their seat")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _an_angle_alone(cls, raw: Any) -> Any:
+        return raw if isinstance(raw, Mapping) else {"angle": raw}
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        whole = handler(schema)
+        angle = {key: value for key, value in whole["properties"]["angle"].items() if key not in ("default", "title")}
+        return {"anyOf": [angle, whole]}
+
+
+class Level(StrictModel):
+    """How far from level the fixture is when the head says it is level."""
+
+    value: Annotated[float, InUnit("arcsec")] = Field(description="as last measured")
+    U: Arcseconds = Field(description="expanded uncertainty")
+    k: CoverageFactor = Field(2.0, description="coverage factor of U")
+    date: Date = Field(description="of the measurement")
+
+
+class AngleRange(Range):
+    """Angles of the head from `min` to `max`, modulo a turn."""
+
+    min: Degrees
+    max: Degrees
+
+
+class FixtureEntry(StrictModel):
+    """What holds the units on the head."""
+
+    serial: Text = Field(description="serial number of the fixture")
+    input_axis: InputAxis | None = Field(None, description="of units on a head with one level axis")
+    axes: tuple[TableAxis, ...] = Field((), description="of any other table, the outermost first; then say body too")
+    body: Body | None = None
+    level: Level
+    mounts: Mapping[Name, Mount] = Field(
+        {}, description="ways in which units can be fixed by hand; a run begins with the first"
+    )
+    forbidden: tuple[AngleRange, ...] = Field((), description="angles of the head at which something would touch")
+
+    @model_validator(mode="after")
+    def _one_geometry(self) -> FixtureEntry:
+        if (self.input_axis is None) == (self.body is None):
+            raise telling("say how the units lie: input_axis on a head with a level axis, else body (and axes)")
+        if self.axes and self.body is None:
+            raise telling("axes need a body: where x and z of the fixture point")
+        return self
+
+    @property
+    def x(self) -> Vector:
+        """Where the x axis of the fixture points while all angles are 0°."""
+        if self.body is not None:
+            return DIRECTIONS[self.body.x]
+        raised = math.radians(self.input_axis.offset_deg if self.input_axis is not None else 0.0)
+        return math.cos(raised), 0.0, math.sin(raised)
+
+    @property
+    def z(self) -> Vector:
+        """Where the z axis of the fixture points while all angles are 0°."""
+        if self.body is not None:
+            return DIRECTIONS[self.body.z]
+        east, _, up = self.x
+        return -up, 0.0, east
+
+    def mount(self, name: str | None = None) -> Mount:
+        """A mount by its name; without one the first, as it is when there is none."""
+        return self.mounts[name] if name is not None else next(iter(self.mounts.values()), Mount())

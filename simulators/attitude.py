@@ -1,0 +1,118 @@
+"""How a unit lies: from the axes of the table, the fixture and the mount to directions in the unit (methods.md 8.1).
+
+Frames: level (east, north, up); fixture, whose x, y, z turn with the table; unit, where x is the input axis, y the
+output axis and z the pendulous axis. A rotation is a matrix (n, 3, 3) that turns components in one frame into those in
+the next.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+EAST, NORTH, UP = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+SOUTH: Vector = (0.0, -1.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Fixture:
+    """The table and what is bolted to it while all its angles are 0.
+
+    `axes` are where the positive ends of its axes point, outer first; `x` and `z` are where those of the fixture do.
+    """
+
+    axes: tuple[Vector, ...] = (SOUTH,)
+    x: Vector = EAST
+    z: Vector = UP
+
+    def to_fixture(self, angles_deg: Sequence[Array], level_deg: float = 0.0) -> Array:
+        """Level frame to fixture, (n, 3, 3), for the angles (n,) of each axis.
+
+        `level_deg` is how far the base is tilted about south.
+        """
+        turned = turn(SOUTH, np.array([level_deg]))
+        for axis, angle_deg in zip(self.axes, angles_deg, strict=True):
+            turned = turned @ turn(axis, angle_deg)
+        return np.asarray(self._body() @ turned.transpose(0, 2, 1))
+
+    def rate(self, angles_deg: Sequence[Array], rates_dps: Sequence[Array]) -> Array:
+        """How fast the fixture turns against the level frame, in the fixture's frame, °/s, (n, 3)."""
+        total = np.zeros((len(angles_deg[0]), 3))
+        turned = np.broadcast_to(np.eye(3), (len(total), 3, 3))
+        for axis, angle_deg, rate_dps in zip(self.axes, angles_deg, rates_dps, strict=True):
+            total += (turned @ np.array(axis)) * rate_dps[:, np.newaxis]
+            turned = turned @ turn(axis, angle_deg)
+        return np.asarray(np.einsum("ij,nkj,nk->ni", self._body(), turned, total))
+
+    def _body(self) -> Array:
+        """Rows are the axes of the fixture in the level frame while all angles are 0."""
+        return np.array([self.x, np.cross(self.z, self.x), self.z])
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """How units are fixed by hand, in degrees.
+
+    Raised about the output axis by `angle_deg`, then rolled about the input axis, then clocked about the pendulous one.
+    """
+
+    angle_deg: float = 0.0
+    roll_deg: float = 0.0
+    clock_deg: float = 0.0
+
+
+@lru_cache(maxsize=64)
+def to_unit(mount: Mount, own_deg: float) -> Array:
+    """Fixture to unit, (3, 3); `own_deg` is by how much the unit is raised in its place of the fixture."""
+    return raised(own_deg) @ _clocked(mount.clock_deg) @ _rolled(mount.roll_deg) @ raised(mount.angle_deg)
+
+
+def turn(axis: Vector, angle_deg: Array) -> Array:
+    """What turns a vector about a unit vector by angles (n,), (n, 3, 3), after Rodrigues."""
+    sine, cosine = np.sin(np.radians(angle_deg)), np.cos(np.radians(angle_deg))
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    along = np.outer(axis, axis)
+    one = np.newaxis
+    return np.asarray(
+        cosine[:, one, one] * (np.eye(3) - along) + sine[:, one, one] * cross + np.ones_like(sine)[:, one, one] * along
+    )
+
+
+def raised(angle_deg: float) -> Array:
+    """Into a frame whose x is raised towards z."""
+    sine, cosine = _sine_and_cosine(angle_deg)
+    return np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
+
+
+def _rolled(angle_deg: float) -> Array:
+    sine, cosine = _sine_and_cosine(angle_deg)
+    return np.array([[1, 0, 0], [0, cosine, sine], [0, -sine, cosine]])
+
+
+def _clocked(angle_deg: float) -> Array:
+    sine, cosine = _sine_and_cosine(angle_deg)
+    return np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
+
+
+def _sine_and_cosine(angle_deg: float) -> tuple[float, float]:
+    return math.sin(math.radians(angle_deg)), math.cos(math.radians(angle_deg))
+
+
+def planar(sense: int, offset_deg: float) -> Fixture:
+    """A head with a level axis: the input axis is `sense` x head angle + `offset_deg` above the horizontal."""
+    body = raised(offset_deg)
+    return Fixture((SOUTH if sense > 0 else NORTH,), _vector(body[0]), _vector(body[2]))
+
+
+def _vector(row: Array) -> Vector:
+    x, y, z = row.tolist()
+    return (x, y, z)
