@@ -21,6 +21,7 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
+    PlainValidator,
     Strict,
     ValidationError,
     WithJsonSchema,
@@ -28,12 +29,13 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, InitErrorDetails, core_schema
 
-from drivers.quantities import Quantity, parse
+from drivers.quantities import Quantity, as_quantity, parse
 from drivers.suggest import did_you_mean, nearest
 from drivers.units import NO_DIMENSION, QuantityError, in_unit, parse_unit, quoted
 from drivers.wording import expected, in_plain_words, in_words, telling
 
 DEFERRED = {"deferred": True}
+UNKNOWN = Quantity(math.nan)  # what an expression has whose value is not known yet
 UNIT_KEYWORD = "x-unit"  # of a JSON Schema: the unit of a quantity
 
 
@@ -128,6 +130,26 @@ PositiveAmperes = Annotated[float, InUnit("A", at_least=0)]
 Amperes = Annotated[float, InUnit("A")]
 Ratio = Annotated[float, InUnit("")]
 Hertz = Annotated[float, InUnit("Hz", above=0)]
+
+
+def _any_quantity(raw: object, info: core_schema.ValidationInfo) -> Quantity:
+    if not isinstance(raw, str) or not raw:
+        try:
+            return as_quantity(raw)
+        except QuantityError:
+            raise expected("a quantity like 20 °C", raw) from None
+    if "${" in raw and is_deferred(info.context):
+        return UNKNOWN
+    try:
+        return parse(raw)
+    except QuantityError as problem:
+        raise telling(str(problem)) from None
+
+
+# A quantity whose unit is that of what it is compared with.
+AnyQuantity = Annotated[
+    Quantity, PlainValidator(_any_quantity), WithJsonSchema({"type": ["number", "string"], "minLength": 1})
+]
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,16 +12,15 @@ from pydantic import (
     AfterValidator,
     BeforeValidator,
     Field,
-    PlainValidator,
     WithJsonSchema,
     WrapValidator,
     model_validator,
 )
 
-from drivers.fields import PositiveSeconds, Seconds, StrictModel, TextLike
-from drivers.quantities import Quantity, as_quantity, parse
+from drivers.fields import AnyQuantity, PositiveSeconds, Seconds, StrictModel, TextLike
+from drivers.quantities import Quantity
 from drivers.suggest import did_you_mean
-from drivers.units import QuantityError, quoted
+from drivers.units import quoted
 from drivers.wording import expected, telling
 
 # Hold: the chamber's set point stays where it is, and no further step begins. Pause: no further step begins. Stop: the
@@ -33,15 +32,6 @@ ReadingName = Annotated[
     str,
     TextLike(r"[a-z][a-z0-9_]{0,31}(\.\w+)*", "a named reading, or DEVICE.CHANNEL such as chamber.process_value"),
 ]
-
-
-def _limit(raw: object) -> Quantity:
-    try:
-        return parse(raw) if isinstance(raw, str) and raw else as_quantity(raw)
-    except QuantityError as problem:
-        if isinstance(raw, str) and raw:
-            raise telling(str(problem)) from None
-        raise expected("a quantity like 85 °C", raw) from None
 
 
 def _above_zero(limit: Quantity) -> Quantity:
@@ -56,10 +46,8 @@ def _pair(raw: object) -> object:
     return raw
 
 
-# A quantity whose unit is that of the reading it is compared with.
 Limit = Annotated[
-    Quantity,
-    PlainValidator(_limit),
+    AnyQuantity,
     WithJsonSchema(
         {"type": ["number", "string"], "minLength": 1, "description": "a quantity in the unit of what is looked at"}
     ),

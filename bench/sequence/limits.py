@@ -11,9 +11,9 @@ from pydantic.config import JsonDict
 
 from bench.analysis.limits import Limits
 from bench.sequence.expressions import ValueProblem
-from bench.sequence.step_fields import UNKNOWN, is_known
+from bench.sequence.step_fields import is_known
 from bench.sequence.values import QUANTITY_SCHEMA, holds_expression, in_words, value_of
-from drivers.fields import InUnit, StrictModel, is_deferred
+from drivers.fields import UNKNOWN, InUnit, StrictModel, is_deferred
 from drivers.quantities import Quantity
 from drivers.units import NO_DIMENSION, QuantityError
 from drivers.wording import expected, telling

@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 from bench.config.interlocks import ReadingName
 from bench.sequence.inside import Steps
 from bench.sequence.limits import LimitEntry
-from bench.sequence.step_fields import AnyQuantity, StepBase, choice_of, one_of
-from drivers.fields import Flag, InUnit, Name, PositiveSeconds
+from bench.sequence.step_fields import StepBase, choice_of, one_of
+from drivers.fields import AnyQuantity, Flag, InUnit, Name, PositiveSeconds
 from drivers.wording import telling
 
 

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import ConfigDict, Field, PlainValidator, ValidationInfo, WithJsonSchema, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
-from drivers.fields import PositiveSeconds, StrictModel, is_deferred
-from drivers.quantities import Quantity, as_quantity, parse
-from drivers.units import QuantityError
-from drivers.wording import expected, telling
+from drivers.fields import PositiveSeconds, StrictModel
+from drivers.quantities import Quantity
+from drivers.wording import telling
 
 OnFailure = Literal["stop", "continue", "ask"]
 Text = Annotated[str, Field(min_length=1, max_length=500)]
-UNKNOWN = Quantity(math.nan)  # what an expression has whose value is not known yet
 
 
 class StepBase(StrictModel):
@@ -35,25 +33,6 @@ class StepBase(StrictModel):
         if self.timeout_s is not None and self.timeout_s <= self.least_s:
             raise telling(f"its timeout of {self.timeout_s:g} s is over before the {self.least_s:g} s that it takes")
         return self
-
-
-def _any_quantity(raw: object, info: ValidationInfo) -> Quantity:
-    if isinstance(raw, str) and "${" in raw and is_deferred(info.context):
-        return UNKNOWN
-    try:
-        if isinstance(raw, str) and raw:
-            return parse(raw)
-        return as_quantity(raw)
-    except QuantityError as problem:
-        if isinstance(raw, str) and raw:
-            raise telling(str(problem)) from None
-        raise expected("a quantity like 20 °C", raw) from None
-
-
-# A quantity whose unit is that of the reading it is compared with.
-AnyQuantity = Annotated[
-    Quantity, PlainValidator(_any_quantity), WithJsonSchema({"type": ["number", "string"], "minLength": 1})
-]
 
 
 def is_known(value: Quantity | None) -> bool:

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from bench.sequence.step_fields import AnyQuantity, StepBase, Text
-from drivers.fields import NOT_EMPTY, FileBeside, Name, PositiveSeconds, StrictModel
+from bench.sequence.step_fields import StepBase, Text
+from drivers.fields import NOT_EMPTY, AnyQuantity, FileBeside, Name, PositiveSeconds, StrictModel
 from drivers.quantities import Quantity
 from drivers.units import QuantityError, parse_unit
 from drivers.wording import telling

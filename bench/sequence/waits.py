@@ -7,8 +7,8 @@ from typing import Self
 from pydantic import Field, model_validator
 
 from bench.config.interlocks import ReadingName
-from bench.sequence.step_fields import AnyQuantity, StepBase, is_known
-from drivers.fields import CelsiusPerHour, Name, PositiveCelsius, PositiveSeconds, Seconds, StrictModel
+from bench.sequence.step_fields import StepBase, is_known
+from drivers.fields import AnyQuantity, CelsiusPerHour, Name, PositiveCelsius, PositiveSeconds, Seconds, StrictModel
 from drivers.wording import telling
 
 LOOK_EVERY_S = 5.0  # how often a step that waits for a reading looks at it
