@@ -57,7 +57,7 @@ async def _look(bench: BenchFile, role: str, device: Device) -> Look:
             readings = await device.poll()
         who = " ".join(filter(None, (identity.maker, identity.model, identity.serial, identity.firmware)))
         stated = "" if identity.verified else f" (serial stated, not verified; {identity.fingerprint})"
-        units = entry.description.channels_of(entry.options)
+        units = entry.channels
         values = ", ".join(
             f"{key} {found[-1].value:.5g} {units.get(key, '')}".rstrip() for key, found in readings.items() if found
         )

@@ -76,7 +76,7 @@ def _reading(bench: BenchFile, name: str, reading: ReadingEntry) -> Iterator[Pro
     if device is None:
         yield place, f"there is no device '{reading.device}'{did_you_mean(reading.device, bench.devices)}"
         return
-    channels = device.description.channels_of(device.options)
+    channels = device.channels
     if reading.channel not in channels:
         yield place, f"{reading.device} has no channel '{reading.channel}'{did_you_mean(reading.channel, channels)}"
     elif (unit := channels[reading.channel]) != "°C":
@@ -90,7 +90,7 @@ def _reading(bench: BenchFile, name: str, reading: ReadingEntry) -> Iterator[Pro
 def _is_temperature(bench: BenchFile, reading: ReadingEntry) -> bool:
     """Whether a reading is in °C; one of a device that is not there is told elsewhere."""
     device = bench.devices.get(reading.device)
-    return device is None or device.description.channels_of(device.options).get(reading.channel, "°C") == "°C"
+    return device is None or device.channels.get(reading.channel, "°C") == "°C"
 
 
 def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:

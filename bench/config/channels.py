@@ -30,7 +30,7 @@ def channels_of(bench: BenchFile) -> dict[str, Channel]:
             f"{role}.{channel}", unit, period_s(role, bench) + entry.description.reports_every_s
         )
         for role, entry in bench.devices.items()
-        for channel, unit in entry.description.channels_of(entry.options).items()
+        for channel, unit in entry.channels.items()
     }
     named = {name: by_source[entry.from_] for name, entry in bench.readings.items() if entry.from_ in by_source}
     return named | by_source

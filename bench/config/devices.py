@@ -79,6 +79,11 @@ class DeviceEntry(StrictModel):
         """What is known of the driver."""
         return known_drivers()[self.driver]
 
+    @property
+    def channels(self) -> Mapping[str, str]:
+        """The readings that it gives: name → unit."""
+        return self.description.channels_of(self.options)
+
     @model_validator(mode="wrap")
     @classmethod
     def _with_the_blocks_of_its_driver(

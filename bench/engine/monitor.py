@@ -121,7 +121,7 @@ class Monitor:
 
     async def _watch(self, role: str) -> None:
         every_s, device = period_s(role, self._bench), self._rig.devices[role]
-        units = self._bench.devices[role].description.channels_of(self._bench.devices[role].options)
+        units = self._bench.devices[role].channels
         loop = asyncio.get_running_loop()
         due_s = loop.time()
         try:

@@ -147,7 +147,7 @@ def _lines(run: StoredRun) -> Iterator[_Line]:
     """Set points behind the air of the chambers, and that behind the units."""
     for role, entry in run.bench.devices.items():
         if "thermal_chamber" in entry.description.capabilities:
-            for channel, unit in sorted(entry.description.channels_of(entry.options).items(), reverse=True):
+            for channel, unit in sorted(entry.channels.items(), reverse=True):
                 if unit == "°C":
                     name, style = CHAMBER.get(channel, (channel.replace("_", " "), {}))
                     yield _Line(f"{role}: {name}", run.reader.series(f"{role}.{channel}"), style)

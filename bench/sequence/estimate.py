@@ -114,8 +114,7 @@ def _size_bytes(spans: tuple[Span, ...], total_s: float, bench: BenchFile) -> in
     )  # fmt: skip
     named = {reading.device for reading in bench.readings.values()}
     per_s = sum(
-        len(entry.description.channels_of(entry.options))
-        / (bench.monitor.period if role in named else bench.monitor.devices)
+        len(entry.channels) / (bench.monitor.period if role in named else bench.monitor.devices)
         for role, entry in bench.devices.items()
     )
     size = counting_s / period_s * STORED_BYTES_PER_LATCH + total_s * per_s * STORED_BYTES_PER_READING

@@ -28,8 +28,7 @@ def problem_with(name: str, needs: Mapping[str, str], bench: BenchFile | None) -
         return f"'{device}' is not among the devices that the sequence needs{did_you_mean(device, needs)}"
     if bench is None or device not in bench.devices or unit_of(name, bench) is not None:
         return ""
-    known = [*_channels(device, bench), *_counted(device, bench)]
-    return f"'{device}' has no channel '{channel}'{did_you_mean(channel, known)}"
+    return f"'{device}' has no channel '{channel}'{did_you_mean(channel, _known(device, bench))}"
 
 
 def unit_of(name: str, bench: BenchFile) -> str | None:
@@ -40,7 +39,7 @@ def unit_of(name: str, bench: BenchFile) -> str | None:
         return None
     if channel in _counted(device, bench):
         return PULSE_RATE
-    return _channels(device, bench).get(channel)
+    return bench.devices[device].channels.get(channel)
 
 
 def is_pulse_rate(name: str, bench: BenchFile) -> bool:
@@ -57,9 +56,8 @@ def example_of(name: str, bench: BenchFile | None) -> Value | None:
     return Quantity(float(parse_unit(unit).factor), parse_unit(unit).dimension)
 
 
-def _channels(device: str, bench: BenchFile) -> Mapping[str, str]:
-    entry = bench.devices[device]
-    return entry.description.channels_of(entry.options)
+def _known(device: str, bench: BenchFile) -> list[str]:
+    return [*bench.devices[device].channels, *_counted(device, bench)]
 
 
 def _counted(device: str, bench: BenchFile) -> tuple[str, ...]:
@@ -70,5 +68,5 @@ def _counted(device: str, bench: BenchFile) -> tuple[str, ...]:
 
 
 def _a_channel(device: str, bench: BenchFile | None) -> str:
-    known = [*_channels(device, bench), *_counted(device, bench)] if bench and device in bench.devices else []
+    known = _known(device, bench) if bench and device in bench.devices else []
     return known[0] if known else "CHANNEL"
