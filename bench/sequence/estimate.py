@@ -8,6 +8,7 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any, assert_never
 
+from bench.config.channels import period_s
 from bench.config.models import BenchFile
 from bench.sequence.custom import Custom, known_steps
 from bench.sequence.measuring import Acquire, Measure, Tare
@@ -108,16 +109,12 @@ def estimate(plan: Plan, bench: BenchFile) -> Estimate:
 
 def _size_bytes(spans: tuple[Span, ...], total_s: float, bench: BenchFile) -> int:
     counting_s = sum(span.duration_s * span.times for span in spans if isinstance(span.step.step, Acquire))
-    period_s = min(
+    latch_s = min(
         (getattr(entry.options, "period", 1.0) for entry in bench.devices.values()
          if "pulse_counter" in entry.description.capabilities), default=1.0,
     )  # fmt: skip
-    named = {reading.device for reading in bench.readings.values()}
-    per_s = sum(
-        len(entry.channels) / (bench.monitor.period if role in named else bench.monitor.devices)
-        for role, entry in bench.devices.items()
-    )
-    size = counting_s / period_s * STORED_BYTES_PER_LATCH + total_s * per_s * STORED_BYTES_PER_READING
+    per_s = sum(len(entry.channels) / period_s(role, bench) for role, entry in bench.devices.items())
+    size = counting_s / latch_s * STORED_BYTES_PER_LATCH + total_s * per_s * STORED_BYTES_PER_READING
     return int(size) + STORED_BYTES_PER_STEP * sum(span.times for span in spans) + STORED_BYTES
 
 
