@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from bench.config.document import Document, Place, Problem
 from bench.config.load import problems
 from bench.sequence.called import Called, given_to, read_called, refuse_too_deep
-from bench.sequence.expressions import Value, ValueProblem
+from bench.sequence.expressions import Value
 from bench.sequence.inside import UNROLLED
 from bench.sequence.measuring import Measure
 from bench.sequence.model import Outline
@@ -22,7 +22,7 @@ from bench.sequence.plan import PHASES, Node, Nodes, Plan
 from bench.sequence.scope import Scope, names_mentioned
 from bench.sequence.steps import STEPS, Step
 from bench.sequence.talk import Prompt
-from bench.sequence.unroll import Raw, Wrong, nodes_of
+from bench.sequence.unroll import Raw, Wrong, nodes_of, wrong_at
 from drivers.fields import DEFERRED
 
 STEP_LIMIT = 10_000
@@ -147,12 +147,10 @@ class Expansion:
     def call(self, block: Raw, here: Place, scope: Scope) -> tuple[Scope, Mapping[str, Any], Place]:
         """Takes a called sequence in; where it is looked at, what its phases hold, and its place."""
         path = self._document.owner(here)[0].path.parent / block["call"]
-        try:
+        with wrong_at("call"):
             refuse_too_deep(path, self._callers)
             if path not in self._read:
                 self._read[path] = read_called(path)
-        except ValueProblem as problem:
-            raise Wrong("call", str(problem)) from None
         document, outline, found = self._read[path]
         place = (*here, "call")
         if self._document.owner((*place, "title"))[0] is not document:  # in the first pass that comes here

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +52,15 @@ class Wrong(ValueProblem):
         self.key = key
 
 
+@contextmanager
+def wrong_at(key: str) -> Iterator[None]:
+    """Tells a problem with a value as what is wrong with the key."""
+    try:
+        yield
+    except ValueProblem as problem:
+        raise Wrong(key, str(problem)) from None
+
+
 def nodes_of(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
     """What a step or a block comes to; raises Wrong. `seen` counts the labels of its siblings before it."""
     verb = next(iter(block))
@@ -66,7 +76,6 @@ def _step(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> 
     name = getattr(step, "name", None) if isinstance(step, (Measure, Prompt)) else None
     if name is not None and name in scope.names:
         raise Wrong("as", f"the name '{name}' is taken; choose another")
-    seen[verb] += 1
     label = _visit(verb, seen)
     waiting = None
     if any(scope.waits(raw) for key, raw in block.items() if key != "during"):
@@ -95,7 +104,6 @@ def _loop(
     (variable, values), *others = loops
     for value in values:
         label = f"{variable}={spelled(value)}"
-        seen[label] += 1
         inside = scope.inside(_visit(label, seen), **{variable: value})
         if others:
             yield from _loop(run, others, block, here, inside, Counter())
@@ -109,10 +117,8 @@ def _values(variable: str, raw: Any, key: str, scope: Scope) -> tuple[Value, ...
         raise Wrong("for_each", f"the name '{variable}' is taken; choose another for this loop")
     if scope.waits(raw):
         raise Wrong(key, "depends on a measurement; what a loop goes through must be known before the run")
-    try:
+    with wrong_at(key):
         values = scope.value(raw)
-    except ValueProblem as problem:
-        raise Wrong(key, str(problem)) from None
     if not isinstance(values, tuple) or not values:
         found = "empty" if values == () else in_words(() if values is None else values)
         raise Wrong(key, f"is {found}, expected a list or a range with at least one value")
@@ -121,19 +127,16 @@ def _values(variable: str, raw: Any, key: str, scope: Scope) -> tuple[Value, ...
 
 def _repeat(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
     for number in range(1, _count(block["repeat"], "repeat", scope) + 1):
-        label = f"pass={number}"
-        seen[label] += 1
-        yield from run.nodes(block["steps"], (*here, "steps"), scope.inside(_visit(label, seen)))
+        inside = scope.inside(_visit(f"pass={number}", seen))
+        yield from run.nodes(block["steps"], (*here, "steps"), inside)
 
 
 def _count(raw: Any, key: str, scope: Scope) -> int:
     """A whole number of at least 1."""
     if scope.waits(raw):
         raise Wrong(key, "depends on a measurement; use while, which has a condition")
-    try:
+    with wrong_at(key):
         value = scope.value(raw)
-    except ValueProblem as problem:
-        raise Wrong(key, str(problem)) from None
     count = value.base_value if isinstance(value, Quantity) and value.dimension == NO_DIMENSION else 0.0
     if count < 1 or count != int(count):
         raise Wrong(key, f"is {in_words(() if value is None else value)}, expected a whole number of at least 1")
@@ -141,17 +144,13 @@ def _count(raw: Any, key: str, scope: Scope) -> int:
 
 
 def _group(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
-    name = block["group"]
-    seen[name] += 1
-    inner = scope.inside(_visit(name, seen))
+    inner = scope.inside(_visit(block["group"], seen))
     yield from _section(run, block, here, inner, block.get("on_failure"), here)
 
 
 def _call(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
     inner, phases, place = run.call(block, here, scope)
-    label = inner.path.rpartition("/")[2]
-    seen[label] += 1
-    inner = replace(inner, path=f"{scope.path}/{_visit(label, seen)}")
+    inner = replace(inner, path=f"{scope.path}/{_visit(inner.path.rpartition('/')[2], seen)}")
     yield from _section(run, phases, place, inner, None, here)
     run.returned()
 
@@ -179,42 +178,31 @@ def _phase_of(scope: Scope, phase: Phase) -> Scope:
 
 
 def _if(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
-    try:
+    with wrong_at("if"):
         condition = scope.condition(block["if"])
-    except ValueProblem as problem:
-        raise Wrong("if", str(problem)) from None
-    for label in ("if", "then", "else"):
-        seen[label] += 1
-    label = _visit("if", seen)
+    paths = {key: f"{scope.path}/{_visit(key, seen)}" for key in ("if", "then", "else")}
+
+    def branch(key: str) -> Nodes:
+        return run.nodes(block.get(key) or (), (*here, key), replace(scope, path=paths[key]))
+
     if isinstance(condition, bool):
-        branch = "then" if condition else "else"
-        yield from _branch(run, block, here, scope, branch, seen)
-        return
-    then, otherwise = (_branch(run, block, here, scope, branch, seen) for branch in ("then", "else"))
-    yield Alternatives(f"{scope.path}/{label}", condition, then, otherwise, here)
-
-
-def _branch(run: Expansion, block: Raw, here: Place, scope: Scope, branch: str, seen: Seen) -> Nodes:
-    path = f"{scope.path}/{_visit(branch, seen)}"
-    return run.nodes(block.get(branch) or (), (*here, branch), replace(scope, path=path))
+        yield from branch("then" if condition else "else")
+    else:
+        yield Alternatives(paths["if"], condition, branch("then"), branch("else"), here)
 
 
 def _while(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
     at_most = _count(block["at_most"], "at_most", scope)
-    seen["while"] += 1
-    label = _visit("while", seen)
-    try:
+    path = f"{scope.path}/{_visit('while', seen)}"
+    with wrong_at("while"):
         condition = scope.condition(block["while"])
-    except ValueProblem as problem:
-        raise Wrong("while", str(problem)) from None
     if isinstance(condition, bool):
         raise Wrong("while", "does not depend on a measurement, so it never changes; use repeat, or if")
-    inside = replace(scope, path=f"{scope.path}/{label}/pass=1")
-    yield Passes(f"{scope.path}/{label}", condition, at_most, run.nodes(block["steps"], (*here, "steps"), inside), here)
+    inside = replace(scope, path=f"{path}/pass=1")
+    yield Passes(path, condition, at_most, run.nodes(block["steps"], (*here, "steps"), inside), here)
 
 
 def _parallel(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
-    seen["parallel"] += 1
     path = f"{scope.path}/{_visit('parallel', seen)}"
     branches = {
         name: run.nodes(raw, (*here, "parallel", name), replace(scope, path=f"{path}/{name}"))
@@ -224,7 +212,6 @@ def _parallel(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen)
 
 
 def _retry(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
-    seen["retry"] += 1
     path = f"{scope.path}/{_visit('retry', seen)}"
     model = _retry_model(block, scope)
     body = run.nodes(block["steps"], (*here, "steps"), replace(scope, path=path))
@@ -234,13 +221,12 @@ def _retry(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) ->
 def _retry_model(block: Raw, scope: Scope) -> Retry:
     if scope.waits(block.get("delay")):
         raise Wrong("delay", "depends on a measurement; it must be known before the run")
-    try:
+    with wrong_at("delay"):
         delay = {"delay": scope.value(block["delay"])} if "delay" in block else {}
+    try:
         return Retry.model_validate({**block, **delay, "steps": UNROLLED})
     except ValidationError as error:
         raise Wrong("delay", in_plain_words(error.errors(include_url=False)[0])) from None
-    except ValueProblem as problem:
-        raise Wrong("delay", str(problem)) from None
 
 
 _BLOCKS: Mapping[str, Callable[[Expansion, Raw, Place, Scope, Seen], Iterator[Node]]] = {
@@ -249,5 +235,7 @@ _BLOCKS: Mapping[str, Callable[[Expansion, Raw, Place, Scope, Seen], Iterator[No
 }  # fmt: skip
 
 
-def _visit(label: str, seen: Counter[str]) -> str:
+def _visit(label: str, seen: Seen) -> str:
+    """The label of one more visit, with its number from the second on."""
+    seen[label] += 1
     return label if seen[label] == 1 else f"{label}#{seen[label]}"
