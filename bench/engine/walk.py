@@ -13,6 +13,7 @@ from typing import Any, assert_never
 from bench.engine.actions import Bench
 from bench.engine.control import Control
 from bench.engine.questions import Question
+from bench.engine.safety import outlast
 from bench.engine.stepper import Stepper, Stopped, Watcher, first_of
 from bench.errors import BenchError, StepError, StoreError
 from bench.sequence.plan import (
@@ -174,12 +175,7 @@ class Walk:
         """
         task = asyncio.create_task(self.teardown(teardown))
         self._teardowns.add(task)
-        cancelled: asyncio.CancelledError | None = None
-        while not task.done():
-            try:
-                await asyncio.wait([task])
-            except asyncio.CancelledError as request:
-                cancelled = request
+        cancelled = await outlast(task)
         self._teardowns.discard(task)
         if cancelled is not None or task.cancelled():
             if why is not None and not isinstance(why, Stopped):
