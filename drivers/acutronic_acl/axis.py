@@ -11,8 +11,8 @@ from drivers.acutronic_acl import wire
 from drivers.acutronic_acl.description import AclLimits, AclOptions
 from drivers.acutronic_acl.turns import TurnCounter
 from drivers.acutronic_acl.wire import Interlock, Mode, Reply, State
-from drivers.description import Setup, check_identity
-from drivers.errors import InstrumentFault, Refused, WrongIdentity
+from drivers.description import Setup, check_identity, still_the_same
+from drivers.errors import InstrumentFault, Refused
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Pace, Proof
 from drivers.values import Identity
@@ -150,10 +150,5 @@ class AclAxis:
         """Reads an identity and compares it with the bench file and with who was there before."""
         found = wire.read_identity(self._read_reply(answer).text)
         check_identity(self._device, self._pin, found)
-        if self._identity not in (None, found):
-            raise WrongIdentity(
-                self._device, "another controller has taken its place", received=found.fingerprint,
-                remedy="Put the right controller back at this address and run again.",
-            )  # fmt: skip
-        self._identity = found
+        self._identity = still_the_same(self._device, self._identity, found, found.fingerprint)
         return found

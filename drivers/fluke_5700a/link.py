@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from drivers import scpi
-from drivers.description import Setup, check_identity
+from drivers.description import Setup, check_identity, still_the_same
 from drivers.errors import BadAnswer, Refused, WrongIdentity
 from drivers.fluke_5700a import wire
 from drivers.transport.dialogue import Dialogue
@@ -103,10 +103,5 @@ class FlukeLink:
                 self._device, f"a {found.model} is none of {', '.join(wire.MODELS)}; its status may mean other things",
                 received=line.decode("ascii"), remedy="Correct driver or connection in the bench file.",
             )  # fmt: skip
-        if self._identity not in (None, found):
-            raise WrongIdentity(
-                self._device, "another instrument has taken its place",
-                received=line.decode("ascii"), remedy="Put the right instrument back on this port and run again.",
-            )  # fmt: skip
-        self._identity = found
+        self._identity = still_the_same(self._device, self._identity, found, line.decode("ascii"))
         return found

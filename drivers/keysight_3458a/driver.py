@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Self, TypeVar
 
-from drivers.description import Nothing, Setup, check_identity
-from drivers.errors import BeyondLimit, InstrumentFault, Refused, WrongIdentity
+from drivers.description import Nothing, Setup, check_identity, still_the_same
+from drivers.errors import BeyondLimit, InstrumentFault, Refused
 from drivers.keysight_3458a import wire
 from drivers.keysight_3458a.description import VoltmeterOptions
 from drivers.keysight_3458a.wire import Setting
@@ -78,12 +78,7 @@ class Keysight3458A:
             fingerprint=f"calibrated {calibrations:.0f} times",
         )  # fmt: skip
         check_identity(self.name, self._pin, found)
-        if self._identity not in (None, found):
-            raise WrongIdentity(
-                self.name, "another instrument has taken its place", received=str(found),
-                remedy="Put the right instrument back on the bus and run again.",
-            )  # fmt: skip
-        self._identity = found
+        self._identity = still_the_same(self.name, self._identity, found, str(found))
         return found
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from drivers import scpi
-from drivers.description import Setup, check_identity
-from drivers.errors import Refused, WrongIdentity
+from drivers.description import Setup, check_identity, still_the_same
+from drivers.errors import Refused
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Proof
 from drivers.values import Identity
@@ -91,10 +91,5 @@ class ScpiLink:
         """Reads an identity and compares it with the bench file and with who was there before."""
         found = scpi.identity(line)
         check_identity(self._device, self._pin, found)
-        if self._identity not in (None, found):
-            raise WrongIdentity(
-                self._device, "another instrument has taken its place",
-                received=line.decode("ascii"), remedy="Put the right instrument back on this port and run again.",
-            )  # fmt: skip
-        self._identity = found
+        self._identity = still_the_same(self._device, self._identity, found, line.decode("ascii"))
         return found

@@ -87,7 +87,7 @@ def test_a_serial_number_that_is_told_must_be_the_one_of_the_bench_file() -> Non
 def test_another_controller_in_its_place_is_refused() -> None:
     async def use(table: Table, driver: AcutronicAcl) -> None:
         table.wire.alter = lambda _request, answer: answer.replace(b"A8800", b"A8801")
-        with pytest.raises(WrongIdentity, match=r"another controller has taken its place; received .*A8801-SIM"):
+        with pytest.raises(WrongIdentity, match=r"another instrument has taken its place; received .*A8801-SIM"):
             await driver.identify()
 
     with_driver(use)
