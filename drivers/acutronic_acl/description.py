@@ -7,14 +7,13 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from drivers.acutronic_acl.wire import ByteOrder
+from drivers.axes import AxisUncertainty, RateRange, SettleOptions
 from drivers.description import DriverDescription
 from drivers.fields import (
-    Arcseconds,
     Degrees,
     DegreesPerSecond,
     Hertz,
     InUnit,
-    PositiveSeconds,
     Range,
     StrictModel,
     WholeNumber,
@@ -22,16 +21,6 @@ from drivers.fields import (
 from drivers.wording import telling
 
 DegreesPerSecondSquared = Annotated[float, InUnit("°/s²", above=0)]
-
-
-class SettleOptions(StrictModel):
-    """When the axis stands."""
-
-    band: Annotated[float, InUnit("arcsec", above=0)] = Field(description="how far from the target it may be")
-    hold: PositiveSeconds = Field(description="how long it must have been no farther away")
-    give_up: PositiveSeconds = Field(
-        30.0, description="so long after it should stand, turn or swing, it is an error that it does not"
-    )
 
 
 class AclOptions(StrictModel):
@@ -74,12 +63,6 @@ class AngleRange(Range):
         return self
 
 
-class RateRange(StrictModel):
-    """The fastest turning, either way: `max`."""
-
-    max: DegreesPerSecond
-
-
 class AccelerationRange(StrictModel):
     """The fastest change of rate: `max`."""
 
@@ -108,14 +91,6 @@ class AclLimits(StrictModel):
     torque: TorqueRange | None = Field(None, description="of a sine, worked out from options.inertia by the check")
 
 
-class AclUncertainty(StrictModel):
-    """What a certificate states of the axis, expanded."""
-
-    zero: Arcseconds = Field(0.0, description="of the angle 0°")
-    harmonics: tuple[Arcseconds, ...] = Field((), description="1, 2, … of the error over a turn")
-    repeatability: Arcseconds = Field(0.0, description="of coming to the same angle again")
-
-
 DESCRIPTION = DriverDescription(
     name="acutronic_acl",
     title="rate table on an Acutronic Acutrol3000 (ACL)",
@@ -124,6 +99,6 @@ DESCRIPTION = DriverDescription(
     target="drivers.acutronic_acl.driver:AcutronicAcl",
     options=AclOptions,
     limits=AclLimits,
-    uncertainty=AclUncertainty,
+    uncertainty=AxisUncertainty,
     channels={"angle": "°", "rate": "°/s"},
 )

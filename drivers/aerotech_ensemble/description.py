@@ -6,25 +6,16 @@ from typing import Annotated
 
 from pydantic import Field
 
+from drivers.axes import AxisUncertainty, RateRange, SettleOptions
 from drivers.description import DriverDescription
 from drivers.fields import (
-    Arcseconds,
     Degrees,
     DegreesPerSecond,
     InUnit,
-    PositiveSeconds,
     Range,
     StrictModel,
     TextLike,
 )
-
-
-class SettleOptions(StrictModel):
-    """When the axis stands."""
-
-    band: Annotated[float, InUnit("arcsec", above=0)] = Field(description="how far from the target it may be")
-    hold: PositiveSeconds = Field(description="how long it must have been no farther away")
-    give_up: PositiveSeconds = Field(30.0, description="so long after it should stand, it is an error that it does not")
 
 
 class EnsembleOptions(StrictModel):
@@ -51,25 +42,11 @@ class AngleRange(Range):
     max: Degrees
 
 
-class RateRange(StrictModel):
-    """The fastest move: `max`."""
-
-    max: DegreesPerSecond
-
-
 class EnsembleLimits(StrictModel):
     """What the bench allows the axis; the controller's own limits hold as well."""
 
     angle: AngleRange
     rate: RateRange
-
-
-class EnsembleUncertainty(StrictModel):
-    """What a certificate states of the axis, expanded."""
-
-    zero: Arcseconds = Field(0.0, description="of the angle 0°")
-    harmonics: tuple[Arcseconds, ...] = Field((), description="1, 2, … of the error over a turn")
-    repeatability: Arcseconds = Field(0.0, description="of coming to the same angle again")
 
 
 DESCRIPTION = DriverDescription(
@@ -80,6 +57,6 @@ DESCRIPTION = DriverDescription(
     target="drivers.aerotech_ensemble.driver:AerotechEnsemble",
     options=EnsembleOptions,
     limits=EnsembleLimits,
-    uncertainty=EnsembleUncertainty,
+    uncertainty=AxisUncertainty,
     channels={"angle": "°"},
 )

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from drivers.description import DriverDescription
-from drivers.fields import Amperes, InUnit, PositiveSeconds, Range, StrictModel
+from drivers.fields import InUnit, PositiveSeconds, StrictModel
 from drivers.fluke_5700a.wire import RANGES_A, Terminator
-from drivers.wording import telling
+from drivers.ranges import SourceLimits, range_of
 
-
-def _known_range(range_a: float) -> float:
-    for known_a in RANGES_A:
-        if abs(range_a - known_a) < 1e-6 * known_a:
-            return known_a
-    raise telling(f"is {range_a:g} A, expected 220 µA, 2.2 mA, 22 mA, 220 mA or 2.2 A")
+KNOWN_RANGE = range_of(RANGES_A, "A", "220 µA, 2.2 mA, 22 mA, 220 mA or 2.2 A")
 
 
 class FlukeOptions(StrictModel):
@@ -31,7 +26,7 @@ class FlukeOptions(StrictModel):
     itself counts only the minutes of its whole life.
     """
 
-    range: Annotated[float, InUnit("A", above=0), AfterValidator(_known_range)] = Field(
+    range: Annotated[float, InUnit("A", above=0), KNOWN_RANGE] = Field(
         description="the one range for all levels: 220 µA, 2.2 mA, 22 mA, 220 mA or 2.2 A"
     )
     compliance: Annotated[float, InUnit("V", above=0)] = Field(
@@ -43,19 +38,6 @@ class FlukeOptions(StrictModel):
     terminator: Terminator = "crlf"
 
 
-class LevelRange(Range):
-    """From `min` to `max`, both allowed."""
-
-    min: Amperes
-    max: Amperes
-
-
-class FlukeLimits(StrictModel):
-    """What the bench allows the source, for the sake of the coil on it."""
-
-    current: LevelRange
-
-
 DESCRIPTION = DriverDescription(
     name="fluke_5700a",
     title="calibrator Fluke 5700A, 5720A or 5730A as a precision current source",
@@ -63,6 +45,6 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"serial", "tcp"}),
     target="drivers.fluke_5700a.driver:Fluke5700A",
     options=FlukeOptions,
-    limits=FlukeLimits,
+    limits=SourceLimits,
     channels={"current": "A", "settled": "", "on_time": "s"},
 )

@@ -10,9 +10,10 @@ from typing import Self
 from drivers.description import Nothing, Setup
 from drivers.errors import BeyondLimit, InstrumentFault, NotSettled, Refused
 from drivers.fluke_5700a import wire
-from drivers.fluke_5700a.description import FlukeLimits, FlukeOptions
+from drivers.fluke_5700a.description import FlukeOptions
 from drivers.fluke_5700a.link import FlukeLink
 from drivers.fluke_5700a.wire import OFF, Event, Setting, State, Status
+from drivers.ranges import SourceLimits
 from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading, SourceReading
 
@@ -35,7 +36,7 @@ class Fluke5700A:
     Concurrency: a new `set` and `make_safe` end the `set` under way, which then raises Refused.
     """
 
-    def __init__(self, setup: Setup[FlukeOptions, FlukeLimits, Nothing]) -> None:
+    def __init__(self, setup: Setup[FlukeOptions, SourceLimits, Nothing]) -> None:
         self.name = setup.name
         self._options, self._limits = setup.options, setup.limits
         self._link = FlukeLink(setup, end=wire.TERMINATORS[setup.options.terminator])

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from drivers.description import DriverDescription
-from drivers.fields import Amperes, InUnit, Range, StrictModel
+from drivers.fields import InUnit, StrictModel
 from drivers.keithley_6220.wire import COMPLIANCE_MAX_V, COMPLIANCE_MIN_V, RANGES_A, Terminator
-from drivers.wording import telling
+from drivers.ranges import SourceLimits, range_of
 
-
-def _known_range(range_a: float) -> float:
-    for known_a in RANGES_A:
-        if abs(range_a - known_a) < 1e-6 * known_a:
-            return known_a
-    raise telling(f"is {range_a:g} A, expected one of 2 nA to 20 mA in decades, or 100 mA")
+KNOWN_RANGE = range_of(RANGES_A, "A", "one of 2 nA to 20 mA in decades, or 100 mA")
 
 
 class KeithleyOptions(StrictModel):
@@ -26,26 +21,13 @@ class KeithleyOptions(StrictModel):
     acts on a CR, with or without an LF after it; over TCP (6221) `lf` is usual.
     """
 
-    range: Annotated[float, InUnit("A", above=0), AfterValidator(_known_range)] = Field(
+    range: Annotated[float, InUnit("A", above=0), KNOWN_RANGE] = Field(
         description="the one range for all levels, 2 nA to 20 mA in decades or 100 mA"
     )
     compliance: Annotated[float, InUnit("V", at_least=COMPLIANCE_MIN_V, at_most=COMPLIANCE_MAX_V)] = Field(
         description="the most that a sequence may ask for"
     )
     terminator: Terminator = "crlf"
-
-
-class LevelRange(Range):
-    """From `min` to `max`, both allowed."""
-
-    min: Amperes
-    max: Amperes
-
-
-class KeithleyLimits(StrictModel):
-    """What the bench allows the source, for the sake of the coil on it."""
-
-    current: LevelRange
 
 
 DESCRIPTION = DriverDescription(
@@ -55,6 +37,6 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"serial", "tcp"}),
     target="drivers.keithley_6220.driver:Keithley6220",
     options=KeithleyOptions,
-    limits=KeithleyLimits,
+    limits=SourceLimits,
     channels={"current": "A"},
 )

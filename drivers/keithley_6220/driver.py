@@ -10,8 +10,9 @@ from typing import Self
 from drivers.description import Nothing, Setup
 from drivers.errors import BeyondLimit, InstrumentFault, Refused
 from drivers.keithley_6220 import wire
-from drivers.keithley_6220.description import KeithleyLimits, KeithleyOptions
+from drivers.keithley_6220.description import KeithleyOptions
 from drivers.keithley_6220.wire import Condition, Setting, State
+from drivers.ranges import SourceLimits
 from drivers.transport.dialogue import safe_in_time
 from drivers.transport.scpi import ScpiLink
 from drivers.values import Identity, Reading, SourceReading
@@ -34,7 +35,7 @@ class Keithley6220:
     Concurrency: a new `set` and `make_safe` end the `set` under way, which then raises Refused.
     """
 
-    def __init__(self, setup: Setup[KeithleyOptions, KeithleyLimits, Nothing]) -> None:
+    def __init__(self, setup: Setup[KeithleyOptions, SourceLimits, Nothing]) -> None:
         self.name = setup.name
         self._options, self._limits = setup.options, setup.limits
         self._link = ScpiLink(setup, end=wire.TERMINATORS[setup.options.terminator])

@@ -9,14 +9,10 @@ from pydantic import AfterValidator, Field
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, Number, Ratio, StrictModel
 from drivers.keysight_3458a.wire import NPLCS, RANGES_V
+from drivers.ranges import range_of
 from drivers.wording import telling
 
-
-def _known_range(range_v: float) -> float:
-    for known_v in RANGES_V:
-        if abs(range_v - known_v) < 1e-6 * known_v:
-            return known_v
-    raise telling(f"is {range_v:g} V, expected 100 mV, 1 V, 10 V, 100 V or 1000 V")
+KNOWN_RANGE = range_of(RANGES_V, "V", "100 mV, 1 V, 10 V, 100 V or 1000 V")
 
 
 def _known_nplc(nplc: float) -> float:
@@ -34,7 +30,7 @@ class VoltmeterOptions(StrictModel):
     waits for it.
     """
 
-    range: Annotated[float, InUnit("V", above=0), AfterValidator(_known_range)] = Field(
+    range: Annotated[float, InUnit("V", above=0), KNOWN_RANGE] = Field(
         description="the one range for all readings, 100 mV to 1000 V in decades; it measures 20 % beyond its name"
     )
     nplc: Annotated[Number, AfterValidator(_known_nplc)] = Field(

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from drivers.acutronic_acl.description import DESCRIPTION, AclLimits, AclOptions, AclUncertainty
+from drivers.acutronic_acl.description import DESCRIPTION, AclLimits, AclOptions
 from drivers.acutronic_acl.driver import AcutronicAcl
+from drivers.axes import AxisUncertainty
 from drivers.capabilities import CAPABILITIES, Approach, Positioner, RateTable
 from drivers.description import IdentityPin, known_drivers
 from drivers.errors import BadAnswer, BeyondLimit, CannotConnect, NotSettled, Refused, WrongIdentity
@@ -26,7 +27,7 @@ def test_it_is_installed_under_its_name() -> None:
     assert (options.axis, options.rate_band, options.approach_distance, options.poll) == (1, 0.01, 2, 0.1)
     assert (options.byte_order, options.settle.give_up) == ("little", 30)
     certificate = {"zero": "10 arcsec", "harmonics": ["2 arcsec", "1 arcsec"], "repeatability": "0.2 arcsec"}
-    assert AclUncertainty.model_validate(certificate).harmonics == (2.0, 1.0)
+    assert AxisUncertainty.model_validate(certificate).harmonics == (2.0, 1.0)
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,9 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from drivers.aerotech_ensemble.description import DESCRIPTION, EnsembleLimits, EnsembleOptions, EnsembleUncertainty
+from drivers.aerotech_ensemble.description import DESCRIPTION, EnsembleLimits, EnsembleOptions
 from drivers.aerotech_ensemble.driver import AerotechEnsemble
+from drivers.axes import AxisUncertainty
 from drivers.capabilities import Approach, Positioner
 from drivers.description import known_drivers
 from drivers.errors import (
@@ -31,7 +32,7 @@ def test_it_is_installed_under_its_name() -> None:
     assert DESCRIPTION.channels_of(options) == {"angle": "°"}
     assert (options.settle.give_up, options.approach_distance, options.acceleration, options.poll) == (30, 2, 40, 0.1)
     certificate = {"zero": "10 arcsec", "harmonics": ["2 arcsec", "1 arcsec"], "repeatability": "0.2 arcsec"}
-    assert EnsembleUncertainty.model_validate(certificate).harmonics == (2.0, 1.0)
+    assert AxisUncertainty.model_validate(certificate).harmonics == (2.0, 1.0)
 
 
 @pytest.mark.parametrize(

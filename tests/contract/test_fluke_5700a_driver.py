@@ -9,8 +9,9 @@ from pydantic import ValidationError
 from drivers.capabilities import Source
 from drivers.description import known_drivers
 from drivers.errors import BadAnswer, BeyondLimit, Refused, WrongIdentity
-from drivers.fluke_5700a.description import DESCRIPTION, FlukeLimits, FlukeOptions
+from drivers.fluke_5700a.description import DESCRIPTION, FlukeOptions
 from drivers.fluke_5700a.driver import Fluke5700A
+from drivers.ranges import SourceLimits
 from drivers.values import SourceReading
 from tests.support.calibrator import OPTIONS, Calibrator, now_s, with_calibrator, with_driver
 
@@ -34,7 +35,7 @@ def test_it_is_installed_under_its_name() -> None:
         (FlukeOptions, {"range": "22 mA"}, "missing"),
         (FlukeOptions, OPTIONS | {"settle_within": "0 s"}, "more than 0 s"),
         (FlukeOptions, OPTIONS | {"terminator": "lfcr"}, "crlf"),
-        (FlukeLimits, {"current": {"min": "1 mA", "max": "1 mA"}}, "min is not below max"),
+        (SourceLimits, {"current": {"min": "1 mA", "max": "1 mA"}}, "min is not below max"),
     ],
 )
 def test_a_wrong_bench_file_is_told_what_is_wrong(model: Any, data: Any, problem: str) -> None:

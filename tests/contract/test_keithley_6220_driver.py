@@ -14,8 +14,9 @@ from drivers.errors import (
     Refused,
     WrongIdentity,
 )
-from drivers.keithley_6220.description import DESCRIPTION, KeithleyLimits, KeithleyOptions
+from drivers.keithley_6220.description import DESCRIPTION, KeithleyOptions
 from drivers.keithley_6220.driver import Keithley6220
+from drivers.ranges import SourceLimits
 from drivers.values import SourceReading
 from tests.support.source import OPTIONS, Source6220, now_s, with_driver, with_source
 
@@ -36,8 +37,8 @@ def test_it_is_installed_under_its_name() -> None:
         (KeithleyOptions, OPTIONS | {"compliance": "106 V"}, "at most 105 V"),
         (KeithleyOptions, OPTIONS | {"compliance": "10 mA"}, "expected a quantity in V"),
         (KeithleyOptions, OPTIONS | {"terminator": "lfcr"}, "crlf"),
-        (KeithleyLimits, {"current": {"min": "1 mA", "max": "1 mA"}}, "min is not below max"),
-        (KeithleyLimits, {}, "missing"),
+        (SourceLimits, {"current": {"min": "1 mA", "max": "1 mA"}}, "min is not below max"),
+        (SourceLimits, {}, "missing"),
     ],
 )
 def test_a_wrong_bench_file_is_told_what_is_wrong(model: Any, data: Any, problem: str) -> None:

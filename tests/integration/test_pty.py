@@ -12,8 +12,9 @@ import pytest
 from bench.loop import run
 from drivers.description import IdentityPin, Nothing, Setup
 from drivers.errors import BadAnswer, CannotConnect, LinkLost
-from drivers.keithley_6220.description import KeithleyLimits, KeithleyOptions
+from drivers.keithley_6220.description import KeithleyOptions
 from drivers.keithley_6220.driver import Keithley6220
+from drivers.ranges import SourceLimits
 from drivers.transport.address import Address
 from drivers.transport.exchange import LineExchange, Pace, Proof
 from drivers.transport.serial import DeviceTransport, join_device, open_serial
@@ -79,7 +80,7 @@ async def a_source(path: Path) -> AsyncIterator[SimulatedKeithley]:
 
 def a_driver(path: Path) -> Keithley6220:
     options = KeithleyOptions.model_validate({"range": "20 mA", "compliance": "10 V"})
-    limits = KeithleyLimits.model_validate({"current": {"min": "-20 mA", "max": "20 mA"}})
+    limits = SourceLimits.model_validate({"current": {"min": "-20 mA", "max": "20 mA"}})
     return Keithley6220(
         Setup("source", address_of(path), RealWires(), options, limits, Nothing(), IdentityPin(serial="SIM-6220-01"))
     )

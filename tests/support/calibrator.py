@@ -6,8 +6,9 @@ from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
-from drivers.fluke_5700a.description import DESCRIPTION, FlukeLimits, FlukeOptions
+from drivers.fluke_5700a.description import DESCRIPTION, FlukeOptions
 from drivers.fluke_5700a.driver import Fluke5700A
+from drivers.ranges import SourceLimits
 from drivers.transport.address import Address
 from drivers.transport.memory import Line
 from simulators.faults import FaultPlan
@@ -32,7 +33,7 @@ class Calibrator:
     def driver(self, **options: Any) -> Fluke5700A:
         setup = Setup(
             name="source", address=Address.parse("serial:///dev/ttyUSB0?baud=9600&flow=xonxoff"), wires=self.wire,
-            options=FlukeOptions.model_validate(OPTIONS | options), limits=FlukeLimits.model_validate(LIMITS),
+            options=FlukeOptions.model_validate(OPTIONS | options), limits=SourceLimits.model_validate(LIMITS),
             safe=Nothing(), identity=IdentityPin(serial="SIM-5720A-01"),
         )  # fmt: skip
         driver = make_driver(DESCRIPTION, setup)

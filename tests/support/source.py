@@ -6,8 +6,9 @@ from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
-from drivers.keithley_6220.description import DESCRIPTION, KeithleyLimits, KeithleyOptions
+from drivers.keithley_6220.description import DESCRIPTION, KeithleyOptions
 from drivers.keithley_6220.driver import Keithley6220
+from drivers.ranges import SourceLimits
 from drivers.transport.address import Address
 from drivers.transport.memory import Line
 from simulators.faults import FaultPlan
@@ -33,7 +34,7 @@ class Source6220:
     def driver(self, **options: Any) -> Keithley6220:
         setup = Setup(
             name="source", address=self._address, wires=self.wire,
-            options=KeithleyOptions.model_validate(OPTIONS | options), limits=KeithleyLimits.model_validate(LIMITS),
+            options=KeithleyOptions.model_validate(OPTIONS | options), limits=SourceLimits.model_validate(LIMITS),
             safe=Nothing(), identity=IdentityPin(model="MODEL 6220", serial="SIM-6220-01"),
         )  # fmt: skip
         driver = make_driver(DESCRIPTION, setup)

@@ -1,0 +1,33 @@
+"""What descriptions of heads and tables share: when an axis stands, how fast it may be, what its certificate states."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.fields import Arcseconds, DegreesPerSecond, InUnit, PositiveSeconds, StrictModel
+
+
+class SettleOptions(StrictModel):
+    """When the axis stands."""
+
+    band: Annotated[float, InUnit("arcsec", above=0)] = Field(description="how far from the target it may be")
+    hold: PositiveSeconds = Field(description="how long it must have been no farther away")
+    give_up: PositiveSeconds = Field(
+        30.0, description="so long after it should stand or turn as it was told, it is an error that it does not"
+    )
+
+
+class RateRange(StrictModel):
+    """The fastest turning, either way: `max`."""
+
+    max: DegreesPerSecond
+
+
+class AxisUncertainty(StrictModel):
+    """What a certificate states of the axis, expanded."""
+
+    zero: Arcseconds = Field(0.0, description="of the angle 0°")
+    harmonics: tuple[Arcseconds, ...] = Field((), description="1, 2, … of the error over a turn")
+    repeatability: Arcseconds = Field(0.0, description="of coming to the same angle again")
