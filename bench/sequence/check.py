@@ -105,9 +105,8 @@ def _result_limits(entry: ResultEntry, units: Mapping[str, str], place: Place) -
 
 def _labels(document: Document) -> Iterator[str | None]:
     """The labels of all acquisitions, also of steps that are wrong; None where one cannot be told."""
-    yield from _labels_in([document.value.get(phase) for phase in PHASES])
-    for called in document.included.values():
-        yield from _labels(called)
+    for part in (document, *document.all_included()):
+        yield from _labels_in([part.value.get(phase) for phase in PHASES])
 
 
 def _labels_in(raw: Any) -> Iterator[str | None]:
