@@ -24,7 +24,7 @@ from bench.report.findings import Results
 from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, StoredRun
 from bench.runner import manifest
 from bench.runner.run import run_plan
-from bench.sequence.estimate import Estimate, estimate
+from bench.sequence.estimate import Estimate
 from bench.store.reader import RunReader
 from bench.store.runs import RunDirectory
 from bench.store.writer import RunWriter
@@ -110,11 +110,10 @@ async def _run(prepared: PreparedRun, folder: Path, laboratory: Laboratory | Non
     bench = prepared.loaded.bench
     clock = Clock(bench.simulation.start if bench.is_simulated else None)
     began_s = clock.monotonic()
-    expected = estimate(prepared.plan, bench)
     writer = RunWriter(folder)
     try:
         writer.event("run_begins", utc=clock.utc().isoformat(), title=prepared.plan.sequence.title, seed=prepared.seed)
-        observer.run_begins(folder, expected, clock)
+        observer.run_begins(folder, prepared.expected, clock)
         devices = open_devices(bench, laboratory)
         outcome, identities = await run_plan(
             prepared.plan,
@@ -123,7 +122,7 @@ async def _run(prepared: PreparedRun, folder: Path, laboratory: Laboratory | Non
             writer,
             observer,
             observer.reading,
-            expected.of_phase("teardown"),
+            prepared.expected.of_phase("teardown"),
             folder=folder,
             can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
             on_desk=_technician(prepared, laboratory, observer),

@@ -13,7 +13,7 @@ from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile, FaultSimulation
 from bench.engine.questions import Question
 from bench.report.verify import verify
-from bench.sequence.estimate import Estimate, estimate
+from bench.sequence.estimate import Estimate
 from bench.sequence.plan import PHASES, PlannedStep
 from bench.store.database import FILE_NAME
 from bench.store.reader import Event, RunReader
@@ -71,7 +71,7 @@ class Rehearsal:
 
 def rehearse(prepared: PreparedRun, observer: RunObserver, fault_seed: int | None = None) -> Rehearsal:
     """Runs what was prepared with every instrument simulated, with drawn faults where a seed for them is given."""
-    expected = estimate(prepared.plan, prepared.loaded.bench)
+    expected = prepared.expected
     faults: tuple[FaultSimulation, ...] = ()
     if fault_seed is not None:
         faults = draw_faults(prepared.loaded.bench, expected.total_s, fault_seed)

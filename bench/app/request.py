@@ -53,20 +53,22 @@ class RunRequest:
 
 @dataclass(frozen=True)
 class CheckedRun:
-    """A plan and the bench it fits, and what a person should know of them before they meet."""
+    """A plan and the bench it fits, how long it takes there, and what a person should know of it before."""
 
     plan: Plan
     loaded: LoadedBench
+    expected: Estimate
     warnings: tuple[Remark, ...]
 
 
 @dataclass(frozen=True)
 class PreparedRun:
-    """A run whose files fit together: what it does, on what, how fast, and on which units by place."""
+    """A run whose files fit together: what it does, on what, how long, how fast, and on which units by place."""
 
     request: RunRequest
     plan: Plan
     loaded: LoadedBench
+    expected: Estimate
     speed: float
     serials: Mapping[str, str]
     seed: int
@@ -101,7 +103,7 @@ def load_checked(request: RunRequest) -> CheckedRun:
     plan, warnings = judged
     expected = estimate(plan, loaded.bench)
     circumstances = (*_little_disk_space(expected, request.runs), *_ends_too_late(expected, loaded, request.not_after))
-    return CheckedRun(plan, loaded, (*circumstances, *warnings))
+    return CheckedRun(plan, loaded, expected, (*circumstances, *warnings))
 
 
 def _little_disk_space(expected: Estimate, runs: Path) -> Iterator[Remark]:
@@ -153,7 +155,7 @@ def prepare(request: RunRequest) -> PreparedRun:
         )
     seed = loaded.bench.simulation.seed if request.seed is None else request.seed
     serials, script = _serials(request, loaded), _script(request, plan, loaded, speed)
-    return PreparedRun(request, plan, loaded, speed, serials, seed, checked.warnings, script)
+    return PreparedRun(request, plan, loaded, checked.expected, speed, serials, seed, checked.warnings, script)
 
 
 def _script(request: RunRequest, plan: Plan, loaded: LoadedBench, speed: float) -> Script | None:

@@ -130,14 +130,13 @@ def plan(
     from bench.app.request import RunRequest, load_checked
     from bench.report.shown import duration, megabytes
     from bench.report.timeline import plan_table, timeline_json
-    from bench.sequence.estimate import estimate
 
     request = RunRequest(
         sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), not_after=not_after
     )
     checked = load_checked(request)
     warn(checked.plan, checked.warnings)
-    expected = estimate(checked.plan, checked.loaded.bench)
+    expected = checked.expected
     if picture is not None:
         from bench.report.picture import write_picture  # and matplotlib with it
 
