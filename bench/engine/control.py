@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Literal
 
 from bench.engine.journal import Journal
+from bench.sequence.step_fields import StepBase
 
 Wish = Literal["skip", "repeat", "hold"]
 OPERATOR = "operator"
@@ -15,8 +16,8 @@ OPERATOR = "operator"
 class StepUnderWay:
     """A step that can be cut short: its time limit, and who wants what of it instead."""
 
-    def __init__(self, limit: asyncio.Timeout) -> None:
-        self._limit = limit
+    def __init__(self, step: StepBase, limit: asyncio.Timeout) -> None:
+        self.step, self._limit = step, limit
         self.wish: Wish | None = None
 
     def cut(self, wish: Wish) -> None:
@@ -65,12 +66,12 @@ class Control:
         """Who holds the run."""
         return ", ".join(sorted(self._reasons))
 
-    def cut(self, wish: Wish, only: Callable[[str], bool] = lambda _: True) -> list[str]:
-        """Cuts the steps under way short, or those of them that are meant; their ids."""
-        cut = [step for step in self.under_way if only(step)]
-        for step in cut:
-            self.under_way[step].cut(wish)
-        return cut
+    def cut(self, wish: Wish, kind: type[StepBase] = StepBase) -> list[str]:
+        """Cuts the steps of a kind that are under way short; their ids."""
+        cut = {step_id: found for step_id, found in self.under_way.items() if isinstance(found.step, kind)}
+        for under_way in cut.values():
+            under_way.cut(wish)
+        return list(cut)
 
     def repeat_last(self) -> None:
         """Lets the step before the one that is held back be done again."""

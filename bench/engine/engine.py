@@ -20,6 +20,7 @@ from bench.engine.walk import Walk
 from bench.errors import BenchError, InputError, WindowError
 from bench.rig import MAKE_SAFE_S, Rig
 from bench.sequence.plan import Plan
+from bench.sequence.stimulus import Ramp
 from bench.store.writer import RunWriter
 from drivers.errors import DriverError
 
@@ -155,7 +156,7 @@ class Engine:
             self._control.hold(by)
             self._give_up_on(change)
             if change.action == "hold":
-                self._control.cut("hold", lambda step: step.rpartition("/")[2].startswith("ramp"))
+                self._control.cut("hold", Ramp)
         else:
             if change.action == "abort":
                 self._walk.abort()

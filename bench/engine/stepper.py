@@ -94,7 +94,7 @@ class Stepper:
     async def _within_its_time(self, step: Step, planned: PlannedStep, body: Body | None) -> Found | Wish:
         """What the step found, or the wish that it was cut short by; StepError when it takes too long."""
         limit = asyncio.timeout(step.timeout_s)
-        under_way = StepUnderWay(limit)
+        under_way = StepUnderWay(step, limit)
         if body is None:
             self._control.under_way[planned.id] = under_way
         try:
