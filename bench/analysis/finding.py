@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from bench.analysis.limits import Limits, judge
 from bench.analysis.models import Model
+
+if TYPE_CHECKING:  # findings are shown where no arithmetic is loaded
+    from bench.analysis.compensation import Compensation
 
 COVERAGE = 2
 NEGLIGIBLE = 1e-4  # of the largest line of a budget: 1e-8 of its variance
@@ -84,7 +87,8 @@ class UnitResult:
     """Everything one method found of one unit.
 
     `left_out` names the parts that could not be reduced, `flags` are those of the unit as a whole. `detail` is what the
-    method's own part of the report is drawn from; it is not kept with the results.
+    method's own part of the report is drawn from; it is not kept with the results. `compensations` go into
+    the calibration file of the unit.
     """
 
     place: str
@@ -94,6 +98,7 @@ class UnitResult:
     left_out: tuple[str, ...]
     flags: tuple[str, ...]
     detail: object = None
+    compensations: tuple[Compensation, ...] = ()
 
     @property
     def verdict(self) -> Literal["PASS", "FAIL", "INCOMPLETE"]:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.analysis.compensation import Compensation
 from bench.analysis.extremes import largest_u, scatter_sd
 from bench.analysis.finding import BudgetLine, Finding, combined
 from bench.analysis.fit import Array, PolynomialFit
@@ -55,6 +56,11 @@ class RampFindings:
         """The straight line of the bias, misalignment included, and the scale factor."""
         yield self._model("K0", "g", self.found.line, len(self.level), left_out)
         yield self._model("K1", "pulse/s/g", self.scale.model, len(self.upright), left_out)
+
+    def compensation(self) -> Compensation:
+        """How a rate becomes an acceleration; the bias has the misalignment at 0 g in it."""
+        bias, scale = self.models(())
+        return Compensation(self.unit.channel, "pulse/s", "g", scale=scale, bias=bias)
 
     # The straight line and what departs from it
 

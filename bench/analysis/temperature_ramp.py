@@ -79,6 +79,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
         left_out=left_out,
         flags=tuple(flags),
         detail=tuple(_curves(found)),
+        compensations=(findings.compensation(),),
     )
 
 

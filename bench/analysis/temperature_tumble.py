@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from bench.analysis.compensation import Compensation
 from bench.analysis.dwells import QUANTITIES, Dwell, solve_dwells
 from bench.analysis.finding import BudgetLine, Finding, UnitResult, combined
 from bench.analysis.fit import NotDetermined, PolynomialFit, fit_polynomial
@@ -60,7 +61,16 @@ class _Unit:
             models=tuple(models),
             left_out=self._left_out,
             flags=tuple(dict.fromkeys(self._flags)),
+            compensations=tuple(self._compensations()),
         )
+
+    def _compensations(self) -> Iterator[Compensation]:
+        """How a rate becomes an acceleration, by the models of the highest degree."""
+        bias, scale = (self._models[quantity] for quantity in MODELLED)
+        if bias is not None and scale is not None:
+            yield Compensation(
+                self._unit.channel, "pulse/s", "g", scale=self._model("K1", scale), bias=self._model("K0", bias)
+            )
 
     def _id(self, quantity: str, dwell: Dwell | None = None) -> str:
         tail = f"@{dwell.path}" if dwell is not None and dwell.path else ""

@@ -20,6 +20,7 @@ from bench.engine.questions import Desk
 from bench.errors import BenchError, StoreError
 from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.loop import run as run_loop
+from bench.report.calibration import calibration_files
 from bench.report.findings import Results
 from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, StoredRun
 from bench.runner import manifest
@@ -183,6 +184,9 @@ def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: S
                 directory.write_json("truth.json", truth_record(ran.laboratory.world, _dwells(stored), _legs(stored)))
                 record["hashes"]["truth.json"] = manifest.file_hash(path / "truth.json")
             directory.write_json("results.json", results.to_json())
+            for name, content in calibration_files(results.units, record, stored.bench):
+                directory.write_json(name, content)
+                record["hashes"][name] = manifest.file_hash(path / name)
         except BenchError as problem:
             outcome.problems.append(str(problem))
             outcome.how = record["state"] = "error"

@@ -1,4 +1,4 @@
-"""reduce: recorded data of other benches, reduced by our methods."""
+"""reduce, compensate: recorded data of other benches by our methods, and data of units by their calibrations."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import typer
 def register(app: typer.Typer) -> None:
     """Adds the commands."""
     app.command()(reduce)
+    app.command()(compensate)
 
 
 def reduce(
@@ -30,3 +31,31 @@ def reduce(
         raise InputError(f"{out}: cannot be made ({problem})") from None
     write_whole(out / "result.json", json_text(result).encode())
     sys.stdout.write(f"{out / 'result.json'}\n")
+
+
+def compensate(
+    calibration: Annotated[Path, typer.Argument(metavar="CAL.json", help="The calibration file of a unit.")],
+    data: Annotated[
+        Path, typer.Argument(metavar="DATA.csv", help="Columns T_C and output; channel, of several channels.")
+    ],
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where it goes; else printed.")] = None,
+    beyond: Annotated[
+        str,
+        typer.Option("--beyond", metavar="hold|reject", help="Beyond the known temperatures: hold or reject."),
+    ] = "hold",
+) -> None:
+    """Turn the output of a calibrated unit into what it measures, at the temperature it then had."""
+    from bench.errors import InputError
+    from bench.report.calibration import compensated, read_calibration
+    from bench.store.runs import write_whole
+
+    if beyond not in ("hold", "reject"):
+        raise InputError(f"--beyond {beyond}: is neither hold nor reject")
+    known = read_calibration(calibration)
+    for warning in known.warnings:
+        sys.stderr.write(f"{calibration.name}: {warning}\n")
+    text = compensated(known, data, "hold" if beyond == "hold" else "reject")
+    if out is None:
+        sys.stdout.write(text)
+    else:
+        write_whole(out, text.encode())

@@ -76,14 +76,19 @@ class Case:
 
 def read_case(path: Path) -> Case:
     """Reads a case file; its records are looked for, not read. Raises InputError, with the place."""
-    text = read_text(path, CASE_LIMIT_BYTES)
+    content = read_json(path, CASE_LIMIT_BYTES)
+    return Case(path.name, validated(CaseFile, content, f"{path.name}: ", folder=path.parent))
+
+
+def read_json(path: Path, limit_bytes: int) -> Any:
+    """The content of a JSON file. Raises InputError, with the place."""
+    text = read_text(path, limit_bytes)
     try:
-        content = json.loads(text)
+        return json.loads(text)
     except json.JSONDecodeError as problem:
         raise InputError(f"{path.name}: line {problem.lineno}, column {problem.colno}: {problem.msg}") from None
     except (RecursionError, ValueError):
         raise InputError(f"{path.name}: nested too deeply, or a number with too many digits") from None
-    return Case(path.name, validated(CaseFile, content, f"{path.name}: ", folder=path.parent))
 
 
 def validated(model: type[SettingsT], content: Any, where: str, folder: Path | None = None) -> SettingsT:

@@ -1,0 +1,178 @@
+"""Calibration files: what a run has found of a unit, for a program that uses the unit (`bench compensate` is one)."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Discriminator, Field, Tag
+
+from bench.analysis.compensation import Beyond, Compensation
+from bench.analysis.finding import UnitResult
+from bench.analysis.fit import Array
+from bench.analysis.models import Constant, KnotModel, TemperatureModel
+from bench.config.models import BenchFile
+from bench.errors import InputError
+from bench.report.case_file import Settings, read_json, validated
+from bench.report.table import Table, read_table
+from drivers.suggest import did_you_mean
+
+SCHEMA = "itb-calibration/1"
+LIMIT_BYTES = 2**24
+CHANNEL, TEMPERATURE, OUTPUT = "channel", "T_C", "output"
+ADDED = ("value", "extrapolated")
+
+
+def calibration_files(
+    units: Sequence[UnitResult], manifest: Mapping[str, Any], bench: BenchFile
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """A file for each unit that a method has found compensations for: its name and its content.
+
+    1 g in it is the local gravity of the bench, which it tells.
+    """
+    gravity = bench.site.gravity
+    for place in dict.fromkeys(unit.place for unit in units):
+        found = [unit for unit in units if unit.place == place]
+        channels = [each.to_json() for unit in found for each in unit.compensations]
+        if channels:
+            yield (
+                f"calibration_{place}.json",
+                {
+                    "schema": SCHEMA,
+                    "uut": found[0].uut,
+                    "run": manifest["run"],
+                    "sequence": manifest["sequence"],
+                    "started": manifest["started"],
+                    "simulated": bool(manifest["simulated"]),
+                    "verdict": next((u.verdict for u in found if u.verdict != "PASS"), "PASS"),
+                    "gravity_mps2": gravity.value,
+                    "u_gravity_mps2": gravity.U / gravity.k,
+                    "channels": channels,
+                },
+            )
+
+
+class _Polynomial(Settings):
+    unit: str
+    centre: float
+    scale: float = Field(gt=0)
+    coefficients: tuple[float, ...] = Field(min_length=1)
+    valid_c: tuple[float, float]
+
+    def curve(self) -> TemperatureModel:
+        return TemperatureModel(
+            id="", uut="", quantity="", unit=self.unit, centre=self.centre, scale=self.scale,
+            coefficients=self.coefficients, u=None, correlation=(), powers_of_t=(), residual_sd=None, dof=0,
+            max_residual=0.0, valid_c=self.valid_c, dwells_used=0, dwells_left_out=(),
+        )  # fmt: skip
+
+
+class _Knots(Settings):
+    unit: str
+    knots_c: tuple[float, ...] = Field(min_length=1)
+    values: tuple[float, ...] = Field(min_length=1)
+
+    def curve(self) -> KnotModel:
+        return KnotModel("", "", "", self.unit, self.knots_c, self.values, ())
+
+
+class _Constant(Settings):
+    unit: str
+    value: float
+
+    def curve(self) -> Constant:
+        return Constant(self.value, self.unit)
+
+
+def _kind(raw: Any) -> str:
+    """Which curve it is, by what only this one has."""
+    keys = {"coefficients": "polynomial", "knots_c": "knots"}
+    return next((kind for key, kind in keys.items() if key in raw), "constant")
+
+
+_Curve = Annotated[
+    Annotated[_Polynomial, Tag("polynomial")] | Annotated[_Knots, Tag("knots")] | Annotated[_Constant, Tag("constant")],
+    Discriminator(_kind),
+]
+
+
+class _Channel(Settings):
+    channel: str
+    output: str
+    value: str
+    scale: _Curve
+    offset: _Curve | None = None
+    bias: _Curve | None = None
+
+    def compensation(self) -> Compensation:
+        offset, bias = (None if each is None else each.curve() for each in (self.offset, self.bias))
+        return Compensation(self.channel, self.output, self.value, self.scale.curve(), offset, bias)
+
+
+class CalibrationFile(Settings):
+    """A calibration file as it was read, without what stands in it for people."""
+
+    schema_: Literal["itb-calibration/1"] = Field(alias="schema")
+    uut: str
+    verdict: str = ""
+    simulated: bool = False
+    channels: Annotated[tuple[_Channel, ...], Field(min_length=1)]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What whoever uses it must know."""
+        found = ["the run it comes from was simulated: it describes no real unit"] if self.simulated else []
+        return found if self.verdict in ("", "PASS") else [*found, f"the unit's verdict in that run is {self.verdict}"]
+
+    def compensations(self) -> dict[str, Compensation]:
+        """How the output of each channel becomes a value."""
+        return {channel.channel: channel.compensation() for channel in self.channels}
+
+
+def read_calibration(path: Path) -> CalibrationFile:
+    """The calibration in a file; InputError names every problem with its place."""
+    return validated(CalibrationFile, read_json(path, LIMIT_BYTES), f"{path.name}: ")
+
+
+def compensated(calibration: CalibrationFile, data: Path, beyond: Beyond) -> str:
+    """A CSV file with the columns `T_C`, `output` and, of several channels, `channel`, with two columns more.
+
+    `value` is blank where something is missing, `extrapolated` is 1 beyond the temperatures that the calibration is
+    known at. Rows and columns stay as they are. Raises InputError.
+    """
+    known = calibration.compensations()
+    table = read_table(data, (TEMPERATURE, OUTPUT), optional=(CHANNEL,))
+    rows = list(csv.reader(io.StringIO(table.text, newline="")))
+    header, cells = rows[0], [row for row in rows[1:] if row]
+    if clash := sorted(set(ADDED) & {name.strip() for name in header}):
+        raise InputError(f"{data.name}: has a column '{clash[0]}' already; rename it")
+    value, outside = _values(known, table, beyond)
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*header, *ADDED])
+    for row, each, is_outside in zip(cells, value.tolist(), outside.tolist(), strict=True):
+        writer.writerow([*row, "" if each != each else repr(each), int(is_outside)])
+    return text.getvalue()
+
+
+def _values(known: Mapping[str, Compensation], table: Table, beyond: Beyond) -> tuple[Array, NDArray[np.bool_]]:
+    """The value of each row, and whether it is extrapolated."""
+    temperature_c, output = table.numbers(TEMPERATURE), table.numbers(OUTPUT)
+    names = np.array([name.strip() for name in table.columns[CHANNEL]], dtype=np.str_)
+    if len(known) == 1:
+        names[names == ""] = next(iter(known))
+    value, outside = np.full(len(output), np.nan), np.zeros(len(output), dtype=np.bool_)
+    for name in np.unique(names).tolist():
+        if name not in known:
+            what = f"there is no channel '{name}'{did_you_mean(name, known)}" if name else "a row has no channel"
+            raise InputError(f"{table.file}: {what}; the calibration has {', '.join(known)}")
+        of_channel = names == name
+        value[of_channel], outside[of_channel] = known[name].apply(
+            output[of_channel], temperature_c[of_channel], beyond
+        )
+    return value, outside

@@ -1,0 +1,123 @@
+"""Calibration files: written by a run, read again, and used on data of the unit."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+
+from bench.analysis.compensation import Compensation
+from bench.analysis.models import Constant, KnotModel, TemperatureModel
+from bench.errors import InputError
+from bench.report.calibration import compensated, read_calibration
+from tests.support.runs import run_short
+
+POLYNOMIAL = {
+    "unit": "pulse/s/g", "centre": 20.0, "scale": 50.0, "coefficients": [11300.0, -30.0, 2.0], "valid_c": [-30, 70],
+}  # fmt: skip
+KNOTS = {"unit": "pulse/s", "knots_c": [-40, 0, 60], "values": [10.0, 2.0, 5.0]}
+CHANNEL = {"channel": "x", "output": "pulse/s", "value": "g", "scale": POLYNOMIAL, "offset": KNOTS}
+GOOD = {"schema": "itb-calibration/1", "uut": "QF-7", "verdict": "PASS", "simulated": False, "channels": [CHANNEL]}
+
+
+def calibration(folder, **changes):
+    path = folder / "cal.json"
+    path.write_text(json.dumps({**GOOD, **changes}), "utf-8")
+    return read_calibration(path)
+
+
+def rows(folder, data, known, beyond="hold"):
+    path = folder / "data.csv"
+    path.write_text(data, "utf-8")
+    return list(csv.DictReader(io.StringIO(compensated(known, path, beyond))))
+
+
+def test_a_value_is_the_output_less_the_offset_over_the_scale_less_the_bias(tmp_path):
+    known = calibration(tmp_path, channels=[{**CHANNEL, "bias": {"value": 0.25, "unit": "g"}}])
+    (row,) = rows(tmp_path, "T_C,output\n45,5640.0\n", known)
+    offset, scale = 2.0 + 3.0 * 45 / 60, 11300 - 30 * 0.5 + 2 * 0.25
+    assert float(row["value"]) == pytest.approx((5640.0 - offset) / scale - 0.25, rel=1e-14)
+    assert row["extrapolated"] == "0"
+
+
+def test_beyond_what_all_its_curves_are_known_at_the_end_values_hold_or_nothing_is_told(tmp_path):
+    known = calibration(tmp_path)
+    data = "T_C,output\n-35,11000\n-30,11000\n60,11000\n65,11000\n"
+    held, rejected = rows(tmp_path, data, known), rows(tmp_path, data, known, "reject")
+    assert [row["extrapolated"] for row in held] == ["1", "0", "0", "1"]
+    assert [held[0]["value"], held[3]["value"]] == [held[1]["value"], held[2]["value"]]
+    assert [row["value"] for row in rejected] == ["", held[1]["value"], held[2]["value"], ""]
+
+
+def test_other_columns_rows_and_their_order_stay_as_they_are(tmp_path):
+    data = 'when,output,T_C,note\n3,11000,20,"a, b"\n1,,20,\n2,11000,,c\n'
+    found = rows(tmp_path, data, calibration(tmp_path))
+    assert [(row["when"], row["note"]) for row in found] == [("3", "a, b"), ("1", ""), ("2", "c")]
+    assert [row["value"] != "" for row in found] == [True, False, False]
+
+
+def test_of_several_channels_each_row_says_which(tmp_path):
+    other = {**CHANNEL, "channel": "y", "scale": {"value": 2.0, "unit": "pulse/s/g"}, "offset": None}
+    known = calibration(tmp_path, channels=[CHANNEL, other])
+    found = rows(tmp_path, "channel,T_C,output\ny,20,3\nx,20,3\n", known)
+    assert float(found[0]["value"]) == 1.5
+    assert float(found[1]["value"]) == pytest.approx((3 - 3.0) / 11300)
+    with pytest.raises(InputError, match=r"a row has no channel; the calibration has x, y"):
+        rows(tmp_path, "T_C,output\n20,3\n", known)
+    with pytest.raises(InputError, match=r"there is no channel 'z'.*the calibration has x, y"):
+        rows(tmp_path, "channel,T_C,output\nz,20,3\n", known)
+
+
+def test_what_a_program_writes_it_reads_again(tmp_path):
+    model = TemperatureModel(
+        "id", "QF-7", "K1", "pulse/s/g", 20.0, 50.0, (11300.0, -30.0), None, (), (), None, 0, 0.0, (-30.0, 70.0), 2, (),
+    )  # fmt: skip
+    knots = KnotModel("id", "QF-7", "K0", "pulse/s", (-40.0, 60.0), (1.0, 2.0), (0.1, 0.1))
+    written = Compensation("x", "pulse/s", "g", model, knots, Constant(1e-3, "g", 1e-6))
+    read = calibration(tmp_path, channels=[json.loads(json.dumps(written.to_json()))]).compensations()["x"]
+    output, temperature_c = np.array([1.0, 11000.0, -5.0]), np.array([-20.0, 20.0, 69.0])
+    assert read.apply(output, temperature_c)[0].tolist() == written.apply(output, temperature_c)[0].tolist()
+    assert read.valid_c == written.valid_c == (-30.0, 60.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"schema": "itb-results/1"}, "cal.json: schema: is 'itb-results/1', expected 'itb-calibration/1'"),
+        ({"channels": []}, "cal.json: channels: "),
+        ({"channels": [{**CHANNEL, "scale": {**POLYNOMIAL, "coefficients": ["a"]}}]}, "coefficients.0: is 'a'"),
+        ({"channels": [{**CHANNEL, "scale": {"unit": "g"}}]}, "scale.constant.value: is missing"),
+    ],
+)
+def test_a_file_that_is_no_calibration_is_refused_in_words(tmp_path, changes, problem):
+    with pytest.raises(InputError) as refused:
+        calibration(tmp_path, **changes)
+    assert problem in str(refused.value)
+
+
+def test_a_column_that_would_be_written_over_is_refused(tmp_path):
+    with pytest.raises(InputError, match="has a column 'value' already; rename it"):
+        rows(tmp_path, "T_C,output,value\n20,3,4\n", calibration(tmp_path))
+
+
+def test_whoever_uses_it_is_warned_of_simulation_and_of_a_verdict(tmp_path):
+    assert calibration(tmp_path).warnings == []
+    simulated, failed = calibration(tmp_path, simulated=True, verdict="FAIL").warnings
+    assert "simulated" in simulated
+    assert "FAIL" in failed
+
+
+def test_a_run_writes_one_that_gives_back_the_gravity_it_was_made_in(tmp_path):
+    result = run_short(tmp_path)
+    (path,) = result.path.glob("calibration_*.json")
+    assert result.results is not None
+    manifest = json.loads((result.path / "manifest.json").read_text("utf-8"))
+    assert path.name in manifest["hashes"]
+    scale = next(model for model in result.results.units[0].models if model.quantity == "K1")
+    assert isinstance(scale, TemperatureModel)
+    warm_c = sum(scale.valid_c) / 2
+    (row,) = rows(tmp_path, f"T_C,output\n{warm_c},{scale.coefficients[0] * 1.001}\n", read_calibration(path))
+    assert float(row["value"]) == pytest.approx(1.0, abs=0.01)
