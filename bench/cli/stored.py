@@ -80,7 +80,9 @@ def report(run: Run, runs: Runs = RUNS) -> None:
 
 def export(
     run: Run,
-    form: Annotated[str, typer.Option("--format", metavar="csv|candump", help="csv or candump")] = "csv",
+    form: Annotated[
+        str, typer.Option("--format", metavar="csv|candump|parquet|matlab|hdf5", help="What other programs read.")
+    ] = "csv",
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the files go.")] = Path(),
     runs: Runs = RUNS,
 ) -> None:

@@ -9,6 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from bench.errors import InputError
+from bench.report.export_hdf5 import export_hdf5
+from bench.report.export_matlab import export_matlab
+from bench.report.export_parquet import export_parquet
+from bench.report.recorded import COUNTERS, JOURNAL, LATCHES, READINGS, journal, latches, readings
 from bench.report.stored import StoredRun
 from drivers.frame_block import EXTENDED, FrameBlock
 
@@ -19,35 +23,30 @@ def export_csv(run: StoredRun, out: Path) -> list[Path]:
     """`readings.csv`, `acquisitions.csv` and `journal.csv`; times in seconds of bench time."""
     writers: dict[str, Iterator[Iterable[object]]] = {
         "readings.csv": _readings(run),
-        "acquisitions.csv": _acquisitions(run),
+        "acquisitions.csv": _latches(run),
         "journal.csv": _journal(run),
     }
     return [_write_csv(out / name, rows) for name, rows in writers.items()]
 
 
 def _readings(run: StoredRun) -> Iterator[Iterable[object]]:
-    yield ("name", "unit", "t_s", "value")
-    for name in run.reader.channels():
-        series = run.reader.series(name)
+    yield READINGS
+    for series in readings(run):
         for at_s, value in zip(series.at_s.tolist(), series.values.tolist(), strict=True):
-            yield (name, series.unit, f"{at_s:.6f}", repr(value))
+            yield (series.name, series.unit, f"{at_s:.6f}", repr(value))
 
 
-def _acquisitions(run: StoredRun) -> Iterator[Iterable[object]]:
-    """Every latch of every channel: raw counters, as they were on the wire."""
-    yield ("step", "channel", "sequence", "tick", "positive", "negative")
-    for label in dict.fromkeys(entry.data for entry in run.sequence.results):
-        for acquisition in run.data(label).acquisitions:
-            for channel, counts in acquisition.counts.items():
-                columns = (counts.sequence, counts.tick, counts.positive, counts.negative)
-                for row in np.stack(columns, axis=-1).tolist():
-                    yield (acquisition.step, channel, *row)
+def _latches(run: StoredRun) -> Iterator[Iterable[object]]:
+    yield LATCHES
+    for acquisition, channel, counts in latches(run):
+        for row in np.stack([getattr(counts, name) for name in COUNTERS], axis=-1).tolist():
+            yield (acquisition.step, channel, *row)
 
 
 def _journal(run: StoredRun) -> Iterator[Iterable[object]]:
-    yield ("seq", "t_s", "kind", "step", "data")
-    for event in run.reader.events():
-        yield (event.seq, f"{event.at_s:.6f}", event.kind, event.step, dict(event.data))
+    yield JOURNAL
+    for event, data in journal(run):
+        yield (event.seq, f"{event.at_s:.6f}", event.kind, event.step, data)
 
 
 def _write_csv(path: Path, rows: Iterable[Iterable[object]]) -> Path:
@@ -91,4 +90,10 @@ def _candump_lines(block: FrameBlock, epoch_s: float) -> Iterator[str]:
         yield f"({at_s:.6f}) can0 {name}#{data[:length].tobytes().hex().upper()}\n"
 
 
-FORMATS: dict[str, Exporter] = {"csv": export_csv, "candump": export_candump}
+FORMATS: dict[str, Exporter] = {
+    "csv": export_csv,
+    "candump": export_candump,
+    "parquet": export_parquet,
+    "matlab": export_matlab,
+    "hdf5": export_hdf5,
+}

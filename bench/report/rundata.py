@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -29,18 +29,20 @@ def run_data(reader: RunReader, bench: BenchFile, serials: Mapping[str, str], la
         )
         for place, serial in serials.items()
     )
+    thermometers = [unit.temperature for unit in units]
+    return RunData(label, units, tuple(acquisitions(reader, bench, thermometers, label)), bench_record(bench))
+
+
+def acquisitions(reader: RunReader, bench: BenchFile, thermometers: Iterable[str], label: str) -> Iterator[Acquisition]:
+    """The acquisitions under a label with these named readings, one after the other; StoreError."""
     decoders = {
         role: CountDecoder(entry.options, reader.folder)
         for role, entry in bench.devices.items()
         if isinstance(entry.options, CounterOptions)
     }
-    temperatures = {unit.temperature: reader.series(unit.temperature) for unit in units}
-    frames = reader.frames_by_step()
-    acquisitions = tuple(
-        _acquisition(event, dwell, state, frames.get(event.step, {}), decoders, temperatures)
-        for event, dwell, state in _acquired(reader, bench, label)
-    )
-    return RunData(label, units, acquisitions, bench_record(bench))
+    temperatures = {name: reader.series(name) for name in thermometers}
+    for event, dwell, state in _acquired(reader, bench, label):
+        yield _acquisition(event, dwell, state, reader.frames_of(event.step), decoders, temperatures)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import json
 import sqlite3
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -16,6 +17,8 @@ from numpy.typing import NDArray
 from bench.errors import StoreError
 from bench.store import database
 from drivers.frame_block import FrameBlock
+
+_SEQS_OF_STEPS = "SELECT step, MIN(seq), MAX(seq) FROM block GROUP BY step ORDER BY MIN(seq)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,21 +74,27 @@ class RunReader:
 
     def blocks(self, step: str | None = None) -> Iterator[tuple[str, str, FrameBlock]]:
         """(stream, step, frames) in order; only those of one step when it is given."""
-        where = "" if step is None else "WHERE step = ?"
-        values = () if step is None else (step,)
+        where = "" if step is None else "WHERE step = ? AND seq BETWEEN ? AND ?"
+        values = () if step is None else (step, *self._seqs_of_steps.get(step, (0, -1)))
         query = f"SELECT stream, step, frames, crc, data FROM block {where} ORDER BY seq"  # noqa: S608  no input in it
         for stream, of_step, frames, crc, data in self._rows(query, *values):
             yield stream, of_step, database.unpack(data, frames, crc)
 
+    @cached_property
+    def _seqs_of_steps(self) -> dict[str, tuple[int, int]]:
+        """The first and the last block of each step, so that one is found without going through all."""
+        return {step: (first, last) for step, first, last in self._rows(_SEQS_OF_STEPS)}
+
+    def frames_of(self, step: str) -> dict[str, FrameBlock]:
+        """All frames of one step by stream."""
+        collected: dict[str, list[FrameBlock]] = {}
+        for stream, _, block in self.blocks(step):
+            collected.setdefault(stream, []).append(block)
+        return {stream: FrameBlock.joined(blocks) for stream, blocks in collected.items()}
+
     def frames_by_step(self) -> dict[str, dict[str, FrameBlock]]:
         """All frames of each step, by step and stream."""
-        collected: dict[str, dict[str, list[FrameBlock]]] = {}
-        for stream, step, block in self.blocks():
-            collected.setdefault(step, {}).setdefault(stream, []).append(block)
-        return {
-            step: {stream: FrameBlock.joined(blocks) for stream, blocks in streams.items()}
-            for step, streams in collected.items()
-        }
+        return {step: self.frames_of(step) for step in self._seqs_of_steps}
 
     def frame_count(self) -> int:
         """How many frames were recorded."""

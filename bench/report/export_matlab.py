@@ -1,0 +1,67 @@
+"""A run's data for MATLAB and Octave: one MAT-file of version 5 with struct arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.errors import InputError
+from bench.report.recorded import COUNTERS, JOURNAL, LATCHES, READINGS, Column, journal, latches, readings
+from bench.report.stored import StoredRun
+
+MATLAB = "run.mat"
+
+
+def export_matlab(run: StoredRun, out: Path) -> list[Path]:
+    """`run.mat` with struct arrays `readings`, `acquisitions` and `journal`, and the struct `run`.
+
+    An element of `readings` is a channel, of `acquisitions` an acquisition by a channel, of `journal` an event; series
+    are columns. A variable of a MAT-file is a whole, so all of it is in memory at once; InputError where it is more
+    than the format holds.
+    """
+    from scipy.io import savemat
+    from scipy.io.matlab import MatWriteError
+
+    content = {
+        "run": _about(run),
+        "readings": _structs(READINGS, ((each.name, each.unit, each.at_s, each.values) for each in readings(run))),
+        "acquisitions": _structs(
+            LATCHES,
+            (
+                (acquisition.step, channel, *(getattr(counts, name) for name in COUNTERS))
+                for acquisition, channel, counts in latches(run)
+            ),
+        ),
+        "journal": _structs(
+            JOURNAL, ((event.seq, event.at_s, event.kind, event.step, data) for event, data in journal(run))
+        ),
+    }
+    path = out / MATLAB
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        savemat(path, content, do_compression=True, oned_as="column")
+    except (OSError, MatWriteError) as problem:
+        raise InputError(f"{path}: cannot be written ({problem}); --format hdf5 has no limit of size") from problem
+    return [path]
+
+
+def _about(run: StoredRun) -> Mapping[str, Any]:
+    """What MATLAB shows for `run`: which run it is, and the unit of each column with one."""
+    units = {
+        table: {name: column.unit for name, column in columns.items() if column.unit}
+        for table, columns in (("readings", READINGS), ("acquisitions", LATCHES), ("journal", JOURNAL))
+    }
+    return {"id": run.manifest["run"], "title": run.manifest["title"], "began": run.began.isoformat(), "units": units}
+
+
+def _structs(columns: Mapping[str, Column], rows: Iterable[tuple[object, ...]]) -> NDArray[Any]:
+    """A struct array (n, 1) with a field for each column; names are as MATLAB wants them."""
+    found = list(rows)
+    array = np.empty((len(found), 1), dtype=[(name, object) for name in columns])
+    for index, row in enumerate(found):
+        array[index, 0] = row
+    return array

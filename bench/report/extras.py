@@ -1,0 +1,21 @@
+"""Libraries that only some formats of output need."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from types import ModuleType
+
+from bench.errors import InputError
+
+
+def imported(module: str, extra: str) -> ModuleType:
+    """A library that the extra of a format brings; where it cannot be loaded InputError says what to install."""
+    library = module.partition(".")[0]
+    try:
+        return import_module(module)
+    except ImportError:
+        raise InputError(
+            f"--format {extra}: {library} is not installed; install it with: pip install 'inertial-test-bench[{extra}]'"
+        ) from None
+    except OSError as problem:
+        raise InputError(f"--format {extra}: {library} lacks a library of the system ({problem})") from None
