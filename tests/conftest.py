@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+from ctypes.util import find_library
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def _is_here(peer: str) -> bool:
+    if peer == "pango":
+        return find_library("pangoft2-1.0") is not None
+    if peer == "a Chinese font":
+        return shutil.which("fc-list") is not None and bool(subprocess.check_output(["fc-list", ":lang=zh"]))
     modules = _MODULES.get(peer)
     if modules is not None:
         return all(importlib.util.find_spec(module) is not None for module in modules)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -68,14 +69,22 @@ def verify(run: Run, runs: Runs = RUNS) -> None:
     sys.stdout.write(f"{path}: as written\n")
 
 
-def report(run: Run, runs: Runs = RUNS) -> None:
+def report(
+    run: Run,
+    form: Annotated[
+        str,
+        typer.Option("--format", metavar="html|pdf|json|csv", help="The page, its print, or the results alone."),
+    ] = "html",
+    runs: Runs = RUNS,
+) -> None:
     """Write the report of a run, of an interrupted one too."""
     from bench.report.stored import open_run
-    from bench.report.write import write_report
+    from bench.report.write import FORMS, write_report
     from bench.store.runs import find_run
 
+    _expect_one_of(FORMS, form)
     with open_run(find_run(run, runs)) as stored:
-        sys.stdout.write(f"{write_report(stored)}\n")
+        sys.stdout.write(f"{write_report(stored, form)}\n")
 
 
 def export(
@@ -87,14 +96,20 @@ def export(
     runs: Runs = RUNS,
 ) -> None:
     """Write a run's data as files that other programs read."""
-    from bench.errors import InputError
     from bench.report.export import FORMATS
     from bench.report.stored import open_run
     from bench.store.runs import find_run
-    from drivers.suggest import did_you_mean
 
-    if form not in FORMATS:
-        raise InputError(f"--format {form}: unknown{did_you_mean(form, FORMATS)}")
+    _expect_one_of(FORMATS, form)
     with open_run(find_run(run, runs)) as stored:
         for path in FORMATS[form](stored, out):
             sys.stdout.write(f"{path}\n")
+
+
+def _expect_one_of(formats: Iterable[str], form: str) -> None:
+    """Raises InputError for a format that there is not."""
+    from bench.errors import InputError
+    from drivers.suggest import did_you_mean
+
+    if form not in formats:
+        raise InputError(f"--format {form}: unknown, expected {', '.join(formats)}{did_you_mean(form, formats)}")

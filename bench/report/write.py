@@ -1,27 +1,54 @@
-"""Writes the report of a run."""
+"""Writes the report of a run in the form that is asked for."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from bench.errors import BenchError
 from bench.report.html import render
+from bench.report.pdf import pdf
+from bench.report.spreadsheet import spreadsheet
 from bench.report.stored import StoredRun
-from bench.store.runs import write_whole
+from bench.store.runs import json_text, write_whole
 
-REPORT = "report.html"
+REPORT = "report"
 
 
-def write_report(run: StoredRun) -> Path:
-    """Evaluates a run, finished or not, and writes `report.html` into its directory; the path of it.
+def write_report(run: StoredRun, form: str = "html") -> Path:
+    """Evaluates a run, finished or not, and writes `report.html`, or another form of it, into its directory.
 
-    Data that cannot be evaluated are told in the report. Raises StoreError when it cannot be written.
+    Gives the path. Data that cannot be evaluated are told in the page; `json` and `csv` are nothing but the results,
+    and raise what stands in their way. Raises StoreError when it cannot be written.
     """
+    path = run.folder / f"{REPORT}.{form}"
+    write_whole(path, FORMS[form](run))
+    return path
+
+
+def _html(run: StoredRun) -> bytes:
+    return _page(run).encode()
+
+
+def _pdf(run: StoredRun) -> bytes:
+    return pdf(_page(run))
+
+
+def _page(run: StoredRun) -> str:
     results, not_evaluated = None, ""
     try:
         results = run.evaluate()
     except BenchError as problem:
         not_evaluated = str(problem)
-    path = run.folder / REPORT
-    write_whole(path, render(run, results, not_evaluated).encode())
-    return path
+    return render(run, results, not_evaluated)
+
+
+def _json(run: StoredRun) -> bytes:
+    return json_text(run.evaluate().to_json()).encode()
+
+
+def _csv(run: StoredRun) -> bytes:
+    return spreadsheet(run.evaluate()).encode()
+
+
+FORMS: Mapping[str, Callable[[StoredRun], bytes]] = {"html": _html, "pdf": _pdf, "json": _json, "csv": _csv}

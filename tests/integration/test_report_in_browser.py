@@ -38,7 +38,7 @@ def test_the_page_is_what_was_written_and_nothing_complains(report, chromium):
     page, complaints = chromium(report, "--dump-dom")
     assert complaints == []
     assert re.findall(r'<section id="([\w-]+)">', page) == [
-        "run", "verdicts", "course", "unit-a-0", "meaning", "provenance", "signatures"
+        "run", "verdicts", "course", "unit-a-0", "meaning", "provenance", "signatures", "annex"
     ]  # fmt: skip
     assert page.count("<svg ") == page.count("</svg>") == 5
     assert "&lt;b&gt;QF-0001 in place a" in page

@@ -1,0 +1,48 @@
+"""Results as a table for spreadsheets and databases: a line for each finding."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from bench.analysis.finding import COVERAGE
+from bench.report.findings import Results
+
+COLUMNS = (
+    "id", "uut", "quantity", "name", "at", "value", "unit", "u", "k", "dof", "min", "max", "guard", "verdict",
+    "marginal", "flags",
+)  # fmt: skip
+
+
+def spreadsheet(results: Results) -> str:
+    """A line for each finding, then for each single measurement, as in `results.json`; what is not known is empty.
+
+    `u` is the standard uncertainty, `k` the coverage factor of U = k · u, `dof` its degrees of freedom, `inf` for
+    unlimited.
+    """
+    content = results.to_json()
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(_findings(content))
+    writer.writerows(_measurements(content))
+    return text.getvalue()
+
+
+def _findings(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    for finding in content["findings"]:
+        yield {
+            **finding,
+            **(finding["limits"] or {}),
+            "at": "; ".join(f"{name} {value}" for name, value in finding["at"].items() if value is not None),
+            "dof": "inf" if finding["dof"] is None else finding["dof"],
+            "flags": " ".join(finding["flags"]),
+        }
+
+
+def _measurements(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    for found in content["measurements"]:
+        limits = found["limits"] or {}
+        yield {**found, **limits, "id": found["step"], "quantity": found["reading"], "k": COVERAGE}

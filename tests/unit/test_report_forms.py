@@ -1,0 +1,98 @@
+"""The report of a run as a PDF, as JSON and as a table."""
+
+import csv
+import io
+import json
+import sqlite3
+import sys
+
+import pypdf
+import pytest
+
+from bench.errors import InputError, StoreError
+from bench.report.stored import open_run
+from bench.report.write import FORMS, write_report
+from tests.support.runs import copy_bench, read_json, run_short
+
+HOSTILE = '"}</style><script>alert(1)</script>'
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A short run on a bench whose title is hostile to style sheets."""
+    folder = tmp_path_factory.mktemp("forms")
+    title = ("title: Simulated accelerometer bench", f"title: '{HOSTILE}'")
+    return run_short(folder, bench=copy_bench(folder / "config", title), sequence="smoke", units=("QF-0001",))
+
+
+def report(run, form):
+    with open_run(run.path) as stored:
+        return write_report(stored, form)
+
+
+@pytest.mark.peer("pango")
+def test_a_pdf_has_a4_pages_each_with_what_it_is_of_and_its_number(run):
+    path = report(run, "pdf")
+    pages = pypdf.PdfReader(path).pages
+    assert 4 <= len(pages) <= 9
+    for number, page in enumerate(pages, start=1):
+        assert [round(float(side) / 72 * 25.4) for side in page.mediabox[2:]] == [210, 297]
+        words = " ".join(page.extract_text().split())
+        assert f"Page {number} of {len(pages)}" in words
+        assert run.path.name in words
+        assert HOSTILE in words
+    everything = " ".join(page.extract_text() for page in pages)
+    for words in (
+        "PASS",
+        "Course of the run",
+        "Decision rule",
+        "Approved",
+        "schema: itb-bench/1",
+        "time since the run",
+    ):
+        assert words in everything
+    again = path.read_bytes()
+    assert report(run, "pdf").read_bytes() == again
+
+
+def test_json_is_what_the_run_was_closed_with(run):
+    assert json.loads(report(run, "json").read_text("utf-8")) == read_json(run, "results.json")
+
+
+def test_a_table_has_a_line_for_each_finding(run):
+    rows = list(csv.DictReader(io.StringIO(report(run, "csv").read_text("utf-8"))))
+    results = read_json(run, "results.json")
+    assert len(rows) == len(results["findings"]) + len(results["measurements"])
+    for row, finding in zip(rows, results["findings"], strict=False):
+        assert (row["id"], row["uut"], row["quantity"]) == (finding["id"], "QF-0001", finding["quantity"])
+        assert (float(row["value"]), row["unit"], float(row["u"])) == (finding["value"], finding["unit"], finding["u"])
+        assert (row["k"], row["dof"]) == ("2", "inf" if finding["dof"] is None else str(finding["dof"]))
+        assert row["verdict"] == (finding["verdict"] or "")
+        assert row["max"] == ("" if finding["limits"] is None else str(finding["limits"]["max"]))
+        assert row["flags"].split() == finding["flags"]
+
+
+def test_results_alone_are_nothing_when_the_data_cannot_be_evaluated(run, tmp_path):
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    for path in run.path.iterdir():
+        (broken / path.name).write_bytes(path.read_bytes())
+    with sqlite3.connect(broken / "run.db") as database:
+        database.execute("UPDATE block SET crc = crc + 1")
+    database.close()
+    with open_run(broken) as stored:
+        for form in ("json", "csv"):
+            with pytest.raises(StoreError, match="is damaged"):
+                write_report(stored, form)
+        assert "is damaged" in write_report(stored).read_text("utf-8")
+
+
+def test_without_weasyprint_it_is_told_what_to_install(run, monkeypatch):
+    monkeypatch.setitem(sys.modules, "weasyprint", None)
+    with pytest.raises(InputError, match=r"weasyprint is not installed; .* 'inertial-test-bench\[pdf\]'"):
+        report(run, "pdf")
+
+
+def test_every_form_of_a_report_has_its_name(run):
+    assert list(FORMS) == ["html", "pdf", "json", "csv"]
+    assert report(run, "html").name == "report.html"
