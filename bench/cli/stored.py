@@ -75,16 +75,19 @@ def report(
         str,
         typer.Option("--format", metavar="html|pdf|json|csv", help="The page, its print, or the results alone."),
     ] = "html",
+    lang: Annotated[str, typer.Option("--lang", metavar="en|zh", help="The language of the page.")] = "en",
     runs: Runs = RUNS,
 ) -> None:
     """Write the report of a run, of an interrupted one too."""
+    from bench.report.languages import LANGUAGES
     from bench.report.stored import open_run
     from bench.report.write import FORMS, write_report
     from bench.store.runs import find_run
 
-    _expect_one_of(FORMS, form)
+    _expect_one_of("--format", FORMS, form)
+    _expect_one_of("--lang", LANGUAGES, lang)
     with open_run(find_run(run, runs)) as stored:
-        sys.stdout.write(f"{write_report(stored, form)}\n")
+        sys.stdout.write(f"{write_report(stored, form, lang)}\n")
 
 
 def export(
@@ -100,16 +103,16 @@ def export(
     from bench.report.stored import open_run
     from bench.store.runs import find_run
 
-    _expect_one_of(FORMATS, form)
+    _expect_one_of("--format", FORMATS, form)
     with open_run(find_run(run, runs)) as stored:
         for path in FORMATS[form](stored, out):
             sys.stdout.write(f"{path}\n")
 
 
-def _expect_one_of(formats: Iterable[str], form: str) -> None:
-    """Raises InputError for a format that there is not."""
+def _expect_one_of(option: str, known: Iterable[str], given: str) -> None:
+    """Raises InputError for a value that an option does not have."""
     from bench.errors import InputError
     from drivers.suggest import did_you_mean
 
-    if form not in formats:
-        raise InputError(f"--format {form}: unknown, expected {', '.join(formats)}{did_you_mean(form, formats)}")
+    if given not in known:
+        raise InputError(f"{option} {given}: unknown, expected {', '.join(known)}{did_you_mean(given, known)}")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from bench.analysis.finding import COVERAGE, BudgetLine, Finding, UnitResult
 from bench.report.shown import SHOWN, decimals
-from bench.report.words import name_of, quantity_in_words, unit_shown, where
+from bench.report.words import name_of, quantity_in_words, source_in_words, unit_shown, where
 
 
 @dataclass(frozen=True)
@@ -64,10 +64,10 @@ def budget(finding: Finding, dwells: Mapping[str, int]) -> Budget:
 
 def _budget_row(line: BudgetLine, finding: Finding, factor: float, digits: int) -> BudgetRow:
     if line.type == "alias":
-        return BudgetRow(line.source, "alias", "", "", "", "")
+        return BudgetRow(source_in_words(line.source), "alias", "", "", "", "")
     share = 100 * line.u**2 / finding.u**2
     return BudgetRow(
-        source=line.source,
+        source=source_in_words(line.source),
         type=line.type,
         u=_small(line.u * factor, digits),
         share=_small(share, 1),
@@ -97,4 +97,7 @@ def budgets_of_dwells(unit: UnitResult, quantity: str) -> BudgetsOfDwells:
         of_source = {line.source: _small(line.u * factor, digits) for line in finding.budget}
         cells = tuple(of_source.get(source, "–") for source in sources)
         rows.append((str(finding.at["dwell"]), cells, f"{finding.u * factor:.{digits}f}", _dof(finding.dof)))
-    return BudgetsOfDwells(quantity_in_words(quantity), unit_shown(quantity, found[0].unit), sources, tuple(rows))
+    return BudgetsOfDwells(
+        quantity_in_words(quantity), unit_shown(quantity, found[0].unit), tuple(map(source_in_words, sources)),
+        tuple(rows),
+    )  # fmt: skip

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from bench.analysis.rundata import Acquisition, RunData
+from bench.report.languages import tr
 from bench.report.plots import Plot
 from bench.report.stored import StoredRun
 from bench.report.svg import new_figure, rendered
@@ -103,7 +104,7 @@ def _dwells(data: RunData) -> Iterator[Span]:
 def _legs(data: RunData) -> Iterator[Span]:
     """The legs of temperature ramps, an acquisition each, numbered from 1."""
     for number, leg in enumerate(data.acquisitions, start=1):
-        yield Span(f"leg {number}", leg.begin_s, leg.end_s)
+        yield Span(tr("leg {number}", number=number), leg.begin_s, leg.end_s)
 
 
 def _phase(event: Event) -> str:
@@ -125,11 +126,11 @@ def course_plot(run: StoredRun, course: Course) -> Plot | None:
         axes.plot((at_s - course.began_s) / unit_s, values, label=line.name, **line.style)
     _draw_phases(strip, course, unit_s)
     _draw_measuring(axes, course, unit_s)
-    axes.set(xlabel=f"time since the run began / {unit}", ylabel="temperature / °C")
+    axes.set(xlabel=f"{tr('time since the run began')} / {unit}", ylabel=tr("temperature / °C"))
     axes.set_xlim(0, (course.ended_s - course.began_s) / unit_s)
     figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=6)
-    title = "Course of the run"
-    caption = (
+    title = tr("Course of the run")
+    caption = tr(
         "On top the phases of the run, and by their numbers the dwells, or the legs of its ramps. Shaded: these while "
         "they were measured; the ticks at the lower edge are the single acquisitions."
     )
@@ -150,7 +151,7 @@ def _lines(run: StoredRun) -> Iterator[_Line]:
             for channel, unit in sorted(entry.channels.items(), reverse=True):
                 if unit == "°C":
                     name, style = CHAMBER.get(channel, (channel.replace("_", " "), {}))
-                    yield _Line(f"{role}: {name}", run.reader.series(f"{role}.{channel}"), style)
+                    yield _Line(f"{role}: {tr(name)}", run.reader.series(f"{role}.{channel}"), style)
     thermometers = dict.fromkeys(run.bench.places[place].temperature for place in run.serials)
     for name, colour in zip(thermometers, cycle(COLOURS), strict=False):
         yield _Line(name.replace("_", " "), run.reader.series(name), {"color": colour})
@@ -164,7 +165,7 @@ def _draw_phases(strip: Axes, course: Course, unit_s: float) -> None:
         begin, width = (phase.begin_s - course.began_s) / unit_s, (phase.end_s - phase.begin_s) / unit_s
         strip.axvspan(begin, begin + width, ymax=0.45, color=PHASES.get(phase.name, "#e5e7eb"), linewidth=0)
         if phase.end_s - phase.begin_s > 0.06 * total_s and phase.name != "steps":
-            strip.text(begin + width / 2, 0.22, phase.name, ha="center", va="center", fontsize=6)
+            strip.text(begin + width / 2, 0.22, tr(phase.name), ha="center", va="center", fontsize=6)
     step = 1 + len(course.dwells) // MOST_NUMBERS
     for dwell in course.dwells[::step]:
         middle = ((dwell.begin_s + dwell.end_s) / 2 - course.began_s) / unit_s
@@ -180,4 +181,4 @@ def _draw_measuring(axes: Axes, course: Course, unit_s: float) -> None:
     axes.plot(ticks, [0.015] * len(ticks), "|", color="#333333", markersize=5, transform=axes.get_xaxis_transform())
     if course.incident_s is not None:
         at = (course.incident_s - course.began_s) / unit_s
-        axes.axvline(at, color="#b42318", linestyle=":", label="the run left its plan")
+        axes.axvline(at, color="#b42318", linestyle=":", label=tr("the run left its plan"))

@@ -17,10 +17,11 @@ from bench.report import page, tables
 from bench.report.budgets import Budget, BudgetsOfDwells, budget, budgets_of_dwells
 from bench.report.course import course_of, course_plot
 from bench.report.findings import Results
+from bench.report.languages import current, tr
 from bench.report.measured import OnTheWay
 from bench.report.plots import Plot
 from bench.report.stored import BENCH_COPY, StoredRun
-from bench.report.svg import drawing
+from bench.report.svg import drawing, font_of
 from bench.report.words import flag_in_words
 from bench.sequence.limits import limits_in
 from bench.sequence.methods import MethodDescription, known_methods
@@ -52,7 +53,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str) -> str:
     verdict = results.verdict if results is not None else run.manifest["verdict"] or "INCOMPLETE"
     with drawing():
         course = course_plot(run, course_of(run, data))
-        sections = list(_sections(run, results)) if results is not None else []
+    sections = list(_sections(run, results)) if results is not None else []
     return _environment().get_template(TEMPLATE).render(
         manifest=run.manifest,
         verdict=verdict,
@@ -69,18 +70,22 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str) -> str:
         provenance=page.provenance(run, data),
         documents=_documents(run),
         coverage=COVERAGE,
+        language=current(),
+        figures_are_foreign=font_of(current()) is None,
     )  # fmt: skip
 
 
 @lru_cache(maxsize=1)
 def _environment() -> Environment:
-    return Environment(
+    environment = Environment(
         loader=PackageLoader("bench.report"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals["tr"] = tr
+    return environment
 
 
 def _data(run: StoredRun) -> list[RunData]:
@@ -121,7 +126,8 @@ def _drawn(method: MethodDescription, unit: UnitResult, name: str) -> Iterator[P
     """What the method itself shows of a unit; `name` begins the ids in the page."""
     if method.drawn_by:
         module, _, function = method.drawn_by.partition(":")
-        yield from getattr(import_module(module), function)(unit, name)
+        with drawing():
+            yield from getattr(import_module(module), function)(unit, name)
 
 
 def _flags(results: Results | None) -> Iterator[str]:
@@ -135,4 +141,7 @@ def _flags(results: Results | None) -> Iterator[str]:
 def _documents(run: StoredRun) -> list[tuple[str, str]]:
     """The files that a run has kept, as they were."""
     bench = (run.folder / BENCH_COPY).read_text(encoding="utf-8", errors="replace")
-    return [("sequence", run.document.text), ("bench file", bench)]
+    return [
+        (tr("The sequence as it was run"), run.document.text),
+        (tr("The bench file as it was run"), bench),
+    ]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from bench.analysis.finding import COVERAGE
+from bench.report.languages import tr
 from bench.report.shown import decimals
 from bench.sequence.dwells import first_visit
 from bench.store.reader import Event, RunReader
@@ -41,10 +42,15 @@ class Measurement:
         """Its limits in words; empty without them."""
         if self.limits is None:
             return ""
-        sides = [f"{words} {self.limits[key]:.6g}" for key, words in (("min", "from"), ("max", "to"))
-                 if self.limits.get(key) is not None]  # fmt: skip
+        low, high = (self.limits.get(side) for side in ("min", "max"))
+        sides = [
+            tr("from {low}", low=f"{low:.6g}") if low is not None else "",
+            tr("to {high}", high=f"{high:.6g}") if high is not None else "",
+        ]
         guard = self.limits.get("guard")
-        return f"{' '.join(sides)} {self.unit}" + (f", guard band {guard:g} u" if guard else "")
+        return f"{' '.join(filter(None, sides))} {self.unit}" + (
+            f", {tr('guard band {k} u', k=f'{guard:g}')}" if guard else ""
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +105,7 @@ def on_the_way(reader: RunReader) -> OnTheWay:
         if event.kind == "left_out":
             left_out.append(LeftOut(event.step, str(data["text"] or data["why"])))
         elif event.kind == "answered":
-            answers.append(Answered(event.step, "What now?", str(data["answer"]), str(data["by"]), event.at_s))
+            answers.append(Answered(event.step, tr("What now?"), str(data["answer"]), str(data["by"]), event.at_s))
         elif "question" in data:
             answer = f"{data['value']} {data.get('unit', '')}".strip()
             answers.append(Answered(event.step, str(data["question"]), answer, str(data["by"]), event.at_s))

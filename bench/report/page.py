@@ -11,6 +11,7 @@ from zoneinfo import ZoneInfo
 from bench.analysis.rundata import RunData
 from bench.config.devices import Calibration
 from bench.config.fixture import FixtureEntry
+from bench.report.languages import tr
 from bench.report.shown import decimals, duration
 from bench.report.stored import StoredRun
 from bench.report.words import ENDINGS
@@ -51,17 +52,23 @@ def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
     """What a person must know first, in the order of its weight; empty when all went well."""
     manifest = run.manifest
     for device, why in manifest.get("unsafe", {}).items():
-        yield f"{device} COULD NOT BE MADE SAFE: {why}"
+        yield tr("{device} COULD NOT BE MADE SAFE: {why}", device=device, why=why)
     yield from manifest["problems"]
     ended = next(run.reader.events("run_ended"), None)
     if ended is None or ended.data["how"] != "completed":
-        yield f"The run did not get to its end. {ENDINGS[manifest['state']]}"
-        yield from (f"Not finished: step {step}." for step in _unfinished(run))
-    yield from (f"Left out: step {event.step}. {event.data['text']}" for event in run.reader.events("left_out"))
+        yield tr("The run did not get to its end.") + " " + tr(ENDINGS[manifest["state"]])
+        yield from (tr("Not finished: step {step}.", step=step) for step in _unfinished(run))
+    for event in run.reader.events("left_out"):
+        yield tr("Left out: step {step}.", step=event.step) + f" {event.data['text']}"
     if not_evaluated and not_evaluated not in manifest["problems"]:
-        yield f"The data could not be evaluated: {not_evaluated}"
-    if manifest["verdict"] not in (None, verdict):
-        yield f"The run was closed with the verdict {manifest['verdict']}; evaluated anew it is {verdict}."
+        yield tr("The data could not be evaluated: {why}", why=not_evaluated)
+    before = manifest["verdict"]
+    if before not in (None, verdict):
+        yield tr(
+            "The run was closed with the verdict {before}; evaluated anew it is {now}.",
+            before=tr(before),
+            now=tr(verdict),
+        )
 
 
 def _unfinished(run: StoredRun) -> list[str]:
@@ -79,16 +86,19 @@ def _unfinished(run: StoredRun) -> list[str]:
 def notes_of_steps(run: StoredRun) -> Iterator[str]:
     """What the sequence wrote into the record, and when."""
     for event in run.reader.events("step_ended"):
-        for kind, words in (("note", ""), ("alarm", "Alarm: ")):
-            if kind in event.data:
-                yield f"{words}{event.data[kind]} ({duration(event.at_s)} after the start)"
+        when = duration(event.at_s)
+        if "note" in event.data:
+            yield tr("{text} ({time} after the start)", text=event.data["note"], time=when)
+        if "alarm" in event.data:
+            yield tr("Alarm: {text} ({time} after the start)", text=event.data["alarm"], time=when)
 
 
 def past_due(instruments: Sequence[Instrument]) -> Iterator[str]:
     """A sentence for each calibration that was not valid any more."""
     for instrument in instruments:
         if instrument.certificate is not None and instrument.certificate.is_past_due:
-            yield f"{instrument.role}: its calibration was due on {instrument.certificate.due}, before this run."
+            due = instrument.certificate.due
+            yield tr("{role}: its calibration was due on {due}, before this run.", role=instrument.role, due=due)
 
 
 def simulated(manifest: Mapping[str, Any], roles: Sequence[str]) -> str:
@@ -96,7 +106,7 @@ def simulated(manifest: Mapping[str, Any], roles: Sequence[str]) -> str:
     found = [role for role in roles if role in manifest["simulated"]]
     if not found:
         return ""
-    return "every instrument" if len(found) == len(roles) else ", ".join(found)
+    return tr("every instrument") if len(found) == len(roles) else ", ".join(found)
 
 
 def times(run: StoredRun) -> Facts:
@@ -108,21 +118,22 @@ def times(run: StoredRun) -> Facts:
         bench_s = ended_s - began_s
     wall_s = manifest["wall_s"]
     wall = f"{wall_s:.1f} s" if wall_s is not None and wall_s < 10 else duration(wall_s or 0.0)
+    took = tr("{time} of bench time", time=duration(bench_s))
     facts = [
-        ("Operator", manifest["operator"] or "not stated"),
-        ("Started", _instant(manifest["started"], zone)),
-        ("Ended", _instant(manifest["ended"], zone)),
-        ("Duration", f"{duration(bench_s)} of bench time" + (f", {wall} of wall time" if wall_s else "")),
+        (tr("Operator"), manifest["operator"] or tr("not stated")),
+        (tr("Started"), _instant(manifest["started"], zone)),
+        (tr("Ended"), _instant(manifest["ended"], zone)),
+        (tr("Duration"), took + (tr(", {time} of wall time", time=wall) if wall_s else "")),
     ]
     if manifest["simulated"]:
-        facts.append(("Bench time begins", _instant(run.began.isoformat(), zone)))
+        facts.append((tr("Bench time begins"), _instant(run.began.isoformat(), zone)))
     return facts
 
 
 def _instant(text: str | None, zone: str) -> str:
     """An instant in UTC and where the bench stands."""
     if text is None:
-        return "not recorded"
+        return tr("not recorded")
     utc = dt.datetime.fromisoformat(text).astimezone(dt.UTC)
     there = utc.astimezone(ZoneInfo(zone))
     local = f"{there:%H:%M:%S}" if there.date() == utc.date() else f"{there:%Y-%m-%d %H:%M:%S}"
@@ -135,24 +146,28 @@ def site(run: StoredRun) -> Facts:
     g, level = bench.site.gravity, bench.fixture.level
     digits = decimals(g.U)
     return [
-        ("Bench", bench.title),
-        ("Latitude, height", f"{bench.site.latitude:g}°, {bench.site.height:g} m"),
-        ("Local gravity g", f"{g.value:.{digits}f} m/s² ± {g.U:.{digits}f} m/s² (k = {g.k:g}), {g.origin}"),
-        ("Fixture", bench.fixture.serial),
+        (tr("Bench"), bench.title),
+        (tr("Latitude, height"), f"{bench.site.latitude:g}°, {bench.site.height:g} m"),
+        (tr("Local gravity g"), f"{g.value:.{digits}f} m/s² ± {g.U:.{digits}f} m/s² (k = {g.k:g}), {tr(g.origin)}"),
+        (tr("Fixture"), bench.fixture.serial),
         *_geometry(bench.fixture),
-        ("Level of the fixture", f"{level.value:g} ± {level.U:g} arcsec (k = {level.k:g}), of {level.date}"),
+        (
+            tr("Level of the fixture"),
+            f"{level.value:g} ± {level.U:g} arcsec (k = {level.k:g}), " + tr("of {date}", date=level.date),
+        ),
     ]
 
 
 def _geometry(fixture: FixtureEntry) -> Facts:
     """How the units lie."""
     if (axis := fixture.input_axis) is not None:
-        return [("Input axis", f"{axis.at_0} at head angle 0°, {axis.at_90} at 90°")]
+        told = tr("{at_0} at head angle 0°, {at_90} at 90°", at_0=tr(axis.at_0), at_90=tr(axis.at_90))
+        return [(tr("Input axis"), told)]
     if (body := fixture.body) is None:
         return []
-    axes = [f"{each.device}, {each.points}" for each in fixture.axes]
-    told = [("Axes of the table at 0°, outer first", "; ".join(axes))] if axes else []
-    return [*told, ("Fixture at 0°", f"x {body.x}, z {body.z}")]
+    axes = [f"{each.device}, {tr(each.points)}" for each in fixture.axes]
+    turning = [(tr("Axes of the table at 0°, outer first"), "; ".join(axes))] if axes else []
+    return [*turning, (tr("Fixture at 0°"), f"x {tr(body.x)}, z {tr(body.z)}")]
 
 
 def instruments(run: StoredRun) -> list[Instrument]:
@@ -181,7 +196,8 @@ def instruments(run: StoredRun) -> list[Instrument]:
     for name, reading in run.bench.readings.items():
         if reading.calibration is not None:
             certificate = _certificate(reading.calibration, day)
-            found.append(Instrument(name, f"reading {reading.from_}", "", "", False, "", "", "", certificate))
+            source = tr("reading {name}", name=reading.from_)
+            found.append(Instrument(name, source, "", "", False, "", "", "", certificate))
     return found
 
 
@@ -200,24 +216,24 @@ def _certificate(calibration: Calibration | None, day: dt.date) -> Certificate |
 def provenance(run: StoredRun, data: Sequence[RunData]) -> Facts:
     """Where the results come from, so that they can be found and recomputed."""
     manifest, host = run.manifest, run.manifest["host"]
-    methods = [known_methods()[entry.method].title for entry in run.sequence.results]
+    methods = [tr(known_methods()[entry.method].title) for entry in run.sequence.results]
     return [
-        ("Method", ", ".join(dict.fromkeys(methods)) or "none"),
-        ("Sequence", f"{manifest['sequence']}: {manifest['title']}"),
-        ("Preset", manifest["preset"] or "none"),
-        *((f"Parameter {name}", value) for name, value in manifest["parameters"].items()),
-        *([("Seed of the simulation", str(manifest["seed"]))] if manifest["simulated"] else []),
+        (tr("Method"), ", ".join(dict.fromkeys(methods)) or tr("none")),
+        (tr("Sequence"), f"{manifest['sequence']}: {manifest['title']}"),
+        (tr("Preset"), manifest["preset"] or tr("none")),
+        *((tr("Parameter {name}", name=name), value) for name, value in manifest["parameters"].items()),
+        *([(tr("Seed of the simulation"), str(manifest["seed"]))] if manifest["simulated"] else []),
         *recorded(run, data),
-        ("Digest of the data", manifest.get("digest", "not computed")),
+        (tr("Digest of the data"), manifest.get("digest", tr("not computed"))),
         *((name, value) for name, value in manifest["hashes"].items()),
-        ("Programs", ", ".join(f"{name} {version}" for name, version in manifest["software"].items())),
-        ("Computer", f"{host['name']}, {host['system']}, Python {host['python']}"),
+        (tr("Programs"), ", ".join(f"{name} {version}" for name, version in manifest["software"].items())),
+        (tr("Computer"), f"{host['name']}, {host['system']}, Python {host['python']}"),
     ]
 
 
 def recorded(run: StoredRun, data: Sequence[RunData]) -> Iterator[tuple[str, str]]:
     """What came over the wires, and what did not."""
-    yield "Frames recorded", f"{run.reader.frame_count()}"
+    yield tr("Frames recorded"), f"{run.reader.frame_count()}"
     counts = [
         (channel, found)
         for part in data
@@ -230,6 +246,12 @@ def recorded(run: StoredRun, data: Sequence[RunData]) -> Iterator[tuple[str, str
         lost, restarts = (sum(getattr(found, name) for found in of_channel) for name in ("lost", "restarts"))
         whole = sum(len(found.tick) for found in of_channel)
         yield (
-            f"Channel {channel}",
-            f"{whole} latches in {len(of_channel)} acquisitions, {lost} lost, {restarts} restarts",
+            tr("Channel {channel}", channel=channel),
+            tr(
+                "{whole} latches in {parts} acquisitions, {lost} lost, {restarts} restarts",
+                whole=whole,
+                parts=len(of_channel),
+                lost=lost,
+                restarts=restarts,
+            ),
         )

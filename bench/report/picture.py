@@ -14,6 +14,7 @@ from matplotlib.ticker import AutoMinorLocator, MultipleLocator
 
 from bench.config.models import BenchFile
 from bench.errors import InputError
+from bench.report.languages import tr
 from bench.report.planned import Panel, Planned, planned
 from bench.report.shown import duration, megabytes
 from bench.report.svg import as_document, drawing, new_figure, rendered
@@ -53,6 +54,7 @@ def _page(figure: Figure, plan: Plan, expected: Estimate, bench: BenchFile) -> s
         loader=PackageLoader("bench.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
+    environment.globals["tr"] = tr
     return environment.get_template("plan.html.j2").render(
         title=title,
         facts=[

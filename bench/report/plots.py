@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 
 from bench.analysis.finding import COVERAGE, UnitResult
 from bench.analysis.models import TemperatureModel
+from bench.report.languages import tr
 from bench.report.shown import SHOWN, decimals
 from bench.report.svg import new_figure, rendered
 
 Array = NDArray[np.float64]
 
-TEMPERATURE = "temperature of the unit / °C"
-BARS = f"Bars: expanded uncertainty, k = {COVERAGE}:"
 MARKER_PT = 5.0
 MOST_NUMBERS = 40  # of dwells in one plot; more cannot be read
 RISING: dict[str, Any] = {"marker": "^", "color": "#0b5394"}
@@ -64,7 +63,9 @@ class Curve:
     @property
     def name(self) -> str:
         """For a legend."""
-        return "straight line" if self.degree == 1 else f"model of degree {self.degree}"
+        if self.degree == 1:
+            return tr("straight line")
+        return tr("model of degree {degree}", degree=self.degree)
 
 
 @dataclass(frozen=True)
@@ -113,24 +114,25 @@ def unit_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
     if bias is None or len(bias.values) < 2:
         return
     curves = as_shown.curves(unit, "K0")
-    yield _over_temperature("Bias K0", f"{name}-bias", f"K0 / {as_shown.unit}", as_shown.unit, bias, curves)
+    yield _over_temperature(tr("Bias K0"), f"{name}-bias", f"K0 / {as_shown.unit}", as_shown.unit, bias, curves)
     if curves and curves[0].dof and 0 < bias.rising.sum() < len(bias.rising):
         yield _loop(f"{name}-loop", as_shown.unit, bias, curves[0])
     centre, at_c = _middle(unit, "K1")
     relative = Scale(1e6 / centre, "ppm", centre)
     scale_factor = relative.points(unit, "K1")
     if scale_factor is not None:
-        title = f"Scale factor K1 relative to {centre:.2f} {SHOWN['K1'][1]}{at_c}"
-        label = "K1 relative to the centre / ppm"
+        value = f"{centre:.2f} {SHOWN['K1'][1]}"
+        title = tr("Scale factor K1 relative to {value}{at}", value=value, at=at_c)
+        label = tr("K1 relative to the centre / ppm")
         yield _over_temperature(title, f"{name}-scale", label, "ppm", scale_factor, relative.curves(unit, "K1"))
-    yield _side_by_side(unit, f"{name}-others", {"K2": "K2 + asymmetry", "misalignment": "Misalignment"})
+    yield _side_by_side(unit, f"{name}-others", {"K2": tr("K2 + asymmetry"), "misalignment": tr("Misalignment")})
 
 
 def _middle(unit: UnitResult, quantity: str) -> tuple[float, str]:
     """What the model says in the middle of the temperatures, and where that is; without a model, the mean."""
     for model in unit.models:
         if isinstance(model, TemperatureModel) and model.quantity == quantity:
-            return model.coefficients[0], f" at {model.centre:.1f} °C"
+            return model.coefficients[0], tr(" at {at_c} °C", at_c=f"{model.centre:.1f}")
     return float(np.mean([finding.value for finding in unit.findings if finding.quantity == quantity])), ""
 
 
@@ -145,28 +147,41 @@ def _over_temperature(title: str, name: str, label: str, symbol: str, points: Po
     for curve, style in zip(curves, LINES, strict=False):
         grid_c = np.linspace(*curve.valid_c, 200)
         axes.plot(grid_c, curve.at(grid_c), label=curve.name, zorder=1, **style)
-    axes.set(xlabel=TEMPERATURE, ylabel=label, title=title)
+    axes.set(xlabel=temperature_label(), ylabel=label, title=title)
     axes.legend()
-    caption = f"{BARS} {_largest(axes, points.expanded, symbol)}."
+    caption = _of_bars(_largest(axes, points.expanded, symbol))
     for column, curve in enumerate(fitted):
         _draw_residuals(figure.add_subplot(grid[1, column]), points, curve, symbol)
     if fitted:
-        caption += (
-            " In the residuals the bars hold only what differs from dwell to dwell, "
-            f"at most {_two_digits(points.own.max())} {symbol}; everything else is common to all points."
+        caption += " " + tr(
+            "In the residuals the bars hold only what differs from dwell to dwell, at most {own}; everything else is "
+            "common to all points.",
+            own=f"{_two_digits(points.own.max())} {symbol}",
         )
-    return Plot(f"{title}, over temperature", rendered(figure, name, f"{title}, over temperature"), caption)
+    heading = tr("{what}, over temperature", what=title)
+    return Plot(heading, rendered(figure, name, heading), caption)
+
+
+def temperature_label() -> str:
+    """What stands at an axis of the temperature of a unit."""
+    return tr("temperature of the unit / °C")
+
+
+def _of_bars(longest: str) -> str:
+    """What the bars in a figure are."""
+    return tr("Bars: expanded uncertainty, k = {k}: {longest}.", k=COVERAGE, longest=longest)
 
 
 def _draw_residuals(axes: Axes, points: Points, curve: Curve, symbol: str) -> None:
     axes.axhline(0, color="#444444", linewidth=0.6)
     _draw_legs(axes, points, points.values - curve.at(points.temperature_c), points.own)
-    axes.set(xlabel=TEMPERATURE, ylabel=f"residual / {symbol}", title=f"Residuals of the {curve.name}")
+    title = tr("Residuals of the {curve}", curve=curve.name)
+    axes.set(xlabel=temperature_label(), ylabel=f"{tr('residual')} / {symbol}", title=title)
 
 
 def _draw_legs(axes: Axes, points: Points, values: Array, bars: Array) -> None:
     """The points, those of rising and of falling temperature by their shape."""
-    for leg, style, label in ((True, RISING, "rising temperature"), (False, FALLING, "falling temperature")):
+    for leg, style, label in ((True, RISING, tr("rising temperature")), (False, FALLING, tr("falling temperature"))):
         here = points.rising == leg
         if here.any():
             axes.errorbar(
@@ -179,8 +194,8 @@ def _largest(axes: Axes, expanded: Array, symbol: str) -> str:
     """What the caption says of bars, which may be too short to be seen."""
     low, high = axes.get_ylim()
     longest_pt = 2 * expanded.max() / (high - low) * axes.get_window_extent().height
-    seen = "" if longest_pt > MARKER_PT else ", no longer than the markers"
-    return f"at most {_two_digits(expanded.max())} {symbol}{seen}"
+    seen = "" if longest_pt > MARKER_PT else tr(", no longer than the markers")
+    return tr("at most {high}", high=f"{_two_digits(expanded.max())} {symbol}") + seen
 
 
 def _two_digits(u: float) -> str:
@@ -201,11 +216,13 @@ def _loop(name: str, symbol: str, points: Points, model: Curve) -> Plot:
             axes.annotate(str(number), (x, y), (4, 4), textcoords="offset points", fontsize=6.5, color="#444444")
     axes.axhline(0, color="#444444", linewidth=0.6)
     axes.set(
-        xlabel=TEMPERATURE, ylabel=f"residual / {symbol}", title=f"Hysteresis of K0: residuals of the {model.name}"
+        xlabel=temperature_label(),
+        ylabel=f"{tr('residual')} / {symbol}",
+        title=tr("Hysteresis of K0: residuals of the {curve}", curve=model.name),
     )
     axes.legend()
-    title = "Hysteresis of the bias"
-    caption = (
+    title = tr("Hysteresis of the bias")
+    caption = tr(
         "The residuals of K0, joined in the order of measurement: solid where the temperature rose to the dwell, "
         "dashed where it fell. The numbers are those of the dwells."
     )
@@ -223,7 +240,7 @@ def _side_by_side(unit: UnitResult, name: str, titles: Mapping[str, str]) -> Plo
         if points is not None:
             _draw_legs(axes, points, points.values, points.expanded)
             bars.append(f"{title} {_largest(axes, points.expanded, symbol)}")
-        axes.set(xlabel=TEMPERATURE, ylabel=f"{quantity} / {symbol}", title=title)
+        axes.set(xlabel=temperature_label(), ylabel=f"{tr(quantity)} / {symbol}", title=title)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="upper right", ncols=2)
-    title = f"{' and '.join(titles.values())}, over temperature"
-    return Plot(title, rendered(figure, name, title), f"{BARS} {'; '.join(bars)}.")
+    heading = tr("{what}, over temperature", what=tr(" and ").join(titles.values()))
+    return Plot(heading, rendered(figure, name, heading), _of_bars("; ".join(bars)))

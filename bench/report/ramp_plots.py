@@ -11,7 +11,8 @@ from numpy.polynomial import polynomial
 from bench.analysis.finding import UnitResult
 from bench.analysis.models import TemperatureModel
 from bench.analysis.temperature_ramp import LegCurve
-from bench.report.plots import TEMPERATURE, Array, Plot
+from bench.report.languages import tr
+from bench.report.plots import Array, Plot, temperature_label
 from bench.report.shown import SHOWN
 from bench.report.svg import new_figure, rendered
 
@@ -36,32 +37,36 @@ def ramp_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
     below.axhline(0, color="#444444", linewidth=0.6)
     _draw_legs(below, curves, residuals)
     _draw_jumps(below, curves, residuals)
-    above.set(ylabel=f"K0 + misalignment / {symbol}", title="Output at 0 g", xlabel=TEMPERATURE)
-    below.set(ylabel=f"residual / {symbol}", title="Residuals of the straight line", xlabel=TEMPERATURE)
+    above.set(ylabel=f"{tr('K0 + misalignment')} / {symbol}", title=tr("Output at 0 g"), xlabel=temperature_label())
+    residuals_of = tr("Residuals of the {curve}", curve=tr("straight line"))
+    below.set(ylabel=f"{tr('residual')} / {symbol}", title=residuals_of, xlabel=temperature_label())
     below.legend(ncols=2)
-    title = "Bias K0 on the ramps, over temperature"
-    caption = (
+    title = tr("Bias K0 on the ramps, over temperature")
+    caption = tr(
         "Above the output at 0 g less gravity at the angle of the head: the bias and the misalignment of the input "
         "axis, which is constant; thin and black its straight line. Below what that leaves: solid on rising, dashed on "
         "falling temperature."
     )
     if any(curve.jumps_c for curve in curves):
-        caption += " Crosses: jumps."
+        caption += " " + tr("Crosses: jumps.")
     yield Plot(title, rendered(figure, f"{name}-ramp", title), caption)
 
 
 def _draw_legs(axes: Axes, curves: Sequence[LegCurve], values: Sequence[Array]) -> None:
     for curve, of_leg in zip(curves, values, strict=True):
-        colours, style, word = (RISING, "-", "rising") if curve.rising else (FALLING, "--", "falling")
+        colours, style, word = (RISING, "-", tr("rising")) if curve.rising else (FALLING, "--", tr("falling"))
         temperature_c, shown = thinned(curve.temperature_c), thinned(of_leg)
-        colour, label = colours[(curve.cycle - 1) % len(colours)], f"cycle {curve.cycle}, {word}"
+        colour, label = (
+            colours[(curve.cycle - 1) % len(colours)],
+            f"{tr('cycle {number}', number=curve.cycle)}, {word}",
+        )
         axes.plot(temperature_c, shown, color=colour, linestyle=style, linewidth=0.9, label=label)
 
 
 def _draw_line(axes: Axes, line: TemperatureModel, factor: float) -> None:
     ends_c = np.array(line.valid_c)
     values = polynomial.polyval((ends_c - line.centre) / line.scale, line.coefficients)
-    axes.plot(ends_c, values * factor, color="#222222", linewidth=0.7, label="straight line")
+    axes.plot(ends_c, values * factor, color="#222222", linewidth=0.7, label=tr("straight line"))
 
 
 def _draw_jumps(axes: Axes, curves: Sequence[LegCurve], residuals: Sequence[Array]) -> None:
@@ -73,7 +78,7 @@ def _draw_jumps(axes: Axes, curves: Sequence[LegCurve], residuals: Sequence[Arra
     ]
     if found:
         axes.plot(
-            *zip(*found, strict=True), "x", color="#b42318", markersize=9, markeredgewidth=2, label="jump", zorder=3
+            *zip(*found, strict=True), "x", color="#b42318", markersize=9, markeredgewidth=2, label=tr("jump"), zorder=3
         )
 
 

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import io
+import logging
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import matplotlib
 from markupsafe import Markup, escape
+from matplotlib import font_manager
 from matplotlib.figure import Figure
 
+from bench.report.languages import ENGLISH, current, language
+
+# How the files of fonts begin that have the characters of a language, the best first.
+FONTS = {"zh": ("notosanscjk", "sourcehansans", "wqy-", "droidsansfallback", "msyh", "simhei", "simsun")}
 WIDTH_IN = 7.1  # between the margins of an A4 page, so that print has the sizes given here
 LEFT_IN = 0.68
 
@@ -20,8 +28,6 @@ STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",  # text stays text: in the font of the page, found by a search, read by a screen reader
     "svg.hashsalt": "inertial-test-bench",
     "text.parse_math": False,
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
     "font.size": 8,
     "axes.titlesize": 8.5,
     "axes.titleweight": "bold",
@@ -50,11 +56,32 @@ _IDS = re.compile(r'( id="| href="#|url\(#)')
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Inside, figures are made and rendered in one style, whatever the user's own settings are."""
-    with matplotlib.rc_context():
+    """Inside, figures are made and rendered in one style, whatever the user's own settings are.
+
+    Where no font has the characters of the language, what is made inside is in English.
+    """
+    font = font_of(current())
+    with matplotlib.rc_context(), language(current() if font else ENGLISH):
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(STYLE)
+        matplotlib.rcParams["font.family"] = [*dict.fromkeys(["DejaVu Sans", font or "DejaVu Sans"])]
         yield
+
+
+@lru_cache
+def font_of(name: str) -> str | None:
+    """The name of an installed font that has the characters of a language; None without one."""
+    if name == ENGLISH:
+        return "DejaVu Sans"
+    paths = sorted(map(Path, font_manager.findSystemFonts()), key=lambda path: ("egular" not in path.name, path.name))
+    for family in FONTS[name]:
+        for path in paths:
+            if path.name.lower().startswith(family):
+                font_manager.fontManager.addfont(path)
+                # It tells each time that the font has one weight only.
+                logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
+                return font_manager.FontProperties(fname=path).get_name()
+    return None
 
 
 def new_figure(

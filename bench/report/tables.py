@@ -9,11 +9,13 @@ from dataclasses import dataclass
 from bench.analysis.finding import COVERAGE, Finding, UnitResult
 from bench.analysis.limits import Limits
 from bench.analysis.models import Constant, Equation, KnotModel, TemperatureModel
+from bench.report.languages import tr
 from bench.report.shown import SHOWN, decimals, shown
 from bench.report.words import (
     CONTENTS,
     REASONS,
     bands_in_words,
+    leg_in_words,
     limits_in_words,
     name_of,
     quantity_in_words,
@@ -114,7 +116,7 @@ def verdict_rows(unit: UnitResult, limits: Mapping[str, Limits]) -> Iterator[Row
             yield Row(
                 quantity=quantity_in_words(quantity),
                 name="",
-                value="not determined",
+                value=tr("not determined"),
                 unit=unit_shown(quantity, ""),
                 limits=limits_in_words(quantity, allowed),
                 bands=bands_in_words(quantity, allowed),
@@ -131,18 +133,22 @@ def _remark(found: Sequence[Finding]) -> str:
     """How many others there are, and how they did."""
     if len(found) == 1:
         return ""
-    counts = {
-        "failed": sum(finding.verdict == "FAIL" for finding in found),
-        "invalid": sum(finding.verdict == "INVALID" for finding in found),
-        "marginal": sum(finding.marginal for finding in found),
-    }
-    told = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
-    return f"worst of {len(found)} dwells; {told or 'all passed'}"
+    failed = sum(finding.verdict == "FAIL" for finding in found)
+    invalid = sum(finding.verdict == "INVALID" for finding in found)
+    marginal = sum(finding.marginal for finding in found)
+    told = [
+        tr("{count} failed", count=failed) if failed else "",
+        tr("{count} invalid", count=invalid) if invalid else "",
+        tr("{count} marginal", count=marginal) if marginal else "",
+    ]
+    return tr(
+        "worst of {count} dwells; {told}", count=len(found), told=", ".join(filter(None, told)) or tr("all passed")
+    )
 
 
 def _row(finding: Finding, dwells: Mapping[str, int], remark: str = "") -> Row:
     limits = finding.limits or Limits()
-    reasons = [REASONS[flag] for flag in finding.flags if flag in REASONS]
+    reasons = [tr(REASONS[flag]) for flag in finding.flags if flag in REASONS]
     return Row(
         quantity=quantity_in_words(finding.quantity),
         name=name_of(finding),
@@ -177,7 +183,7 @@ def dwell_table(unit: UnitResult) -> DwellTable | None:
 
 
 def _contents(finding: Finding) -> str:
-    return ", ".join(CONTENTS[flag] for flag in finding.flags if flag in CONTENTS)
+    return ", ".join(tr(CONTENTS[flag]) for flag in finding.flags if flag in CONTENTS)
 
 
 def _dwell_row(number: int, found: Mapping[str, Finding], quantities: Sequence[str]) -> DwellRow:
@@ -187,7 +193,7 @@ def _dwell_row(number: int, found: Mapping[str, Finding], quantities: Sequence[s
     return DwellRow(
         number=number,
         cycle=at["cycle"],
-        leg="rising" if at["leg"] == "up" else "falling",
+        leg=leg_in_words(at["leg"]),
         set_c="–" if at["temperature_set_c"] is None else f"{at['temperature_set_c']:g}",
         temperature_c=f"{at['temperature_c']:.{digits}f} ± {expanded_c:.{digits}f}",
         values=tuple(shown(found[quantity]) if quantity in found else "–" for quantity in quantities),
@@ -197,33 +203,34 @@ def _dwell_row(number: int, found: Mapping[str, Finding], quantities: Sequence[s
 
 def _notes(finding: Finding) -> Iterator[str]:
     if finding.verdict in ("FAIL", "INVALID"):
-        yield f"{finding.quantity} {finding.verdict}"
+        yield f"{finding.quantity} {tr(finding.verdict)}"
     if finding.marginal:
-        yield f"{finding.quantity} marginal"
+        yield f"{finding.quantity} {tr('marginal')}"
     for flag in finding.flags:
         if flag not in CONTENTS:
-            yield f"{finding.quantity}: {REASONS.get(flag, flag)}"
+            yield f"{finding.quantity}: {tr(REASONS[flag]) if flag in REASONS else flag}"
 
 
 def model_sheet(model: Equation | KnotModel) -> Sheet:
     """The constants of an equation, or the knots of a model of straight lines."""
     if isinstance(model, Equation):
         valid = ", ".join(
-            f"{name.replace('_', ' ')} {low:.6g} to {high:.6g}" for name, (low, high) in model.valid.items()
+            f"{tr(name.replace('_', ' '))} {tr('{low} to {high}', low=f'{low:.6g}', high=f'{high:.6g}')}"
+            for name, (low, high) in model.valid.items()
         )
         rows = tuple((name, *_constant(each), each.unit) for name, each in model.constants.items())
         return Sheet(
             f"{quantity_in_words(model.quantity)}: {model.form}",
-            f"Valid for {valid}." if valid else "",
-            (("Constant", ""), ("Value", ""), ("u", "k = 1"), ("Unit", "")),
+            tr("Valid for {valid}.", valid=valid) if valid else "",
+            ((tr("Constant"), ""), (tr("Value"), ""), ("u", "k = 1"), (tr("Unit"), "")),
             rows,
         )
     factor, unit = SHOWN.get(model.quantity, (1.0, model.unit))
     knots = zip(model.knots_c, model.values, model.u, strict=True)
     return Sheet(
-        f"{quantity_in_words(model.quantity)} over temperature",
-        "Straight lines between the knots; beyond them the end values, and whoever uses them is told.",
-        (("Temperature", "°C"), ("Value", unit), ("u", f"{unit}, k = 1")),
+        tr("{what}, over temperature", what=quantity_in_words(model.quantity)),
+        tr("Straight lines between the knots; beyond them the end values, and whoever uses them is told."),
+        ((tr("Temperature"), "°C"), (tr("Value"), unit), ("u", f"{unit}, k = 1")),
         tuple((f"{at_c:.2f}", *_constant(Constant(value * factor, unit, u * factor))) for at_c, value, u in knots),
     )
 
@@ -231,7 +238,7 @@ def model_sheet(model: Equation | KnotModel) -> Sheet:
 def _constant(constant: Constant) -> tuple[str, str]:
     """A value and its u, to the digits that u justifies."""
     if not constant.u:
-        return f"{constant.value:.9g}", "not known" if constant.u is None else "0"
+        return f"{constant.value:.9g}", tr("not known") if constant.u is None else "0"
     digits = 1 - math.floor(math.log10(constant.u))
     if -1 <= digits <= 12:
         return f"{constant.value:.{max(digits, 0)}f}", f"{constant.u:.{max(digits, 0)}f}"
@@ -247,14 +254,16 @@ def model_table(model: TemperatureModel) -> ModelTable:
         digits = decimals(u * factor)
         value = f"{coefficient * factor:.{digits}f}" if u else f"{coefficient * factor:.9g}"
         per = f"{unit}/°C{POWERS[power] if power > 1 else ''}" if power else unit
-        rows.append((str(power), value, f"{u * factor:.{digits}f}" if u else "not known", f"{of_t * factor:.9g}", per))
+        rows.append(
+            (str(power), value, f"{u * factor:.{digits}f}" if u else tr("not known"), f"{of_t * factor:.9g}", per)
+        )
     degree = len(model.coefficients) - 1
-    form = "straight line" if degree == 1 else f"polynomial of degree {degree}"
+    form = tr("straight line") if degree == 1 else tr("polynomial of degree {degree}", degree=degree)
     return ModelTable(
         title=f"{model.quantity}: {form}",
         unit=unit,
         model=model,
         rows=tuple(rows),
-        residual_sd="not known" if model.residual_sd is None else f"{model.residual_sd * factor:.3g} {unit}",
+        residual_sd=tr("not known") if model.residual_sd is None else f"{model.residual_sd * factor:.3g} {unit}",
         largest_residual=f"{model.max_residual * factor:.3g} {unit}",
     )

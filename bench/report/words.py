@@ -8,6 +8,7 @@ from typing import Any
 
 from bench.analysis.finding import Finding
 from bench.analysis.limits import GUARD_BANDS_MEET, IN_GUARD_BAND, U_UNKNOWN, Limits
+from bench.report.languages import tr
 from bench.report.shown import SHOWN
 
 ENDINGS = {
@@ -28,6 +29,11 @@ REASONS = {
     U_UNKNOWN: "its uncertainty is not known, and the guard band needs it",
     "lag": "the loop is a lag behind the thermometer, not hysteresis: a model with dT/dt removes most of it",
 }
+# What sources of uncertainty are of, besides the names of readings.
+SOURCES = (
+    "head", "fixture", "counter", "site", "readings", "samples", "bias", "K1", "asymmetry of the converter",
+    "lag behind the thermometer, and the unit's response to the rate",
+)  # fmt: skip
 CONTENTS = {"contains:K3": "contains K3", "contains:asymmetry": "contains the converter's asymmetry"}
 
 _READINGS = {
@@ -65,35 +71,51 @@ _INCOMPLETE = re.compile(r"dwell (\d+) incomplete: (.+)")
 def flag_in_words(flag: str) -> str:
     """A flag of a unit as a sentence; one that is not known here as it stands."""
     if flag in _UNITS:
-        return _UNITS[flag]
+        return tr(_UNITS[flag])
     incomplete = _INCOMPLETE.fullmatch(flag)
     if incomplete:
         number, missing = incomplete.groups()
         if missing == "ill_conditioned":
-            return f"Dwell {number} is left out: its readings do not determine the four unknowns."
-        return f"Dwell {number} is left out: no usable reading near {missing.replace(', ', '°, ')}°."
+            return tr("Dwell {number} is left out: its readings do not determine the four unknowns.", number=number)
+        angles = missing.replace(", ", "°, ") + "°"
+        return tr("Dwell {number} is left out: no usable reading near {angles}.", number=number, angles=angles)
     samples = _SAMPLES.fullmatch(flag)
     if samples and samples[3] in _READINGS:
-        return f"{samples[2]} samples are left out: {_READINGS[samples[3]]}" + (
-            f" ({samples[1]})." if samples[1] else "."
-        )
+        told = tr("{count} samples are left out: {why}", count=samples[2], why=tr(_READINGS[samples[3]]))
+        return told + (f" ({samples[1]})." if samples[1] else ".")
     step, _, problem = flag.rpartition(": ")
     if problem in _PARTS:
-        return f"{step}: {_PARTS[problem]}"
+        return f"{tr(step) if problem == 'part_missing' else step}: {tr(_PARTS[problem])}"
     if problem in _READINGS:
-        return f"A reading is left out: {_READINGS[problem]} ({step})."
+        return tr("A reading is left out: {why} ({step}).", why=tr(_READINGS[problem]), step=step)
     quantity, _, problem = flag.partition(":")
-    return f"{quantity}: {_QUANTITIES[problem]}" if problem in _QUANTITIES else flag
+    return f"{quantity}: {tr(_QUANTITIES[problem])}" if problem in _QUANTITIES else flag
 
 
 def quantity_in_words(quantity: str) -> str:
     """A quantity for the head of a table: "K1 per m/s²", "K0: temperature coefficient"."""
+    return ": ".join(tr(part) for part in quantity_text(quantity).split(": "))
+
+
+def quantity_text(quantity: str) -> str:
+    """The same in English."""
     return QUANTITIES.get(quantity, quantity.replace("/", ": ").replace("_", " "))
 
 
 def name_of(finding: Finding) -> str:
     """What a finding is, without its quantity, which stands before it."""
-    return finding.name.removeprefix(quantity_in_words(finding.quantity) + ": ")
+    return tr(finding.name.removeprefix(quantity_text(finding.quantity) + ": "))
+
+
+def source_in_words(source: str) -> str:
+    """A source of uncertainty: "head: zero"; the name of a reading is nothing to translate."""
+    what, colon, part = source.partition(": ")
+    return f"{tr(what) if what in SOURCES else what}{colon}{tr(part)}" if colon else tr(source)
+
+
+def leg_in_words(leg: str) -> str:
+    """Which way the temperature went: "up" or "down" as words."""
+    return tr("rising") if leg == "up" else tr("falling")
 
 
 def unit_shown(quantity: str, unit: str) -> str:
@@ -108,15 +130,19 @@ def limits_in_words(quantity: str, limits: Limits) -> str:
     if limits.target is not None and limits.high is not None:
         return f"{limits.target * factor:.12g} ± {(limits.high - limits.target) * factor:.6g}"
     if low is not None and high is not None:
-        return f"{low} to {high}"
-    return f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""
+        return tr("{low} to {high}", low=low, high=high)
+    if low is not None:
+        return tr("at least {low}", low=low)
+    return tr("at most {high}", high=high) if high is not None else ""
 
 
 def bands_in_words(quantity: str, limits: Limits) -> str:
     """What else limits state: "guard band 2 u", "marginal within 50"; empty when they state only themselves."""
     factor = SHOWN.get(quantity, (1.0, ""))[0]
-    guard = "" if limits.guard_k is None else f"guard band {limits.guard_k:g} u"
-    marginal = "" if limits.marginal is None else f"marginal within {limits.marginal * factor:.12g}"
+    guard = "" if limits.guard_k is None else tr("guard band {k} u", k=f"{limits.guard_k:g}")
+    marginal = (
+        "" if limits.marginal is None else tr("marginal within {width}", width=f"{limits.marginal * factor:.12g}")
+    )
     return ", ".join(filter(None, (guard, marginal)))
 
 
@@ -124,18 +150,20 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
     """The conditions of a finding: "dwell 5, set point 70 °C, rising"; `dwells` are the numbers of the dwells."""
     parts = []
     if "dwell" in at:
-        parts.append(f"dwell {at['dwell']}")
+        parts.append(tr("dwell {number}", number=at["dwell"]))
     if "dwells" in at:
         numbers = [str(dwells.get(path, path)) for path in at["dwells"]]
-        parts.append(f"dwell{'s' if len(numbers) > 1 else ''} {' and '.join(numbers)}")
+        parts.append(
+            tr("dwells {numbers}" if len(numbers) > 1 else "dwell {numbers}", numbers=tr(" and ").join(numbers))
+        )
     elif "cycle" in at and "dwells" not in at:
-        parts.append(f"cycle {at['cycle']}")
+        parts.append(tr("cycle {number}", number=at["cycle"]))
     if at.get("temperature_set_c") is not None:
-        parts.append(f"set point {at['temperature_set_c']:g} °C")
+        parts.append(tr("set point {set_c} °C", set_c=f"{at['temperature_set_c']:g}"))
     elif "temperature_c" in at:
-        parts.append(f"centre {at['temperature_c']:.1f} °C")
+        parts.append(tr("centre {at_c} °C", at_c=f"{at['temperature_c']:.1f}"))
     if "leg" in at:
-        parts.append("rising" if at["leg"] == "up" else "falling")
+        parts.append(leg_in_words(at["leg"]))
     if "at_c" in at:
-        parts.append(f"at {at['at_c']:.1f} °C")
+        parts.append(tr("at {at_c} °C", at_c=f"{at['at_c']:.1f}"))
     return ", ".join(parts)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from bench.errors import BenchError
 from bench.report.html import render
+from bench.report.languages import ENGLISH, language
 from bench.report.pdf import pdf
 from bench.report.spreadsheet import spreadsheet
 from bench.report.stored import StoredRun
@@ -15,14 +16,17 @@ from bench.store.runs import json_text, write_whole
 REPORT = "report"
 
 
-def write_report(run: StoredRun, form: str = "html") -> Path:
+def write_report(run: StoredRun, form: str = "html", lang: str = ENGLISH) -> Path:
     """Evaluates a run, finished or not, and writes `report.html`, or another form of it, into its directory.
 
-    Gives the path. Data that cannot be evaluated are told in the page; `json` and `csv` are nothing but the results,
-    and raise what stands in their way. Raises StoreError when it cannot be written.
+    Gives the path; in another language than English it is `report.zh.html`. Data that cannot be evaluated are told in
+    the page; `json` and `csv` are nothing but the results, and raise what stands in their way. Raises StoreError when
+    it cannot be written.
     """
-    path = run.folder / f"{REPORT}.{form}"
-    write_whole(path, FORMS[form](run))
+    path = run.folder / (f"{REPORT}.{form}" if lang == ENGLISH else f"{REPORT}.{lang}.{form}")
+    with language(lang):
+        content = FORMS[form](run)
+    write_whole(path, content)
     return path
 
 

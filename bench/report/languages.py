@@ -1,0 +1,60 @@
+"""The words of a report in the language of its reader.
+
+A text is written in English where it is used, as `tr("Dwell {number}", number=3)`, and looked up in the catalogue of
+the language, `translations/zh.json`, whose keys are those texts. What a catalogue does not have is shown in English.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import lru_cache
+from importlib.resources import files
+
+ENGLISH = "en"
+LANGUAGES = (ENGLISH, "zh")
+_language: ContextVar[str] = ContextVar("language", default=ENGLISH)
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?![\w])")
+
+
+@contextmanager
+def language(name: str) -> Iterator[None]:
+    """Inside, texts are in the language of this name, one of `LANGUAGES`."""
+    before = _language.set(name)
+    try:
+        yield
+    finally:
+        _language.reset(before)
+
+
+def current() -> str:
+    """The name of the language that texts are in."""
+    return _language.get()
+
+
+def tr(text: str, /, **values: object) -> str:
+    """A text in the language of the report; `values` stand where it has their names in braces.
+
+    Numbers in a text that is made elsewhere may be any: "degree 3" is found as "degree {0}".
+    """
+    catalogue = catalogue_of(current())
+    if values:
+        return catalogue.get(text, text).format(**values)
+    if text in catalogue or not catalogue:
+        return catalogue.get(text, text)
+    numbers = _NUMBER.findall(text)
+    count = iter(range(len(numbers)))
+    pattern = _NUMBER.sub(lambda _: f"{{{next(count)}}}", text)
+    return catalogue[pattern].format(*numbers) if numbers and pattern in catalogue else catalogue.get(text, text)
+
+
+@lru_cache
+def catalogue_of(name: str) -> Mapping[str, str]:
+    """The texts of a language by the English ones; empty for English."""
+    if name == ENGLISH:
+        return {}
+    found: dict[str, str] = json.loads(files("bench.report").joinpath(f"translations/{name}.json").read_text("utf-8"))
+    return found

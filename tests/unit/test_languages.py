@@ -1,0 +1,155 @@
+"""Reports in other languages: what their catalogues have to hold, and what comes of it."""
+
+import ast
+import re
+from string import Formatter
+
+import pypdf
+import pytest
+from jinja2 import Environment, nodes
+
+from bench.report import languages, svg, words
+from bench.report.languages import LANGUAGES, catalogue_of, language, tr
+from bench.report.stored import open_run
+from bench.report.write import write_report
+from bench.sequence.methods import known_methods
+from tests.support.runs import ROOT, run_short
+
+OTHERS = LANGUAGES[1:]
+HOSTILE = "{text.__class__}<b>"
+VERDICTS = ("PASS", "FAIL", "INVALID", "INCOMPLETE", "ERROR", "ABORTED", "not judged")
+CHINESE = re.compile("[\u4e00-\u9fff]")
+
+
+class Missing(dict):
+    """A catalogue that keeps what it was asked for in vain."""
+
+    def __init__(self, known):
+        super().__init__(known)
+        self.missed = set()
+
+    def get(self, text, otherwise=None):
+        if text not in self:
+            self.missed.add(text)
+        return super().get(text, otherwise)
+
+
+@pytest.fixture
+def missing(monkeypatch):
+    catalogue = Missing(catalogue_of("zh"))
+    monkeypatch.setattr(languages, "catalogue_of", lambda name: catalogue if name == "zh" else {})
+    return catalogue.missed
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return run_short(tmp_path_factory.mktemp("languages"), units=(HOSTILE,), operator=HOSTILE)
+
+
+def report(run, form, lang):
+    with open_run(run.path) as stored:
+        return write_report(stored, form, lang)
+
+
+def texts_in_python():
+    """The literal first arguments of `tr` in every module."""
+    for path in (ROOT / "bench").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "tr":
+                first = node.args[0]
+                for text in (first.body, first.orelse) if isinstance(first, ast.IfExp) else (first,):
+                    if isinstance(text, ast.Constant):
+                        yield text.value
+
+
+def texts_in_templates():
+    for path in (ROOT / "bench/report/templates").iterdir():
+        for call in Environment().parse(path.read_text("utf-8")).find_all(nodes.Call):
+            if isinstance(call.node, nodes.Name) and call.node.name == "tr" and isinstance(call.args[0], nodes.Const):
+                yield call.args[0].value
+
+
+def texts_in_tables():
+    """What is translated where it is looked up."""
+    tables = (words.ENDINGS, words.REASONS, words.CONTENTS, words._READINGS, words._UNITS, words._QUANTITIES)
+    for table in (*tables, words._PARTS):
+        yield from table.values()
+    yield from words.SOURCES
+    yield from VERDICTS
+    for method in known_methods().values():
+        yield method.title
+        for quantity in method.quantities:
+            yield from words.quantity_text(quantity).split(": ")
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_every_text_of_a_report_is_in_the_catalogue(name):
+    texts = {*texts_in_python(), *texts_in_templates(), *texts_in_tables()}
+    assert len(texts) > 200
+    assert sorted(texts - set(catalogue_of(name))) == []
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_every_translation_has_the_places_of_its_text(name):
+    def places(text):
+        return sorted(place for _, place, _, _ in Formatter().parse(text) if place is not None)
+
+    wrong = [text for text, translated in catalogue_of(name).items() if places(text) != places(translated)]
+    assert wrong == []
+
+
+@pytest.mark.peer("a Chinese font")
+def test_a_report_misses_no_word_and_is_in_chinese(run, missing):
+    page = report(run, "html", "zh").read_text("utf-8")
+    assert sorted(missing) == []
+    assert page.startswith('<!doctype html>\n<html lang="zh">')
+    for text in ("合格", "标度因数 K1", "零偏", "不确定度", "判定规则", "自由度", "运行过程", "被测件温度 / °C"):
+        assert text in page
+    for text in ("Decision rule", "degrees of freedom", "Serial number", "temperature of the unit"):
+        assert text not in page
+    assert "{text.__class__}&lt;b&gt;，安装位置 a" in page
+    english = report(run, "html", "en")
+    assert english.name == "report.html"
+    assert not CHINESE.search(english.read_text("utf-8"))
+
+
+def test_a_text_without_translation_stays_english(missing):
+    with language("zh"):
+        assert tr("of a plug-in: {number} things", number=3) == "of a plug-in: 3 things"
+        assert tr("of a plug-in: 3 things") == "of a plug-in: 3 things"
+    assert missing == {"of a plug-in: {number} things", "of a plug-in: 3 things"}
+
+
+def test_numbers_in_a_text_that_is_made_elsewhere_may_be_any():
+    with language("zh"):
+        assert tr("largest residual of the model of degree 7") == "7 阶模型的最大残差"
+        assert tr("steps of more than 12.5 µg between 30 samples") == "30 个采样之间超过 12.5 µg 的阶跃"
+    assert tr("largest residual of the model of degree 7") == "largest residual of the model of degree 7"
+
+
+def test_without_a_font_the_figures_are_english_and_the_page_says_so(run, monkeypatch):
+    svg.font_of.cache_clear()
+    monkeypatch.setattr(svg, "FONTS", {"zh": ()})
+    page = report(run, "html", "zh").read_text("utf-8")
+    svg.font_of.cache_clear()
+    assert "图中文字为英文" in page
+    assert "temperature of the unit / °C" in page
+    assert "判定规则" in page
+
+
+@pytest.mark.peer("pango", "a Chinese font")
+def test_a_pdf_brings_the_chinese_characters_that_it_uses(tmp_path):
+    path = report(run_short(tmp_path, sequence="smoke"), "pdf", "zh")
+    reader = pypdf.PdfReader(path)
+    fonts = {}
+    for page in reader.pages:
+        for font in page["/Resources"]["/Font"].values():
+            font = font.get_object()
+            fonts[str(font["/BaseFont"])] = font["/DescendantFonts"][0].get_object()["/FontDescriptor"].get_object()
+    embedded = [name for name, found in fonts.items() if {"/FontFile2", "/FontFile3"} & set(found)]
+    assert sorted(embedded) == sorted(fonts)
+    assert any(re.search("WenQuanYi|CJK|SourceHan|Droid", name) for name in fonts)
+    assert path.stat().st_size < 1_000_000
+    text = reader.pages[0].extract_text()
+    assert f"第 1 页，共 {len(reader.pages)} 页" in text
+    assert "合格" in text
