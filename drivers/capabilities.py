@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, Self, runtime_checkable
 
 if TYPE_CHECKING:  # checking a sequence needs the names here, and not numpy
     from drivers.frame_block import FrameBlock
-    from drivers.values import ChamberState, Identity, Reading, SourceReading
+    from drivers.values import ChamberState, Heard, Identity, Reading, SourceReading
 
 Approach = Literal["direct", "from_below", "from_above"]
 
@@ -114,6 +114,9 @@ class PulseCounter(Device, Protocol):
 
     def acquire(self) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
         """Blocks of frames from entry to exit: the first frame arrived after entry, the last before exit."""
+
+    def heard(self) -> Mapping[str, Heard]:
+        """When each channel was last heard of, as far as its frames have been taken in."""
 
 
 @runtime_checkable

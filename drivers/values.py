@@ -13,6 +13,13 @@ class Reading(NamedTuple):
     value: float
 
 
+class Heard(NamedTuple):
+    """Of a counter's channel: the loop time of its last frame, and that by which its counts had last changed."""
+
+    frame_s: float
+    pulse_s: float
+
+
 @dataclass(frozen=True, slots=True)
 class Identity:
     """Who answered. `verified` is False where the wire cannot tell a serial number; `fingerprint` is what it can."""

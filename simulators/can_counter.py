@@ -122,6 +122,8 @@ class SimulatedCounter:
             put(form.boot_count, np.full_like(numbers, self._boots))
         for name, channel in form.channels.items():
             positive, negative = self._counts(name, edges_s, frozen)
+            if (unit := self._units.get(name)) is not None and unit.faults.active("silent"):
+                continue
             put(channel.positive, positive)
             put(channel.negative, negative)
             put(channel.sequence, self._sequence0 + shown)

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Literal
 
-FaultKind = Literal["silent", "cut", "frozen", "stuck", "restart"]
+FaultKind = Literal["silent", "cut", "frozen", "stuck", "restart", "dead", "open_thermometer", "current"]
 
 
 class FaultPlan:
-    """The faults of one instrument: kind → seconds after the start from which it is active.
+    """The faults of one instrument, or of one unit: kind → seconds after the start from which it is active.
 
     `silent`: requests are carried out or not, but nothing is answered; frames stop. `cut`: the connection is closed.
     `frozen`: measured values (for a counter: its clock, latch sequence and counts) stand still. `stuck`: commands are
-    accepted and not carried out. `restart`: once, a counter loses its power for a moment and begins anew.
+    accepted and not carried out. `restart`: once, a counter loses its power for a moment and begins anew. Of a unit
+    `silent` stops the frames of its channel and `dead` its pulses; `open_thermometer` opens that at it, and with
+    `current` it draws more than it should.
     """
 
     def __init__(self, starts_s: Mapping[str, float] | None = None, now_s: Callable[[], float] = lambda: 0.0) -> None:

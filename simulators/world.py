@@ -16,18 +16,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.attitude import Fixture, Mount, to_unit
+from simulators.faults import FaultPlan
 from simulators.motion import Axis, AxisErrors, Slew
 from simulators.thermal import ChamberPhysics, Thermal, UnitPhysics
 from simulators.unit_file import UnitFile, stream
 from simulators.uut import Hysteresis, Noise, UnitTruth, draw_unit
 
 Array = NDArray[np.float64]
+OPEN_C = 320.0  # what an open sensor reads
+BROKEN_DRAWS = 3.0  # times its current
 LOOK_S = 0.02  # how finely a mean current follows the head
 
 
 @dataclass(frozen=True, slots=True)
 class PlaceSettings:
-    """One unit in its place. `thermometer_offset_c` and `thermometer_gain` are the errors drawn for its reading."""
+    """One unit in its place. `thermometer_offset_c` and `thermometer_gain` are the errors drawn for its reading.
+
+    `faults` are kinds, each with the time from which it is there.
+    """
 
     unit: UnitFile
     channel: str
@@ -35,6 +41,7 @@ class PlaceSettings:
     mount_angle_deg: float = 0.0
     thermometer_offset_c: float = 0.0
     thermometer_gain: float = 0.0
+    faults: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +87,7 @@ class SimulatedUnit:
         self.place = place
         self.settings = settings.places[place]
         self.truth: UnitTruth = draw_unit(self.settings.unit, settings.seed, place)
+        self.faults = FaultPlan(self.settings.faults, world.now)
         self._index, self._world = index, world
         self._noise = Noise(self.truth, settings.seed, place)
         self._hysteresis = Hysteresis(self.truth, settings.chamber.start_c)
@@ -105,6 +113,8 @@ class SimulatedUnit:
         if self.powered_at_s is None:
             return np.zeros_like(middle)
         current = self._current_a(middle, temperature, hysteresis_g, self._noise.mean_g(interval))
+        if self.faults.active("dead"):
+            return np.zeros_like(middle)
         return self.truth.rate_pps(current) * interval
 
     def mean_current_a(self, begin_s: float, end_s: float, noise: Noise) -> float:
@@ -155,6 +165,8 @@ class SimulatedUnit:
         true_c = np.interp(at_s, [self._read_at_s, now_s], [self._read_c, now_c])
         self._read_at_s, self._read_c = now_s, now_c
         noise_c = self._thermometer_noise_c * self._thermometer.standard_normal(len(at_s))
+        if self.faults.active("open_thermometer"):
+            return np.full_like(noise_c, OPEN_C)
         return true_c * (1 + self.settings.thermometer_gain) + self.settings.thermometer_offset_c + noise_c
 
 
@@ -278,7 +290,11 @@ class World:
 
     def load_a(self, supply: str) -> float:
         """What the units on a supply draw while its output is on."""
-        return sum(unit.truth.supply_a for unit in self.units.values() if unit.settings.supply == supply)
+        return sum(
+            unit.truth.supply_a * (BROKEN_DRAWS if unit.faults.active("current") else 1.0)
+            for unit in self.units.values()
+            if unit.settings.supply == supply
+        )
 
 
 def _streams(roles: Iterable[str]) -> Iterator[tuple[str, ...]]:

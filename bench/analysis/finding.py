@@ -83,12 +83,23 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
+class Dropped:
+    """That a unit was dropped from a run, and why; `bad` where the unit itself is proved to have failed."""
+
+    at_s: float
+    fault: str
+    bad: bool
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class UnitResult:
     """Everything one method found of one unit.
 
     `left_out` names the parts that could not be reduced, `flags` are those of the unit as a whole. `detail` is what the
     method's own part of the report is drawn from; it is not kept with the results. `compensations` go into
-    the calibration file of the unit.
+    the calibration file of the unit. `dropped` where it did not take part to the end: what was found before is kept,
+    and judges nothing.
     """
 
     place: str
@@ -99,10 +110,16 @@ class UnitResult:
     flags: tuple[str, ...]
     detail: object = None
     compensations: tuple[Compensation, ...] = ()
+    dropped: Dropped | None = None
 
     @property
     def verdict(self) -> Literal["PASS", "FAIL", "INCOMPLETE"]:
-        """INCOMPLETE when something is left out, invalid, or nothing found (methods.md 1.10); else by the limits."""
+        """INCOMPLETE when something is left out, invalid, or nothing found (methods.md 1.10); else by the limits.
+
+        A unit that was dropped is INCOMPLETE, or FAIL where it is proved to be bad.
+        """
+        if self.dropped is not None:
+            return "FAIL" if self.dropped.bad else "INCOMPLETE"
         verdicts = {finding.verdict for finding in self.findings}
         if self.left_out or "INVALID" in verdicts or not self.findings:
             return "INCOMPLETE"

@@ -7,11 +7,12 @@ at rest an axis that points up reads +1 g.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bench.analysis.rundata import Acquisition, Array, BenchRecord, UnitUnderTest
+from bench.analysis.rundata import Acquisition, Array, BenchRecord, Mount, UnitUnderTest, Vector
 
 SOUTH = np.array([0.0, -1.0, 0.0])
 IN_PLANE = 1e-6  # of g along the output axis of a unit that is turned in the plane of its input axis
@@ -19,12 +20,22 @@ IN_PLANE = 1e-6  # of g along the output axis of a unit that is turned in the pl
 
 def unit_axes(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord) -> Array:
     """The axes of a unit in the level frame, a row each: (3, 3), which turns a level vector into the unit's frame."""
-    turned = Rotation.from_rotvec(math.radians(bench.level_deg) * SOUTH)
-    for role, axis in bench.axes.items():
-        turned *= Rotation.from_rotvec(math.radians(acquisition.angles_deg.get(role, 0.0)) * np.array(axis.points))
-    x, z = np.array(bench.x), np.array(bench.z)
+    turns = [(axis.points, acquisition.angles_deg.get(role, 0.0)) for role, axis in bench.axes.items()]
+    return turned_axes(turns, bench.x, bench.z, acquisition.mount, unit.mount_angle_deg, bench.level_deg)
+
+
+def turned_axes(
+    turns: Iterable[tuple[Vector, float]], x: Vector, z: Vector, mount: Mount, own_deg: float, level_deg: float = 0.0
+) -> Array:
+    """The same of any table: `turns` are where its axes point and their angles in degrees, outer first.
+
+    `x` and `z` are where those of the fixture point while all angles are 0; the unit is raised by `own_deg` in it.
+    """
+    turned = Rotation.from_rotvec(math.radians(level_deg) * SOUTH)
+    for points, angle_deg in turns:
+        turned *= Rotation.from_rotvec(math.radians(angle_deg) * np.array(points))
     fixture = np.stack([x, np.cross(z, x), z])
-    return np.asarray(_into_unit(acquisition, unit) @ fixture @ turned.as_matrix().T)
+    return np.asarray(_into_unit(mount, own_deg) @ fixture @ turned.as_matrix().T)
 
 
 def specific_force_g(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord) -> Array:
@@ -43,10 +54,9 @@ def elevation_rad(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRec
     return math.atan2(along, pendulous)
 
 
-def _into_unit(acquisition: Acquisition, unit: UnitUnderTest) -> Array:
+def _into_unit(mount: Mount, own_deg: float) -> Array:
     """Fixture to unit: raised by the mount, rolled, clocked, raised by the angle of the place."""
-    mount = acquisition.mount
-    steps = [("y", mount.angle_deg), ("x", mount.roll_deg), ("z", mount.clock_deg), ("y", unit.mount_angle_deg)]
+    steps = [("y", mount.angle_deg), ("x", mount.roll_deg), ("z", mount.clock_deg), ("y", own_deg)]
     turned = Rotation.identity()
     for axis, angle_deg in steps:
         turned *= Rotation.from_euler(axis, -angle_deg if axis == "y" else angle_deg, degrees=True)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -90,13 +91,14 @@ class Acquisition:
 
 @dataclass(frozen=True, slots=True)
 class UnitUnderTest:
-    """One unit in its place."""
+    """One unit in its place; `until_s` is the bench time at which it was dropped from the run."""
 
     place: str
     serial: str
     channel: str
     mount_angle_deg: float
     temperature: str
+    until_s: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,3 +147,13 @@ class RunData:
     units: tuple[UnitUnderTest, ...]
     acquisitions: tuple[Acquisition, ...]
     bench: BenchRecord
+
+    def by_length(self) -> Iterator[RunData]:
+        """The units that were in to the end together, then each that was dropped with what had ended before."""
+        stayed = tuple(unit for unit in self.units if math.isinf(unit.until_s))
+        if stayed:
+            yield replace(self, units=stayed)
+        for unit in self.units:
+            if unit not in stayed:
+                before = tuple(each for each in self.acquisitions if each.end_s <= unit.until_s)
+                yield replace(self, units=(unit,), acquisitions=before)

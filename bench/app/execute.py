@@ -127,6 +127,7 @@ async def _run(prepared: PreparedRun, folder: Path, laboratory: Laboratory | Non
             folder=folder,
             can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
             on_desk=_technician(prepared, laboratory, observer),
+            places=tuple(prepared.serials),
         )
         writer.event("run_ended", how=outcome.how)
     except StoreError as problem:

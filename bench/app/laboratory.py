@@ -100,6 +100,7 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -
             mount_angle_deg=entry.mount_angle,
             thermometer_offset_c=draw(offset_u, entry.temperature, "offset"),
             thermometer_gain=draw(gain_u, entry.temperature, "gain"),
+            faults={fault.kind: fault.at for fault in simulation.faults if fault.unit == name},
         )
 
     def axis(role: str, path: tuple[str, ...]) -> AxisErrors:

@@ -101,7 +101,7 @@ def _faults(rehearsal: Rehearsal) -> Iterator[str]:
 
     for fault in rehearsal.faults:
         when = "Injected" if fault.at <= rehearsal.result.bench_s else "Not reached: drawn for"
-        yield f"{when} {clock(fault.at)}: {fault.device} {fault.kind}"
+        yield f"{when} {clock(fault.at)}: {fault.device or f'unit {fault.unit}'} {fault.kind}"
 
 
 def _made_safe(rehearsal: Rehearsal) -> str:

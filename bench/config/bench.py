@@ -40,23 +40,66 @@ def misfits(bench: BenchFile) -> Iterator[Problem]:
     """Names in one part of the file that another part does not have, each with its place."""
     for name, reading in bench.readings.items():
         yield from _reading(bench, name, reading)
+    for name in bench.together:
+        yield from _together(bench, name)
     yield from interlock_misfits(bench.interlocks, bench)
     for name, place in bench.places.items():
         yield from _place(bench, name, place)
+    yield from _axes(bench)
+    yield from _simulation(bench)
+
+
+def _axes(bench: BenchFile) -> Iterator[Problem]:
     turning = bench.with_capability("positioner", "rate_table")
     for index, axis in enumerate(bench.fixture.axes):
         if axis.device not in turning:
             where: Place = ("fixture", "axes", index, "device")
             yield where, f"'{axis.device}' is no head and no rate table{did_you_mean(axis.device, turning)}"
+
+
+def _simulation(bench: BenchFile) -> Iterator[Problem]:
     for name in bench.simulation.units:
         if name not in bench.places:
             problem = f"there is no place '{name}'{did_you_mean(name, bench.places)}"
             yield ("simulation", "units", name), problem
     yield from _voltmeters(bench)
     for index, fault in enumerate(bench.simulation.faults):
-        if fault.device not in bench.devices:
+        if fault.unit is not None and fault.unit not in bench.places:
+            problem = f"there is no place '{fault.unit}'{did_you_mean(fault.unit, bench.places)}"
+            yield ("simulation", "faults", index, "unit"), problem
+        elif fault.device is not None and fault.device not in bench.devices:
             problem = f"there is no device '{fault.device}'{did_you_mean(fault.device, bench.devices)}"
             yield ("simulation", "faults", index, "device"), problem
+
+
+def _together(bench: BenchFile, name: str) -> Iterator[Problem]:
+    """A name for several must be a name of its own, and those behind it must be alike."""
+    where, members = ("together", name), bench.together[name]
+    if name in bench.devices or name in bench.readings:
+        yield where, f"'{name}' is a device or a reading already; several need a name of their own"
+    kinds = {member: _kind_of(bench, member) for member in members}
+    for index, (member, kind) in enumerate(kinds.items()):
+        if kind is None:
+            known = [*bench.readings, *(key for key in bench.devices if _kind_of(bench, key))]
+            problem = f"there is no supply, current source or reading '{member}'{did_you_mean(member, known)}"
+            yield (*where, index), problem
+    if len(kinds) < len(members):
+        yield where, "names one of them twice"
+    if len(found := {kind for kind in kinds.values() if kind is not None}) > 1:
+        yield where, f"these are not alike: {' and '.join(sorted(found))}"
+
+
+def _kind_of(bench: BenchFile, member: str) -> str | None:
+    """What several can be together: supplies, current sources, readings in one unit."""
+    if member in bench.readings:
+        reading = bench.readings[member]
+        device = bench.devices.get(reading.device)
+        unit = None if device is None else device.description.channels_of(device.options).get(reading.channel)
+        return f"readings in {unit}"
+    capabilities = bench.devices[member].description.capabilities if member in bench.devices else frozenset()
+    return {"power_supply": "power supplies", "current_source": "current sources"}.get(
+        next(iter(capabilities & {"power_supply", "current_source"}), "")
+    )
 
 
 def _voltmeters(bench: BenchFile) -> Iterator[Problem]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 from zoneinfo import ZoneInfo
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from bench.config.devices import Calibration, CoverageFactor, DeviceEntry, Text
 from bench.config.fixture import DIRECTIONS, FixtureEntry, Vector
@@ -31,7 +31,7 @@ from drivers.fields import (
     TextLike,
     WholeNumber,
 )
-from drivers.wording import expected
+from drivers.wording import expected, telling
 
 
 def _zone(name: str) -> str:
@@ -104,7 +104,10 @@ class ReadingEntry(StrictModel):
 
 
 class CurrentWindow(Range):
-    """What a unit may draw while its supply is on: from `min` to `max`; outside is an error of the bench."""
+    """What a unit may draw while its supply is on: from `min` to `max`.
+
+    Outside ends the run; where a supply feeds one of several units, that unit is dropped and the others go on.
+    """
 
     min: Amperes
     max: Amperes
@@ -153,6 +156,10 @@ class Monitor(StrictModel):
     devices: PositiveSeconds = Field(10.0, description="of all other devices")
 
 
+FAULTS_OF_DEVICES = ("silent", "cut", "frozen", "stuck", "restart")
+FAULTS_OF_UNITS = ("silent", "dead", "open_thermometer", "current")
+
+
 class ChamberSimulation(StrictModel):
     """How the simulated chamber behaves."""
 
@@ -192,14 +199,26 @@ class VoltmeterSimulation(StrictModel):
 
 
 class FaultSimulation(StrictModel):
-    """An instrument that breaks on purpose."""
+    """An instrument, or a unit under test, that breaks on purpose."""
 
-    device: Name = Field(description="which one, as in devices")
-    kind: Literal["silent", "cut", "frozen", "stuck", "restart"] = Field(
-        description="it answers nothing, loses the connection, its values stand still, it carries out no command, or a "
-        "counter loses its power for a moment"
+    device: Name | None = Field(None, description="which instrument, as in devices")
+    unit: Name | None = Field(None, description="or the unit in which place")
+    kind: Literal["silent", "cut", "frozen", "stuck", "restart", "dead", "open_thermometer", "current"] = Field(
+        description="a device answers nothing (silent), loses the connection (cut), its values stand still (frozen), "
+        "it carries out no command (stuck), or a counter loses its power for a moment (restart); of a unit the frames "
+        "stop (silent), the counts stand still (dead), the thermometer opens, or it draws three times its current"
     )
     at: Seconds = Field(description="when, after the beginning of the run")
+
+    @model_validator(mode="after")
+    def _of_a_device_or_a_unit(self) -> FaultSimulation:
+        if (self.device is None) == (self.unit is None):
+            raise telling("give device or unit, one of them")
+        allowed = FAULTS_OF_DEVICES if self.unit is None else FAULTS_OF_UNITS
+        if self.kind not in allowed:
+            what = "a device" if self.unit is None else "a unit"
+            raise telling(f"kind is '{self.kind}', {what} can be {', '.join(allowed)}")
+        return self
 
 
 class Simulation(StrictModel):
@@ -229,11 +248,20 @@ class BenchFile(StrictModel):
     site: Site
     devices: Annotated[Mapping[Name, DeviceEntry], NOT_EMPTY]
     readings: Mapping[Name, ReadingEntry] = {}
+    together: Mapping[Name, Annotated[tuple[Name, ...], NOT_EMPTY]] = Field(
+        {},
+        description="one name for several supplies, current sources or readings, such as one for each unit: a sequence "
+        "that sets it sets each, and one that waits for it waits for all",
+    )
     interlocks: Mapping[Name, InterlockEntry] = {}
     fixture: FixtureEntry
     places: Annotated[Mapping[Name, PlaceEntry], NOT_EMPTY]
     monitor: Monitor = Monitor()
     simulation: Simulation = Simulation()
+
+    def members(self, name: str) -> tuple[str, ...]:
+        """The devices or readings that a name of a sequence stands for; mostly itself alone."""
+        return self.together.get(name, (name,))
 
     def all_simulated(self) -> BenchFile:
         """The same bench with the simulator at the other end of every wire."""

@@ -24,6 +24,7 @@ from bench.sequence.talk import Alarm, Note, Prompt
 from bench.sequence.waits import Soak, Wait, WaitUntil
 from bench.store.writer import RunWriter
 from drivers.capabilities import Positioner
+from drivers.errors import DriverError
 from drivers.quantities import Quantity
 from drivers.units import customary_unit
 
@@ -143,8 +144,20 @@ async def _oscillate(step: Oscillate, bench: Bench) -> Found:
 
 
 async def _set_output(step: SetOutput, bench: Bench) -> Found:
-    source = bench.rig.source(step.role)
-    window = bench.monitor.windows.get(step.role)
+    """Sets an output, or each of several that are for units still in; none is left on for a unit that is not."""
+    units, found = bench.monitor.units, {}
+    for role in bench.file.members(step.role) if step.output == "off" else units.members(step.role):
+        try:
+            found[role] = await _set_one(step, role, bench)
+        except DriverError:
+            if units.is_needed(role):  # not of a unit that was dropped, and its output made safe, meanwhile
+                raise
+    return found.get(step.role, {"outputs": found})
+
+
+async def _set_one(step: SetOutput, role: str, bench: Bench) -> Found:
+    source = bench.rig.source(role)
+    window = bench.monitor.windows.get(role)
     if window is not None:
         window.on_since_s = None
     level = step.voltage_v if step.voltage_v is not None else step.current_a
@@ -154,7 +167,7 @@ async def _set_output(step: SetOutput, bench: Bench) -> Found:
     limit = step.current_limit_a if step.current_limit_a is not None else step.compliance_v
     await source.set(level or 0.0, limit=limit or 0.0, output=step.output == "on")
     found = await source.read()
-    if window is not None and step.output == "on":
+    if window is not None and step.output == "on" and bench.monitor.units.is_needed(role):
         window.on_since_s = asyncio.get_running_loop().time()
     return {"voltage_v": found.voltage_v, "current_a": found.current_a, "output": found.output}
 
@@ -168,6 +181,7 @@ async def _ask(step: Prompt, step_id: str, bench: Bench) -> Found:
         found["as"] = step.name
     if step.expect is not None and step.expect.mount is not None:
         found["mount"] = step.expect.mount
+        bench.monitor.units.mount = bench.file.fixture.mount(step.expect.mount)
     return found
 
 

@@ -16,13 +16,14 @@ from bench.engine.monitor import Monitor
 from bench.engine.questions import Desk, Question
 from bench.engine.safety import finish
 from bench.engine.stepper import Stopped, UnitFailed, Watcher
+from bench.engine.units import UnitFailure
 from bench.engine.walk import Walk
 from bench.errors import BenchError, InputError, WindowError
 from bench.rig import MAKE_SAFE_S, Rig
 from bench.sequence.plan import Plan
 from bench.sequence.stimulus import Ramp
 from bench.store.writer import RunWriter
-from drivers.errors import DriverError
+from drivers.errors import DriverError, InstrumentFault
 
 How = Literal["completed", "failed", "error", "aborted"]
 
@@ -62,10 +63,14 @@ class Engine:
         self.desk = Desk(observer.asked)
         self._control = Control(self.journal, observer.notice)
         bench = Bench(file, rig, monitor, writer, self.journal, self.desk, observer.notice)
+        monitor.units.angles_deg = bench.angles_deg
+        self._places = file.places
         self._walk = Walk(plan, bench, self._control, observer, self._failed)
         self._body_task: asyncio.Task[None] | None = None
         self._teardown_task: asyncio.Task[None] | None = None
         monitor.on_interlock = self._interlock
+        monitor.on_unit_failure = self._unit_failed
+        self._switching_off: set[asyncio.Task[None]] = set()
         self._interlocks = {**file.interlocks, **plan.sequence.interlocks}
         self._giving_up: dict[str, asyncio.TimerHandle] = {}
         self.outcome = Outcome()
@@ -141,6 +146,8 @@ class Engine:
         finally:
             for timer in self._giving_up.values():
                 timer.cancel()
+            for switching_off in self._switching_off:
+                switching_off.cancel()  # all is made safe now
             self.outcome.unsafe = await finish(self._make_safe(), MAKE_SAFE_S + 5)
         return self.outcome
 
@@ -149,9 +156,7 @@ class Engine:
         by = f"interlock {change.name}"
         self._observer.notice(change.text)
         if not change.tripped:
-            self._control.release(by)
-            if (timer := self._giving_up.pop(change.name, None)) is not None:
-                timer.cancel()
+            self._let_go(change.name)
         elif change.action in ("hold", "pause"):
             self._control.hold(by)
             self._give_up_on(change)
@@ -163,6 +168,56 @@ class Engine:
                 if self._teardown_task is not None:
                     self._teardown_task.cancel(by)
             self._monitor.report(WindowError(change.text))
+
+    def _let_go(self, interlock: str) -> None:
+        """An interlock has no reason any more to hold the run."""
+        self._control.release(f"interlock {interlock}")
+        if (timer := self._giving_up.pop(interlock, None)) is not None:
+            timer.cancel()
+
+    def _unit_failed(self, failure: UnitFailure, disregarded: list[str]) -> None:
+        """One of several units is out: told, and its outputs made safe. The run goes on with the others, if any."""
+        place, left = failure.place, self._monitor.units.left
+        goes_on = f"The run goes on with {', '.join(left)}." if left else "No unit is left."
+        text = f"The unit in place {place} is dropped: {failure.text} {goes_on}"
+        if disregarded:
+            text += f" Interlocks on its thermometer are not judged any more: {', '.join(disregarded)}."
+        self.journal.try_to_write("unit_dropped", place=place, fault=failure.kind, bad=failure.unit_is_bad, text=text)
+        self._observer.notice(f"\a{text}")
+        for interlock in disregarded:
+            self._let_go(interlock)
+        switching_off = asyncio.create_task(self._switch_off(place), name=f"switch off {place}")
+        self._switching_off.add(switching_off)
+        switching_off.add_done_callback(self._switching_off.discard)
+        if not left:
+            self._monitor.report(WindowError(text))
+
+    async def _switch_off(self, place: str) -> None:
+        """Makes safe what feeds a unit and no other; what cannot be proved to be off ends the run."""
+        unit = self._places[place]
+        for role in filter(None, (unit.supply, unit.source)):
+            if self._monitor.units.is_needed(role):
+                self._observer.notice(f"{role} stays on: it feeds others than the unit in place {place}.")
+                continue
+            try:
+                await self._make_one_safe(place, role)
+            except (DriverError, TimeoutError) as problem:
+                text = f"{role} cannot be switched off after the unit in place {place} was dropped: {problem}"
+                self._monitor.report(WindowError(text))
+
+    async def _make_one_safe(self, place: str, role: str) -> None:
+        """Switches a supply or source off and reads it back; raises what stands in its way."""
+        source = self._rig.source(role)
+        self._monitor.being_made_safe.add(role)
+        try:
+            async with asyncio.timeout(MAKE_SAFE_S):
+                await source.make_safe()
+                found = await source.read()
+        finally:
+            self._monitor.being_made_safe.discard(role)
+        self.journal.try_to_write("unit_off", place=place, device=role, output=found.output, current_a=found.current_a)
+        if found.output:
+            raise InstrumentFault(role, "its output is still on after it was made safe")
 
     def _give_up_on(self, change: Change) -> None:
         """Stops the run when an interlock that holds it does not get good again."""

@@ -60,6 +60,14 @@ class Interlocks:
                 if (change := interlock.take(source, reading)) is not None:
                     self._changes.append(change)
 
+    def disregard(self, source: str) -> list[str]:
+        """Judges no more what looks at DEVICE.CHANNEL, which nobody believes any longer; the names of these."""
+        gone = self._of_source.pop(source, [])
+        self._interlocks = [each for each in self._interlocks if each not in gone]
+        for others in self._of_source.values():
+            others[:] = [each for each in others if each not in gone]
+        return [each.name for each in gone]
+
     def look(self, now_s: float) -> Sequence[Change]:
         """What has changed since the last look; for after every poll of a device, also of one that gave nothing."""
         for interlock in self._interlocks:
@@ -88,7 +96,7 @@ class _Interlock:
 
     def __init__(self, name: str, entry: AnyInterlock, sources: Sequence[str], good: _Good) -> None:
         self.sources = sources
-        self._name, self._entry, self._good = name, entry, good
+        self.name, self._entry, self._good = name, entry, good
         self._good_for_s = entry.good_for_s if entry.then in PASSING else math.inf
         self._tripped = False
         self._otherwise_since_s: float | None = None  # since when the condition is not what the state is
@@ -113,15 +121,15 @@ class _Interlock:
         if at_s - since_s < (self._entry.for_s if bad else self._good_for_s):
             return None
         self._tripped, self._otherwise_since_s = bad, None
-        return Change(self._name, self._entry.then, bad, since_s, self._text(value, at_s - since_s))
+        return Change(self.name, self._entry.then, bad, since_s, self._text(value, at_s - since_s))
 
     def _text(self, value: float, held_s: float) -> str:
         good = self._good
         found = f"{good.looked_at.format(f'{value:.5g} {good.unit}'.rstrip())}, allowed is {good.allowed}"
         after = f" after {_duration(held_s)}" if held_s > 0 else ""
         if not self._tripped:
-            return f"Interlock {self._name} is good again{after}: {found}."
-        return f"Interlock {self._name} has tripped{after}: {found}. {_consequence(self._entry)} {good.advice}"
+            return f"Interlock {self.name} is good again{after}: {found}."
+        return f"Interlock {self.name} has tripped{after}: {found}. {_consequence(self._entry)} {good.advice}"
 
 
 class _Level(_Interlock):

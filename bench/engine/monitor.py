@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import asyncio
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from bench.analysis.thermometer import beyond_possible
 from bench.config.channels import period_s
 from bench.config.models import BenchFile, ReadingEntry
 from bench.engine.interlocks import Change, Interlocks
+from bench.engine.units import Kind, UnitFailure, Units
 from bench.errors import BenchError, WindowError
 from bench.rig import Rig
 from bench.sequence.readings import unit_of
 from bench.store.writer import RunWriter
+from drivers.capabilities import PulseCounter
 from drivers.errors import DriverError
 from drivers.values import Reading
 
@@ -53,7 +57,8 @@ class Monitor:
 
     What it finds wrong it says once, by the future `fault`; the device concerned is not polled any more. An interlock
     that trips or is good again goes into the journal, then to `on_interlock`, which the engine sets before `start`.
-    Concurrency: one task for each device, owned by this object.
+    One of several units that fails is dropped, and told to `on_unit_failure` with the interlocks on its thermometer,
+    which are judged no more. Concurrency: one task for each device, owned by this object.
     """
 
     def __init__(
@@ -63,18 +68,21 @@ class Monitor:
         interlocks: Interlocks,
         writer: RunWriter,
         on_reading: Callable[[str, Reading], None],
+        places: Collection[str] | None = None,
     ) -> None:
+        self.units = Units(bench, places)
         self._rig, self._bench, self._writer, self._on_reading = rig, bench, writer, on_reading
         self._interlocks = interlocks
         self.on_interlock: Callable[[Change], None] = lambda _change: None
+        self.on_unit_failure: Callable[[UnitFailure, list[str]], None] = lambda _failure, _interlocks: None
+        self.being_made_safe: set[str] = set()  # devices that the engine switches off for a unit that was dropped
         self._channels: dict[str, _Channel] = {}
         self._names = {reading.from_: name for name, reading in bench.readings.items()}
         self._tasks: list[asyncio.Task[None]] = []
-        self.windows = {
-            place.supply: Window(place.supply_current.min, place.supply_current.max)
-            for place in bench.places.values()
-            if place.supply_current is not None
-        }
+        self.windows = {place.supply: Window(-math.inf, math.inf) for place in self.units.places.values()}
+        for place in self.units.places.values():
+            if place.supply_current is not None:
+                self.windows[place.supply] = Window(place.supply_current.min, place.supply_current.max)
         self.fault: asyncio.Future[Exception] = asyncio.get_running_loop().create_future()
 
     def start(self) -> None:
@@ -126,7 +134,11 @@ class Monitor:
         due_s = loop.time()
         try:
             while True:
-                self._take(role, await device.poll(), units)
+                try:
+                    self._take(role, await device.poll(), units)
+                except DriverError:
+                    if role not in self.being_made_safe:  # which cuts the answer to a poll short
+                        raise
                 due_s = max(due_s + every_s, loop.time())
                 await asyncio.sleep(due_s - loop.time())
         except (DriverError, BenchError) as problem:
@@ -145,13 +157,16 @@ class Monitor:
             channel.extend(values)
             self._writer.readings(channel.name, channel.unit, values)
             self._on_reading(channel.name, values[-1])
-            self._interlocks.take(source, values)
+        if self.units.several:
+            self._look_at_units(role)  # before the interlocks, so that none trips on an open thermometer
+        for key, values in readings.items():
+            self._interlocks.take(f"{role}.{key}", values)
         self._look_at_interlocks()
         if role in self.windows:
             self._judge_current(role, self.windows[role])
         for name, entry in self._bench.readings.items():
-            if entry.device == role:
-                self._judge_reading(name, entry)
+            if entry.device == role and self.units.is_needed(name) and (found := self._problem_with(name, entry)):
+                raise WindowError(found[1])
 
     def _look_at_interlocks(self) -> None:
         for change in self._interlocks.look(asyncio.get_running_loop().time()):
@@ -159,34 +174,92 @@ class Monitor:
             self._writer_event("interlock", **facts, since_s=change.since_s, text=change.text)
             self.on_interlock(change)
 
+    def _look_at_units(self, role: str) -> None:
+        """Drops those that a device says something of alone; the same of more than one at once is the bench's doing."""
+        failures = [found for place in self.units.left if (found := self._failure(place, role)) is not None]
+        for kind, count in Counter(failure.kind for failure in failures).items():
+            if count > 1:
+                texts = " ".join(f"{each.place}: {each.text}" for each in failures if each.kind == kind)
+                raise WindowError(f"{role}: {count} units fail in the same way at once, which is the bench. {texts}")
+        for failure in failures:
+            self.drop(failure)
+
+    def _failure(self, place: str, role: str) -> UnitFailure | None:
+        """What the newest values of a device say of a unit."""
+        unit = self._bench.places[place]
+        found: tuple[Kind, str] | None = None
+        if role == unit.supply and self.units.alone_at(role) == place:
+            found = self._problem_with_current(role, self.windows[role])
+        reading = self._bench.readings[unit.temperature]
+        if found is None and role == reading.device and self.units.alone_at(unit.temperature) == place:
+            found = self._problem_with(unit.temperature, reading)
+        if found is None:
+            found = self._silence(place, role)
+        return UnitFailure(place, *found) if found is not None else None
+
+    def _silence(self, place: str, role: str) -> tuple[Kind, str] | None:
+        unit, device = self._bench.places[place], self._rig.devices[role]
+        on_since_s = self.windows[unit.supply].on_since_s
+        if on_since_s is None or not isinstance(device, PulseCounter):
+            return None
+        heard = device.heard().get(unit.channel)
+        now_s, late_s = asyncio.get_running_loop().time(), self._bench.devices[role].description.reports_every_s
+        text = self.units.silence(place, heard, on_since_s, now_s, late_s) if heard is not None else ""
+        return ("silent", f"{text} Check the unit, its converter and their wiring.") if text else None
+
+    def drop(self, failure: UnitFailure) -> None:
+        """A unit that has failed takes no further part; nobody believes its thermometer if that is what failed."""
+        unit = self._bench.places[failure.place]
+        disregarded: list[str] = []
+        if failure.kind in ("thermometer", "temperature"):
+            disregarded = self._interlocks.disregard(self._source(unit.temperature))
+        self.units.drop(failure)
+        if not self.units.is_needed(unit.supply):
+            self.windows[unit.supply].on_since_s = None
+        self.on_unit_failure(failure, disregarded)
+
+    def drop_those_at(self, names: Collection[str], kind: Kind, text: str) -> bool:
+        """Drops the units that these readings, of several that were waited for, are for alone; whether others go on."""
+        places = {place for name in names if (place := self.units.alone_at(name)) is not None}
+        if len(places) < len(names) or not set(self.units.left) - places:
+            return False
+        for place in sorted(places):
+            self.drop(UnitFailure(place, kind, text))
+        return True
+
     def _judge_current(self, role: str, window: Window) -> None:
+        if (found := self._problem_with_current(role, window)) is not None:
+            raise WindowError(found[1])
+
+    def _problem_with_current(self, role: str, window: Window) -> tuple[Kind, str] | None:
         current = self._channels.get(f"{role}.current")
         if window.on_since_s is None or current is None:
-            return
+            return None
         newest = current.values[-1]
         if newest.at_s < window.on_since_s + WINDOW_GRACE_S or window.low <= newest.value <= window.high:
-            return
-        raise WindowError(
+            return None
+        return (
+            "draws_too_much" if newest.value > window.high else "draws_too_little",
             f"{role}: the units draw {newest.value * 1e3:.4g} mA, expected {window.low * 1e3:g} to "
-            f"{window.high * 1e3:g} mA. Check the unit and its wiring before switching on again."
+            f"{window.high * 1e3:g} mA. Check the unit and its wiring before switching on again.",
         )
 
-    def _judge_reading(self, name: str, entry: ReadingEntry) -> None:
+    def _problem_with(self, name: str, entry: ReadingEntry) -> tuple[Kind, str] | None:
         newest = self.latest(name)
         now_s = asyncio.get_running_loop().time()
         reports_every_s = self._bench.devices[entry.device].description.reports_every_s
         if newest is None:
-            return
+            return None
         if now_s - newest.at_s > entry.stale_after + reports_every_s:
-            raise WindowError(
+            return "thermometer", (
                 f"{name}: the last reading is {now_s - newest.at_s:.0f} s old, allowed are {entry.stale_after:g} s. "
                 f"Check the thermometer and {entry.device}."
             )
         if entry.limits is not None and not entry.limits.min <= newest.value <= entry.limits.max:
-            raise WindowError(
-                f"{name}: {newest.value:.2f} °C is outside {entry.limits.min:g} to {entry.limits.max:g} °C. "
-                "Check the chamber and the sensor."
-            )
+            text = f"{name}: {newest.value:.2f} °C is outside {entry.limits.min:g} to {entry.limits.max:g} °C. "
+            is_open = bool(beyond_possible(np.array(newest.value)))
+            return "thermometer" if is_open else "temperature", f"{text}Check the chamber and the sensor."
+        return None
 
     def _writer_event(self, kind: str, **data: Any) -> None:
         try:

@@ -36,6 +36,7 @@ class RunState:
 
     `held` are the reasons why no step begins. `left_out` are steps that were skipped, or failed and were passed over.
     `limits_failed` are measurements outside their limits, and those that could not be decided are `undecided`.
+    `dropped` are units that take no further part, by place, and why.
     """
 
     under_way: tuple[str, ...] = ()
@@ -46,6 +47,7 @@ class RunState:
     left_out: tuple[str, ...] = ()
     limits_failed: tuple[str, ...] = ()
     undecided: tuple[str, ...] = ()
+    dropped: Mapping[str, str] = field(default_factory=dict)
     problems: tuple[str, ...] = ()
     questions: tuple[str, ...] = ()
 
@@ -75,6 +77,8 @@ def advanced(state: RunState, kind: str, step: str, data: Mapping[str, Any]) -> 
             return replace(state, held=state.held - {str(data["by"])})
         case "asked":
             return replace(state, questions=(*state.questions, step))
+        case "unit_dropped":
+            return replace(state, dropped={**state.dropped, str(data["place"]): str(data["text"])})
         case "problem":
             return replace(state, problems=(*state.problems, str(data["text"])))
         case _:

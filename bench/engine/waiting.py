@@ -1,4 +1,8 @@
-"""Steps that wait for readings: until a condition holds, until a unit is as warm as its chamber."""
+"""Steps that wait for readings: until a condition holds, until a unit is as warm as its chamber.
+
+Where one name stands for the thermometers of several units, all that are still in are waited for. A unit that keeps the
+others waiting until a step gives up is dropped, and they go on.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,8 @@ from bench.engine.monitor import Monitor
 from bench.errors import StepError
 from bench.sequence.waits import LOOK_EVERY_S, WINDOW_COVERAGE, Soak, Stable, WaitUntil
 
+Window = np.ndarray[Any, np.dtype[np.float64]]
+
 
 async def until(step: WaitUntil, monitor: Monitor) -> Mapping[str, Any]:
     """Until every reading of the last `hold_s` fulfils the condition; StepError when that takes too long."""
@@ -22,17 +28,32 @@ async def until(step: WaitUntil, monitor: Monitor) -> Mapping[str, Any]:
     low = -math.inf if step.above is None else step.above.to(unit)
     high = math.inf if step.below is None else step.below.to(unit)
     while True:
-        window = monitor.last(step.reading, step.hold_s)
-        covered = len(window) > 0 and window[-1, 0] - max(window[0, 0], began_s) >= WINDOW_COVERAGE * step.hold_s
-        if covered and ((low < window[:, 1]) & (window[:, 1] < high)).all():
-            return {"reading": step.reading, "value": float(window[-1, 1]), "unit": unit, **_waited(began_s)}
+        windows = {name: monitor.last(name, step.hold_s) for name in monitor.units.members(step.reading)}
+        waiting = [name for name, window in windows.items() if not _holds(window, low, high, began_s, step.hold_s)]
+        if not waiting:
+            values = {name: float(window[-1, 1]) for name, window in windows.items()}
+            value = values.get(step.reading, values)
+            return {"reading": step.reading, "value": value, "unit": unit, **_waited(began_s)}
         if loop.time() - began_s >= step.give_up_after_s:
-            found = f"{window[-1, 1]:.2f} {unit}" if len(window) else "unknown"
-            raise StepError(
-                f"{step.reading} is {found} after {step.give_up_after_s / 60:.1f} min, expected {_condition(step)}. "
+            text = "; ".join(f"{name} is {_newest(windows[name], unit)}" for name in waiting)
+            text += (
+                f" after {step.give_up_after_s / 60:.1f} min, expected {_condition(step)}. "
                 "Check what it measures and the sensor, or wait longer."
             )
+            if not monitor.drop_those_at(waiting, "not_settled", text):
+                raise StepError(text)
+            continue
         await asyncio.sleep(LOOK_EVERY_S)
+
+
+def _holds(window: Window, low: float, high: float, began_s: float, hold_s: float) -> bool:
+    """Whether readings since the step began cover the hold time, and all are between the bounds."""
+    covered = len(window) > 0 and window[-1, 0] - max(window[0, 0], began_s) >= WINDOW_COVERAGE * hold_s
+    return bool(covered and ((low < window[:, 1]) & (window[:, 1] < high)).all())
+
+
+def _newest(window: Window, unit: str) -> str:
+    return f"{window[-1, 1]:.2f} {unit}" if len(window) else "unknown"
 
 
 def _waited(began_s: float) -> dict[str, float]:
@@ -52,23 +73,39 @@ async def soak(step: Soak, monitor: Monitor) -> Mapping[str, Any]:
     began_s = loop.time()
     await asyncio.sleep(step.at_least_s)
     while step.until_stable is not None:
-        spread_c, slope_c_per_h = _steadiness(monitor.last(step.role, step.until_stable.hold_s), step.until_stable)
-        if spread_c <= step.until_stable.band_c and abs(slope_c_per_h) <= step.until_stable.slope_c_per_h:
+        stable = step.until_stable
+        found = {
+            name: _steadiness(monitor.last(name, stable.hold_s), stable) for name in monitor.units.members(step.role)
+        }
+        restless = {
+            name: (spread_c, slope_c_per_h)
+            for name, (spread_c, slope_c_per_h) in found.items()
+            if spread_c > stable.band_c or abs(slope_c_per_h) > stable.slope_c_per_h
+        }
+        if not restless:
             break
         waited_s = loop.time() - began_s
         if step.give_up_after_s is not None and waited_s >= step.give_up_after_s:
-            raise StepError(
-                f"{step.role} is not stable after {waited_s / 3600:.1f} h: over the last "
-                f"{step.until_stable.hold_s / 60:g} min it spread over {spread_c:.2f} °C with a slope of "
-                f"{slope_c_per_h:.2f} °C/h, allowed are {step.until_stable.band_c:g} °C and "
-                f"{step.until_stable.slope_c_per_h:g} °C/h. Check the chamber, or widen the band."
-            )
+            text = " ".join(_not_stable(name, *how, waited_s, stable) for name, how in restless.items())
+            if not monitor.drop_those_at(restless, "not_settled", text):
+                raise StepError(text)
+            continue
         await asyncio.sleep(LOOK_EVERY_S)
-    newest = monitor.latest(step.role)
-    return {"temperature_c": newest.value if newest else None, "soaked_s": loop.time() - began_s}
+    newest = {name: monitor.latest(name) for name in monitor.units.members(step.role)}
+    values = {name: reading.value if reading else None for name, reading in newest.items()}
+    return {"temperature_c": values.get(step.role, values or None), "soaked_s": loop.time() - began_s}
 
 
-def _steadiness(window: np.ndarray[Any, np.dtype[np.float64]], stable: Stable) -> tuple[float, float]:
+def _not_stable(name: str, spread_c: float, slope_c_per_h: float, waited_s: float, stable: Stable) -> str:
+    return (
+        f"{name} is not stable after {waited_s / 3600:.1f} h: over the last "
+        f"{stable.hold_s / 60:g} min it spread over {spread_c:.2f} °C with a slope of "
+        f"{slope_c_per_h:.2f} °C/h, allowed are {stable.band_c:g} °C and "
+        f"{stable.slope_c_per_h:g} °C/h. Check the chamber, or widen the band."
+    )
+
+
+def _steadiness(window: Window, stable: Stable) -> tuple[float, float]:
     """Max - min in °C and the fitted slope in °C/h; infinite while the readings do not cover the hold time."""
     if len(window) < 3 or window[-1, 0] - window[0, 0] < WINDOW_COVERAGE * stable.hold_s:
         return float("inf"), float("inf")

@@ -42,10 +42,7 @@ class Results:
             "schema": SCHEMA,
             "title": self.title,
             "verdict": self.verdict,
-            "units": [
-                {"place": unit.place, "uut": unit.uut, "verdict": unit.verdict, "flags": list(unit.flags)}
-                for unit in self.units
-            ],
+            "units": [_unit(unit) for unit in self.units],
             "findings": [_finding(finding) for unit in self.units for finding in unit.findings],
             "models": [model.to_json() for unit in self.units for model in unit.models],
             **self.on_the_way.to_json(),
@@ -63,8 +60,16 @@ def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str,
         settings = method.settings.model_validate(entry.settings).model_dump()
         module, _, function = method.target.partition(":")
         reduce = getattr(import_module(module), function)
-        found: Sequence[UnitResult] = reduce(data(entry.data), settings)
-        units += [_judged(unit, entry, method.quantities) for unit in found]
+        found: dict[str, UnitResult] = {}
+        acquired = data(entry.data)
+        for part in acquired.by_length():
+            found |= {unit.place: unit for unit in reduce(part, settings)}
+        units += [
+            dataclasses.replace(
+                _judged(found[unit.place], entry, method.quantities), dropped=found_on_the_way.dropped.get(unit.place)
+            )
+            for unit in acquired.units
+        ]
     verdict = _verdict(units, sequence, state, found_on_the_way)
     return Results(sequence.title, verdict, tuple(units), found_on_the_way)
 
@@ -92,6 +97,12 @@ def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on
     if ended or on_the_way.left_out or verdicts & {"INCOMPLETE", "INVALID"} or (sequence.results and not units):
         return "INCOMPLETE"
     return "FAIL" if "FAIL" in verdicts else "PASS"
+
+
+def _unit(unit: UnitResult) -> dict[str, Any]:
+    """A unit by one method; `dropped` only where it was."""
+    told = {"place": unit.place, "uut": unit.uut, "verdict": unit.verdict, "flags": list(unit.flags)}
+    return told if unit.dropped is None else {**told, "dropped": dataclasses.asdict(unit.dropped)}
 
 
 def _finding(finding: Finding) -> dict[str, Any]:

@@ -133,9 +133,12 @@ def _drawn(method: MethodDescription, unit: UnitResult, name: str) -> Iterator[P
 def _flags(results: Results | None) -> Iterator[str]:
     """The flags of the units in words."""
     units = results.units if results is not None else ()
+    flagged: dict[str, list[str]] = {}
     for unit in units:
         for flag in unit.flags:
-            yield f"{unit.uut}: {flag_in_words(flag)}" if len(units) > 1 else flag_in_words(flag)
+            flagged.setdefault(flag_in_words(flag), []).append(unit.uut)
+    for words, uuts in flagged.items():
+        yield f"{', '.join(dict.fromkeys(uuts))}: {words}" if len(units) > 1 else words
 
 
 def _documents(run: StoredRun) -> list[tuple[str, str]]:

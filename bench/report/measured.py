@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from bench.analysis.finding import COVERAGE
+from bench.analysis.finding import COVERAGE, Dropped
 from bench.report.languages import tr
 from bench.report.shown import decimals
 from bench.sequence.dwells import first_visit
@@ -74,11 +74,15 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class OnTheWay:
-    """Everything of a run that stands in its journal and not in its frames; of a step done again the last time."""
+    """Everything of a run that stands in its journal and not in its frames; of a step done again the last time.
+
+    `dropped` are units that did not take part to the end, by place.
+    """
 
     measurements: tuple[Measurement, ...] = ()
     answers: tuple[Answered, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
+    dropped: Mapping[str, Dropped] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Its part of `results.json`."""
@@ -100,9 +104,12 @@ def on_the_way(reader: RunReader) -> OnTheWay:
     measurements: dict[str, Measurement] = {}
     answers: list[Answered] = []
     left_out: list[LeftOut] = []
-    for event in reader.events("step_ended", "left_out", "answered"):
+    dropped: dict[str, Dropped] = {}
+    for event in reader.events("step_ended", "left_out", "answered", "unit_dropped"):
         data = event.data
-        if event.kind == "left_out":
+        if event.kind == "unit_dropped":
+            dropped[data["place"]] = Dropped(event.at_s, data["fault"], data["bad"], data["text"])
+        elif event.kind == "left_out":
             left_out.append(LeftOut(event.step, str(data["text"] or data["why"])))
         elif event.kind == "answered":
             answers.append(Answered(event.step, tr("What now?"), str(data["answer"]), str(data["by"]), event.at_s))
@@ -111,7 +118,7 @@ def on_the_way(reader: RunReader) -> OnTheWay:
             answers.append(Answered(event.step, str(data["question"]), answer, str(data["by"]), event.at_s))
         elif "reading" in data and "u" in data:
             measurements[first_visit(event.step)] = _measurement(event)
-    return OnTheWay(tuple(measurements.values()), tuple(answers), tuple(left_out))
+    return OnTheWay(tuple(measurements.values()), tuple(answers), tuple(left_out), dropped)
 
 
 def _measurement(event: Event) -> Measurement:

@@ -53,7 +53,12 @@ def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
     manifest = run.manifest
     for device, why in manifest.get("unsafe", {}).items():
         yield tr("{device} COULD NOT BE MADE SAFE: {why}", device=device, why=why)
-    yield from manifest["problems"]
+    dropped = [
+        tr("After {time}: {what}", time=duration(event.at_s), what=event.data["text"])
+        for event in run.reader.events("unit_dropped")
+    ]
+    yield from dropped
+    yield from (told for told in manifest["problems"] if not any(told in text for text in dropped))
     ended = next(run.reader.events("run_ended"), None)
     if ended is None or ended.data["how"] != "completed":
         yield tr("The run did not get to its end.") + " " + tr(ENDINGS[manifest["state"]])

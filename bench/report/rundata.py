@@ -23,9 +23,15 @@ ARCSEC_DEG = 1 / 3600
 
 def run_data(reader: RunReader, bench: BenchFile, serials: Mapping[str, str], label: str) -> RunData:
     """The acquisitions under a label, of the units in their places; StoreError when the run does not hold them."""
+    dropped_s = {event.data["place"]: event.at_s for event in reader.events("unit_dropped")}
     units = tuple(
         UnitUnderTest(
-            place, serial, bench.places[place].channel, bench.places[place].mount_angle, bench.places[place].temperature
+            place,
+            serial,
+            bench.places[place].channel,
+            bench.places[place].mount_angle,
+            bench.places[place].temperature,
+            dropped_s.get(place, math.inf),
         )
         for place, serial in serials.items()
     )

@@ -25,7 +25,8 @@ def results_text(results: Results | None) -> str:
         lines += _summary_table(unit)
         lines += [f"  {flag_in_words(flag)}" for flag in unit.flags]
     lines += _on_the_way(results.on_the_way)
-    return "\n".join([*lines, "", f"Verdict: {results.verdict}", ""])
+    each = ", ".join(dict.fromkeys(f"{unit.uut} {unit.verdict}" for unit in results.units))
+    return "\n".join([*lines, "", f"Verdict: {results.verdict}" + (f" ({each})" if "," in each else ""), ""])
 
 
 def _on_the_way(found: OnTheWay) -> Iterator[str]:

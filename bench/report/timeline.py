@@ -63,7 +63,7 @@ def acted_on(plan: Plan) -> list[str]:
 
 def output_unit(role: str, bench: BenchFile) -> str:
     """What the level of an output is in."""
-    device = bench.devices.get(role)
+    device = bench.devices.get(bench.members(role)[0])
     return "A" if device is not None and "current_source" in device.description.capabilities else "V"
 
 

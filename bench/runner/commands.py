@@ -72,6 +72,7 @@ def state_to_json(state: RunState) -> dict[str, Any]:
         "variables": {name: in_words(value) for name, value in state.variables.items()},
         "left_out": list(state.left_out),
         "limits_failed": list(state.limits_failed),
+        "dropped": dict(state.dropped),
         "problems": list(state.problems),
     }
 

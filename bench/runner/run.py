@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import signal
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -36,12 +36,13 @@ async def run_plan(
     folder: Path,
     can_pause: bool,
     on_desk: Callable[[Desk], object] | None = None,
+    places: Collection[str] | None = None,
 ) -> tuple[Outcome, Mapping[str, Identity]]:
     """Opens the devices, runs the plan, makes everything safe, closes; how it ended, and who the devices were.
 
     SIGINT: the step ends and teardown runs; a second one, or SIGTERM, drops the teardown. `teardown_s` is its estimated
     duration, to be told. While it runs a control socket takes commands; it is named in `folder`. `on_desk` is given the
-    desk at which questions are asked, before the first one.
+    desk at which questions are asked, before the first one. `places` are those with a unit in them; None for all.
     """
     rig = Rig(devices)
     try:
@@ -49,7 +50,7 @@ async def run_plan(
             for role, identity in rig.identities.items():
                 writer.event("identified", device=role, **_facts(identity))
             interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
-            monitor = Monitor(rig, bench, interlocks, writer, on_reading)
+            monitor = Monitor(rig, bench, interlocks, writer, on_reading, places)
             engine = Engine(plan, bench, rig, monitor, writer, observer)
             if on_desk is not None:
                 on_desk(engine.desk)

@@ -38,14 +38,16 @@ def _needs(plan: Plan, bench: BenchFile) -> Iterator[Problem]:
     for role, kind in plan.sequence.needs.items():
         place = declared_at(plan.document, "needs", role)
         if kind in (THERMOMETER, READING):
-            if role not in bench.readings:
+            if bench.members(role)[0] not in bench.readings:
                 yield place, f"the bench '{bench.title}' has no reading '{role}'{did_you_mean(role, bench.readings)}"
             elif kind == THERMOMETER and (unit := unit_of(role, bench)) != "°C":
                 yield place, f"the sequence needs a thermometer, '{role}' of the bench is in {unit}"
-        elif role not in bench.devices:
+            continue
+        device = bench.devices.get(bench.members(role)[0])
+        if device is None:
             yield place, f"the bench '{bench.title}' has no device '{role}'{did_you_mean(role, bench.devices)}"
-        elif kind not in bench.devices[role].description.capabilities:
-            is_a = ", ".join(sorted(bench.devices[role].description.capabilities))
+        elif kind not in device.description.capabilities:
+            is_a = ", ".join(sorted(device.description.capabilities))
             yield place, f"the sequence needs a {kind}, '{role}' of the bench is a {is_a}"
 
 

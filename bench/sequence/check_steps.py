@@ -88,7 +88,7 @@ def is_there(step: Step, needs: Mapping[str, str], bench: BenchFile) -> bool:
         return unit_of(step.reading, bench) is not None
     if isinstance(step, (Wait, Note, Alarm, Prompt, Soak, Custom)):
         return True
-    device = bench.devices.get(step.role)
+    device = bench.devices.get(bench.members(step.role)[0])
     return device is not None and needs[step.role] in device.description.capabilities
 
 
@@ -108,7 +108,8 @@ def limit_problems(  # noqa: C901  one case for each kind of step
             yield from _beyond(chamber, step.role, "to", "temperature", step.temperature_c, "°C")
             yield from _beyond(chamber, step.role, "at", "ramp_rate", step.rate_c_per_min, "°C/min")
         case SetOutput():
-            yield from _output(step, bench)
+            for role in bench.members(step.role):
+                yield from _output(step, role, bench)
         case Soak():
             if step.give_up_after_s is not None and step.give_up_after_s < step.least_s:
                 yield "give_up_after", "is shorter than the soak itself"
@@ -120,7 +121,11 @@ def limit_problems(  # noqa: C901  one case for each kind of step
             yield from _measure(step, bench)
         case Acquire():
             yield from resolution_problems(step)
-        case Tare() | Wait() | Note() | Alarm() | Custom():
+        case Tare():
+            yield from _one(step.reading, "tare", bench)
+        case Custom():
+            yield from _one(step.role or "", "custom", bench)
+        case Wait() | Note() | Alarm():
             pass
         case Prompt():
             yield from _prompt(step, bench)
@@ -175,8 +180,8 @@ def _oscillate(step: Oscillate, table: DeviceEntry) -> Found:
         yield "amplitude", f"is less than {COUNTS_OF_A_SINE} counts of the encoder; give at least {least_deg:.3g}°"
 
 
-def _output(step: SetOutput, bench: BenchFile) -> Found:
-    source = bench.devices[step.role]
+def _output(step: SetOutput, role: str, bench: BenchFile) -> Found:
+    source = bench.devices[role]
     current_a, key = step.current_a, "current"
     if step.acceleration_g is not None and step.place is not None:
         place, key = bench.places.get(step.place), "acceleration"
@@ -193,10 +198,10 @@ def _output(step: SetOutput, bench: BenchFile) -> Found:
         (key, "current", current_a, "A"),
     ):
         if value is not None:
-            yield from _beyond(source, step.role, name, limit, value, unit)
+            yield from _beyond(source, role, name, limit, value, unit)
     for name, unit_place in bench.places.items():
         most_a = unit_place.nominal.max_current if unit_place.nominal else None
-        fed = step.place in (None, name) and unit_place.source == step.role
+        fed = step.place in (None, name) and unit_place.source == role
         if fed and current_a is not None and most_a is not None and abs(current_a) > most_a:
             yield key, f"{current_a:.6g} A is more than the {most_a:.6g} A that the unit in place '{name}' takes"
         load_ohm = unit_place.nominal.load if unit_place.nominal else None
@@ -204,7 +209,7 @@ def _output(step: SetOutput, bench: BenchFile) -> Found:
             yield from _too_little_compliance(step, key, name, abs(current_a or 0.0) * (load_ohm or 0.0))
     most_v = getattr(source.options, "compliance", None)
     if step.compliance_v is not None and most_v is not None and step.compliance_v > most_v:
-        yield "compliance", _outside(step.compliance_v, "above", most_v, "V", step.role)
+        yield "compliance", _outside(step.compliance_v, "above", most_v, "V", role)
 
 
 def _too_little_compliance(step: SetOutput, key: str, place: str, needed_v: float) -> Found:
@@ -216,7 +221,14 @@ def _too_little_compliance(step: SetOutput, key: str, place: str, needed_v: floa
         )
 
 
+def _one(name: str, key: str, bench: BenchFile) -> Found:
+    """A name that stands for several, where one is meant."""
+    if len(members := bench.members(name)) > 1:
+        yield key, f"'{name}' of the bench stands for {', '.join(members)}; this step is about one of them"
+
+
 def _measure(step: Measure, bench: BenchFile) -> Found:
+    yield from _one(step.reading, "measure", bench)
     unit = unit_of(step.reading, bench)
     if step.duration_s is None and is_pulse_rate(step.reading, bench):
         yield "measure", "a pulse rate is counted over a time: give 'for'"

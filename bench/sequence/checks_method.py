@@ -32,7 +32,9 @@ def soak_never_stable(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     at_units = {unit.temperature for unit in bench.places.values()}
     for planned in plan if bench.is_simulated else ():
         step = planned.step
-        if isinstance(step, Soak) and step.until_stable and step.role in at_units and step.until_stable.band_c < span_c:
+        if not isinstance(step, Soak) or not step.until_stable or at_units.isdisjoint(bench.members(step.role)):
+            continue
+        if step.until_stable.band_c < span_c:
             yield (
                 (*planned.place, "until_stable", "band"),
                 f"the noise of '{step.role}' alone spans about {span_c:g} °C, so that a band of "

@@ -60,7 +60,8 @@ def limit_below_window(plan: Plan, bench: BenchFile) -> Iterator[Found]:
         if not isinstance(step, SetOutput) or step.current_limit_a is None:
             continue
         for name, unit in bench.places.items():
-            if unit.supply == step.role and unit.supply_current and unit.supply_current.max > step.current_limit_a:
+            fed = unit.supply in bench.members(step.role)
+            if fed and unit.supply_current and unit.supply_current.max > step.current_limit_a:
                 yield (
                     (*planned.place, "current_limit"),
                     f"the supply stops at {step.current_limit_a:g} A, the unit in place '{name}' may draw "

@@ -42,8 +42,9 @@ def _used(nodes: Nodes, bench: BenchFile) -> dict[str, PlannedStep]:
     for planned in leaves(nodes):
         for key in ("role", "of"):
             role = getattr(planned.step, key, None)
-            if role is not None and role in bench.devices:
-                used.setdefault(role, planned)
+            for member in bench.members(role) if role is not None else ():
+                if member in bench.devices:
+                    used.setdefault(member, planned)
         reading = getattr(planned.step, "reading", "")
         if is_pulse_rate(reading, bench):
             used.setdefault(reading.partition(".")[0], planned)

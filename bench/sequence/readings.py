@@ -33,6 +33,7 @@ def problem_with(name: str, needs: Mapping[str, str], bench: BenchFile | None) -
 
 def unit_of(name: str, bench: BenchFile) -> str | None:
     """The unit of a reading; None when the bench has no such reading."""
+    name = bench.members(name)[0]
     source = bench.readings[name].from_ if name in bench.readings else name
     device, _, channel = source.partition(".")
     if device not in bench.devices:

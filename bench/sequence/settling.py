@@ -79,13 +79,17 @@ class Settling:
 
     def power(self, supply: str, on: bool, at_s: float) -> None:
         """The output of a supply goes on or off, and with it the units on it."""
-        if on != (supply in self._powered):
-            self._powered ^= {supply}
-            self._changes += (_Change(at_s, 1.0 if on else -1.0, supply=supply),)
+        for member in self._bench.members(supply):
+            if on != (member in self._powered):
+                self._powered ^= {member}
+                self._changes += (_Change(at_s, 1.0 if on else -1.0, supply=member),)
 
     def soak_s(self, step: Soak, at_s: float) -> float:
         """How long a soak that begins at `at_s` takes; as long as it may, when nothing tells that it ends before."""
-        reading, stable = self._reading(step.role), step.until_stable
+        return max(self._soak_s(step, name, at_s) for name in self._bench.members(step.role))
+
+    def _soak_s(self, step: Soak, name: str, at_s: float) -> float:
+        reading, stable = self._reading(name), step.until_stable
         if stable is None or reading is None or step.give_up_after_s is None:
             return step.least_s
         if math.isnan(stable.band_c + stable.slope_c_per_h + stable.hold_s + step.at_least_s + step.give_up_after_s):
@@ -110,7 +114,10 @@ class Settling:
 
         Of other readings nothing is known but the time for which the condition must hold.
         """
-        reading, bounds = self._reading(step.reading), [each for each in (step.above, step.below) if each is not None]
+        return max(self._wait_s(step, name, at_s) for name in self._bench.members(step.reading))
+
+    def _wait_s(self, step: WaitUntil, name: str, at_s: float) -> float:
+        reading, bounds = self._reading(name), [each for each in (step.above, step.below) if each is not None]
         if reading is None or not all(map(is_known, bounds)) or math.isnan(step.hold_s + step.give_up_after_s):
             return step.least_s
         low_c, high_c = _celsius(step.above, -math.inf), _celsius(step.below, math.inf)

@@ -17,7 +17,7 @@ from drivers.description import Nothing, Setup, check_identity
 from drivers.errors import BadAnswer, DriverError, InstrumentFault, NoAnswer
 from drivers.frame_block import EXTENDED, FrameBlock
 from drivers.transport.frames import FrameLink
-from drivers.values import Identity, Reading
+from drivers.values import Heard, Identity, Reading
 
 FIRST_FRAME_S = 3.0
 ACQUIRING_BLOCK_S = 1.0  # what is not yet durable when the power fails
@@ -42,6 +42,8 @@ class CanCounter:
         self._failure: DriverError | None = None
         self._last_latch_s = 0.0
         self._last_numbers = np.empty(0, np.int64)  # of the last latches
+        self._heard: dict[str, Heard] = {}
+        self._newest: dict[str, tuple[int, int]] = {}  # counts by channel
         self._link: FrameLink
         self._format: wire.CounterFormat
         self._intake: asyncio.Task[None]
@@ -79,6 +81,10 @@ class CanCounter:
             raise self._failure
         readings, self._readings = self._readings, {}
         return readings
+
+    def heard(self) -> Mapping[str, Heard]:
+        """When each channel was last heard of, as far as its frames have been taken in."""
+        return self._heard
 
     async def make_safe(self) -> None:
         """Nothing to do: a counter energises nothing."""
@@ -120,6 +126,7 @@ class CanCounter:
                 raise self._no_latch(heard)
             await asyncio.sleep(self._options.period)
         self._last_latch_s = loop.time()
+        self._heard = dict.fromkeys(self._options.channels, Heard(loop.time(), loop.time()))
 
     def _no_latch(self, heard: Collection[int]) -> NoAnswer:
         """Says which frames came instead of a latch."""
@@ -156,6 +163,7 @@ class CanCounter:
             if self._acquisition is not None:
                 self._acquisition.put(block)
             self._watch(block)
+            self._listen(block)
         except DriverError as problem:
             self._failure = problem
             self._link.close()  # or frames would go on piling up
@@ -179,6 +187,15 @@ class CanCounter:
                 self.name, f"the counter stands still: its latches have the sequence number {self._last_numbers[0]}",
                 remedy="Restart the converter; its frames repeat old counts.",
             )  # fmt: skip
+
+    def _listen(self, block: FrameBlock) -> None:
+        """Notes what each channel has said."""
+        for channel, before in self._heard.items():
+            newest = wire.newest_counts(self._format, channel, block)
+            if newest is not None:
+                at_s, counts = newest
+                pulse_s = before.pulse_s if self._newest.get(channel) == counts else at_s
+                self._heard[channel], self._newest[channel] = Heard(at_s, pulse_s), counts
 
 
 class _Blocks(AsyncIterator[FrameBlock]):

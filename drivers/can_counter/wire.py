@@ -133,6 +133,16 @@ def latches(form: CounterFormat, block: FrameBlock) -> tuple[Integers, NDArray[n
     return form.sequence.signal.raw(block.data[rows]), block.at_s[rows]
 
 
+def newest_counts(form: CounterFormat, channel: str, block: FrameBlock) -> tuple[float, tuple[int, int]] | None:
+    """When the last frame of a channel in a block arrived, and its raw counts; None without one."""
+    pair = form.channels[channel]
+    rows = pair.sequence.message.rows(block)[-1:]
+    if not len(rows):
+        return None
+    positive, negative = (int(field.signal.raw(block.data[rows])[0]) for field in (pair.positive, pair.negative))
+    return float(block.at_s[rows[0]]), (positive, negative)
+
+
 def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Readings in a block by channel name: arrival times and values in °C."""
     found = {}

@@ -98,8 +98,13 @@ def test_a_bench_comes_with_the_document_it_was_read_from(folder):
 
 def test_every_shipped_bench_file_fits_together():
     files = sorted(CONFIG.glob("*.yaml"))
-    assert [path.name for path in files] == ["rate_table.yaml", "simulated.yaml", "simulated_wires.yaml"]
-    assert [load_bench(path).bench.is_simulated for path in files] == [True, True, False]
+    assert [path.name for path in files] == [
+        "rate_table.yaml",
+        "simulated.yaml",
+        "simulated_wires.yaml",
+        "three_units.yaml",
+    ]
+    assert [load_bench(path).bench.is_simulated for path in files] == [True, True, False, True]
 
 
 def test_a_bench_is_simulated_when_no_instrument_is_real(folder, shipped):
@@ -382,7 +387,20 @@ def test_a_wrong_value_elsewhere_is_told_under_its_key(folder, old, new, problem
          f"unit temperature: is 'unit temperature', expected {A_NAME}"),
         ("devices:\n", "devices:\n  x: 5\n", "x: 5", "x: is 5, expected a mapping"),
         ("seed: 1", "faults: [{device: head, kind: broken, at: 5 s}]", "kind: broken",
-         "kind: is 'broken', expected 'silent', 'cut', 'frozen', 'stuck' or 'restart'"),
+         "kind: is 'broken', expected 'silent', 'cut', 'frozen', 'stuck', 'restart', 'dead', 'open_thermometer' or "
+         "'current'"),
+        ("seed: 1", "faults: [{device: head, kind: dead, at: 5 s}]", "{device: head",
+         "kind is 'dead', a device can be silent, cut, frozen, stuck, restart"),
+        ("seed: 1", "faults: [{unit: a, device: head, kind: silent, at: 5 s}]", "{unit: a",
+         "give device or unit, one of them"),
+        ("seed: 1", "faults: [{unit: x, kind: dead, at: 5 s}]", "unit: x", "there is no place 'x'; expected a"),
+        ("\nfixture:\n", "\ntogether:\n  source: [supply]\n\nfixture:\n", "source: [supply]",
+         "'source' is a device or a reading already; several need a name of their own"),
+        ("\nfixture:\n", "\ntogether:\n  all: [supply, source]\n\nfixture:\n", "all: [",
+         "these are not alike: current sources and power supplies"),
+        ("\nfixture:\n", "\ntogether:\n  all: [supply, head]\n\nfixture:\n", "head]",
+         "there is no supply, current source or reading 'head'; expected unit_temperature, supply or source"),
+        ("\nfixture:\n", "\ntogether:\n  all: [supply, supply]\n\nfixture:\n", "all: [", "names one of them twice"),
     ],
 )  # fmt: skip
 def test_values_that_contradict_each_other_are_told_at_the_part_that_holds_them(folder, old, new, at, problem):
@@ -571,7 +589,8 @@ def test_a_file_that_is_nowhere_is_told_the_nearest_that_is_known(here):
     (here / "sequences" / "my_dwell.yaml").touch()
     assert lost("simulatd", "config") == "simulatd: there is no such bench; did you mean 'simulated'?"
     assert lost("my_dwel", "sequences") == "my_dwel: there is no such sequence; did you mean 'my_dwell'?"
-    assert lost("zzz", "config") == "zzz: there is no such bench; expected rate_table, simulated or simulated_wires"
+    everything = "rate_table, simulated, simulated_wires or three_units"
+    assert lost("zzz", "config") == f"zzz: there is no such bench; expected {everything}"
     assert lost("zzz.yaml", "config") == "zzz.yaml: there is no such file"
     assert lost("lab/zzz", "config") == "lab/zzz: there is no such file"
 

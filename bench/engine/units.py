@@ -1,0 +1,123 @@
+"""Which units of a run are still in, and what tells that one of several has failed while the bench is sound.
+
+A run of one unit has nobody who could go on: there every problem ends the run, as one of the bench does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+from bench.analysis.orientation import turned_axes
+from bench.analysis.rundata import Mount, Vector
+from bench.config.models import BenchFile, PlaceEntry
+from drivers.values import Heard
+
+Kind = Literal["thermometer", "temperature", "silent", "draws_too_much", "draws_too_little", "not_settled"]
+SILENT_S = 5.0  # without a frame of its channel, beyond the time for which frames are left together
+STANDING_S = 20.0  # without a pulse
+SURE_INPUT_G = 0.015  # along the input axis: more than bias, misalignment and dead band together could cancel
+
+
+@dataclass(frozen=True, slots=True)
+class UnitFailure:
+    """Why a unit can take no further part. Only a current above its window proves that the unit itself is bad."""
+
+    place: str
+    kind: Kind
+    text: str
+
+    @property
+    def unit_is_bad(self) -> bool:
+        """Whether the unit has failed, rather than what connects it with the bench."""
+        return self.kind == "draws_too_much"
+
+
+class Units:
+    """The units of a run by place, and which of them have been dropped.
+
+    `places` are those with a unit in them; None for all. `angles_deg` is where the axes stand, by role, as far as it is
+    known, and `mount` how the units are fixed; the engine keeps both up to date.
+    """
+
+    def __init__(self, bench: BenchFile, places: Collection[str] | None = None) -> None:
+        self._bench = bench
+        self.places = {name: entry for name, entry in bench.places.items() if places is None or name in places}
+        self.angles_deg: Mapping[str, float] = {}
+        self.mount = bench.fixture.mount()
+        self._dropped: dict[str, UnitFailure] = {}
+        self._stood: tuple[tuple[float | None, ...], float] = ((), 0.0)  # the angles at the last look, and since when
+
+    @property
+    def several(self) -> bool:
+        """Whether the run began with more than one."""
+        return len(self.places) > 1
+
+    @property
+    def left(self) -> dict[str, PlaceEntry]:
+        """Those that are still in."""
+        return {name: entry for name, entry in self.places.items() if name not in self._dropped}
+
+    def drop(self, failure: UnitFailure) -> None:
+        """A unit is no longer in."""
+        self._dropped.setdefault(failure.place, failure)
+
+    def at(self, name: str) -> list[str]:
+        """The places, of all that the bench has, that a supply, a source or a thermometer belongs to."""
+        return [place for place, entry in self._bench.places.items() if name in _belonging(entry)]
+
+    def is_needed(self, name: str) -> bool:
+        """Whether a supply, a source or a reading is for a unit that is still in, or for none in particular."""
+        places = self.at(name)
+        return not places or any(place in self.left for place in places)
+
+    def members(self, name: str) -> list[str]:
+        """What a name of the sequence stands for, less that which is for units that are not in."""
+        return [member for member in self._bench.members(name) if self.is_needed(member)]
+
+    def alone_at(self, name: str) -> str | None:
+        """The unit that a supply or a reading is for alone, where there are several in the run."""
+        places = [place for place in self.at(name) if place in self.places]
+        return places[0] if self.several and len(places) == 1 else None
+
+    def silence(self, place: str, heard: Heard, on_since_s: float, now_s: float, late_s: float) -> str:
+        """What says that a unit under power has fallen silent; empty when nothing does.
+
+        `late_s` is how late frames may be known. Counts that stand still say so only where the input axis is far enough
+        from level: there any unit pulses. Of a unit whose converter a source feeds they say nothing.
+        """
+        channel = self._bench.places[place].channel
+        quiet_s = now_s - max(heard.frame_s, on_since_s)
+        if quiet_s > SILENT_S + late_s:
+            return f"the frames of its channel '{channel}' have stopped for {quiet_s:.0f} s, those of others go on."
+        standing_s = now_s - max(heard.pulse_s, on_since_s, self._standing_since_s(now_s))
+        if self._must_pulse(place) and standing_s > STANDING_S + late_s:
+            return f"its counts on channel '{channel}' have stood still for {standing_s:.0f} s under power."
+        return ""
+
+    def _standing_since_s(self, now_s: float) -> float:
+        """Since when the table has stood where it stands, as far as looks at it tell."""
+        angles_deg = tuple(self.angles_deg.get(role) for role in self._bench.axes)
+        if angles_deg != self._stood[0]:
+            self._stood = (angles_deg, now_s)
+        return self._stood[1]
+
+    def _must_pulse(self, place: str) -> bool:
+        bench, entry = self._bench, self._bench.places[place]
+        if entry.source is not None or any(role not in self.angles_deg for role in bench.axes):
+            return False
+        turns = tuple((points, self.angles_deg[role]) for role, points in bench.axes.items())
+        mount = Mount("", self.mount.angle, self.mount.roll, self.mount.clock)
+        return abs(_input_g(turns, bench.fixture.x, bench.fixture.z, mount, entry.mount_angle)) > SURE_INPUT_G
+
+
+@lru_cache(maxsize=64)
+def _input_g(turns: tuple[tuple[Vector, float], ...], x: Vector, z: Vector, mount: Mount, own_deg: float) -> float:
+    """Gravity along the input axis, asked for again and again while a table stands."""
+    return float(turned_axes(turns, x, z, mount, own_deg)[0, 2])
+
+
+def _belonging(entry: PlaceEntry) -> tuple[str | None, ...]:
+    return entry.temperature, entry.supply, entry.source
