@@ -8,7 +8,7 @@ from contextlib import AsyncExitStack
 from typing import Self
 
 from bench.errors import BenchError
-from drivers.capabilities import Device, Positioner, PulseCounter, RateTable, Source, ThermalChamber
+from drivers.capabilities import Device, Positioner, PulseCounter, RateTable, Source, ThermalChamber, Voltmeter
 from drivers.errors import DriverError
 from drivers.values import Identity
 
@@ -87,6 +87,13 @@ class Rig:
         device = self.devices[role]
         if not isinstance(device, PulseCounter):
             raise TypeError(f"{role} is no pulse counter")
+        return device
+
+    def voltmeter(self, role: str) -> Voltmeter:
+        """The device of a role as a voltmeter."""
+        device = self.devices[role]
+        if not isinstance(device, Voltmeter):
+            raise TypeError(f"{role} is no voltmeter")
         return device
 
     async def make_safe(self, limit_s: float = MAKE_SAFE_S) -> dict[str, str]:

@@ -141,3 +141,4 @@ CAPABILITIES: Mapping[str, type] = {
 }
 THERMOMETER = "thermometer"  # a named reading of any device, in °C
 READING = "reading"  # a named reading of any device, in any unit
+OUTPUT = "output"  # of the units: pulse counters or voltmeters, as the places of the bench say

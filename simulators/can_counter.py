@@ -56,7 +56,9 @@ class SimulatedCounter:
         self._boots = 0
         self._latch = self._shown = 0  # the number of the last latch, and that which the frames last showed
         self._origin_s = self._counted_s = world.now()  # true times of latch 0, and up to which pulses are counted
-        self._units: dict[str, SimulatedUnit] = {unit.settings.channel: unit for unit in world.units.values()}
+        self._units: dict[str, SimulatedUnit] = {
+            unit.settings.channel: unit for unit in world.units.values() if unit.settings.channel
+        }
         self._integrators = {
             channel: Integrator(float(draws.uniform(0, 1)), int(draws.integers(0, 1 << 20)), int(draws.integers(0, 99)))
             for channel in settings.form.channels

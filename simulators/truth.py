@@ -9,7 +9,7 @@ the unit, as slow as the real one, said meanwhile.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.attitude import Mount, to_unit
+from simulators.keysight_3458a import VoltmeterSettings
 from simulators.uut import UnitTruth
 from simulators.world import World
 
@@ -54,7 +55,12 @@ class LegAsMeasured:
     lies: Lies
 
 
-def truth_record(world: World, dwells: Sequence[DwellAsMeasured], legs: Sequence[LegAsMeasured] = ()) -> dict[str, Any]:
+def truth_record(
+    world: World,
+    dwells: Sequence[DwellAsMeasured],
+    legs: Sequence[LegAsMeasured] = (),
+    voltmeters: Mapping[str, VoltmeterSettings] | None = None,
+) -> dict[str, Any]:
     """The whole truth of a run: the laboratory's errors, each unit as drawn, what is true of each dwell and leg."""
     settings = world.settings
     return {
@@ -70,6 +76,7 @@ def truth_record(world: World, dwells: Sequence[DwellAsMeasured], legs: Sequence
                 name: {"offset_c": place.thermometer_offset_c, "gain": place.thermometer_gain}
                 for name, place in sorted(settings.places.items())
             },
+            **({"voltmeters": {role: asdict(meter) for role, meter in voltmeters.items()}} if voltmeters else {}),
         },
         "units": {name: asdict(unit.truth) for name, unit in sorted(world.units.items())},
         "dwells": {dwell.key: _dwell(world, dwell) for dwell in dwells},
@@ -84,7 +91,9 @@ def _dwell(world: World, dwell: DwellAsMeasured) -> dict[str, Any]:
     history = np.array(unit.history)
     drifted_g = float(np.interp(true_s, history[:, 0], history[:, 1]))
     axis_deg = tuple(_axis_deg(world, dwell.place, lies) for lies in dwell.lies)
-    constants = channel_constants(unit.truth, settings.gravity_mps2, axis_deg, dwell.temperature_c, drifted_g)
+    constants = channel_constants(
+        unit.truth, settings.gravity_mps2, axis_deg, dwell.temperature_c, drifted_g, unit.settings.load_ohm
+    )
     return {"temperature_c": dwell.temperature_c, "drifted_g": drifted_g, "axis_deg": axis_deg, **constants}
 
 
@@ -97,41 +106,49 @@ def _axis_deg(world: World, place: str, lies: Lies) -> float:
 
 
 def _leg(world: World, leg: LegAsMeasured) -> dict[str, Any]:
-    """What the noiseless channel put out during a leg: temperature, output less gravity in g, K1 in pulse/s/g."""
+    """What the noiseless channel put out during a leg: temperature, output less gravity in g, K1 in its unit per g."""
     unit = world.units[leg.place]
     at_s = np.arange(world.true_time(leg.begin_s), world.true_time(leg.end_s), LEG_EVERY_S)
     history = np.array(unit.history)
     drifted_g, moving_g, sensor_c, thermometer_c = (np.interp(at_s, history[:, 0], row) for row in history.T[1:])
     axis_rad = np.full_like(at_s, np.radians(_axis_deg(world, leg.place, leg.lies)))
-    k1 = _scale_factor(unit.truth, sensor_c)
+    load_ohm = unit.settings.load_ohm
+    k1 = _scale_factor(unit.truth, sensor_c, load_ohm)
     force_g = (np.sin(axis_rad), np.cos(axis_rad), np.zeros_like(axis_rad))
-    output_g = unit.truth.rate_pps(unit.truth.current_a(force_g, sensor_c, drifted_g + moving_g)) / k1 - force_g[0]
-    columns = {"temperature_c": (thermometer_c, 5), "output_g": (output_g, 10), "K1": (k1, 4)}
+    current_a = unit.truth.current_a(force_g, sensor_c, drifted_g + moving_g)
+    output_g = unit.truth.output(current_a, load_ohm) / k1 - force_g[0]
+    columns = {
+        "temperature_c": (thermometer_c, 5),
+        "output_g": (output_g, 10),
+        "K1": (k1, 4 if load_ohm is None else 10),
+    }
     return {name: np.round(values, digits).tolist() for name, (values, digits) in columns.items()}
 
 
-def _scale_factor(truth: UnitTruth, temperature_c: Array) -> Array:
-    """Half the difference of the rates at +1 g and -1 g, in pulse/s/g (methods.md 1.6)."""
+def _scale_factor(truth: UnitTruth, temperature_c: Array, load_ohm: float | None) -> Array:
+    """Half the difference of the outputs at +1 g and -1 g, in pulse/s/g or V/g (methods.md 1.6)."""
     nothing = np.zeros_like(temperature_c)
     up, down = (
-        truth.rate_pps(truth.current_a((nothing + g, nothing, nothing), temperature_c, nothing)) for g in (1, -1)
+        truth.output(truth.current_a((nothing + g, nothing, nothing), temperature_c, nothing), load_ohm)
+        for g in (1, -1)
     )
     return np.asarray((up - down) / 2)
 
 
 def channel_constants(
-    truth: UnitTruth, gravity_mps2: float, axis_deg: Sequence[float], temperature_c: float, drifted_g: float
-) -> dict[str, float]:
+    truth: UnitTruth, gravity_mps2: float, axis_deg: Sequence[float], temperature_c: float, drifted_g: float,
+    load_ohm: float | None = None,
+) -> dict[str, float]:  # fmt: skip
     """True K0 (g), K1 (pulse/s/g), K1_si (pulse/s per m/s²), K2 (g/g²) and misalignment (rad) of a channel.
 
     `axis_deg` are the ideal angles of the input axis above the horizontal, `drifted_g` what hysteresis, drift and
-    warm-up add to the bias.
+    warm-up add to the bias. With a load the output is in V instead of pulse/s.
     """
     angle = np.radians(np.array(axis_deg))
     sine, cosine = np.sin(angle), np.cos(angle)
     force = (sine, cosine, np.zeros_like(angle))
     current = truth.current_a(force, np.full_like(angle, temperature_c), np.full_like(angle, drifted_g))
     design = np.stack([np.ones_like(sine), sine, cosine, sine**2], axis=-1)
-    solution: list[float] = np.linalg.lstsq(design, truth.rate_pps(current), rcond=None)[0].tolist()
+    solution: list[float] = np.linalg.lstsq(design, truth.output(current, load_ohm), rcond=None)[0].tolist()
     c0, k1, cosine_term, c2 = solution
     return {"K0": c0 / k1, "K1": k1, "K1_si": k1 / gravity_mps2, "K2": c2 / k1, "misalignment": cosine_term / k1}

@@ -61,6 +61,10 @@ class UnitTruth:
         scale = self.scale_a_per_g * _horner(self.scale, t)
         return np.asarray(scale * (_horner(self.bias, t) + extra_bias_g + shape))
 
+    def output(self, current_a: Array, load_ohm: float | None) -> Array:
+        """What is measured of it: the volts across a load, or without one the converter's rate in pulse/s."""
+        return self.rate_pps(current_a) if load_ohm is None else current_a * load_ohm
+
     def rate_pps(self, current_a: Array) -> Array:
         """The converter's net pulse rate; 0 inside the dead band."""
         warm = self.converter_c - _CONVERTER_REFERENCE_C

@@ -32,7 +32,8 @@ LOOK_S = 0.02  # how finely a mean current follows the head
 class PlaceSettings:
     """One unit in its place. `thermometer_offset_c` and `thermometer_gain` are the errors drawn for its reading.
 
-    `faults` are kinds, each with the time from which it is there.
+    Its output are pulses on a `channel`, or the volts across `load_ohm`. `faults` are kinds, each with the time from
+    which it is there.
     """
 
     unit: UnitFile
@@ -42,6 +43,7 @@ class PlaceSettings:
     thermometer_offset_c: float = 0.0
     thermometer_gain: float = 0.0
     faults: Mapping[str, float] = field(default_factory=dict)
+    load_ohm: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,14 +125,16 @@ class SimulatedUnit:
         The world has been worked out up to the end. Whoever looks has a `noise` of his own, so that the noise that
         others find does not depend on how often he does.
         """
+        thermal = self._world.thermal
+        hysteresis_g = self._hysteresis.bias_g(thermal.sensor_c(self._index))
+        if not self.settings.channel:  # nobody else keeps its history
+            self.history.append(self._state(end_s, hysteresis_g))
         if self.powered_at_s is None:
             return 0.0
         edges_s = np.linspace(begin_s, end_s, 1 + math.ceil((end_s - begin_s) / LOOK_S))
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
-        now_c = self._world.thermal.sensor_c(self._index)
-        hysteresis_g = self._hysteresis.bias_g(now_c)
-        current = self._current_a(middle, np.full_like(middle, now_c), hysteresis_g, noise.mean_g(interval))
-        return float(current.mean())
+        temperature = thermal.sensor_c(self._index) + (middle - end_s) * thermal.sensor_rate_c_per_s(self._index)
+        return float(self._current_a(middle, temperature, hysteresis_g, noise.mean_g(interval)).mean())
 
     def _state(self, true_s: float, hysteresis_g: float) -> UnitState:
         thermal = self._world.thermal

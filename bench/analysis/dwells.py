@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
 from bench.analysis.orientation import elevation_rad
+from bench.analysis.outputs import Output, mean_output
 from bench.analysis.rundata import Acquisition, Array, BenchRecord, RunData, UnitUnderTest
 from bench.analysis.tumble import IncompleteTumble, Tumble, solve_tumble
 
@@ -19,9 +19,9 @@ QUANTITIES = ("K0", "K1", "misalignment", "K2")
 class Dwell:
     """One temperature of one unit: the readings used, and their solution.
 
-    `rates_pps` (n,) were read at the head's angles `head_rad` (n,). `gain` (4, n) turns errors of the readings, in
-    pulse/s, into errors of K0, K1, misalignment and K2; `turn` (n,) is the derivative of a reading to its angle, in
-    pulse/s/rad.
+    `readings` (n,) of the output, in pulse/s or V, were taken at the head's angles `head_rad` (n,). `gain` (4, n) turns
+    errors of the readings into errors of K0, K1, misalignment and K2; `turn` (n,) is the derivative of a reading to its
+    angle, per rad. `alone_u` is what one reading alone tells of its standard uncertainty.
     """
 
     number: int
@@ -31,11 +31,11 @@ class Dwell:
     set_c: float
     temperature_c: float
     tumble: Tumble
-    rates_pps: Array
+    readings: Array
     head_rad: Array
     gain: Array
     turn: Array
-    resolution_pps: float
+    alone_u: float
     steps: tuple[str, ...]
 
     @property
@@ -70,9 +70,9 @@ def solve_dwells(data: RunData, unit: UnitUnderTest) -> SolvedDwells:
     left_out: list[str] = []
     flags: list[str] = []
     for number, (group, acquisitions) in enumerate(groups.items()):
-        used, rates = _usable(acquisitions, unit, flags)
+        used, outputs = _usable(acquisitions, unit, flags)
         try:
-            dwells.append(_solved(number, rising[number], used, rates, unit, data.bench))
+            dwells.append(_solved(number, rising[number], used, outputs, unit, data.bench))
         except IncompleteTumble as problem:
             missing = ", ".join(f"{position:g}" for position in problem.missing_deg) or "ill_conditioned"
             flags.append(f"dwell {number} incomplete: {missing}")
@@ -82,35 +82,35 @@ def solve_dwells(data: RunData, unit: UnitUnderTest) -> SolvedDwells:
 
 def _usable(
     acquisitions: Sequence[Acquisition], unit: UnitUnderTest, flags: list[str]
-) -> tuple[list[Acquisition], list[float]]:
-    """The acquisitions whose rate and temperature can be used, and their rates; the others are flagged."""
-    used, rates = [], []
+) -> tuple[list[Acquisition], list[Output]]:
+    """The acquisitions whose output and temperature can be used, and their outputs; the others are flagged."""
+    used, outputs = [], []
     for acquisition in acquisitions:
-        rate = mean_rate(acquisition.counts[unit.channel])
-        problems = list(rate.problems)
+        output = mean_output(acquisition, unit)
+        problems = list(output.problems)
         if not len(acquisition.temperatures_c[unit.temperature]):
             problems.append("no_temperature")
         flags += [f"{acquisition.step}: {problem}" for problem in problems]
         if not problems:
             used.append(acquisition)
-            rates.append(rate.net_pps)
-    return used, rates
+            outputs.append(output)
+    return used, outputs
 
 
 def _solved(
     number: int,
     rising: bool,
     used: Sequence[Acquisition],
-    rates: Sequence[float],
+    outputs: Sequence[Output],
     unit: UnitUnderTest,
     bench: BenchRecord,
 ) -> Dwell:
     """The solution of one dwell; raises IncompleteTumble."""
     head_deg = np.array([acquisition.angle_deg for acquisition in used])
     angle = np.array([elevation_rad(acquisition, unit, bench) for acquisition in used])
-    tumble = solve_tumble(angle, np.array(rates))
+    readings = np.array([output.value for output in outputs])
+    tumble = solve_tumble(angle, readings)
     sine, cosine = np.sin(angle), np.cos(angle)
-    gate_s = np.mean([acquisition.end_s - acquisition.begin_s for acquisition in used])
     return Dwell(
         number=number,
         group=used[0].group,
@@ -119,11 +119,11 @@ def _solved(
         set_c=used[0].set_c,
         temperature_c=float(np.mean([acquisition.temperatures_c[unit.temperature].mean() for acquisition in used])),
         tumble=tumble,
-        rates_pps=np.array(rates),
+        readings=readings,
         head_rad=np.radians(head_deg),
         gain=tumble.gain(),
         turn=tumble.k1 * (cosine - tumble.misalignment_rad * sine + 2 * tumble.k2_g_per_g2 * sine * cosine),
-        resolution_pps=float(RESOLUTION_COUNTS / gate_s),
+        alone_u=float(np.mean([output.alone_u for output in outputs])),
         steps=tuple(acquisition.step for acquisition in used),
     )
 

@@ -1,7 +1,7 @@
 """The findings of a temperature ramp, each with its budget.
 
-A figure in g is a rate over K1, and K1 holds the misalignment of the input axis as an error. Two positions do not tell
-it from the bias, so that what is known of it before stands in the budgets. An offset of the thermometer moves all
+A figure in g is an output over K1, and K1 holds the misalignment of the input axis as an error. Two positions do not
+tell it from the bias, so that what is known of it before stands in the budgets. An offset of the thermometer moves all
 temperatures alike and no figure here, its gain moves slopes only; what lags behind it, and what the unit makes of the
 rate itself, is part of the loop.
 """
@@ -55,7 +55,7 @@ class RampFindings:
     def models(self, left_out: tuple[str, ...]) -> Iterator[TemperatureModel]:
         """The straight line of the bias, misalignment included, and the scale factor."""
         yield self._model("K0", "g", self.found.line, len(self.level), left_out)
-        yield self._model("K1", "pulse/s/g", self.scale.model, len(self.upright), left_out)
+        yield self._model("K1", f"{self.unit.output_unit}/g", self.scale.model, len(self.upright), left_out)
 
     def compensation(self) -> Compensation:
         """How a rate becomes an acceleration; the bias has the misalignment at 0 g in it."""
@@ -171,7 +171,7 @@ class RampFindings:
         line = self.scale.line
         relative = 1 / float(line.coefficients[0])
         slope = float(line.coefficients[1]) / line.scale * relative
-        sd = _known_sd(scatter_sd([_finite(leg.rate_pps) for leg in self.upright], COUNT_STRIDE), line.residual_sd)
+        sd = _known_sd(scatter_sd([_finite(leg.output) for leg in self.upright], COUNT_STRIDE), line.residual_sd)
         spread_c = float(np.std(np.concatenate([_finite(leg.temperature_c) for leg in self.upright])))
         lines = [
             self._scatter_of_slope(line, abs(sd * relative)), self._thermometer(slope),

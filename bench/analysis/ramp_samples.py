@@ -1,4 +1,4 @@
-"""An acquisition during a temperature ramp, cut into samples: a pulse rate and a temperature each."""
+"""An acquisition during a temperature ramp, cut into samples: an output and a temperature each."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from bench.analysis.counts import Rate, mean_rate
-from bench.analysis.rundata import Acquisition, Array, Counts, UnitUnderTest
+from bench.analysis.counts import mean_rate
+from bench.analysis.rundata import Acquisition, Array, Counts, UnitUnderTest, Voltages
+
+NO_VOLTAGES = Voltages(np.empty(0), np.empty(0))
 
 
 @dataclass(frozen=True, slots=True)
 class RampLeg:
-    """The samples of one acquisition, (n,) each; what could not be read is not-a-number.
+    """The samples of one acquisition, (n,) each; what could not be read is not-a-number. `output` is in pulse/s or V.
 
     `direction` is that of the chamber's set point: 1 rising, -1 falling, 0 for an acquisition that is no leg.
     `problems` tells how many samples were left out for which reason, with the flags of `mean_rate`.
@@ -27,7 +29,7 @@ class RampLeg:
     angle_rad: float
     time_s: Array
     temperature_c: Array
-    rate_pps: Array
+    output: Array
     problems: Mapping[str, int]
 
     @property
@@ -44,21 +46,17 @@ class RampLeg:
 def cut_into_samples(acquisition: Acquisition, unit: UnitUnderTest, angle_rad: float, sample_s: float) -> RampLeg:
     """The samples of `sample_s` of one acquisition, of which the last one may be missing.
 
-    A rate goes from the first latch after the beginning of a sample to the first after its end, so that consecutive
-    samples share a latch and nothing is lost between them. A temperature is the mean of the reading in between.
+    A temperature is the mean of the reading in between.
     """
-    counts = acquisition.counts[unit.channel]
     begins_s = np.arange(acquisition.begin_s, acquisition.end_s, sample_s)
-    latches = np.searchsorted(counts.host_s, begins_s)
-    latches = latches[latches < len(counts.host_s)]
-    rates = [_rate(counts, first, last) for first, last in pairwise(latches.tolist())]
-    edges_s = counts.host_s[latches]
+    if unit.voltmeter is None:
+        edges_s, output, problems = _rates(acquisition.counts[unit.channel], begins_s)
+    else:
+        edges_s, output, problems = _voltages(acquisition.voltages.get(unit.voltmeter, NO_VOLTAGES), begins_s)
     temperature_c = _means(
         acquisition.temperatures_at_s[unit.temperature], acquisition.temperatures_c[unit.temperature], edges_s
     )
-    problems = Counter(problem for rate in rates for problem in rate.problems)
-    rate_pps = np.array([np.nan if rate.problems else rate.net_pps for rate in rates])
-    problems["no_temperature"] += int(np.count_nonzero(np.isnan(temperature_c) & np.isfinite(rate_pps)))
+    problems["no_temperature"] += int(np.count_nonzero(np.isnan(temperature_c) & np.isfinite(output)))
     return RampLeg(
         step=acquisition.step,
         cycle=int(acquisition.loops.get("cycle", 1)),
@@ -66,19 +64,34 @@ def cut_into_samples(acquisition: Acquisition, unit: UnitUnderTest, angle_rad: f
         angle_rad=angle_rad,
         time_s=(edges_s[:-1] + edges_s[1:]) / 2,
         temperature_c=temperature_c,
-        rate_pps=rate_pps,
+        output=output,
         problems={problem: count for problem, count in problems.items() if count},
     )
 
 
-def _rate(counts: Counts, first: int, last: int) -> Rate:
-    return mean_rate(counts.part(first, last))
+def _rates(counts: Counts, begins_s: Array) -> tuple[Array, Array, Counter[str]]:
+    """Edges of the samples, the rate in each, and what is wrong with how many.
+
+    A rate goes from the first latch after the beginning of a sample to the first after its end, so that consecutive
+    samples share a latch and nothing is lost between them.
+    """
+    latches = np.searchsorted(counts.host_s, begins_s)
+    latches = latches[latches < len(counts.host_s)]
+    rates = [mean_rate(counts.part(first, last)) for first, last in pairwise(latches.tolist())]
+    problems = Counter(problem for rate in rates for problem in rate.problems)
+    return counts.host_s[latches], np.array([np.nan if rate.problems else rate.net_pps for rate in rates]), problems
+
+
+def _voltages(read: Voltages, begins_s: Array) -> tuple[Array, Array, Counter[str]]:
+    """Edges of the samples, the mean voltage over the time of each, and how many have none."""
+    output = _means(read.at_s, read.values_v, begins_s)
+    return begins_s, output, Counter(too_few_voltages=int(np.count_nonzero(np.isnan(output))))
 
 
 def _means(at_s: Array, values: Array, edges_s: Array) -> Array:
     """The mean over time of the values between each two consecutive edges; not-a-number where there is none.
 
-    The temperature rises in between, so that it matters when a reading was taken.
+    They change in between, so that it matters when a reading was taken.
     """
     known = np.isfinite(values)
     at_s, values = at_s[known], values[known]

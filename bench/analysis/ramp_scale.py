@@ -20,7 +20,7 @@ DEGREE = 4  # that of K0 and K1 over temperature in methods.md 6.2
 
 @dataclass(frozen=True, slots=True)
 class RampScale:
-    """K1 in pulse/s/g over the temperature in °C, by the direction of the temperature: 1 rising, -1 falling.
+    """K1 in pulse/s/g or V/g over the temperature in °C, by the direction of the temperature: 1 rising, -1 falling.
 
     `model` and `line` are the polynomial and the straight line through the readings of both.
     """
@@ -35,7 +35,7 @@ class RampScale:
         Where the legs at 1 g did not come, K1 is that of the nearest temperature.
         """
         k1 = _within(self.by_direction.get(leg.direction, self.model), leg.temperature_c)
-        return np.asarray(leg.rate_pps / k1 - np.sin(leg.angle_rad))
+        return np.asarray(leg.output / k1 - np.sin(leg.angle_rad))
 
 
 def scale_over_temperature(level: Sequence[RampLeg], upright: Sequence[RampLeg]) -> RampScale:
@@ -46,10 +46,10 @@ def scale_over_temperature(level: Sequence[RampLeg], upright: Sequence[RampLeg])
         below = [leg for leg in level if leg.direction == direction]
         above = [leg for leg in upright if leg.direction == direction]
         if below and above:
-            at_rest = _fitted([leg.temperature_c for leg in below], [leg.rate_pps for leg in below], DEGREE)
+            at_rest = _fitted([leg.temperature_c for leg in below], [leg.output for leg in below], DEGREE)
             temperature_c = np.concatenate([leg.temperature_c for leg in above])
-            rate_pps = np.concatenate([leg.rate_pps for leg in above])
-            k1 = (rate_pps - _within(at_rest, temperature_c)) / lifted_g
+            output = np.concatenate([leg.output for leg in above])
+            k1 = (output - _within(at_rest, temperature_c)) / lifted_g
             by_direction[direction] = _fitted([temperature_c], [k1], DEGREE)
             temperatures.append(temperature_c)
             scales.append(k1)

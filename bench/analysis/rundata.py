@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,13 +61,21 @@ class Mount:
 
 
 @dataclass(frozen=True, slots=True)
+class Voltages:
+    """What a voltmeter read during one acquisition, (n,) and raw: `values_v` at `at_s` of bench time, their middles."""
+
+    at_s: Array
+    values_v: Array
+
+
+@dataclass(frozen=True, slots=True)
 class Acquisition:
     """One acquisition: its step and the group of steps it belongs to, and what the bench did meanwhile.
 
     `angles_deg` is what each axis of the table read back, outer first, `mount` how the units were fixed; `set_c` is the
     chamber's set point at the end, `set_from_c` at the beginning, not-a-number before the first ramp; `counts` by
-    channel; `temperatures_c` the values of each named reading between `begin_s` and `end_s` of bench time, taken at
-    `temperatures_at_s`.
+    channel, `voltages` by voltmeter; `temperatures_c` the values of each named reading between `begin_s` and `end_s` of
+    bench time, taken at `temperatures_at_s`.
     """
 
     step: str
@@ -82,6 +90,7 @@ class Acquisition:
     temperatures_c: Mapping[str, Array]
     temperatures_at_s: Mapping[str, Array]
     mount: Mount = Mount()
+    voltages: Mapping[str, Voltages] = field(default_factory=dict)
 
     @property
     def angle_deg(self) -> float:
@@ -91,7 +100,11 @@ class Acquisition:
 
 @dataclass(frozen=True, slots=True)
 class UnitUnderTest:
-    """One unit in its place; `until_s` is the bench time at which it was dropped from the run."""
+    """One unit in its place; its output are the pulses on a `channel`, or the volts that a `voltmeter` reads.
+
+    `until_s` is the bench time at which it was dropped from the run. `nominal_per_g` is what its output is made to
+    change by for 1 g, in `output_unit`; None where nobody says.
+    """
 
     place: str
     serial: str
@@ -99,6 +112,13 @@ class UnitUnderTest:
     mount_angle_deg: float
     temperature: str
     until_s: float = math.inf
+    voltmeter: str | None = None
+    nominal_per_g: float | None = None
+
+    @property
+    def output_unit(self) -> str:
+        """What its output is in."""
+        return "pulse/s" if self.voltmeter is None else "V"
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +140,7 @@ class BenchRecord:
 
     `axes` are those of the table, outer first; `x` and `z` are where those of the fixture point while all angles are 0.
     `level_deg` tilts the whole table about south. `thermometers_u` gives offset (°C) and gain (on the temperature in
-    °C) by the name of the reading.
+    °C) by the name of the reading, `voltmeters_u` gain (of the reading) and offset (V) by voltmeter.
     """
 
     gravity_mps2: float
@@ -132,6 +152,7 @@ class BenchRecord:
     level_u_deg: float
     time_base_u: float
     thermometers_u: Mapping[str, tuple[float, float]]
+    voltmeters_u: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def head(self) -> AxisRecord:

@@ -1,4 +1,4 @@
-"""Method M4b on counts: how the bias follows a temperature that never rests (methods.md 6.3).
+"""Method M4b: how the bias follows a temperature that never rests (methods.md 6.3).
 
 The output at 0 g differs from K0 by the misalignment of the input axis, a constant; its changes are those of K0. The
 scale factor comes from the same run, from its 0 g and 1 g parts. The temperature is what the unit's thermometer says.

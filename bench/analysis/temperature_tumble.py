@@ -1,4 +1,4 @@
-"""Method M4a on counts: bias, scale factor, K2 and misalignment at each dwell, and their models over temperature.
+"""Method M4a: bias, scale factor, K2 and misalignment at each dwell, and their models over temperature.
 
 Type A is the scatter of the readings about their tumbles, pooled over the run; type B comes from the certificates of
 the bench by the derivatives of the solution. The temperature is what the unit's thermometer says.
@@ -19,12 +19,12 @@ from bench.analysis.models import TemperatureModel
 from bench.analysis.rundata import Array, RunData, UnitUnderTest
 from bench.analysis.tumble import hysteresis
 
-UNITS = {"K0": "g", "K1": "pulse/s/g", "misalignment": "rad", "K2": "g/g²", "K1_si": "pulse/s/(m/s²)"}
+UNITS = {"K0": "g", "misalignment": "rad", "K2": "g/g²"}
 NAMES = {
     "K0": "bias of the channel",
     "K1": "scale factor of the channel, per local g",
     "K1_si": "scale factor of the channel, per m/s²",
-    "K2": "K2 + asymmetry: second-order nonlinearity, and the converter's asymmetry in it",
+    "K2": "K2 + asymmetry: second-order nonlinearity, and the asymmetry of what measures it",
     "misalignment": "misalignment of the input axis in the plane of the tumble",
 }
 CONTAINS = {"K1": ("contains:K3",), "K1_si": ("contains:K3",), "K2": ("contains:asymmetry",)}
@@ -43,10 +43,11 @@ class _Unit:
 
     def __init__(self, data: RunData, unit: UnitUnderTest, degree: int) -> None:
         self._label, self._unit, self._bench = data.label, unit, data.bench
+        self._units = {**UNITS, "K1": f"{unit.output_unit}/g", "K1_si": f"{unit.output_unit}/(m/s²)"}
         solved = solve_dwells(data, unit)
         self._dwells, self._left_out = solved.dwells, solved.left_out
         self._flags = list(solved.flags)
-        self._sd_pps, self._dof = self._pooled()
+        self._sd, self._dof = self._pooled()
         self._models = {quantity: self._fit(quantity, degree) for quantity in MODELLED}
         self._lines = {quantity: self._fit(quantity, 1) for quantity in MODELLED}
 
@@ -77,22 +78,24 @@ class _Unit:
         return f"{self._label}/{self._unit.place}/{quantity}{tail}"
 
     def _pooled(self) -> tuple[float, int]:
-        """Standard deviation of one reading in pulse/s about its tumble, over all dwells, and its degrees of freedom.
+        """Standard deviation of one reading about its tumble, over all dwells, and its degrees of freedom.
 
-        Without repeats nothing scatters; then it is what the resolution of the count allows, and flagged.
+        Without repeats nothing scatters; then it is what a reading alone tells, and flagged.
         """
         dof = sum(dwell.tumble.fit.dof for dwell in self._dwells)
         if dof == 0:
             self._flags += ["type_a:no_repeats"] if self._dwells else []
-            return max((dwell.resolution_pps for dwell in self._dwells), default=0.0), 0
+            return max((dwell.alone_u for dwell in self._dwells), default=0.0), 0
         squares = sum(float(np.sum(dwell.tumble.fit.residuals**2)) for dwell in self._dwells)
         return float(np.sqrt(squares / dof)), dof
 
     def _scatter(self, gain: Array) -> BudgetLine:
         """The uncertainty that the readings give to what depends on them by `gain` (n,)."""
-        u = self._sd_pps * float(np.linalg.norm(gain))
+        u = self._sd * float(np.linalg.norm(gain))
         if self._dof:
             return BudgetLine(READINGS, "A", u, self._dof)
+        if self._unit.voltmeter is not None:
+            return BudgetLine("readings: scatter of the voltmeter, no repeats", "A", u)
         return BudgetLine("readings: resolution of the count, no repeats", "B", u)
 
     # Models over temperature
@@ -126,7 +129,7 @@ class _Unit:
             id=self._id(f"{quantity}/model={fit.degree}"),
             uut=self._unit.serial,
             quantity=quantity,
-            unit=UNITS[quantity],
+            unit=self._units[quantity],
             used=len(self._dwells),
             left_out=self._left_out,
         )
@@ -152,7 +155,7 @@ class _Unit:
                 name=NAMES[quantity],
                 at=at,
                 value=dwell.values[quantity],
-                unit=UNITS[quantity],
+                unit=self._units[quantity],
                 budget=self._budget(quantity, gain, dwell),
                 steps=tuple(s for s, weight in zip(dwell.steps, weights, strict=True) if weight > WEIGHT_SHOWN),
                 flags=CONTAINS.get(quantity, ()),
@@ -174,7 +177,7 @@ class _Unit:
             name=NAMES["K1_si"],
             at=k1.at,
             value=k1.value / g,
-            unit=UNITS["K1_si"],
+            unit=self._units["K1_si"],
             budget=combined(lines),
             steps=(dwell.group,),
             flags=CONTAINS["K1_si"],
@@ -195,15 +198,28 @@ class _Unit:
             _type_b("head: harmonics", np.linalg.norm(harmonics), "head.harmonics"),
             _type_b("head: repeatability", np.linalg.norm(turned) * np.radians(bench.head.repeatability_u_deg), None),
             _type_b("fixture: level", together * np.radians(bench.level_u_deg), "fixture.level"),
-            _type_b("counter: time base", abs(float(gain @ dwell.rates_pps)) * bench.time_base_u, "counter.time_base"),
+            *self._of_the_instrument(gain, dwell.readings),
         ]
         model, thermometer = self._models.get(quantity), self._unit.temperature
         if model is not None:
             u = abs(float(model.slope(dwell.temperature_c))) * self._temperature_u_c(dwell.temperature_c)
             lines.append(_type_b(f"{thermometer}: offset, gain", u, thermometer))
         if quantity == "K2":
-            lines.append(BudgetLine("asymmetry of the converter: contained, inseparable at four positions", "alias", 0))
+            instrument = "converter" if self._unit.voltmeter is None else "voltmeter"
+            contained = f"asymmetry of the {instrument}: contained, inseparable at four positions"
+            lines.append(BudgetLine(contained, "alias", 0))
         return combined(lines)
+
+    def _of_the_instrument(self, gain: Array, readings: Array) -> list[BudgetLine]:
+        """What the certificate of the counter or of the voltmeter gives; an error of the gain is as the output is."""
+        scaled, meter = abs(float(gain @ readings)), self._unit.voltmeter
+        if meter is None:
+            return [_type_b("counter: time base", scaled * self._bench.time_base_u, "counter.time_base")]
+        gain_u, offset_u_v = self._bench.voltmeters_u.get(meter, (0.0, 0.0))
+        return [
+            _type_b(f"{meter}: gain", scaled * gain_u, f"{meter}.gain"),
+            _type_b(f"{meter}: offset", abs(float(gain.sum())) * offset_u_v, f"{meter}.offset"),
+        ]
 
     def _temperature_u_c(self, temperature_c: float) -> float:
         offset_c, gain = self._bench.thermometers_u.get(self._unit.temperature, (0.0, 0.0))

@@ -182,7 +182,9 @@ def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: S
             results = stored.evaluate()
             record["verdict"] = results.verdict
             if ran.laboratory is not None:
-                directory.write_json("truth.json", truth_record(ran.laboratory.world, _dwells(stored), _legs(stored)))
+                drawn = ran.laboratory
+                truth = truth_record(drawn.world, _dwells(stored), _legs(stored), drawn.voltmeters)
+                directory.write_json("truth.json", truth)
                 record["hashes"]["truth.json"] = manifest.file_hash(path / "truth.json")
             directory.write_json("results.json", results.to_json())
             for name, content in calibration_files(results.units, record, stored.bench):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -51,11 +51,12 @@ SERIAL_LATENCY_S = 0.004
 
 @dataclass(frozen=True)
 class Laboratory:
-    """A world, the instruments in it by role, and the counters' frame links by role."""
+    """A world, the instruments in it by role, the counters' frame links, and the voltmeters' errors as drawn."""
 
     world: World
     instruments: Mapping[str, Instrument]
     counters: Mapping[str, SimulatedCounter]
+    voltmeters: Mapping[str, VoltmeterSettings] = field(default_factory=dict)
 
 
 def unit_files(bench: BenchFile, override: Path | None) -> dict[str, UnitFile]:
@@ -73,15 +74,17 @@ def make_laboratory(
     world = World(world_settings(bench, units, seed), host_s)
     instruments: dict[str, Instrument] = {}
     counters: dict[str, SimulatedCounter] = {}
+    voltmeters: dict[str, VoltmeterSettings] = {}
     for role, entry in bench.devices.items():
         faults = FaultPlan({f.kind: f.at for f in bench.simulation.faults if f.device == role}, world.now)
         if isinstance(entry.options, CounterOptions):
             counters[role] = SimulatedCounter(world, _counter_settings(bench, role, entry.options), faults)
         elif entry.driver == "keysight_3458a":
-            instruments[role] = Simulated3458A(world, faults, _voltmeter_settings(bench, role, seed), name=role)
+            voltmeters[role] = _voltmeter_settings(bench, role, seed)
+            instruments[role] = Simulated3458A(world, faults, voltmeters[role], name=role)
         else:
             instruments[role] = _instrument(role, entry, world, faults)
-    return Laboratory(world, instruments, counters)
+    return Laboratory(world, instruments, counters, voltmeters)
 
 
 def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -> WorldSettings:
@@ -101,6 +104,7 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -
             thermometer_offset_c=draw(offset_u, entry.temperature, "offset"),
             thermometer_gain=draw(gain_u, entry.temperature, "gain"),
             faults={fault.kind: fault.at for fault in simulation.faults if fault.unit == name},
+            load_ohm=next((each.load for role, each in simulation.voltmeters.items() if role == entry.voltmeter), None),
         )
 
     def axis(role: str, path: tuple[str, ...]) -> AxisErrors:

@@ -111,6 +111,9 @@ def _voltmeters(bench: BenchFile) -> Iterator[Problem]:
         if connected.place not in bench.places:
             problem = f"there is no place '{connected.place}'{did_you_mean(connected.place, bench.places)}"
             yield (*where, "place"), problem
+        for place, unit in bench.places.items():
+            if unit.voltmeter == name and place != connected.place:
+                yield (*where, "place"), f"is '{connected.place}', places.{place} says that it measures '{place}'"
 
 
 def _reading(bench: BenchFile, name: str, reading: ReadingEntry) -> Iterator[Problem]:
@@ -138,13 +141,7 @@ def _is_temperature(bench: BenchFile, reading: ReadingEntry) -> bool:
 
 def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
     where: Place = ("places", name)
-    counters = [entry.options for entry in bench.devices.values() if "pulse_counter" in entry.description.capabilities]
-    channels = [channel for options in counters for channel in getattr(options, "channels", {})]
-    if place.channel not in channels:
-        yield (*where, "channel"), f"no counter has a channel '{place.channel}'{did_you_mean(place.channel, channels)}"
-    first = next(other for other, entry in bench.places.items() if entry.channel == place.channel)
-    if first != name:
-        yield (*where, "channel"), f"'{place.channel}' counts place '{first}' already"
+    yield from _output(bench, name, place)
     if place.temperature not in bench.readings:
         yield (
             (*where, "temperature"),
@@ -160,3 +157,22 @@ def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
     if place.source is not None and (source is None or "current_source" not in source.description.capabilities):
         sources = [key for key, entry in bench.devices.items() if "current_source" in entry.description.capabilities]
         yield (*where, "source"), f"'{place.source}' is not a current source{did_you_mean(place.source, sources)}"
+
+
+def _output(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
+    """What measures a unit's output, and is not there or measures another place already."""
+    key, found = ("channel", place.channel) if place.voltmeter is None else ("voltmeter", place.voltmeter)
+    where: Place = ("places", name, key)
+    devices = bench.devices.items()
+    if key == "channel":
+        counters = [entry.options for _, entry in devices if "pulse_counter" in entry.description.capabilities]
+        channels = [channel for options in counters for channel in getattr(options, "channels", {})]
+        if found not in channels:
+            yield where, f"no counter has a channel '{found}'{did_you_mean(found, channels)}"
+    else:
+        meters = [role for role, entry in devices if "voltmeter" in entry.description.capabilities]
+        if found not in meters:
+            yield where, f"'{found}' is not a voltmeter{did_you_mean(found, meters)}"
+    first = next(other for other, entry in bench.places.items() if getattr(entry, key) == found)
+    if first != name:
+        yield where, f"'{found}' {'counts' if key == 'channel' else 'measures'} place '{first}' already"

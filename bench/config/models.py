@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 from zoneinfo import ZoneInfo
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from bench.config.devices import Calibration, CoverageFactor, DeviceEntry, Text
 from bench.config.fixture import DIRECTIONS, FixtureEntry, Vector
@@ -121,6 +121,9 @@ class Nominal(StrictModel):
 
     K1: Annotated[float, InUnit("A/g", above=0)] = Field(description="scale factor")
     S: Annotated[float, InUnit("Hz/A", above=0)] | None = Field(None, description="scale of its converter")
+    resistor: Annotated[float, InUnit("Ω", above=0)] | None = Field(
+        None, description="what its current flows through, for a voltmeter"
+    )
     max_current: Annotated[float, InUnit("A", above=0)] | None = Field(None, description="the most it may be fed")
     load: Annotated[float, InUnit("Ω", at_least=0)] | None = Field(
         None, description="what its input resists; a source's compliance must do for it"
@@ -134,12 +137,18 @@ class Nominal(StrictModel):
 
 
 class PlaceEntry(StrictModel):
-    """A place for a unit under test: how it lies, what counts it, what warms and feeds it.
+    """A place for a unit under test: how it lies, what measures its output, what warms and feeds it.
 
-    `source` is the current source whose current goes into its converter.
+    Its output are the pulses on a `channel`, or the volts that a `voltmeter` reads. `source` is the current source
+    whose current goes into its converter.
     """
 
-    channel: str = Field(description="the channel of the counter that counts its pulses")
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["channel"]}, {"required": ["voltmeter"]}]})
+
+    channel: str = Field("", min_length=1, description="the channel of the counter that counts its pulses")
+    voltmeter: Name | None = Field(
+        None, description="the voltmeter across the resistor that its current flows through, where none counts it"
+    )
     type: Text = Field("accelerometer channel", description="what the unit is, for the report")
     mount_angle: Degrees = Field(0.0, description="how it is turned in the fixture; added to the head angle")
     temperature: Name = Field(description="the reading of the thermometer at the unit")
@@ -147,6 +156,26 @@ class PlaceEntry(StrictModel):
     supply_current: CurrentWindow | None = None
     source: Name | None = None
     nominal: Nominal | None = None
+
+    @model_validator(mode="after")
+    def _has_one_output(self) -> PlaceEntry:
+        if bool(self.channel) == (self.voltmeter is not None):
+            found = "it has both" if self.channel else "it has none of them"
+            raise telling(f"needs channel or voltmeter, which measures the output of the unit; {found}")
+        return self
+
+    @property
+    def output_unit(self) -> str:
+        """What its output is in."""
+        return "pulse/s" if self.voltmeter is None else "V"
+
+    @property
+    def nominal_per_g(self) -> float | None:
+        """What its output is made to change by for 1 g, in its unit; None where the file does not say."""
+        if self.nominal is None:
+            return None
+        converter = self.nominal.S if self.voltmeter is None else self.nominal.resistor
+        return None if converter is None else self.nominal.K1 * converter
 
 
 class Monitor(StrictModel):
@@ -287,6 +316,18 @@ class BenchFile(StrictModel):
         if fixture.input_axis is None:
             return {axis.device: DIRECTIONS[axis.points] for axis in fixture.axes}
         return dict.fromkeys(self.with_capability("positioner")[:1], DIRECTIONS[fixture.input_axis.points])
+
+    def acquired_from(self, role: str) -> tuple[str, ...]:
+        """The devices that an acquisition of `role` records: it alone, or all that measure the outputs of units."""
+        if role in self.devices:
+            return (role,)
+        channels = {place.channel for place in self.places.values()}
+        meters = {place.voltmeter for place in self.places.values()}
+        return tuple(
+            name
+            for name, entry in self.devices.items()
+            if name in meters or channels & set(getattr(entry.options, "channels", {}))
+        )
 
     @property
     def is_simulated(self) -> bool:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, assert_never
 
 from bench.config.models import BenchFile
-from bench.engine import measuring, waiting
+from bench.engine import measuring, recording, waiting
 from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.engine.questions import Desk, Question
@@ -67,7 +67,7 @@ async def perform(step: Step, step_id: str, bench: Bench) -> Found:  # noqa: C90
         case Soak():
             return await waiting.soak(step, bench.monitor)
         case Acquire():
-            return await measuring.acquire(step, step_id, bench.rig, bench.writer)
+            return await recording.acquire(step, step_id, bench)
         case Measure():
             return await measuring.measure(step, step_id, bench)
         case Tare():

@@ -1,4 +1,4 @@
-"""Steps that measure: frames recorded under a label, single values held against limits."""
+"""Steps that measure single values, and hold them against limits."""
 
 from __future__ import annotations
 
@@ -12,78 +12,19 @@ from bench.analysis.limits import judge
 from bench.config.models import BenchFile
 from bench.engine.monitor import Monitor
 from bench.errors import StepError
-from bench.rig import Rig
 from bench.sequence.limits import limits_in
-from bench.sequence.measuring import Acquire, Measure, Tare
+from bench.sequence.measuring import Measure, Tare
 from bench.sequence.readings import PULSE_RATE, is_pulse_rate
-from bench.sequence.stimulus import TURN_DEG
 from bench.store.counts import CountDecoder
-from bench.store.writer import RunWriter
 from drivers.can_counter.description import CounterOptions
-from drivers.capabilities import PulseCounter, RateTable
+from drivers.capabilities import PulseCounter
 from drivers.frame_block import FrameBlock
 
 if TYPE_CHECKING:  # which calls the functions here
     from bench.engine.actions import Bench
 
-TURN_LOOK_S = 0.02  # how closely the end of the last turn is looked for
 VALUE_LOOK_S = 0.1  # how often a value is looked for that is not older than the step
 VALUE_WITHIN_S = 60.0  # every device is polled more often
-
-
-async def acquire(step: Acquire, step_id: str, rig: Rig, writer: RunWriter) -> Mapping[str, Any]:
-    """Records frames for the time or the turns asked; the last block is cut at its end."""
-    counter = rig.counter(step.role)
-    began_s = asyncio.get_running_loop().time()
-    async with counter.acquire() as blocks:
-        if step.turns is not None and step.of is not None:
-            await _until(_turned(rig.table(step.of), step.turns), blocks, step, step_id, writer)
-        else:
-            await _until(asyncio.sleep(step.least_s), blocks, step, step_id, writer)
-    await _record(blocks, step, step_id, writer)
-    return {"label": step.label, "begin_s": began_s, "end_s": asyncio.get_running_loop().time()}
-
-
-async def record_during(step: Acquire, step_id: str, rig: Rig, writer: RunWriter, over: asyncio.Event) -> None:
-    """Records frames until `over` is set."""
-    async with rig.counter(step.role).acquire() as blocks:
-        await _until(over.wait(), blocks, step, step_id, writer)
-    await _record(blocks, step, step_id, writer)
-
-
-async def _until(end: Any, blocks: AsyncIterator[FrameBlock], step: Acquire, step_id: str, writer: RunWriter) -> None:
-    """Records while `end` is awaited; a counter that fails meanwhile ends the waiting."""
-    ending = asyncio.ensure_future(end)
-    recording = asyncio.create_task(_record(blocks, step, step_id, writer), name=f"record {step_id}")
-    try:
-        await asyncio.wait([ending, recording], return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        open_tasks = [task for task in (ending, recording) if not task.done()]
-        for task in open_tasks:
-            task.cancel()
-        if open_tasks:
-            await asyncio.wait(open_tasks)
-    for task in (recording, ending):
-        if not task.cancelled() and (problem := task.exception()) is not None:
-            raise problem
-
-
-async def _turned(table: RateTable, turns: float) -> None:
-    """Returns when the table has turned so far; StepError when it does not turn."""
-    begin, rate = await table.angle(), await table.rate()
-    if rate.value == 0:
-        raise StepError("the table whose turns are counted does not turn; put this step into the 'during' of a rotate")
-    while True:
-        angle = await table.angle()
-        left_deg = turns * TURN_DEG - abs(angle.value - begin.value)
-        if left_deg <= 0:
-            return
-        await asyncio.sleep(max(left_deg / abs(rate.value) / 2, TURN_LOOK_S))
-
-
-async def _record(blocks: AsyncIterator[FrameBlock], step: Acquire, step_id: str, writer: RunWriter) -> None:
-    async for block in blocks:
-        writer.frames(step.role, step_id, block)
 
 
 async def measure(step: Measure, step_id: str, bench: Bench) -> Mapping[str, Any]:

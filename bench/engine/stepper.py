@@ -8,7 +8,7 @@ from typing import Protocol
 
 from bench.engine.actions import Bench, Found, begin_turning, leave, perform
 from bench.engine.control import Control, StepUnderWay, Wish
-from bench.engine.measuring import record_during
+from bench.engine.recording import acquire_during
 from bench.errors import BenchError, StepError, StoreError
 from bench.sequence.check_steps import limit_problems
 from bench.sequence.measuring import Acquire
@@ -118,24 +118,12 @@ class Stepper:
     async def _meanwhile(self, step: Step, planned: PlannedStep, body: Body) -> Found:
         """A step that lasts as long as those inside it."""
         if isinstance(step, Acquire):
-            return await self._recording(step, planned, body)
+            return await acquire_during(step, planned.id, self._bench, body())
         if isinstance(step, (Rotate, Oscillate)):
             await begin_turning(step, self._bench)
             await body()
             await leave(step, self._bench)
         return {}
-
-    async def _recording(self, step: Acquire, planned: PlannedStep, body: Body) -> Found:
-        over, loop = asyncio.Event(), asyncio.get_running_loop()
-        began_s = loop.time()
-        try:
-            async with asyncio.TaskGroup() as group:
-                group.create_task(record_during(step, planned.id, self._bench.rig, self._bench.writer, over))
-                await body()
-                over.set()
-        except BaseExceptionGroup as problems:
-            raise first_of(problems) from problems
-        return {"label": step.label, "begin_s": began_s, "end_s": loop.time()}
 
     async def _cut(self, planned: PlannedStep, step: Step, wish: Wish) -> None:
         """Brings to rest what was cut short."""
@@ -188,9 +176,3 @@ class Stepper:
             return problem
         text = f"{self._plan.where(planned.place)}: step {planned.id}: {problem}"
         return StepFailed(text, problem.code)
-
-
-def first_of(problems: BaseExceptionGroup[BaseException]) -> BaseException:
-    """The first of several errors that came at once."""
-    problem = problems.exceptions[0]
-    return first_of(problem) if isinstance(problem, BaseExceptionGroup) else problem

@@ -13,8 +13,9 @@ from typing import Any, assert_never
 from bench.engine.actions import Bench
 from bench.engine.control import Control
 from bench.engine.questions import Question
+from bench.engine.recording import first_of
 from bench.engine.safety import outlast
-from bench.engine.stepper import Stepper, Stopped, Watcher, first_of
+from bench.engine.stepper import Stepper, Stopped, Watcher
 from bench.errors import BenchError, StepError, StoreError
 from bench.sequence.plan import (
     Alternatives,

@@ -66,7 +66,8 @@ def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str,
             found |= {unit.place: unit for unit in reduce(part, settings)}
         units += [
             dataclasses.replace(
-                _judged(found[unit.place], entry, method.quantities), dropped=found_on_the_way.dropped.get(unit.place)
+                _judged(found[unit.place], entry, method.units(unit.output_unit)),
+                dropped=found_on_the_way.dropped.get(unit.place),
             )
             for unit in acquired.units
         ]

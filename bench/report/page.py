@@ -246,6 +246,9 @@ def recorded(run: StoredRun, data: Sequence[RunData]) -> Iterator[tuple[str, str
         for channel, found in acquisition.counts.items()
         if channel in {unit.channel for unit in part.units}
     ]
+    for meter in dict.fromkeys(unit.voltmeter for part in data for unit in part.units if unit.voltmeter):
+        read = [each.voltages[meter] for part in data for each in part.acquisitions if meter in each.voltages]
+        yield f"Voltmeter {meter}", f"{sum(len(each.at_s) for each in read)} readings in {len(read)} acquisitions"
     for channel in dict.fromkeys(channel for channel, _ in counts):
         of_channel = [found for name, found in counts if name == channel]
         lost, restarts = (sum(getattr(found, name) for found in of_channel) for name in ("lost", "restarts"))

@@ -117,23 +117,24 @@ def unit_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
     yield _over_temperature(tr("Bias K0"), f"{name}-bias", f"K0 / {as_shown.unit}", as_shown.unit, bias, curves)
     if curves and curves[0].dof and 0 < bias.rising.sum() < len(bias.rising):
         yield _loop(f"{name}-loop", as_shown.unit, bias, curves[0])
-    centre, at_c = _middle(unit, "K1")
+    centre, at_c, symbol = _middle(unit, "K1")
     relative = Scale(1e6 / centre, "ppm", centre)
     scale_factor = relative.points(unit, "K1")
     if scale_factor is not None:
-        value = f"{centre:.2f} {SHOWN['K1'][1]}"
+        value = f"{centre:.7g} {symbol}"
         title = tr("Scale factor K1 relative to {value}{at}", value=value, at=at_c)
         label = tr("K1 relative to the centre / ppm")
         yield _over_temperature(title, f"{name}-scale", label, "ppm", scale_factor, relative.curves(unit, "K1"))
     yield _side_by_side(unit, f"{name}-others", {"K2": tr("K2 + asymmetry"), "misalignment": tr("Misalignment")})
 
 
-def _middle(unit: UnitResult, quantity: str) -> tuple[float, str]:
-    """What the model says in the middle of the temperatures, and where that is; without a model, the mean."""
+def _middle(unit: UnitResult, quantity: str) -> tuple[float, str, str]:
+    """What the model says in the middle of the temperatures, where that is, and the unit; without a model, the mean."""
     for model in unit.models:
         if isinstance(model, TemperatureModel) and model.quantity == quantity:
-            return model.coefficients[0], tr(" at {at_c} °C", at_c=f"{model.centre:.1f}")
-    return float(np.mean([finding.value for finding in unit.findings if finding.quantity == quantity])), ""
+            return model.coefficients[0], tr(" at {at_c} °C", at_c=f"{model.centre:.1f}"), model.unit
+    found = [finding for finding in unit.findings if finding.quantity == quantity]
+    return float(np.mean([finding.value for finding in found])), "", found[0].unit
 
 
 def _over_temperature(title: str, name: str, label: str, symbol: str, points: Points, curves: Sequence[Curve]) -> Plot:

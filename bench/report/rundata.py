@@ -1,4 +1,4 @@
-"""From a stored run to what a method reduces: the journal says what was done, the frames what was counted."""
+"""From a stored run to what a method reduces: the journal says what was done, frames and samples what was measured."""
 
 from __future__ import annotations
 
@@ -9,9 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from bench.analysis.rundata import Acquisition, AxisRecord, BenchRecord, Counts, Mount, RunData, UnitUnderTest
+from bench.analysis.rundata import (
+    Acquisition,
+    AxisRecord,
+    BenchRecord,
+    Counts,
+    Mount,
+    RunData,
+    UnitUnderTest,
+    Voltages,
+)
 from bench.config.fixture import Vector
-from bench.config.models import BenchFile
+from bench.config.models import BenchFile, PlaceEntry
 from bench.sequence.dwells import DwellNames, first_visit
 from bench.store.counts import CountDecoder
 from bench.store.reader import Event, RunReader, Series
@@ -25,15 +34,7 @@ def run_data(reader: RunReader, bench: BenchFile, serials: Mapping[str, str], la
     """The acquisitions under a label, of the units in their places; StoreError when the run does not hold them."""
     dropped_s = {event.data["place"]: event.at_s for event in reader.events("unit_dropped")}
     units = tuple(
-        UnitUnderTest(
-            place,
-            serial,
-            bench.places[place].channel,
-            bench.places[place].mount_angle,
-            bench.places[place].temperature,
-            dropped_s.get(place, math.inf),
-        )
-        for place, serial in serials.items()
+        _unit(place, serial, bench.places[place], dropped_s.get(place, math.inf)) for place, serial in serials.items()
     )
     thermometers = [unit.temperature for unit in units]
     return RunData(label, units, tuple(acquisitions(reader, bench, thermometers, label)), bench_record(bench))
@@ -47,8 +48,25 @@ def acquisitions(reader: RunReader, bench: BenchFile, thermometers: Iterable[str
         if isinstance(entry.options, CounterOptions)
     }
     temperatures = {name: reader.series(name) for name in thermometers}
+    samples = reader.samples_by_step()
     for event, dwell, state in _acquired(reader, bench, label):
-        yield _acquisition(event, dwell, state, reader.frames_of(event.step), decoders, temperatures)
+        acquired = _acquisition(event, dwell, state, reader.frames_of(event.step), decoders, temperatures)
+        yield replace(
+            acquired, voltages={role: Voltages(*read.T) for role, read in samples.get(event.step, {}).items()}
+        )
+
+
+def _unit(place: str, serial: str, entry: PlaceEntry, until_s: float) -> UnitUnderTest:
+    return UnitUnderTest(
+        place=place,
+        serial=serial,
+        channel=entry.channel,
+        mount_angle_deg=entry.mount_angle,
+        temperature=entry.temperature,
+        until_s=until_s,
+        voltmeter=entry.voltmeter,
+        nominal_per_g=entry.nominal_per_g,
+    )
 
 
 @dataclass(frozen=True)
@@ -151,6 +169,7 @@ def bench_record(bench: BenchFile) -> BenchRecord:
         for name, reading in bench.readings.items()
         if reading.calibration is not None
     }
+    meters = {role: _uncertainties(bench, role) for role in bench.with_capability("voltmeter")}
     return BenchRecord(
         gravity_mps2=gravity.value,
         gravity_u_mps2=gravity.U / gravity.k,
@@ -161,6 +180,7 @@ def bench_record(bench: BenchFile) -> BenchRecord:
         level_u_deg=level.U / level.k * ARCSEC_DEG,
         time_base_u=float(counter.get("time_base", 0.0)),
         thermometers_u=thermometers,
+        voltmeters_u={name: (float(u.get("gain", 0)), float(u.get("offset", 0))) for name, u in meters.items()},
     )
 
 

@@ -9,8 +9,6 @@ from bench.analysis.finding import Finding
 # How a quantity is shown to a person: the factor from its unit, and the unit shown.
 SHOWN = {
     "K0": (1e6, "µg"),
-    "K1": (1.0, "pulse/s/g"),
-    "K1_si": (1.0, "pulse/s/(m/s²)"),
     "K2": (1e6, "µg/g²"),
     "misalignment": (1e6, "µrad"),
     "K0/temperature_coefficient": (1e6, "µg/°C"),

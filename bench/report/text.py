@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from bench.analysis.finding import Finding, UnitResult
 from bench.report.findings import Results
 from bench.report.measured import OnTheWay
-from bench.report.shown import SHOWN, shown
+from bench.report.shown import shown
 from bench.report.tables import over_run_rows, verdict_rows
-from bench.report.words import flag_in_words
+from bench.report.words import flag_in_words, unit_shown
 
 _AT_DWELLS = ("K0", "K1_si", "K2", "misalignment")
 
@@ -46,7 +46,8 @@ def _dwell_table(unit: UnitResult) -> Iterator[str]:
             by_dwell.setdefault(finding.id.partition("@")[2], {})[finding.quantity] = finding
     if not by_dwell:
         return
-    heads = "".join(f"{f'{name} / {SHOWN[name][1]}':>28}" for name in _AT_DWELLS)
+    units = {name: unit_shown(name, found.unit) for at in by_dwell.values() for name, found in at.items()}
+    heads = "".join(f"{' / '.join((name, units.get(name, ''))):>28}" for name in _AT_DWELLS)
     yield f"{'set':>6} {'unit':>8}  leg {heads}"
     yield f"{'°C':>6} {'°C':>8}"
     for found in by_dwell.values():

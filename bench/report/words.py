@@ -34,7 +34,7 @@ SOURCES = (
     "head", "fixture", "counter", "site", "readings", "samples", "bias", "K1", "asymmetry of the converter",
     "lag behind the thermometer, and the unit's response to the rate",
 )  # fmt: skip
-CONTENTS = {"contains:K3": "contains K3", "contains:asymmetry": "contains the converter's asymmetry"}
+CONTENTS = {"contains:K3": "contains K3", "contains:asymmetry": "contains the asymmetry of converter or voltmeter"}
 
 _READINGS = {
     "too_few_latches": "fewer than half of its counter readings came",
@@ -43,13 +43,14 @@ _READINGS = {
     "ambiguous_gap": "a gap in which a counter may have gone round unseen",
     "impossible_rate": "more pulses than the converter can give",
     "dead_band": "no pulse for much longer than its rate lets expect, as in the dead band of the converter",
+    "too_few_voltages": "fewer than two readings of the voltmeter",
     "no_temperature": "no temperature of the unit",
     "thermometer": "a temperature that a working thermometer cannot say",
 }
 _UNITS = {
     "type_a:no_repeats": (
-        "No dwell has more readings than unknowns, so their scatter is not known; the resolution of the count stands "
-        "in the budgets instead."
+        "No dwell has more readings than unknowns, so their scatter is not known; what a reading alone tells of its "
+        "uncertainty stands in the budgets instead."
     ),
 }
 _QUANTITIES = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +15,12 @@ from bench.sequence.called import declared_at
 from bench.sequence.check_steps import is_there, limit_problems, role_problems
 from bench.sequence.checks_interlocks import interlocks
 from bench.sequence.limits import unit_problems
-from bench.sequence.methods import known_methods
+from bench.sequence.methods import OUTPUT_UNITS, MethodDescription, known_methods
 from bench.sequence.model import ResultEntry
 from bench.sequence.plan import PHASES, Plan
 from bench.sequence.readings import unit_of
 from bench.sequence.travel import angles_before
-from drivers.capabilities import READING, THERMOMETER
+from drivers.capabilities import OUTPUT, READING, THERMOMETER
 from drivers.suggest import did_you_mean
 from drivers.units import quoted
 
@@ -31,7 +31,7 @@ def check(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
         yield from _needs(plan, bench)
         yield from interlocks(plan, bench)
     yield from _steps(plan, bench)
-    yield from _results(plan)
+    yield from _results(plan, bench)
 
 
 def _needs(plan: Plan, bench: BenchFile) -> Iterator[Problem]:
@@ -42,9 +42,10 @@ def _needs(plan: Plan, bench: BenchFile) -> Iterator[Problem]:
                 yield place, f"the bench '{bench.title}' has no reading '{role}'{did_you_mean(role, bench.readings)}"
             elif kind == THERMOMETER and (unit := unit_of(role, bench)) != "°C":
                 yield place, f"the sequence needs a thermometer, '{role}' of the bench is in {unit}"
-            continue
-        device = bench.devices.get(bench.members(role)[0])
-        if device is None:
+        elif kind == OUTPUT:
+            if role in bench.devices:
+                yield place, f"'{role}' is a device of the bench; call the output of the units otherwise"
+        elif (device := bench.devices.get(bench.members(role)[0])) is None:
             yield place, f"the bench '{bench.title}' has no device '{role}'{did_you_mean(role, bench.devices)}"
         elif kind not in device.description.capabilities:
             is_a = ", ".join(sorted(device.description.capabilities))
@@ -77,7 +78,7 @@ def _steps(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
                 yield place, problem
 
 
-def _results(plan: Plan) -> Iterator[Problem]:
+def _results(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
     labels = set(_labels(plan.document))
     for index, entry in enumerate(plan.sequence.results):
         place: Place = ("results", index)
@@ -93,16 +94,24 @@ def _results(plan: Plan) -> Iterator[Problem]:
             method.settings.model_validate(entry.settings)
         except ValidationError as error:
             yield from problems(plan.document.value, error, (*place, "settings"))
-        yield from _result_limits(entry, method.quantities, (*place, "limits"))
+        yield from _result_limits(entry, method, bench, (*place, "limits"))
 
 
-def _result_limits(entry: ResultEntry, units: Mapping[str, str], place: Place) -> Iterator[Problem]:
-    """Limits of what the method does not find, or in another unit than it finds it in."""
+def _result_limits(
+    entry: ResultEntry, method: MethodDescription, bench: BenchFile | None, place: Place
+) -> Iterator[Problem]:
+    """Limits of what the method does not find, or in another unit than it finds it in on the bench.
+
+    Without a bench the units of every output are right, as long as all keys of a limit go with the same.
+    """
+    on_bench = {unit.output_unit for unit in bench.places.values()} if bench is not None else set[str]()
     for name, limit in entry.limits.items():
-        if name in units:
-            yield from (((*place, name, key), problem) for key, problem in unit_problems(limit, units[name]))
-        else:
-            yield (*place, name), f"{entry.method} has no result {quoted(name)}{did_you_mean(name, units)}"
+        if name not in method.quantities:
+            yield (*place, name), f"{entry.method} has no result {quoted(name)}{did_you_mean(name, method.quantities)}"
+            continue
+        found = [list(unit_problems(limit, method.units(unit)[name])) for unit in sorted(on_bench) or OUTPUT_UNITS]
+        wrong = max(found, key=len) if on_bench else min(found, key=len)
+        yield from (((*place, name, key), problem) for key, problem in wrong)
 
 
 def _labels(document: Document) -> Iterator[str | None]:

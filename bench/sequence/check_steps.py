@@ -23,6 +23,7 @@ from bench.sequence.steps import NEEDS, Step, verb_of
 from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.talk import Alarm, Note, Prompt
 from bench.sequence.waits import Soak, Wait, WaitUntil
+from drivers.capabilities import OUTPUT
 from drivers.suggest import did_you_mean
 from drivers.units import QuantityError, quoted
 from drivers.wording import in_plain_words
@@ -86,7 +87,7 @@ def is_there(step: Step, needs: Mapping[str, str], bench: BenchFile) -> bool:
     """Whether the bench has what the step acts on; what it lacks is told with the needs."""
     if isinstance(step, (WaitUntil, Measure, Tare)):
         return unit_of(step.reading, bench) is not None
-    if isinstance(step, (Wait, Note, Alarm, Prompt, Soak, Custom)):
+    if isinstance(step, (Wait, Note, Alarm, Prompt, Soak, Custom)) or needs[step.role] == OUTPUT:
         return True
     device = bench.devices.get(bench.members(step.role)[0])
     return device is not None and needs[step.role] in device.description.capabilities

@@ -8,6 +8,7 @@ from typing import Any
 from bench.config.document import Document, Place
 from bench.config.models import BenchFile
 from bench.sequence.expressions import ValueProblem, names_in
+from bench.sequence.measuring import Acquire
 from bench.sequence.plan import PHASES, Branches, Nodes, Plan, PlannedStep, leaves, within
 from bench.sequence.readings import is_pulse_rate
 from bench.sequence.remarks import Found
@@ -42,7 +43,10 @@ def _used(nodes: Nodes, bench: BenchFile) -> dict[str, PlannedStep]:
     for planned in leaves(nodes):
         for key in ("role", "of"):
             role = getattr(planned.step, key, None)
-            for member in bench.members(role) if role is not None else ():
+            if role is None:
+                continue
+            named = bench.acquired_from if isinstance(planned.step, Acquire) else bench.members
+            for member in named(role):
                 if member in bench.devices:
                     used.setdefault(member, planned)
         reading = getattr(planned.step, "reading", "")

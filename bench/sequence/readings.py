@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from bench.config.models import BenchFile
 from bench.sequence.expressions import Value
-from drivers.capabilities import READING, THERMOMETER
+from drivers.capabilities import OUTPUT, READING, THERMOMETER
 from drivers.quantities import Quantity
 from drivers.suggest import did_you_mean
 from drivers.units import parse_unit
@@ -21,10 +21,12 @@ def problem_with(name: str, needs: Mapping[str, str], bench: BenchFile | None) -
         kind = needs.get(name)
         if kind is None:
             return f"'{name}' is not among the needs of the sequence{did_you_mean(name, needs)}"
+        if kind == OUTPUT:
+            return f"'{name}' is the output of all units; name a reading, or a channel of a device that is needed"
         if kind not in (THERMOMETER, READING):
             return f"'{name}' is a {kind}; name a reading of it such as {name}.{_a_channel(name, bench)}"
         return ""
-    if device not in needs or needs[device] in (THERMOMETER, READING):
+    if device not in needs or needs[device] in (THERMOMETER, READING, OUTPUT):
         return f"'{device}' is not among the devices that the sequence needs{did_you_mean(device, needs)}"
     if bench is None or device not in bench.devices or unit_of(name, bench) is not None:
         return ""

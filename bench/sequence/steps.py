@@ -12,7 +12,7 @@ from bench.sequence.measuring import Acquire, Measure, Tare
 from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.talk import Alarm, Note, Prompt
 from bench.sequence.waits import Soak, Wait, WaitUntil
-from drivers.capabilities import THERMOMETER
+from drivers.capabilities import OUTPUT, THERMOMETER
 from drivers.suggest import did_you_mean
 from drivers.units import quoted
 from drivers.wording import expected, telling
@@ -39,7 +39,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "set": ("power_supply", "current_source"),
     "ramp": ("thermal_chamber",),
     "soak": (THERMOMETER,),
-    "acquire": ("pulse_counter",),
+    "acquire": ("pulse_counter", "voltmeter", OUTPUT),
 }
 
 

@@ -96,6 +96,21 @@ class RunReader:
         """All frames of each step, by step and stream."""
         return {step: self.frames_of(step) for step in self._seqs_of_steps}
 
+    def samples_by_step(self) -> dict[str, dict[str, NDArray[np.float64]]]:
+        """What was read during steps, by step and stream: (N, 2), bench time and value."""
+        collected: dict[str, dict[str, list[tuple[float, float]]]] = {}
+        for stream, step, at_s, value in self._samples():
+            collected.setdefault(step, {}).setdefault(stream, []).append((at_s, value))
+        return {
+            step: {stream: np.array(rows, np.float64) for stream, rows in streams.items()}
+            for step, streams in collected.items()
+        }
+
+    def _samples(self) -> Iterator[tuple[Any, ...]]:
+        """Rows of stream, step, time and value; a run from before there was such a table has none."""
+        if next(self._rows("SELECT COUNT(*) FROM sqlite_master WHERE name = 'sample'"))[0]:
+            yield from self._rows("SELECT stream, step, at_s, value FROM sample ORDER BY seq")
+
     def frame_count(self) -> int:
         """How many frames were recorded."""
         return int(next(self._rows("SELECT COALESCE(SUM(frames), 0) FROM block"))[0])
@@ -126,7 +141,7 @@ class RunReader:
         return Series(name, self.channels().get(name, ""), table[:, 0].copy(), table[:, 1].copy())
 
     def digest(self) -> str:
-        """SHA-256 over the journal, the frames and the readings; equal for equal runs, however they were compressed."""
+        """SHA-256 over the journal, the frames and all readings; equal for equal runs, however they were compressed."""
         total = hashlib.sha256()
         for row in self._rows("SELECT seq, at_s, kind, step, data FROM journal ORDER BY seq"):
             total.update(repr(row).encode())
@@ -138,5 +153,7 @@ class RunReader:
             "SELECT name, reading.at_s, value FROM reading JOIN channel ON channel.id = channel ORDER BY reading.seq"
         )
         for row in self._rows(query):
+            total.update(repr(row).encode())
+        for row in self._samples():
             total.update(repr(row).encode())
         return total.hexdigest()

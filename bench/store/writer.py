@@ -26,12 +26,13 @@ _INSERT = {
     "block": "INSERT INTO block VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
     "channel": "INSERT INTO channel VALUES (?, ?, ?)",
     "reading": "INSERT INTO reading VALUES (?, ?, ?, ?)",
+    "sample": "INSERT INTO sample VALUES (?, ?, ?, ?, ?)",
 }
 Row = tuple[Any, ...]
 
 
 class RunWriter:
-    """Appends to a run. `event`, `frames` and `readings` return at once; `commit` returns when all of it is durable.
+    """Appends to a run. All but `commit` return at once; `commit` returns when all that was given is durable.
 
     Lifetime: from the directory's making to `close`. Concurrency: called from the loop's thread; one thread of its own
     owns the database. After a failed write nothing is acknowledged any more: every later call raises StoreError.
@@ -58,6 +59,11 @@ class RunWriter:
     def frames(self, stream: str, step: str, block: FrameBlock) -> None:
         """Raw frames of a device during a step."""
         self._put("block", (stream, step, block))
+
+    def samples(self, stream: str, step: str, readings: Sequence[Reading]) -> None:
+        """What a device read during a step that acquires."""
+        for at_s, value in readings:
+            self._put("sample", (at_s, stream, step, value))
 
     def readings(self, name: str, unit: str, readings: Sequence[Reading]) -> None:
         """Values of one channel."""

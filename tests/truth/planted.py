@@ -35,7 +35,7 @@ def mean_of_four_bias() -> AbstractContextManager[object]:
     honest = Dwell.values.fget
 
     def mistaken(dwell: Dwell) -> dict[str, float]:
-        return {**honest(dwell), "K0": float(np.mean(dwell.rates_pps)) / dwell.tumble.k1}
+        return {**honest(dwell), "K0": float(np.mean(dwell.readings)) / dwell.tumble.k1}
 
     return mock.patch.object(Dwell, "values", property(mistaken))
 
@@ -71,7 +71,7 @@ def _without_wrap(width_attribute: str) -> Plant:
             found = rate(counts)
             return dataclasses.replace(found, problems=())
 
-        with mock.patch.object(counting, "_steps", mistaken), mock.patch("bench.analysis.dwells.mean_rate", noting):
+        with mock.patch.object(counting, "_steps", mistaken), mock.patch("bench.analysis.outputs.mean_rate", noting):
             yield
 
     return plant

@@ -98,13 +98,7 @@ def test_a_bench_comes_with_the_document_it_was_read_from(folder):
 
 def test_every_shipped_bench_file_fits_together():
     files = sorted(CONFIG.glob("*.yaml"))
-    assert [path.name for path in files] == [
-        "rate_table.yaml",
-        "simulated.yaml",
-        "simulated_wires.yaml",
-        "three_units.yaml",
-    ]
-    assert [load_bench(path).bench.is_simulated for path in files] == [True, True, False, True]
+    assert [path.stem for path in files if not load_bench(path).bench.is_simulated] == ["simulated_wires"]
 
 
 def test_a_bench_is_simulated_when_no_instrument_is_real(folder, shipped):
@@ -219,7 +213,6 @@ def test_a_key_like_no_other_is_told_those_that_are_known(folder, old, new, prob
         ("      period: 100 ms\n", "", "options:\n      dbc", "period"),
         ("    from: counter.Temperatures.Unit\n", "", "unit_temperature:\n", "from"),
         ("at_0: level, ", "", "input_axis:", "at_0"),
-        ("    channel: x\n", "", "a:\n    mount_angle", "channel"),
         ("seed: 1", "faults: [{device: head, kind: cut}]", "{device: head", "at"),
     ],
 )
@@ -511,7 +504,7 @@ def test_all_slips_are_told_at_once_in_the_order_of_the_file(folder):
         "b.yaml:66:29: compliance: is in A, expected a quantity in V",
         "b.yaml:83:3: input_axis: of at_0 and at_90 one is level and the other up or down: "
         "the axis turns in a vertical plane",
-        "b.yaml:89:3: the key 'channel' is missing",
+        "b.yaml:89:3: a: needs channel or voltmeter, which measures the output of the unit; it has none of them",
         "b.yaml:102:3: seed: is 'one', expected a whole number",
     ]
 
@@ -589,8 +582,7 @@ def test_a_file_that_is_nowhere_is_told_the_nearest_that_is_known(here):
     (here / "sequences" / "my_dwell.yaml").touch()
     assert lost("simulatd", "config") == "simulatd: there is no such bench; did you mean 'simulated'?"
     assert lost("my_dwel", "sequences") == "my_dwel: there is no such sequence; did you mean 'my_dwell'?"
-    everything = "rate_table, simulated, simulated_wires or three_units"
-    assert lost("zzz", "config") == f"zzz: there is no such bench; expected {everything}"
+    assert lost("zzz", "config").startswith("zzz: there is no such bench; expected rate_table, simulated, ")
     assert lost("zzz.yaml", "config") == "zzz.yaml: there is no such file"
     assert lost("lab/zzz", "config") == "lab/zzz: there is no such file"
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 
 from bench.config.bench import load_bench
-from bench.config.models import AngleRange
+from bench.config.fixture import AngleRange
 from bench.errors import InputError
 from bench.report.remarks import warning_line
 from bench.sequence.load import load_judged_plan

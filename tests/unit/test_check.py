@@ -64,7 +64,10 @@ def test_what_the_bench_lacks_is_told_with_the_needs_and_not_again_with_each_ste
         ("{ramp: head, to: 5 °C, at: 1 °C/min}", "'ramp' needs a thermal_chamber, 'head' is a positioner"),
         ("{set: head, output: off}", "'set' needs a power_supply or current_source, 'head' is a positioner"),
         ("{soak: chamber, at_least: 5 s}", "'soak' needs a thermometer, 'chamber' is a thermal_chamber"),
-        ("{acquire: supply, for: 5 s, label: a}", "'acquire' needs a pulse_counter, 'supply' is a power_supply"),
+        (
+            "{acquire: supply, for: 5 s, label: a}",
+            "'acquire' needs a pulse_counter or voltmeter or output, 'supply' is a power_supply",
+        ),
         ("{move: haed, to: 5°}", "'haed' is not among the needs of the sequence; did you mean 'head'?"),
         (
             "{soak: oven, at_least: 5 s}",

@@ -7,7 +7,7 @@ from importlib import import_module
 import pytest
 from pydantic import ValidationError
 
-from bench.sequence.methods import known_methods
+from bench.sequence.methods import OUTPUT_UNITS, known_methods
 from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE
 from drivers.units import parse_unit
 from tests.support.runs import run_short
@@ -19,14 +19,14 @@ def test_a_method_is_found_under_its_own_name_and_can_be_imported(method):
     assert known_methods()[method.name] is method
     module, _, function = method.target.partition(":")
     assert callable(getattr(import_module(module), function))
-    assert all(parse_unit(unit) for unit in method.quantities.values())
+    assert all(parse_unit(unit) for output in OUTPUT_UNITS for unit in method.units(output).values())
 
 
 def test_limits_may_name_what_a_run_finds_in_the_unit_it_is_found_in(tmp_path):
     result = run_short(tmp_path)
     assert result.results is not None
     (unit,) = result.results.units
-    assert {finding.quantity: finding.unit for finding in unit.findings} == dict(TEMPERATURE_TUMBLE.quantities)
+    assert {finding.quantity: finding.unit for finding in unit.findings} == TEMPERATURE_TUMBLE.units("pulse/s")
 
 
 @pytest.mark.parametrize(("raw", "degree"), [({}, 4), ({"degree": 1}, 1), ({"degree": 4}, 4)])

@@ -159,7 +159,7 @@ BAD_SEQUENCES = [
     ("approach: from_below", "approach: from_left"),
     ("settle: 5 s", "setle: 5 s"),
     ("label: tumble", "label: [tumble]"),
-    ("- acquire: counter\n                for: ${gate}", "- acquire: counter"),
+    ("- acquire: output\n                for: ${gate}", "- acquire: output"),
     ("{band: 0.2 °C, slope", "{band: 0.2, slope"),
     (", hold: 10 min}", "}"),
     ("- for_each: cycle", "- for_each: 5"),

@@ -10,7 +10,7 @@ from pathlib import Path
 from bench.app.reference.keys import Blocks, keys, part, table
 from bench.sequence.custom import Custom, known_steps
 from bench.sequence.expressions import Value, evaluate
-from bench.sequence.methods import MethodDescription, known_methods
+from bench.sequence.methods import OUTPUT, MethodDescription, known_methods
 from bench.sequence.model import SequenceFile
 from bench.sequence.steps import BLOCKS, NEEDS, STEPS
 from bench.sequence.values import in_words
@@ -102,12 +102,14 @@ def methods_page() -> Blocks:
 
 
 def _method(method: MethodDescription) -> Blocks:
+    measured_output = any(OUTPUT in unit for unit in method.quantities.values())
     return [
         f"## {method.name}",
         f"{method.title}.",
         *part(method.settings, "settings", 3),
         "### `limits`",
-        "Each key is one of these results; its limits are in the unit, or one that goes with it.",
+        "Each key is one of these results; its limits are in the unit, or one that goes with it."
+        + (" `output` is `pulse/s`, or `V` where a voltmeter measures the unit." if measured_output else ""),
         table(("result", "unit"), ((f"`{name}`", unit) for name, unit in method.quantities.items())),
     ]
 

@@ -14,16 +14,19 @@ from typing import Literal
 from pydantic import BaseModel
 
 ENTRY_POINTS = "inertial_test_bench.methods"
+OUTPUT = "output"  # in the unit of a quantity: stands for the unit of the units' output
+OUTPUT_UNITS = ("pulse/s", "V")
 
 
 @dataclass(frozen=True)
 class MethodDescription:
     """A method as a sequence sees it.
 
-    `settings` validates its settings; `quantities` are the results that limits may name, with their units;
-    `target` is "module:function", which turns a run's data into findings. `counts_at` says what its acquisitions are:
-    readings at dwells, each a leg of a temperature ramp, or each a record of its own. `drawn_by` is "module:function",
-    which turns a unit's results into what a report shows of them beside the tables that all methods have.
+    `settings` validates its settings; `quantities` are the results that limits may name, with their units, in which
+    OUTPUT stands for that of the units' output. `target` is "module:function", which turns a run's data into findings.
+    `counts_at` says what its acquisitions are: readings at dwells, each a leg of a temperature ramp, or each a record
+    of its own. `drawn_by` is "module:function", which turns a unit's results into what a report shows of them beside
+    the tables that all methods have.
     """
 
     name: str
@@ -33,6 +36,10 @@ class MethodDescription:
     quantities: Mapping[str, str]
     counts_at: Literal["dwells", "ramps", "records"] = "dwells"
     drawn_by: str = ""
+
+    def units(self, output_unit: str) -> Mapping[str, str]:
+        """The units of the quantities for units whose output is in `output_unit`."""
+        return {name: unit.replace(OUTPUT, output_unit) for name, unit in self.quantities.items()}
 
 
 @lru_cache(maxsize=1)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from bench.sequence.methods import MethodDescription
+from bench.sequence.methods import OUTPUT, MethodDescription
 from drivers.fields import InUnit, StrictModel, WholeNumber
 
 
@@ -23,8 +23,8 @@ TEMPERATURE_TUMBLE = MethodDescription(
     settings=TemperatureTumbleSettings,
     quantities={
         "K0": "g",
-        "K1": "pulse/s/g",
-        "K1_si": "pulse/s/(m/s²)",
+        "K1": f"{OUTPUT}/g",
+        "K1_si": f"{OUTPUT}/(m/s²)",
         "K2": "g/g²",
         "misalignment": "rad",
         "K0/temperature_coefficient": "g/°C",
