@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
+from bench.analysis.coefficient_findings import Origin, coefficient_findings
 from bench.analysis.compensation import Compensation
 from bench.analysis.dwells import QUANTITIES, Dwell, solve_dwells
 from bench.analysis.finding import BudgetLine, Finding, UnitResult, combined
@@ -33,15 +35,19 @@ READINGS = "readings: scatter pooled over the run"
 WEIGHT_SHOWN = 0.05  # of the largest weight: readings with less are not named as a finding's source
 
 
-def reduce(data: RunData, settings: Mapping[str, int]) -> list[UnitResult]:
-    """The findings and models of every unit; `settings` has the degree of the temperature models."""
-    return [_Unit(data, unit, settings["degree"]).result() for unit in data.units]
+def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
+    """The findings and models of every unit.
+
+    `settings` has the degree of the temperature models, and the temperature about which their coefficients are told.
+    """
+    return [_Unit(data, unit, settings["degree"], settings["reference_c"]).result() for unit in data.units]
 
 
 class _Unit:
     """The reduction of one unit."""
 
-    def __init__(self, data: RunData, unit: UnitUnderTest, degree: int) -> None:
+    def __init__(self, data: RunData, unit: UnitUnderTest, degree: int, reference_c: float) -> None:
+        self._reference_c = reference_c
         self._label, self._unit, self._bench = data.label, unit, data.bench
         self._units = {**UNITS, "K1": f"{unit.output_unit}/g", "K1_si": f"{unit.output_unit}/(m/s²)"}
         solved = solve_dwells(data, unit)
@@ -222,7 +228,7 @@ class _Unit:
         ]
 
     def _temperature_u_c(self, temperature_c: float) -> float:
-        offset_c, gain = self._bench.thermometers_u.get(self._unit.temperature, (0.0, 0.0))
+        offset_c, gain = self._thermometer_u
         return float(np.hypot(offset_c, gain * temperature_c))
 
     # Findings over temperature
@@ -234,6 +240,7 @@ class _Unit:
             return
         relative = 1.0 if quantity == "K0" else 1 / float(line.value(line.centre))
         yield self._coefficient(quantity, line, relative)
+        yield from self._about_reference(quantity, model)
         loop = hysteresis(
             np.array([dwell.values[quantity] for dwell in self._dwells]),
             np.array([dwell.temperature_c for dwell in self._dwells]),
@@ -253,13 +260,11 @@ class _Unit:
     def _coefficient(self, quantity: str, line: PolynomialFit, relative: float) -> Finding:
         """The slope of the straight line."""
         slope = float(line.coefficients[1]) / line.scale * relative
-        thermometer = self._unit.temperature
-        _, gain = self._bench.thermometers_u.get(thermometer, (0.0, 0.0))
+        thermometer, (_, gain) = self._unit.temperature, self._thermometer_u
         lines = [
             self._slope(quantity, line, relative),
             _type_b(f"{thermometer}: gain", abs(slope) * gain, thermometer),
         ]
-        root = self._dwells[0].group.rpartition("/")[0]
         return Finding(
             id=self._id(f"{quantity}/temperature_coefficient"),
             uut=self._unit.serial,
@@ -269,16 +274,41 @@ class _Unit:
             value=slope,
             unit="g/°C" if quantity == "K0" else "1/°C",
             budget=combined(lines),
-            steps=(root,),
+            steps=(self._root,),
         )
+
+    def _about_reference(self, quantity: str, model: PolynomialFit) -> Iterator[Finding]:
+        """The first coefficients of the model's series about the reference temperature."""
+        origin = Origin(
+            prefix=self._id(""),
+            uut=self._unit.serial,
+            steps=(self._root,),
+            thermometer=self._unit.temperature,
+            thermometer_u=self._thermometer_u,
+            scatter=lambda weights: self._scatter(self._by_readings(quantity, weights)),
+        )
+        return coefficient_findings(quantity, model, self._reference_c, origin)
+
+    @property
+    def _thermometer_u(self) -> tuple[float, float]:
+        """Standard uncertainties of offset (°C) and gain of the thermometer at the unit."""
+        return self._bench.thermometers_u.get(self._unit.temperature, (0.0, 0.0))
+
+    @property
+    def _root(self) -> str:
+        """The part of the run that holds all dwells."""
+        return self._dwells[0].group.rpartition("/")[0]
 
     def _slope(self, quantity: str, line: PolynomialFit, relative: float) -> BudgetLine:
         """What the scatter about the line gives to its slope; through two temperatures, what the readings give."""
         if line.dof:
             return BudgetLine("fit", "A", abs(float(line.u[1]) / line.scale * relative), line.dof)
+        return self._scatter(self._by_readings(quantity, line.fit.gain[1] / line.scale * relative))
+
+    def _by_readings(self, quantity: str, weights: Array) -> Array:
+        """How what depends on a quantity at the dwells by `weights` depends on all readings."""
         row = QUANTITIES.index(quantity)
-        weighted = [dwell.gain[row] * w for dwell, w in zip(self._dwells, line.fit.gain[1], strict=True)]
-        return self._scatter(np.concatenate(weighted) / line.scale * relative)
+        return np.concatenate([dwell.gain[row] * w for dwell, w in zip(self._dwells, weights, strict=True)])
 
     def _largest(self, quantity: str, name: str, value: float, relative: float, dwells: tuple[Dwell, ...]) -> Finding:
         """A largest value over the dwells; its uncertainty is that of their readings, all else is common to them."""

@@ -13,6 +13,10 @@ SHOWN = {
     "misalignment": (1e6, "µrad"),
     "K0/temperature_coefficient": (1e6, "µg/°C"),
     "K1/temperature_coefficient": (1e6, "ppm/°C"),
+    "K0T1": (1e6, "µg/°C"),
+    "K0T2": (1e6, "µg/°C²"),
+    "K1T1": (1e6, "ppm/°C"),
+    "K1T2": (1e6, "ppm/°C²"),
     "K0/hysteresis": (1e6, "µg"),
     "K1/hysteresis": (1e6, "ppm"),
     "K0/model_residual": (1e6, "µg"),
@@ -22,6 +26,8 @@ SHOWN = {
     "K0/jump": (1e6, "µg"),
     "K0/jumps": (1.0, ""),
     "K1/model_residual": (1e6, "ppm"),
+    "threshold": (1e6, "µg"),
+    "resolution": (1e6, "µg"),
 }
 
 

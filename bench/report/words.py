@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from bench.analysis.finding import Finding
+from bench.analysis.finding import LOWER_BOUND, Finding
 from bench.analysis.limits import GUARD_BANDS_MEET, IN_GUARD_BAND, U_UNKNOWN, Limits
 from bench.report.languages import tr
 from bench.report.shown import SHOWN
@@ -27,6 +27,13 @@ REASONS = {
     IN_GUARD_BAND: "inside its limits, but within their guard band",
     GUARD_BANDS_MEET: "its uncertainty is so large that no value could pass the guard band",
     U_UNKNOWN: "its uncertainty is not known, and the guard band needs it",
+    "extrapolated": "its reference temperature is outside of the temperatures that were measured",
+    LOWER_BOUND: "the largest step failed too: it is more than this, and how much more the ladder cannot tell",
+    "at_most": "the smallest step passed already: it is this or less",
+    "one_sense": "steps of one sense only, which are taken for both",
+    "not_monotonic": "a smaller step passed than one that failed, which does not count",
+    "too_short": "some steps were counted too short: one count is more than a fifth of them",
+    "marginal": "one of the two steps that decide is so near one half that it could be otherwise if repeated",
     "lag": "the loop is a lag behind the thermometer, not hysteresis: a model with dT/dt removes most of it",
 }
 # What sources of uncertainty are of, besides the names of readings.
@@ -52,6 +59,10 @@ _UNITS = {
         "No dwell has more readings than unknowns, so their scatter is not known; what a reading alone tells of its "
         "uncertainty stands in the budgets instead."
     ),
+    "nominal_unknown": (
+        "The bench file does not say the nominal scale factor of its channel (nominal.K1 and nominal.S of its place), "
+        "without which it is not known what a step lets expect."
+    ),
 }
 _QUANTITIES = {
     "too_few_temperatures": "fewer temperatures than the model asked for needs; its degree is lower, or there is none.",
@@ -62,6 +73,7 @@ _QUANTITIES = {
 _PARTS = {
     "part_missing": "part: there is no leg at this input, without which nothing can be determined.",
     "leg_incomplete": "more than half of its samples could not be used.",
+    "no_steps": "left out: it has no step between two readings at the position.",
     "not_one_leg": "left out: it is no leg, its set point ends where it began.",
     "another_angle": "left out: the part has legs at another angle, and the method is of one.",
 }
@@ -163,6 +175,8 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
         parts.append(tr("set point {set_c} °C", set_c=f"{at['temperature_set_c']:g}"))
     elif "temperature_c" in at:
         parts.append(tr("centre {at_c} °C", at_c=f"{at['temperature_c']:.1f}"))
+    if "position_deg" in at:
+        parts.append(tr("about {angle}°", angle=f"{at['position_deg']:g}"))
     if "leg" in at:
         parts.append(leg_in_words(at["leg"]))
     if "at_c" in at:

@@ -21,7 +21,7 @@ from bench.sequence.waits import Soak
 TUMBLE_ANGLES = 4  # for K0, K1, K2 and the misalignment: methods.md 1.5
 CONSTANTS = {"c0": "K0", "K1": "K1", "d·K1": "misalignment", "c2": "K2"}  # by the terms of a tumble
 SAME_ANGLE_DIGITS = 3  # of an angle in °
-OVER_TEMPERATURE = ("/temperature_coefficient", "/hysteresis", "/model_residual")
+OVER_TEMPERATURE = ("/temperature_coefficient", "T1", "T2", "/hysteresis", "/model_residual")
 
 Dwells = dict[str, tuple[float | None, list[float]]]
 

@@ -87,7 +87,7 @@ def compare_one(folder: Path, results: dict) -> list[Comparison]:
             dwell=finding["at"]["dwell"],
             quantity=finding["quantity"],
             value=finding["value"],
-            truth=_constants(truth, finding)[finding["quantity"]],
+            truth=true_constants(truth, finding)[finding["quantity"]],
             u=finding["u"],
         )
         for finding in results["findings"]
@@ -95,7 +95,7 @@ def compare_one(folder: Path, results: dict) -> list[Comparison]:
     ]
 
 
-def _constants(truth: dict, finding: dict) -> dict[str, float]:
+def true_constants(truth: dict, finding: dict) -> dict[str, float]:
     dwell = truth["dwells"][finding["id"].replace(f"/{finding['quantity']}@", "@")]
     if dwell["temperature_c"] == finding["at"]["temperature_c"]:
         return dwell

@@ -182,8 +182,8 @@ COUNT = steps(
     "{for_each: a, in: [1], steps: [{acquire: counter, for: 5 s, label: inner}]}",
 )
 ALL = (
-    "K0, K1, K1_si, K2, misalignment, K0/temperature_coefficient, K1/temperature_coefficient, K0/hysteresis, "
-    "K1/hysteresis, K0/model_residual or K1/model_residual"
+    "K0, K1, K1_si, K2, misalignment, K0/temperature_coefficient, K1/temperature_coefficient, K0T1, K0T2, "
+    "K1T1, K1T2, K0/hysteresis, K1/hysteresis, K0/model_residual or K1/model_residual"
 )
 
 

@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
 
+from bench.analysis.coefficient_findings import Origin, coefficient_findings
+from bench.analysis.finding import BudgetLine
 from bench.analysis.fit import fit_polynomial
 from bench.analysis.temperature_coefficients import bias_coefficients, scale_coefficients
 
@@ -86,3 +88,33 @@ def test_the_gain_is_what_each_value_adds():
     values[7] += 0.01
     moved = scale_coefficients(fit_polynomial(SET_C, values, 3), REFERENCE_C)
     assert [moved.t1 - base.t1, moved.t2 - base.t2] == pytest.approx(0.01 * base.gain[:, 7], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("truth", "coefficients"), [(bias_g, bias_coefficients), (scale_pps_per_g, scale_coefficients)], ids=["K0", "K1"]
+)
+@pytest.mark.parametrize("at_c", [REFERENCE_C, -30.0])
+def test_what_a_wrong_thermometer_makes_of_them_is_told(truth, coefficients, at_c):
+    offset_c, gain = 1e-3, 1e-5
+
+    def found(temperature_c):
+        each = coefficients(fit_polynomial(temperature_c, truth(SET_C), 4), at_c)
+        return np.array([each.t1, each.t2])
+
+    by_offset, by_gain = coefficients(fit_polynomial(SET_C, truth(SET_C), 4), at_c).by_thermometer(offset_c, gain)
+    assert np.abs(found(SET_C + offset_c) - found(SET_C)) == pytest.approx(by_offset, rel=1e-3)
+    assert np.abs(found(SET_C * (1 + gain)) - found(SET_C)) == pytest.approx(by_gain, rel=1e-3)
+
+
+def test_they_become_findings_with_a_budget_each():
+    values = bias_g(SET_C) + 1e-7 * np.random.default_rng(2).standard_normal(23)
+    origin = Origin("tumble/a/", "S1", ("steps",), "unit", (0.3, 1e-3), lambda _: BudgetLine("readings", "A", 1.0))
+    linear, quadratic = coefficient_findings("K0", fit_polynomial(SET_C, values, 4), REFERENCE_C, origin)
+    assert (linear.id, linear.unit, linear.flags) == ("tumble/a/K0T1", "g/°C", ())
+    assert (quadratic.id, quadratic.unit, quadratic.at) == ("tumble/a/K0T2", "g/°C²", {"at_c": REFERENCE_C})
+    assert linear.value == pytest.approx(T1, abs=3 * linear.u)
+    assert quadratic.value == pytest.approx(T2, abs=3 * quadratic.u)
+    assert {line.source for line in linear.budget} == {"fit", "unit: gain", "unit: offset"}
+    (line,) = coefficient_findings("K1", fit_polynomial(SET_C[:2], scale_pps_per_g(SET_C[:2]), 1), 25.0, origin)
+    assert (line.quantity, line.unit, line.flags) == ("K1T1", "1/°C", ("extrapolated",))
+    assert line.budget[0].source == "readings", "two values leave no residuals to judge by"

@@ -7,13 +7,16 @@ from typing import Annotated
 from pydantic import Field
 
 from bench.sequence.methods import OUTPUT, MethodDescription
-from drivers.fields import InUnit, StrictModel, WholeNumber
+from drivers.fields import Celsius, InUnit, StrictModel, WholeNumber
 
 
 class TemperatureTumbleSettings(StrictModel):
     """Settings of the static temperature tumble."""
 
     degree: Annotated[WholeNumber, Field(ge=1, le=4)] = Field(4, description="of the polynomials over temperature")
+    reference_c: Celsius = Field(
+        20.0, alias="reference", description="the temperature about which K0T1, K0T2, K1T1 and K1T2 hold"
+    )
 
 
 TEMPERATURE_TUMBLE = MethodDescription(
@@ -29,6 +32,10 @@ TEMPERATURE_TUMBLE = MethodDescription(
         "misalignment": "rad",
         "K0/temperature_coefficient": "g/°C",
         "K1/temperature_coefficient": "1/°C",
+        "K0T1": "g/°C",
+        "K0T2": "g/°C²",
+        "K1T1": "1/°C",
+        "K1T2": "1/°C²",
         "K0/hysteresis": "g",
         "K1/hysteresis": "1",
         "K0/model_residual": "g",

@@ -1,0 +1,57 @@
+"""The temperature coefficients of a model as findings, each with its budget (methods.md 6.7)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from bench.analysis.finding import BudgetLine, Finding, combined
+from bench.analysis.fit import Array, PolynomialFit
+from bench.analysis.temperature_coefficients import bias_coefficients, scale_coefficients
+
+TERMS = ("linear", "quadratic")
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a model comes from: `prefix` begins the ids, `steps` are those of the run.
+
+    `thermometer_u` are the standard uncertainties of its offset (°C) and of its gain. `scatter` is the budget line of
+    what depends on the values that were fitted by weights (n,).
+    """
+
+    prefix: str
+    uut: str
+    steps: tuple[str, ...]
+    thermometer: str
+    thermometer_u: tuple[float, float]
+    scatter: Callable[[Array], BudgetLine]
+
+
+def coefficient_findings(quantity: str, model: PolynomialFit, reference_c: float, origin: Origin) -> Iterator[Finding]:
+    """T1 and T2 of K0 in g, or of K1 relative to it, about a reference temperature; a straight line has no T2.
+
+    Type A is what the fit leaves, the readings' own scatter where it leaves nothing to judge by.
+    """
+    of_bias = quantity == "K0"
+    found = (bias_coefficients if of_bias else scale_coefficients)(model, reference_c)
+    by_offset, by_gain = found.by_thermometer(*origin.thermometer_u)
+    for index, value in enumerate((found.t1, found.t2)[: model.degree]):
+        fit = BudgetLine("fit", "A", float(found.u[index]), model.dof)
+        lines = [
+            fit if model.dof else origin.scatter(found.gain[index]),
+            BudgetLine(f"{origin.thermometer}: gain", "B", float(by_gain[index]), None, origin.thermometer),
+            BudgetLine(f"{origin.thermometer}: offset", "B", float(by_offset[index]), None, origin.thermometer),
+        ]
+        yield Finding(
+            id=f"{origin.prefix}{quantity}T{index + 1}",
+            uut=origin.uut,
+            quantity=f"{quantity}T{index + 1}",
+            name=f"{TERMS[index]} temperature coefficient of the {'bias' if of_bias else 'scale factor'}",
+            at={"at_c": reference_c},
+            value=value,
+            unit=("g/°C" if of_bias else "1/°C") + "²" * index,
+            budget=combined(lines),
+            steps=origin.steps,
+            flags=("extrapolated",) if found.extrapolated else (),
+        )
