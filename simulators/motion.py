@@ -27,6 +27,13 @@ class AxisErrors:
     backlash_deg: float = 0.0
     repeatability_deg: float = 0.0
 
+    def with_harmonics(self, error_deg: Angles, angle_deg: Angles) -> Angles:
+        """An error with what the error map has at the angles beside it."""
+        turn = np.radians(angle_deg)
+        for order, (cosine, sine) in enumerate(zip(self.cosines, self.sines, strict=True), start=1):
+            error_deg = error_deg + (cosine * np.cos(order * turn) + sine * np.sin(order * turn))
+        return error_deg
+
 
 class Profile(Protocol):
     """What an axis was told to do: its angle and rate as exact functions of time."""
@@ -272,14 +279,16 @@ class Axis:
         angle = self._profile.angle_deg(at_s)
         return angle + self._error_deg(angle)
 
+    def lasting_deg(self, angle_deg: Angles) -> Angles:
+        """Where it stands, as often as it comes from below to where it reports these angles, but for scatter."""
+        return angle_deg + self._errors.with_harmonics(np.full_like(angle_deg, self._errors.zero_deg), angle_deg)
+
     def _begin(self, profile: Profile) -> None:
         self._profile, self._rest_deg = profile, None
 
     def _error_deg(self, angle_deg: Angles) -> Angles:
-        errors, turn = self._errors, np.radians(angle_deg)
+        errors = self._errors
         total = np.full_like(angle_deg, errors.zero_deg + self._scatter_deg)
         if self._from_above:
             total += errors.backlash_deg
-        for order, (cosine, sine) in enumerate(zip(errors.cosines, errors.sines, strict=True), start=1):
-            total += cosine * np.cos(order * turn) + sine * np.sin(order * turn)
-        return total
+        return errors.with_harmonics(total, angle_deg)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:  # findings are shown where no arithmetic is loaded
 COVERAGE = 2
 NEGLIGIBLE = 1e-4  # of the largest line of a budget: 1e-8 of its variance
 UNLIMITED_DOF = 1000  # more are reported as unlimited
+LOWER_BOUND = "more_than"  # the flag of a value of which is only known that it is more
 Verdict = Literal["PASS", "FAIL", "INVALID"]
 
 
@@ -73,11 +74,14 @@ class Finding:
     def judged(self, limits: Limits) -> Finding:
         """The same finding with limits and, unless it is invalid already, a verdict, flagged where that needs a reason.
 
-        A budget of nothing tells no uncertainty.
+        A budget of nothing tells no uncertainty. What is only known to be more than its value can exceed a
+        limit, not keep below it.
         """
         if self.verdict == "INVALID":
             return replace(self, limits=limits)
         judgement = judge(self.value, self.u or None, limits)
+        if judgement.verdict == "PASS" and limits.high is not None and LOWER_BOUND in self.flags:
+            return replace(self, limits=limits, verdict="INVALID")
         flags = self.flags if judgement.flag is None else (*self.flags, judgement.flag)
         return replace(self, limits=limits, verdict=judgement.verdict, flags=flags)
 

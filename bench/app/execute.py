@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from bench.analysis.ladder import by_position
 from bench.analysis.rundata import Acquisition, UnitUnderTest
 from bench.app.devices import open_devices
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
@@ -33,6 +34,7 @@ from drivers.can_counter.description import CounterOptions
 from drivers.values import Reading
 from simulators.attitude import Mount
 from simulators.truth import DwellAsMeasured, LegAsMeasured, Lies, truth_record
+from simulators.truth_ladder import LadderAsMeasured, ladders_record
 
 CALLED = "called"  # the folder of sequences that the one of a run calls
 
@@ -184,6 +186,7 @@ def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: S
             if ran.laboratory is not None:
                 drawn = ran.laboratory
                 truth = truth_record(drawn.world, _dwells(stored), _legs(stored), drawn.voltmeters)
+                truth |= ladders_record(drawn.world, _ladders(stored))
                 directory.write_json("truth.json", truth)
                 record["hashes"]["truth.json"] = manifest.file_hash(path / "truth.json")
             directory.write_json("results.json", results.to_json())
@@ -258,3 +261,20 @@ def _legs(stored: StoredRun) -> list[LegAsMeasured]:
         for unit in data.units
         for acquisition in data.acquisitions
     ]
+
+
+def _ladders(stored: StoredRun) -> list[LadderAsMeasured]:
+    """The ladders of small steps, for the truth: where they began is their position."""
+    found = []
+    for data in stored.counted_at("steps"):
+        found += [
+            LadderAsMeasured(
+                key=f"{data.label}/{unit.place}@position={position:g}",
+                place=unit.place,
+                at_s=(members[0].begin_s + members[-1].end_s) / 2,
+                lies=_lies(members[0]),
+            )
+            for unit in data.units
+            for position, members in by_position(data).items()
+        ]
+    return found

@@ -21,7 +21,7 @@ from bench.analysis.rundata import (
 )
 from bench.config.fixture import Vector
 from bench.config.models import BenchFile, PlaceEntry
-from bench.sequence.dwells import DwellNames, first_visit
+from bench.sequence.dwells import DwellNames, first_visit, loop_values
 from bench.store.counts import CountDecoder
 from bench.store.reader import Event, RunReader, Series
 from drivers.can_counter.description import CounterOptions
@@ -128,13 +128,12 @@ def _acquisition(
     counts: dict[str, Counts] = {}
     for role, decoder in decoders.items():
         counts.update(decoder.counts(frames.get(role, FrameBlock.empty())))
-    parts = event.step.split("/")
     begin_s, end_s = float(event.data["begin_s"]), float(event.data["end_s"])
     meanwhile = {name: series.between(begin_s, end_s) for name, series in temperatures.items()}
     return Acquisition(
         step=event.step,
         group=dwell,
-        loops=_loops(parts),
+        loops=loop_values(event.step),
         begin_s=begin_s,
         end_s=end_s,
         angles_deg=state.angles_deg,
@@ -145,19 +144,6 @@ def _acquisition(
         temperatures_c={name: series.values for name, series in meanwhile.items()},
         temperatures_at_s={name: series.at_s for name, series in meanwhile.items()},
     )
-
-
-def _loops(parts: list[str]) -> dict[str, float]:
-    """The numbers that loop variables had, from a step's id."""
-    found = {}
-    for part in parts:
-        name, equals, value = part.partition("=")
-        if equals:
-            try:
-                found[name] = float(value.partition("#")[0])
-            except ValueError:
-                continue
-    return found
 
 
 def bench_record(bench: BenchFile) -> BenchRecord:

@@ -8,6 +8,19 @@ def first_visit(step_id: str) -> str:
     return step_id.partition("~")[0]
 
 
+def loop_values(step_id: str) -> dict[str, float]:
+    """The numbers that the loop variables around a step had, in the customary units of ids."""
+    found = {}
+    for part in step_id.split("/"):
+        name, equals, value = part.partition("=")
+        if equals:
+            try:
+                found[name] = float(value.partition("#")[0])
+            except ValueError:
+                continue
+    return found
+
+
 class DwellNames:
     """Names dwells while the steps of a run are gone through in their order.
 

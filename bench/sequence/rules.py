@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bench.config.models import BenchFile
+from bench.sequence.checks_ladder import incomplete_ladder, ladder_below_limit, no_nominal, step_below_band
 from bench.sequence.checks_method import soak_never_stable, too_few_angles, too_few_temperatures
 from bench.sequence.checks_motion import forbidden_angle, short_acquisition
 from bench.sequence.checks_names import unused_need, unused_parameter
@@ -16,8 +17,12 @@ RULES = (
     Rule("shared-device", "error", "branches done at the same time have devices of their own", shared_device),
     Rule("forbidden-angle", "error", "the head keeps away from what the fixture forbids", forbidden_angle),
     Rule("too-few-angles", "error", "a tumble has the angles that its constants need", too_few_angles),
+    Rule("no-nominal", "error", "what a step lets expect is known", no_nominal),
+    Rule("incomplete-ladder", "error", "a ladder has steps of both senses, between readings", incomplete_ladder),
     Rule("too-few-temperatures", "warning", "a model over temperature has the degree asked for", too_few_temperatures),
     Rule("short-acquisition", "warning", "counting resolves what is asked for", short_acquisition),
+    Rule("step-below-band", "warning", "the head can make the steps of a ladder", step_below_band),
+    Rule("ladder-below-limit", "warning", "a ladder reaches beyond its limits", ladder_below_limit),
     Rule("unreachable", "warning", "every step can be done", unreachable),
     Rule("soak-never-stable", "warning", "a soak can become stable", soak_never_stable),
     Rule("no-teardown", "warning", "a teardown takes back what moved", no_teardown),

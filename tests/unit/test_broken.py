@@ -18,6 +18,8 @@ from tests.support.sequences import BENCH, ROOT
 FOLDER = ROOT / "tests/broken"
 _FORBIDDEN = (AngleRange(min="40°", max="50°"),)
 FORBIDS = BENCH.model_copy(update={"fixture": BENCH.fixture.model_copy(update={"forbidden": _FORBIDDEN})})
+_UNKNOWN = {name: place.model_copy(update={"nominal": None}) for name, place in BENCH.places.items()}
+WITHOUT_NOMINAL = BENCH.model_copy(update={"places": _UNKNOWN})
 BROKEN = sorted([*FOLDER.glob("*.yaml"), *FOLDER.glob("calls/call_*.yaml")])
 GOOD = sorted((FOLDER / "good").glob("*.yaml"))
 SHIPPED = sorted((ROOT / "sequences").glob("*.yaml"))
@@ -43,7 +45,7 @@ def found_in(path, bench=BENCH, **wishes):
 @pytest.mark.parametrize("path", BROKEN, ids=lambda path: path.stem)
 def test_a_broken_sequence_is_told_its_one_fault_at_its_place(path):
     (expected,) = expected_of(path)
-    bench = FORBIDS if "forbidden" in path.stem else BENCH
+    bench = FORBIDS if "forbidden" in path.stem else WITHOUT_NOMINAL if "without_nominal" in path.stem else BENCH
     assert found_in(path, bench) == [expected]
 
 

@@ -1,0 +1,102 @@
+"""Ladders of small steps, drawn and listed: which steps the output followed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from bench.analysis.finding import COVERAGE, UnitResult
+from bench.analysis.ladder import Ladder
+from bench.analysis.threshold import COUNT_SHARE, PASSING_SHARE, LadderStep
+from bench.report.plots import Plot
+from bench.report.shown import SHOWN, decimals
+from bench.report.svg import new_figure, rendered
+from bench.report.tables import Sheet
+
+UPWARD: dict[str, Any] = {"color": "#0b5394", "marker": "^", "label": "upward"}
+DOWNWARD: dict[str, Any] = {"color": "#b45309", "marker": "v", "markerfacecolor": "white", "label": "downward"}
+RATIO_SHOWN = (-0.3, 1.7)  # a ratio far outside is drawn at the edge; the table has it
+
+
+def ladder_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
+    """A plot and a table for each ladder; `name` begins their ids in the page."""
+    if isinstance(unit.detail, tuple):
+        for ladder in unit.detail:
+            yield _plot(ladder, f"{name}-ladder-{ladder.position_deg:g}")
+            yield _sheet(ladder)
+
+
+def _title(ladder: Ladder) -> str:
+    return f"{ladder.quantity.capitalize()} about {ladder.position_deg:g}°"
+
+
+def _plot(ladder: Ladder, name: str) -> Plot:
+    factor, symbol = SHOWN[ladder.quantity]
+    figure = new_figure(3.2)
+    axes = figure.subplots()
+    for sense, style in ((1, UPWARD), (-1, DOWNWARD)):
+        _draw_sense(axes, [step for step in ladder.found.steps if step.input_g * sense > 0], factor, style)
+    axes.axhline(PASSING_SHARE, color="#b42318", linewidth=0.8, label="one half")
+    axes.axhline(1, color="#444444", linewidth=0.6)
+    if np.isfinite(ladder.found.high_g) and ladder.found.low_g:
+        axes.axvspan(ladder.found.low_g * factor, ladder.found.high_g * factor, color="#dddddd", zorder=0)
+    axes.set(
+        xscale="log", ylim=RATIO_SHOWN, xlabel=f"input step / {symbol}", ylabel="output change / expected",
+        title=_title(ladder),
+    )  # fmt: skip
+    axes.legend(loc="lower right")
+    caption = (
+        "Output change over the change that the nominal scale factor lets expect, by the input step that the head read "
+        f"back. Bars: expanded uncertainty, k = {COVERAGE}. A step passes from one half on."
+    )
+    if np.isfinite(ladder.found.high_g) and ladder.found.low_g:
+        caption += " In the grey band, between the largest step that failed and the next, lies the value."
+    return Plot(_title(ladder), rendered(figure, name, _title(ladder)), caption)
+
+
+def _draw_sense(axes: Axes, steps: list[LadderStep], factor: float, style: dict[str, Any]) -> None:
+    """The steps of one sense, by their size."""
+    steps = sorted(steps, key=lambda step: step.size_g)
+    if steps:
+        axes.errorbar(
+            [step.size_g * factor for step in steps],
+            np.clip([step.ratio for step in steps], *RATIO_SHOWN),
+            [COVERAGE * step.u_ratio for step in steps],
+            linewidth=0.8, markersize=5, capsize=2.5, **style,
+        )  # fmt: skip
+
+
+def _sheet(ladder: Ladder) -> Sheet:
+    factor, symbol = SHOWN[ladder.quantity]
+    steps = sorted(ladder.found.steps, key=lambda step: (step.size_g, -step.input_g))
+    left_out = f" {ladder.found.left_out} readings were not used." if ladder.found.left_out else ""
+    return Sheet(
+        f"{_title(ladder)}: the ladder",
+        "Means of the repeats. The input step is that which the head read back, against the line between the readings "
+        f"at the position before and after it.{left_out}",
+        (
+            ("Step", "arcsec"), ("Repeats", ""), ("Input step", symbol), ("Output change", symbol),
+            ("Change over expected", "U, k = 2"), ("Step passes", ""), ("Remark", ""),
+        ),
+        tuple(_row(ladder, step, factor) for step in steps),
+    )  # fmt: skip
+
+
+def _row(ladder: Ladder, step: LadderStep, factor: float) -> tuple[str, ...]:
+    expanded = COVERAGE * step.u_ratio
+    remarks = (
+        f"one count is more than {COUNT_SHARE:.0%} of it" if step.too_short else "",
+        "could be otherwise if repeated" if step.marginal else "",
+    )
+    return (
+        f"{ladder.step_arcsec(step):+.2f}",
+        f"{step.repeats}",
+        f"{step.input_g * factor:+.2f}",
+        f"{step.output_g * factor:+.2f}",
+        f"{step.ratio:.{decimals(expanded)}f} ± {expanded:.{decimals(expanded)}f}",
+        "yes" if step.passed else "no",
+        "; ".join(filter(None, remarks)),
+    )

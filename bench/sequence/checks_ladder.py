@@ -1,0 +1,110 @@
+"""Rules on ladders of small steps, from which the method `threshold` finds what a unit follows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from bench.config.document import Place
+from bench.config.models import BenchFile
+from bench.sequence.dwells import loop_values
+from bench.sequence.limits import limits_in
+from bench.sequence.measuring import Acquire
+from bench.sequence.methods.threshold import THRESHOLD
+from bench.sequence.model import ResultEntry
+from bench.sequence.plan import Plan
+from bench.sequence.remarks import Found
+from bench.sequence.stimulus import Move
+from bench.sequence.travel import angles_before
+
+ARCSEC_PER_DEG = 3600
+
+Ladders = dict[float, list[float]]
+
+
+def no_nominal(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A place whose nominal scale factor is not known: nobody knows what a step lets expect."""
+    for place, _ in _entries(plan):
+        for name, entry in bench.places.items():
+            if entry.nominal_per_g is None:
+                yield (
+                    (*place, "method"),
+                    f"a step passes by the nominal scale factor, and place '{name}' of the bench does not state it",
+                    f"Give nominal.K1 and nominal.{'S' if entry.voltmeter is None else 'resistor'} of places.{name} in the "
+                    "bench file",
+                )
+
+
+def incomplete_ladder(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A ladder without steps of both senses, or whose steps do not lie between readings at the position."""
+    for place, entry in _entries(plan):
+        for position, offsets in _ladders(plan, entry.data).items():
+            if not {-1, 1} <= {math.copysign(1, offset) for offset in offsets if offset}:
+                yield (
+                    (*place, "data"),
+                    f"the ladder at position {position:g} has no steps of both senses: the loop variable 'offset' says "
+                    "which acquisitions are steps",
+                    "Acquire in a loop 'offset' over a step and 0°, for steps of both senses",
+                )
+            elif offsets[0] or offsets[-1]:
+                yield (
+                    (*place, "data"),
+                    f"the ladder at position {position:g} {'begins' if offsets[0] else 'ends'} with a step, which is "
+                    "told from a drift only between two readings at the position",
+                    "Acquire at the position before the first step and after each",
+                )
+
+
+def step_below_band(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A step so small that the head may stand still, and has settled all the same."""
+    for place, entry in _entries(plan):
+        steps = [abs(offset) for offsets in _ladders(plan, entry.data).values() for offset in offsets if offset]
+        for role in _heads(plan):
+            settle = getattr(bench.devices[role].options, "settle", None) if role in bench.devices else None
+            smallest_arcsec = round(min(steps, default=math.inf) * ARCSEC_PER_DEG, 6)
+            if settle is not None and smallest_arcsec < settle.band:
+                yield (
+                    (*place, "data"),
+                    f"the smallest step is {smallest_arcsec:g} arcsec, and '{role}' has settled within "
+                    f"{settle.band:g} arcsec of its target: it need not move at all",
+                    f"Leave out the smallest steps, or lower options.settle.band of '{role}' in the bench file",
+                )
+
+
+def ladder_below_limit(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A limit above the largest step: a unit that follows none of them can be neither passed nor failed."""
+    for place, entry in _entries(plan):
+        for name, written in entry.limits.items():
+            limits = limits_in(written, "g")
+            largest_g = [
+                math.cos(math.radians(position)) * math.sin(math.radians(max(map(abs, offsets))))
+                for position, offsets in _ladders(plan, entry.data).items()
+            ]
+            if largest_g and limits.high is not None and min(largest_g) < limits.high:
+                yield (
+                    (*place, "limits", name),
+                    f"the largest step is {min(largest_g) * 1e6:.3g} µg, below the limit of {limits.high * 1e6:.3g} "
+                    "µg: a unit that follows no step is neither within the limit nor beyond it",
+                    "Add a larger step to the ladder",
+                )
+
+
+def _entries(plan: Plan) -> Iterator[tuple[Place, ResultEntry]]:
+    for index, entry in enumerate(plan.sequence.results):
+        if entry.method == THRESHOLD.name:
+            yield ("results", index), entry
+
+
+def _ladders(plan: Plan, label: str) -> Ladders:
+    """The loop variable `offset` of the acquisitions under a label, in °, by their loop variable `position`."""
+    ladders: Ladders = {}
+    for planned, _ in angles_before(plan):
+        if isinstance(planned.step, Acquire) and planned.step.label == label:
+            loops = loop_values(planned.id)
+            ladders.setdefault(loops.get("position", 0.0), []).append(loops.get("offset", 0.0))
+    return ladders
+
+
+def _heads(plan: Plan) -> list[str]:
+    """The heads that the plan moves."""
+    return list(dict.fromkeys(planned.step.role for planned in plan if isinstance(planned.step, Move)))
