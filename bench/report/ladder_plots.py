@@ -11,13 +11,14 @@ from matplotlib.axes import Axes
 from bench.analysis.finding import COVERAGE, UnitResult
 from bench.analysis.ladder import Ladder
 from bench.analysis.threshold import COUNT_SHARE, PASSING_SHARE, LadderStep
+from bench.report.languages import tr
 from bench.report.plots import Plot
 from bench.report.shown import SHOWN, decimals
 from bench.report.svg import new_figure, rendered
 from bench.report.tables import Sheet
 
-UPWARD: dict[str, Any] = {"color": "#0b5394", "marker": "^", "label": "upward"}
-DOWNWARD: dict[str, Any] = {"color": "#b45309", "marker": "v", "markerfacecolor": "white", "label": "downward"}
+UPWARD: dict[str, Any] = {"color": "#0b5394", "marker": "^"}
+DOWNWARD: dict[str, Any] = {"color": "#b45309", "marker": "v", "markerfacecolor": "white"}
 RATIO_SHOWN = (-0.3, 1.7)  # a ratio far outside is drawn at the edge; the table has it
 
 
@@ -30,30 +31,33 @@ def ladder_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
 
 
 def _title(ladder: Ladder) -> str:
-    return f"{ladder.quantity.capitalize()} about {ladder.position_deg:g}°"
+    text = "Threshold about {angle}°" if ladder.quantity == "threshold" else "Resolution about {angle}°"
+    return tr(text, angle=f"{ladder.position_deg:g}")
 
 
 def _plot(ladder: Ladder, name: str) -> Plot:
     factor, symbol = SHOWN[ladder.quantity]
     figure = new_figure(3.2)
     axes = figure.subplots()
-    for sense, style in ((1, UPWARD), (-1, DOWNWARD)):
-        _draw_sense(axes, [step for step in ladder.found.steps if step.input_g * sense > 0], factor, style)
-    axes.axhline(PASSING_SHARE, color="#b42318", linewidth=0.8, label="one half")
+    for sense, style, label in ((1, UPWARD, tr("upward")), (-1, DOWNWARD, tr("downward"))):
+        steps = [step for step in ladder.found.steps if step.input_g * sense > 0]
+        _draw_sense(axes, steps, factor, style | {"label": label})
+    axes.axhline(PASSING_SHARE, color="#b42318", linewidth=0.8, label=tr("one half"))
     axes.axhline(1, color="#444444", linewidth=0.6)
     if np.isfinite(ladder.found.high_g) and ladder.found.low_g:
         axes.axvspan(ladder.found.low_g * factor, ladder.found.high_g * factor, color="#dddddd", zorder=0)
     axes.set(
-        xscale="log", ylim=RATIO_SHOWN, xlabel=f"input step / {symbol}", ylabel="output change / expected",
+        xscale="log", ylim=RATIO_SHOWN, xlabel=f"{tr('input step')} / {symbol}", ylabel=tr("output change / expected"),
         title=_title(ladder),
     )  # fmt: skip
     axes.legend(loc="lower right")
-    caption = (
+    caption = tr(
         "Output change over the change that the nominal scale factor lets expect, by the input step that the head read "
-        f"back. Bars: expanded uncertainty, k = {COVERAGE}. A step passes from one half on."
+        "back. Bars: expanded uncertainty, k = {k}. A step passes from one half on.",
+        k=COVERAGE,
     )
     if np.isfinite(ladder.found.high_g) and ladder.found.low_g:
-        caption += " In the grey band, between the largest step that failed and the next, lies the value."
+        caption += " " + tr("In the grey band, between the largest step that failed and the next, lies the value.")
     return Plot(_title(ladder), rendered(figure, name, _title(ladder)), caption)
 
 
@@ -72,14 +76,18 @@ def _draw_sense(axes: Axes, steps: list[LadderStep], factor: float, style: dict[
 def _sheet(ladder: Ladder) -> Sheet:
     factor, symbol = SHOWN[ladder.quantity]
     steps = sorted(ladder.found.steps, key=lambda step: (step.size_g, -step.input_g))
-    left_out = f" {ladder.found.left_out} readings were not used." if ladder.found.left_out else ""
-    return Sheet(
-        f"{_title(ladder)}: the ladder",
+    caption = tr(
         "Means of the repeats. The input step is that which the head read back, against the line between the readings "
-        f"at the position before and after it.{left_out}",
+        "at the position before and after it."
+    )
+    if ladder.found.left_out:
+        caption += " " + tr("{count} readings were not used.", count=ladder.found.left_out)
+    return Sheet(
+        tr("{ladder}: its steps", ladder=_title(ladder)),
+        caption,
         (
-            ("Step", "arcsec"), ("Repeats", ""), ("Input step", symbol), ("Output change", symbol),
-            ("Change over expected", "U, k = 2"), ("Step passes", ""), ("Remark", ""),
+            (tr("Step"), "arcsec"), (tr("Repeats"), ""), (tr("Input step"), symbol), (tr("Output change"), symbol),
+            (tr("Change over expected"), f"U, k = {COVERAGE}"), (tr("Passes"), ""), (tr("Remark"), ""),
         ),
         tuple(_row(ladder, step, factor) for step in steps),
     )  # fmt: skip
@@ -88,8 +96,8 @@ def _sheet(ladder: Ladder) -> Sheet:
 def _row(ladder: Ladder, step: LadderStep, factor: float) -> tuple[str, ...]:
     expanded = COVERAGE * step.u_ratio
     remarks = (
-        f"one count is more than {COUNT_SHARE:.0%} of it" if step.too_short else "",
-        "could be otherwise if repeated" if step.marginal else "",
+        tr("one count is more than {share} of it", share=f"{COUNT_SHARE:.0%}") if step.too_short else "",
+        tr("could be otherwise if repeated") if step.marginal else "",
     )
     return (
         f"{ladder.step_arcsec(step):+.2f}",
@@ -97,6 +105,6 @@ def _row(ladder: Ladder, step: LadderStep, factor: float) -> tuple[str, ...]:
         f"{step.input_g * factor:+.2f}",
         f"{step.output_g * factor:+.2f}",
         f"{step.ratio:.{decimals(expanded)}f} ± {expanded:.{decimals(expanded)}f}",
-        "yes" if step.passed else "no",
+        tr("yes") if step.passed else tr("no"),
         "; ".join(filter(None, remarks)),
     )

@@ -38,7 +38,8 @@ REASONS = {
 }
 # What sources of uncertainty are of, besides the names of readings.
 SOURCES = (
-    "head", "fixture", "counter", "site", "readings", "samples", "bias", "K1", "asymmetry of the converter",
+    "head", "fixture", "counter", "site", "readings", "samples", "bias", "K1", "ladder",
+    "asymmetry of the converter",
     "lag behind the thermometer, and the unit's response to the rate",
 )  # fmt: skip
 CONTENTS = {"contains:K3": "contains K3", "contains:asymmetry": "contains the asymmetry of converter or voltmeter"}
@@ -60,8 +61,8 @@ _UNITS = {
         "uncertainty stands in the budgets instead."
     ),
     "nominal_unknown": (
-        "The bench file does not say the nominal scale factor of its channel (nominal.K1 and nominal.S of its place), "
-        "without which it is not known what a step lets expect."
+        "The bench file does not say its nominal scale factor (nominal of its place), without which it is not known "
+        "what a step lets expect."
     ),
 }
 _QUANTITIES = {

@@ -27,11 +27,11 @@ def no_nominal(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     for place, _ in _entries(plan):
         for name, entry in bench.places.items():
             if entry.nominal_per_g is None:
+                missing = "S" if entry.voltmeter is None else "resistor"
                 yield (
                     (*place, "method"),
                     f"a step passes by the nominal scale factor, and place '{name}' of the bench does not state it",
-                    f"Give nominal.K1 and nominal.{'S' if entry.voltmeter is None else 'resistor'} of places.{name} in the "
-                    "bench file",
+                    f"Give nominal.K1 and nominal.{missing} of places.{name} in the bench file",
                 )
 
 

@@ -1,0 +1,75 @@
+"""Thresholds against the truth, over seeds: `python -m tests.truth.ladder`. Each seed turns the head's zero elsewhere.
+
+A unit follows a step once it has left the dead band, in the sense that has to cross most of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import tempfile
+from pathlib import Path
+
+from bench.app.request import RunRequest
+from tests.truth.campaign import ROOT, Comparison, full_bench, results_of, run_one
+
+DEAD_BAND = ROOT / "config" / "uut" / "dead_band.yaml"
+EDGE_G = 10e-6  # how far the noise of single latches smears the edge of the dead band
+SHORT = ("ladder=[5 arcsec, 10 arcsec, 20 arcsec, 50 arcsec]", "repeats=2", "warm_up=1 h")
+
+
+def ladder_run(folder: Path, seed: int, unit: Path | None = DEAD_BAND, settings: tuple[str, ...] = SHORT) -> Path:
+    """A run of the shipped sequence on the full bench."""
+    bench = full_bench(folder / "config")
+    return run_one(
+        RunRequest("threshold_resolution", bench=str(bench), seed=seed, settings=settings, uut_model=unit, runs=folder)
+    )
+
+
+def compare_ladders(folder: Path, results: dict | None = None) -> list[tuple[Comparison, float, float]]:
+    """Every threshold of a run beside its truth, with the two ends between which the run says that it lies."""
+    truth, found = json.loads((folder / "truth.json").read_text("utf-8")), results or results_of(folder)
+    compared = []
+    for each in found["findings"]:
+        label, place, quantity, position = each["id"].split("/")
+        true_g = true_threshold_g(truth["ladders"][f"{label}/{place}@{position}"])
+        comparison = Comparison(truth["seed"], 0, quantity, each["value"], true_g, each["u"])
+        compared.append((comparison, each["at"]["above_g"], each["at"]["up_to_g"] or math.inf))
+    return compared
+
+
+def true_threshold_g(ladder: dict) -> float:
+    """The smallest step that is followed in both senses; outside of the dead band, any."""
+    away_g = abs(ladder["reference_g"])
+    return ladder["dead_band_g"] + away_g if away_g < ladder["dead_band_g"] else 0.0
+
+
+def is_inside(low_g: float, true_g: float, high_g: float) -> bool:
+    """Whether the truth lies where the run says, the smeared edge apart."""
+    return low_g - EDGE_G <= true_g <= high_g + EDGE_G
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=20)
+    problems, ratios = [], []
+    with tempfile.TemporaryDirectory() as temporary:
+        for seed in range(1, parser.parse_args().seeds + 1):
+            run = ladder_run(Path(temporary) / str(seed), seed, settings=("repeats=2", "warm_up=1 h"))
+            for each, low_g, high_g in compare_ladders(run):
+                told = f"{low_g * 1e6:.1f} to {high_g * 1e6:.1f} µg, true {each.truth * 1e6:.1f} µg"
+                print(f"seed {seed:>3} {each.quantity:<11} {told}, error/u {each.ratio:+.2f}")
+                if not is_inside(low_g, each.truth, high_g):
+                    problems.append(f"seed {seed}: {each.quantity} {told}")
+                if each.truth:
+                    ratios.append(each.ratio)
+    rms = math.sqrt(sum(ratio**2 for ratio in ratios) / len(ratios))
+    print(f"rms(error/u) {rms:.3f} over {len(ratios)} thresholds")
+    print("\n".join(problems) or "truth: ok")
+    return 1 if problems or not 0.6 <= rms <= 1.4 else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

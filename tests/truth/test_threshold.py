@@ -1,0 +1,77 @@
+"""Threshold and resolution against the truth, through all wires: a unit with a wide dead band, and a good one."""
+
+from unittest import mock
+
+import pytest
+
+from bench.analysis import ladder
+from bench.report.stored import open_run
+from tests.truth.campaign import results_of
+from tests.truth.ladder import compare_ladders, is_inside, ladder_run
+
+GOOD = ("ladder=[10 arcsec, 20 arcsec, 50 arcsec]", "repeats=2", "warm_up=0 s", "positions=[0°, 30°]")
+
+
+@pytest.fixture(scope="module")
+def silent(tmp_path_factory):
+    return ladder_run(tmp_path_factory.mktemp("silent"), 1)
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory):
+    return ladder_run(tmp_path_factory.mktemp("good"), 2, unit=None, settings=GOOD)
+
+
+def anew(run):
+    with open_run(run) as stored:
+        return stored.evaluate().to_json()
+
+
+def test_the_dead_band_is_found_where_it_is(silent):
+    (threshold, low_g, high_g), (resolution, *_) = compare_ladders(silent)
+    assert (threshold.quantity, resolution.quantity) == ("threshold", "resolution")
+    assert threshold.truth > 80e-6
+    assert is_inside(low_g, threshold.truth, high_g)
+    assert 0 < low_g < high_g
+    assert abs(threshold.ratio) < 2
+    assert resolution.truth == 0.0
+    assert resolution.value == pytest.approx(5 / 206265 * 0.866, rel=1e-3), "at most the smallest step"
+
+
+def test_its_verdict_and_its_words_are_those_of_a_unit_that_does_not_follow(silent):
+    results = results_of(silent)
+    assert results["verdict"] == "FAIL"
+    assert results["units"] == [{"place": "a", "uut": "SIM-A", "verdict": "FAIL", "flags": []}]
+    page = (silent / "report.html").read_text("utf-8")
+    for words in ("Threshold about 0°", "Resolution about 30°", "In the grey band", "Change over expected", "arcsec"):
+        assert words in page
+
+
+def test_a_good_unit_follows_every_step(good):
+    results = results_of(good)
+    assert results["verdict"] == "PASS"
+    assert [found["flags"] for found in results["findings"]] == [["at_most"], ["at_most"]]
+    assert [found["at"]["above_g"] for found in results["findings"]] == [0.0, 0.0]
+
+
+# Mistakes that a reduction could make, planted on purpose
+
+
+def test_readings_within_the_dead_band_are_no_faults(silent):
+    def mistaken(output):
+        return next(iter(output.problems), "")
+
+    with mock.patch.object(ladder, "_problem", mistaken):
+        assert anew(silent)["verdict"] == "INCOMPLETE"
+
+
+def test_a_step_taken_for_its_size_alone_is_seen(silent):
+    honest = ladder.elevation_rad
+
+    def mistaken(*lies):
+        return abs(honest(*lies))
+
+    with mock.patch.object(ladder, "elevation_rad", mistaken):
+        (_, low_g, high_g), _ = compare_ladders(silent, anew(silent))
+    (threshold, *_), _ = compare_ladders(silent)
+    assert not is_inside(low_g, threshold.truth, high_g)
