@@ -86,6 +86,7 @@ def execute(prepared: PreparedRun, observer: RunObserver) -> RunResult:
             prepared.request.operator,
             started,
         )
+        record |= {"order": prepared.request.order, "procedure": prepared.request.procedure}
         record["hashes"] = _keep_inputs(prepared, directory.path)
         directory.write_json("manifest.json", record)
 

@@ -45,6 +45,8 @@ class RunRequest:
     seed: int | None = None
     units: tuple[str, ...] = ()
     operator: str = ""
+    order: str = ""
+    procedure: str = ""
     runs: Path = Path("runs")
     attended: bool = False
     answers: Path | None = None
@@ -153,6 +155,9 @@ def prepare(request: RunRequest) -> PreparedRun:
             f"{loaded.document.path}: this bench has real connections; somebody must stay with it. "
             "Say so with --attended, or simulate every instrument with --simulate."
         )
+    for option, text in (("--order", request.order), ("--procedure", request.procedure)):
+        if not text.isprintable() or len(text) > 200:
+            raise InputError(f"{option}: expected up to 200 printable characters")
     seed = loaded.bench.simulation.seed if request.seed is None else request.seed
     serials, script = _serials(request, loaded), _script(request, plan, loaded, speed)
     return PreparedRun(request, plan, loaded, checked.expected, speed, serials, seed, checked.warnings, script)

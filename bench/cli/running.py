@@ -173,6 +173,10 @@ def run(
         typer.Option(metavar="[PLACE=]SERIAL", help="The unit under test; again for each place."),
     ] = None,
     operator: Annotated[str, typer.Option(metavar="NAME", help="Who runs it.")] = "",
+    order: Annotated[str, typer.Option(metavar="TEXT", help="The order it is for, as the report names it.")] = "",
+    procedure: Annotated[
+        str, typer.Option(metavar="TEXT", help="The procedure it carries out, with its revision, for the report.")
+    ] = "",
     runs: Annotated[Path, typer.Option(metavar="DIR", help="Where run directories are made.")] = Path("runs"),
     attended: Annotated[
         bool, typer.Option("--attended", help="Somebody stays with the bench; needed with real connections.")
@@ -202,6 +206,8 @@ def run(
             uut_model=uut_model,
             seed=seed,
             units=tuple(uut or ()),
+            order=order,
+            procedure=procedure,
             operator=operator or os.environ.get("USER", ""),
             runs=runs,
             attended=attended,

@@ -42,6 +42,7 @@ def misfits(bench: BenchFile) -> Iterator[Problem]:
         yield from _reading(bench, name, reading)
     for name in bench.together:
         yield from _together(bench, name)
+    yield from _ambient(bench)
     yield from interlock_misfits(bench.interlocks, bench)
     for name, place in bench.places.items():
         yield from _place(bench, name, place)
@@ -131,6 +132,13 @@ def _reading(bench: BenchFile, name: str, reading: ReadingEntry) -> Iterator[Pro
                 yield ("readings", name, key), f"is for a temperature, {reading.from_} is in {unit}"
     if name in bench.devices:
         yield ("readings", name), f"'{name}' is a device already; a reading needs a name of its own"
+
+
+def _ambient(bench: BenchFile) -> Iterator[Problem]:
+    for index, name in enumerate(bench.site.ambient):
+        if name not in bench.readings:
+            where: Place = ("site", "ambient", index)
+            yield where, f"there is no reading '{name}'{did_you_mean(name, bench.readings)}"
 
 
 def _is_temperature(bench: BenchFile, reading: ReadingEntry) -> bool:

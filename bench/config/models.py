@@ -60,6 +60,7 @@ class Site(StrictModel):
     time_zone: Annotated[str, AfterValidator(_zone)] = Field(
         "UTC", description="of the times in reports, such as Europe/Berlin"
     )
+    ambient: tuple[Name, ...] = Field((), description="the readings that tell what the room is like, for reports")
 
 
 class TemperatureWindow(Range):

@@ -17,9 +17,11 @@ from bench.report import page, tables
 from bench.report.budgets import Budget, BudgetsOfDwells, budget, budgets_of_dwells
 from bench.report.course import course_of, course_plot
 from bench.report.findings import Results
+from bench.report.head import head, report_number
 from bench.report.languages import current, tr
 from bench.report.measured import OnTheWay
 from bench.report.plots import Plot
+from bench.report.revision import Revision
 from bench.report.stored import BENCH_COPY, StoredRun
 from bench.report.svg import drawing, font_of
 from bench.report.words import flag_in_words
@@ -46,7 +48,7 @@ class UnitSection:
     budgets_of_dwells: tuple[BudgetsOfDwells, ...]
 
 
-def render(run: StoredRun, results: Results | None, not_evaluated: str) -> str:
+def render(run: StoredRun, results: Results | None, not_evaluated: str, revision: Revision) -> str:
     """The whole page; without results `not_evaluated` says why. Equal runs give equal pages, wall-clock facts apart."""
     data = _data(run) if results is not None else []
     instruments = page.instruments(run)
@@ -54,19 +56,24 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str) -> str:
     with drawing():
         course = course_plot(run, course_of(run, data))
     sections = list(_sections(run, results)) if results is not None else []
+    on_the_way = results.on_the_way if results is not None else OnTheWay()
+    problems = list(page.problems(run, not_evaluated, verdict))
+    notes = [*page.past_due(instruments), *page.done_again(run), *page.notes_of_steps(run), *_flags(results)]
     return _environment().get_template(TEMPLATE).render(
         manifest=run.manifest,
+        number=report_number(run.manifest, revision),
+        head=head(run, revision, on_the_way.measurements, deviates=bool(problems or notes)),
         verdict=verdict,
         simulated=page.simulated(run.manifest, list(run.bench.devices)),
-        problems=list(page.problems(run, not_evaluated, verdict)),
-        notes=[*page.past_due(instruments), *page.notes_of_steps(run), *_flags(results)],
+        problems=problems,
+        notes=notes,
         most_notes=MOST_NOTES,
         times=page.times(run),
         site=page.site(run),
         instruments=instruments,
         course=course,
         sections=sections,
-        on_the_way=results.on_the_way if results is not None else OnTheWay(),
+        on_the_way=on_the_way,
         provenance=page.provenance(run, data),
         documents=_documents(run),
         coverage=COVERAGE,

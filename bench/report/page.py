@@ -6,13 +6,12 @@ import datetime as dt
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
-from zoneinfo import ZoneInfo
 
 from bench.analysis.rundata import RunData
 from bench.config.devices import Calibration
 from bench.config.fixture import FixtureEntry
 from bench.report.languages import tr
-from bench.report.shown import decimals, duration
+from bench.report.shown import decimals, duration, instant
 from bench.report.stored import StoredRun
 from bench.report.words import ENDINGS
 from bench.sequence.dwells import first_visit
@@ -98,6 +97,15 @@ def notes_of_steps(run: StoredRun) -> Iterator[str]:
             yield tr("Alarm: {text} ({time} after the start)", text=event.data["alarm"], time=when)
 
 
+def done_again(run: StoredRun) -> Iterator[str]:
+    """Steps that were done again, after a failure or because the operator wanted it."""
+    for event in run.reader.events("retried", "operator"):
+        if event.kind == "retried":
+            yield tr("Done again: step {step}.", step=event.step) + f" {event.data['text']}"
+        elif event.data["action"] == "repeat":
+            yield tr("Done again, as the operator wished: step {step}.", step=event.step)
+
+
 def past_due(instruments: Sequence[Instrument]) -> Iterator[str]:
     """A sentence for each calibration that was not valid any more."""
     for instrument in instruments:
@@ -126,23 +134,13 @@ def times(run: StoredRun) -> Facts:
     took = tr("{time} of bench time", time=duration(bench_s))
     facts = [
         (tr("Operator"), manifest["operator"] or tr("not stated")),
-        (tr("Started"), _instant(manifest["started"], zone)),
-        (tr("Ended"), _instant(manifest["ended"], zone)),
+        (tr("Started"), instant(manifest["started"], zone)),
+        (tr("Ended"), instant(manifest["ended"], zone)),
         (tr("Duration"), took + (tr(", {time} of wall time", time=wall) if wall_s else "")),
     ]
     if manifest["simulated"]:
-        facts.append((tr("Bench time begins"), _instant(run.began.isoformat(), zone)))
+        facts.append((tr("Bench time begins"), instant(run.began.isoformat(), zone)))
     return facts
-
-
-def _instant(text: str | None, zone: str) -> str:
-    """An instant in UTC and where the bench stands."""
-    if text is None:
-        return tr("not recorded")
-    utc = dt.datetime.fromisoformat(text).astimezone(dt.UTC)
-    there = utc.astimezone(ZoneInfo(zone))
-    local = f"{there:%H:%M:%S}" if there.date() == utc.date() else f"{there:%Y-%m-%d %H:%M:%S}"
-    return f"{utc:%Y-%m-%d %H:%M:%S} UTC" + ("" if zone == "UTC" else f" ({local} {zone})")
 
 
 def site(run: StoredRun) -> Facts:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import math
+from zoneinfo import ZoneInfo
 
 from bench.analysis.finding import Finding
+from bench.report.languages import tr
 
 # How a quantity is shown to a person: the factor from its unit, and the unit shown.
 SHOWN = {
@@ -37,6 +40,21 @@ def duration(seconds: float) -> str:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)
     return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def instant(text: str | None, zone: str) -> str:
+    """An instant in ISO 8601 as the clock of the laboratory shows it, with its distance from UTC."""
+    if text is None:
+        return tr("not recorded")
+    there = dt.datetime.fromisoformat(text).astimezone(ZoneInfo(zone))
+    return (
+        f"{there:%Y-%m-%d %H:%M:%S} UTC{_offset(there)} ({zone})" if zone != "UTC" else f"{there:%Y-%m-%d %H:%M:%S} UTC"
+    )
+
+
+def _offset(there: dt.datetime) -> str:
+    """Its distance from UTC: "+08:00"."""
+    return f"{there:%z}"[:3] + ":" + f"{there:%z}"[3:5]
 
 
 def megabytes(size_bytes: int) -> str:

@@ -9,6 +9,7 @@ from bench.errors import BenchError
 from bench.report.html import render
 from bench.report.languages import ENGLISH, language
 from bench.report.pdf import pdf
+from bench.report.revision import revision_of
 from bench.report.spreadsheet import spreadsheet
 from bench.report.stored import StoredRun
 from bench.store.runs import json_text, write_whole
@@ -44,7 +45,7 @@ def _page(run: StoredRun) -> str:
         results = run.evaluate()
     except BenchError as problem:
         not_evaluated = str(problem)
-    return render(run, results, not_evaluated)
+    return render(run, results, not_evaluated, revision_of(run.folder, run.manifest, results, not_evaluated))
 
 
 def _json(run: StoredRun) -> bytes:

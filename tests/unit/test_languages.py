@@ -3,11 +3,13 @@
 import ast
 import re
 from string import Formatter
+from typing import get_args
 
 import pypdf
 import pytest
 from jinja2 import Environment, nodes
 
+from bench.config.fixture import Compass, Direction
 from bench.report import languages, svg, words
 from bench.report.languages import LANGUAGES, catalogue_of, language, tr
 from bench.report.stored import open_run
@@ -74,7 +76,7 @@ def texts_in_tables():
     tables = (words.ENDINGS, words.REASONS, words.CONTENTS, words._READINGS, words._UNITS, words._QUANTITIES)
     for table in (*tables, words._PARTS):
         yield from table.values()
-    yield from words.SOURCES
+    yield from (*words.SOURCES, *get_args(Direction), *get_args(Compass))
     yield from VERDICTS
     for method in known_methods().values():
         yield method.title

@@ -42,6 +42,7 @@ TEMPERATURE_TUMBLE = MethodDescription(
         "K1/model_residual": "1",
     },
     drawn_by="bench.report.plots:unit_plots",
+    after=("IEEE Std 1293", "IEEE Std 530", "IEEE Std 1554"),
 )
 
 
@@ -81,4 +82,5 @@ TEMPERATURE_RAMP = MethodDescription(
     },
     counts_at="ramps",
     drawn_by="bench.report.ramp_plots:ramp_plots",
+    after=("IEEE Std 1293", "IEEE Std 530", "IEEE Std 1554"),
 )

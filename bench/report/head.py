@@ -1,0 +1,67 @@
+"""The head of a report: which one it is, for which order, after which procedure and method, under which conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from bench.report.languages import tr
+from bench.report.measured import Measurement
+from bench.report.page import Facts
+from bench.report.revision import Revision
+from bench.report.shown import instant
+from bench.report.stored import StoredRun
+from bench.sequence.methods import known_methods
+
+
+def report_number(manifest: Mapping[str, Any], revision: Revision) -> str:
+    """What a report is called: its run, and its revision."""
+    return tr("{run}, revision {number}", run=manifest["run"], number=revision.number)
+
+
+def head(run: StoredRun, revision: Revision, measured: Sequence[Measurement], *, deviates: bool) -> Facts:
+    """What a report says before anything else; `deviates` says whether it tells deviations below."""
+    manifest = run.manifest
+    issued = instant(revision.issued.isoformat(), run.bench.site.time_zone)
+    return [
+        (tr("Issued"), issued),
+        (tr("Order"), manifest.get("order") or tr("not stated")),
+        (tr("Procedure"), manifest.get("procedure") or tr("not stated")),
+        (tr("Method"), "; ".join(dict.fromkeys(_methods(run))) or tr("none")),
+        (
+            tr("Decision rule"),
+            "; ".join(dict.fromkeys(_decision_rules(run, measured))) or tr("none: nothing is judged"),
+        ),
+        (tr("Ambient conditions"), "; ".join(_ambient(run)) or tr("not recorded")),
+        (tr("Deviations"), tr("told below") if deviates else tr("none recorded")),
+    ]
+
+
+def _methods(run: StoredRun) -> Iterator[str]:
+    """The methods with the standards that they are after; conformity to these is not claimed."""
+    for entry in run.sequence.results:
+        method = known_methods()[entry.method]
+        if method.after:
+            yield tr("{method}, after {standards}", method=tr(method.title), standards=", ".join(method.after))
+        else:
+            yield tr(method.title)
+
+
+def _decision_rules(run: StoredRun, measured: Sequence[Measurement]) -> Iterator[str]:
+    """What makes a value pass, for each kind of limit that results and single measurements have."""
+    of_results = [limit.guard for entry in run.sequence.results for limit in entry.limits.values()]
+    of_measurements = [found.limits.get("guard") for found in measured if found.limits is not None]
+    for guard_k in (*of_results, *of_measurements):
+        if guard_k is None:
+            yield tr("simple acceptance: a value inside its limits passes")
+        else:
+            yield tr("guarded acceptance: a value passes that is inside its limits by {k} u", k=f"{guard_k:g}")
+
+
+def _ambient(run: StoredRun) -> Iterator[str]:
+    """What the room was like: its readings, from the least to the most over the run."""
+    for name in run.bench.site.ambient:
+        series = run.reader.series(name)
+        if len(series.values):
+            low, high = f"{series.values.min():.4g}", f"{series.values.max():.4g} {series.unit}"
+            yield f"{name.replace('_', ' ')} {tr('{low} to {high}', low=low, high=high)}"
