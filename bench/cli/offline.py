@@ -1,12 +1,15 @@
-"""reduce, compensate: recorded data of other benches by our methods, and data of units by their calibrations."""
+"""reduce, compensate: recorded data by our methods, stored runs once more, data of units by their calibrations."""
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from bench.cli.stored import RUNS, Runs
 
 
 def register(app: typer.Typer) -> None:
@@ -16,21 +19,18 @@ def register(app: typer.Typer) -> None:
 
 
 def reduce(
-    case: Annotated[Path, typer.Argument(metavar="CASE.json", help="A case file; its CSV records lie beside it.")],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where result.json goes.")],
+    what: Annotated[
+        str, typer.Argument(metavar="CASE.json|RUN", help="A case file, its CSV records beside it; or a run.")
+    ],
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where result.json of a case goes.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON, alone on stdout.")] = False,
+    runs: Runs = RUNS,
 ) -> None:
-    """Reduce a recorded case of the methods M0 to M4 and write result.json."""
-    from bench.errors import InputError
-    from bench.report.case import reduce_case
-    from bench.store.runs import json_text, write_whole
-
-    result = reduce_case(case)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise InputError(f"{out}: cannot be made ({problem})") from None
-    write_whole(out / "result.json", json_text(result).encode())
-    sys.stdout.write(f"{out / 'result.json'}\n")
+    """Reduce a recorded case of the methods M0 to M4; or a run again, and tell what has changed in its findings."""
+    if what.endswith(".json"):
+        _reduce_case(Path(what), out, as_json=as_json)
+    else:
+        _reduce_run(what, runs, out, as_json=as_json)
 
 
 def compensate(
@@ -59,3 +59,40 @@ def compensate(
         sys.stdout.write(text)
     else:
         write_whole(out, text.encode())
+
+
+def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> None:
+    from bench.errors import InputError
+    from bench.report.case import reduce_case
+    from bench.store.runs import json_text, write_whole
+
+    if out is None and not as_json:
+        raise InputError(f"{case}: say where result.json goes with --out DIR, or print it with --json")
+    result = reduce_case(case)
+    if as_json:
+        sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
+    if out is None:
+        return
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise InputError(f"{out}: cannot be made ({problem})") from None
+    write_whole(out / "result.json", json_text(result).encode())
+    if not as_json:
+        sys.stdout.write(f"{out / 'result.json'}\n")
+
+
+def _reduce_run(name: str, runs: Path, out: Path | None, *, as_json: bool) -> None:
+    from bench.errors import InputError
+    from bench.report.reduced_again import reduced_again
+    from bench.report.stored import open_run
+    from bench.store.runs import find_run
+
+    if out is not None:
+        raise InputError(f"--out {out}: is for a case; 'bench report {name} --format json' writes the results of a run")
+    with open_run(find_run(name, runs)) as stored:
+        found = reduced_again(stored)
+    if as_json:
+        sys.stdout.write(json.dumps(found.to_json(), ensure_ascii=False) + "\n")
+        return
+    sys.stdout.writelines(f"{line}\n" for line in found.in_words())

@@ -12,10 +12,11 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import lru_cache
-from importlib.resources import files
+from pathlib import Path
 
 ENGLISH = "en"
 LANGUAGES = (ENGLISH, "zh")
+TRANSLATIONS = Path(__file__).parent / "translations"
 _language: ContextVar[str] = ContextVar("language", default=ENGLISH)
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?![\w])")
 
@@ -56,5 +57,5 @@ def catalogue_of(name: str) -> Mapping[str, str]:
     """The texts of a language by the English ones; empty for English."""
     if name == ENGLISH:
         return {}
-    found: dict[str, str] = json.loads(files("bench.report").joinpath(f"translations/{name}.json").read_text("utf-8"))
+    found: dict[str, str] = json.loads((TRANSLATIONS / f"{name}.json").read_text(encoding="utf-8"))
     return found

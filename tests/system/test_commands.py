@@ -150,6 +150,7 @@ def test_a_case_is_reduced_to_result_json(tmp_path, bench_command):
     result = json.loads((tmp_path / "out" / "deep" / "result.json").read_text("utf-8"))
     assert result["comp_span_deg"] == pytest.approx(0, abs=1e-9)
     assert result["raw_span_deg"] == pytest.approx(0.0509, rel=0.01)
+    assert json.loads(bench_command("reduce", tmp_path / "case.json", "--json").stdout) == result
     missing = bench_command("reduce", tmp_path / "nothing.json", "--out", tmp_path)
     assert missing.returncode == 2
 
