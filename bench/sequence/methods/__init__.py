@@ -24,16 +24,10 @@ class MethodDescription:
 
     `settings` validates its settings; `quantities` are the results that limits may name, with their units, in which
     OUTPUT stands for that of the units' output. `target` is "module:function", which turns a run's data into findings.
-<<<<<<< HEAD
     `counts_at` says what its acquisitions are: readings at dwells, each a leg of a temperature ramp, steps of a ladder,
     or each a record of its own. `drawn_by` is "module:function", which turns a unit's results into what a report shows
-    of them beside the tables that all methods have.
-=======
-    `counts_at` says what its acquisitions are: readings at dwells, each a leg of a temperature ramp, or each a record
-    of its own. `drawn_by` is "module:function", which turns a unit's results into what a report shows of them beside
-    the tables that all methods have. `after` names the standards that it is made after (methods.md 7), which is no
-    claim of conformity.
->>>>>>> eb51f44 (Reports with number, revision, order, procedure, ambient conditions and deviations)
+    of them beside the tables that all methods have. `after` names the standards that it is made after (methods.md 7),
+    which is no claim of conformity.
     """
 
     name: str
