@@ -146,7 +146,9 @@ class PlaceEntry(StrictModel):
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["channel"]}, {"required": ["voltmeter"]}]})
 
-    channel: str = Field("", min_length=1, description="the channel of the counter that counts its pulses")
+    channel: str = Field(
+        default_factory=str, min_length=1, description="the channel of the counter that counts its pulses"
+    )
     voltmeter: Name | None = Field(
         None, description="the voltmeter across the resistor that its current flows through, where none counts it"
     )

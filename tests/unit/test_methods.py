@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from bench.sequence.methods import OUTPUT_UNITS, known_methods
 from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE
 from drivers.units import parse_unit
-from tests.support.runs import run_short
+from tests.support.runs import SHORT, run_short
 from tests.support.sequences import plan_of, problems_of, steps
 
 
@@ -23,7 +23,8 @@ def test_a_method_is_found_under_its_own_name_and_can_be_imported(method):
 
 
 def test_limits_may_name_what_a_run_finds_in_the_unit_it_is_found_in(tmp_path):
-    result = run_short(tmp_path)
+    warmer = ["temperatures=[20 °C, 30 °C, 40 °C, 30 °C, 20 °C]", *SHORT[1:]]  # a parabola needs three temperatures
+    result = run_short(tmp_path, settings=tuple(warmer))
     assert result.results is not None
     (unit,) = result.results.units
     assert {finding.quantity: finding.unit for finding in unit.findings} == TEMPERATURE_TUMBLE.units("pulse/s")
@@ -31,7 +32,7 @@ def test_limits_may_name_what_a_run_finds_in_the_unit_it_is_found_in(tmp_path):
 
 @pytest.mark.parametrize(("raw", "degree"), [({}, 4), ({"degree": 1}, 1), ({"degree": 4}, 4)])
 def test_the_degree_of_the_temperature_model_is_1_to_4(raw, degree):
-    assert TEMPERATURE_TUMBLE.settings.model_validate(raw).model_dump() == {"degree": degree}
+    assert TEMPERATURE_TUMBLE.settings.model_validate(raw).model_dump()["degree"] == degree
 
 
 @pytest.mark.parametrize("degree", [0, 5, 2.0, "2", True, None])
