@@ -42,6 +42,7 @@ class DwellAsMeasured:
     at_s: float
     temperature_c: float
     lies: tuple[Lies, ...]
+    extra: tuple[str, ...] = ()  # further terms of the model equation that the angles of the run separate
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +93,10 @@ def _dwell(world: World, dwell: DwellAsMeasured) -> dict[str, Any]:
     drifted_g = float(np.interp(true_s, history[:, 0], history[:, 1]))
     axis_deg = tuple(_axis_deg(world, dwell.place, lies) for lies in dwell.lies)
     constants = channel_constants(
-        unit.truth, settings.gravity_mps2, axis_deg, dwell.temperature_c, drifted_g, unit.settings.load_ohm
+        unit.truth, settings.gravity_mps2, axis_deg, dwell.temperature_c, drifted_g, unit.settings.load_ohm, dwell.extra
     )
-    return {"temperature_c": dwell.temperature_c, "drifted_g": drifted_g, "axis_deg": axis_deg, **constants}
+    found = {"temperature_c": dwell.temperature_c, "drifted_g": drifted_g, "axis_deg": axis_deg, **constants}
+    return found | ({"extra": dwell.extra} if dwell.extra else {})
 
 
 def _axis_deg(world: World, place: str, lies: Lies) -> float:
@@ -137,18 +139,21 @@ def _scale_factor(truth: UnitTruth, temperature_c: Array, load_ohm: float | None
 
 def channel_constants(
     truth: UnitTruth, gravity_mps2: float, axis_deg: Sequence[float], temperature_c: float, drifted_g: float,
-    load_ohm: float | None = None,
+    load_ohm: float | None = None, extra: Sequence[str] = (),
 ) -> dict[str, float]:  # fmt: skip
     """True K0 (g), K1 (pulse/s/g), K1_si (pulse/s per m/s²), K2 (g/g²) and misalignment (rad) of a channel.
 
     `axis_deg` are the ideal angles of the input axis above the horizontal, `drifted_g` what hysteresis, drift and
-    warm-up add to the bias. With a load the output is in V instead of pulse/s.
+    warm-up add to the bias. With a load the output is in V instead of pulse/s. With `extra` also Kip (g/g²), K3 (g/g³)
+    and the asymmetry.
     """
     angle = np.radians(np.array(axis_deg))
     sine, cosine = np.sin(angle), np.cos(angle)
     force = (sine, cosine, np.zeros_like(angle))
     current = truth.current_a(force, np.full_like(angle, temperature_c), np.full_like(angle, drifted_g))
-    design = np.stack([np.ones_like(sine), sine, cosine, sine**2], axis=-1)
+    further = {"Kip": sine * cosine, "K3": sine**3, "asymmetry": np.abs(sine) / 2}
+    design = np.stack([np.ones_like(sine), sine, cosine, sine**2, *(further[name] for name in extra)], axis=-1)
     solution: list[float] = np.linalg.lstsq(design, truth.output(current, load_ohm), rcond=None)[0].tolist()
-    c0, k1, cosine_term, c2 = solution
-    return {"K0": c0 / k1, "K1": k1, "K1_si": k1 / gravity_mps2, "K2": c2 / k1, "misalignment": cosine_term / k1}
+    c0, k1, cosine_term, c2, *others = solution
+    found = {"K0": c0 / k1, "K1": k1, "K1_si": k1 / gravity_mps2, "K2": c2 / k1, "misalignment": cosine_term / k1}
+    return found | {name: value / k1 for name, value in zip(extra, others, strict=True)}

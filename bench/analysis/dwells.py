@@ -10,18 +10,16 @@ import numpy as np
 from bench.analysis.orientation import elevation_rad
 from bench.analysis.outputs import Output, mean_output
 from bench.analysis.rundata import Acquisition, Array, BenchRecord, RunData, UnitUnderTest
-from bench.analysis.tumble import IncompleteTumble, Tumble, solve_tumble
-
-QUANTITIES = ("K0", "K1", "misalignment", "K2")
+from bench.analysis.tumble import IncompleteTumble, Tumble, further_terms, solve_tumble
 
 
 @dataclass(frozen=True, slots=True)
 class Dwell:
     """One temperature of one unit: the readings used, and their solution.
 
-    `readings` (n,) of the output, in pulse/s or V, were taken at the head's angles `head_rad` (n,). `gain` (4, n) turns
-    errors of the readings into errors of K0, K1, misalignment and K2; `turn` (n,) is the derivative of a reading to its
-    angle, per rad. `alone_u` is what one reading alone tells of its standard uncertainty.
+    `readings` (n,) of the output, in pulse/s or V, were taken at the head's angles `head_rad` (n,). `gain` turns errors
+    of the readings into errors of the constants, a row (n,) for each in the order of `values`; `turn` (n,) is the
+    derivative of a reading to its angle, per rad. `alone_u` is what one reading alone tells of its standard uncertainty.
     """
 
     number: int
@@ -40,10 +38,12 @@ class Dwell:
 
     @property
     def values(self) -> Mapping[str, float]:
-        """The four quantities."""
-        solved = self.tumble
-        found = (solved.k0_g, solved.k1, solved.misalignment_rad, solved.k2_g_per_g2)
-        return dict(zip(QUANTITIES, found, strict=True))
+        """The constants of the tumble."""
+        return self.tumble.values
+
+    def gain_of(self, quantity: str) -> Array:
+        """What errors of the readings (n,) in pulse/s add to a constant: (n,)."""
+        return np.asarray(self.gain[list(self.tumble.values).index(quantity)])
 
     @property
     def path(self) -> str:
@@ -53,11 +53,16 @@ class Dwell:
 
 @dataclass(frozen=True, slots=True)
 class SolvedDwells:
-    """The dwells of one unit; `left_out` are the paths of those that could not be solved, `flags` say why."""
+    """The dwells of one unit; `left_out` are the paths of those that could not be solved, `flags` say why.
+
+    `extra` are the further terms that the angles of all dwells together separate, and `angles` how many these are.
+    """
 
     dwells: tuple[Dwell, ...]
     left_out: tuple[str, ...]
     flags: tuple[str, ...]
+    extra: tuple[str, ...]
+    angles: int
 
 
 def solve_dwells(data: RunData, unit: UnitUnderTest) -> SolvedDwells:
@@ -65,6 +70,8 @@ def solve_dwells(data: RunData, unit: UnitUnderTest) -> SolvedDwells:
     groups: dict[str, list[Acquisition]] = {}
     for acquisition in data.acquisitions:
         groups.setdefault(acquisition.group, []).append(acquisition)
+    angle_rad = axis_rad(data.acquisitions, unit, data.bench)
+    extra = further_terms(angle_rad)
     rising = _rising([acquisitions[0].set_c for acquisitions in groups.values()])
     dwells: list[Dwell] = []
     left_out: list[str] = []
@@ -72,12 +79,18 @@ def solve_dwells(data: RunData, unit: UnitUnderTest) -> SolvedDwells:
     for number, (group, acquisitions) in enumerate(groups.items()):
         used, outputs = _usable(acquisitions, unit, flags)
         try:
-            dwells.append(_solved(number, rising[number], used, outputs, unit, data.bench))
+            dwells.append(_solved(number, rising[number], used, outputs, unit, data.bench, extra))
         except IncompleteTumble as problem:
             missing = ", ".join(f"{position:g}" for position in problem.missing_deg) or "ill_conditioned"
             flags.append(f"dwell {number} incomplete: {missing}")
             left_out.append(group.partition("/")[2])
-    return SolvedDwells(tuple(dwells), tuple(left_out), tuple(flags))
+    angles = len(np.unique(np.degrees(angle_rad).round(1) % 360))
+    return SolvedDwells(tuple(dwells), tuple(left_out), tuple(flags), extra, angles)
+
+
+def axis_rad(acquisitions: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord) -> Array:
+    """The nominal angles (n,) of the input axis above the horizontal."""
+    return np.array([elevation_rad(acquisition, unit, bench) for acquisition in acquisitions])
 
 
 def _usable(
@@ -104,12 +117,14 @@ def _solved(
     outputs: Sequence[Output],
     unit: UnitUnderTest,
     bench: BenchRecord,
+    extra: tuple[str, ...],
 ) -> Dwell:
     """The solution of one dwell; raises IncompleteTumble."""
     head_deg = np.array([acquisition.angle_deg for acquisition in used])
-    angle = np.array([elevation_rad(acquisition, unit, bench) for acquisition in used])
+    angle = axis_rad(used, unit, bench)
     readings = np.array([output.value for output in outputs])
-    tumble = solve_tumble(angle, readings)
+    time_s = np.array([(acquisition.begin_s + acquisition.end_s) / 2 for acquisition in used])
+    tumble = solve_tumble(angle, readings, extra, time_s)
     sine, cosine = np.sin(angle), np.cos(angle)
     return Dwell(
         number=number,

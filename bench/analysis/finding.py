@@ -68,8 +68,11 @@ class Finding:
 
     @property
     def marginal(self) -> bool:
-        """Whether a limit is so close that the verdict could be another if the measurement were repeated."""
-        return self.limits is not None and self.limits.is_marginal(self.value, self.u)
+        """Whether a limit is so close that the verdict could be another if the measurement were repeated.
+
+        So it is where the unit was not the same at the end of the run as at its beginning.
+        """
+        return self.limits is not None and ("not_closed" in self.flags or self.limits.is_marginal(self.value, self.u))
 
     def judged(self, limits: Limits) -> Finding:
         """The same finding with limits and, unless it is invalid already, a verdict, flagged where that needs a reason.

@@ -30,7 +30,7 @@ class NotDetermined(ValueError):
     """
 
     def __init__(self, names: Sequence[str], *, rank: int, of: int, condition: float) -> None:
-        self.names, self.rank, self.condition = tuple(names), rank, condition
+        self.names, self.rank, self.of, self.condition = tuple(names), rank, of, condition
         listed = ", ".join(names[:-1]) + f" and {names[-1]} are" if len(names) > 1 else f"{names[0]} is"
         super().__init__(
             f"{listed} not determined by these readings (rank {rank} of {of}, condition number {condition:.3g})"

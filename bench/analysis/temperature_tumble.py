@@ -8,29 +8,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from bench.analysis.coefficient_findings import Origin, coefficient_findings
 from bench.analysis.compensation import Compensation
-from bench.analysis.dwells import QUANTITIES, Dwell, solve_dwells
+from bench.analysis.dwells import Dwell, solve_dwells
 from bench.analysis.finding import BudgetLine, Finding, UnitResult, combined
 from bench.analysis.fit import NotDetermined, PolynomialFit, fit_polynomial
 from bench.analysis.models import TemperatureModel
 from bench.analysis.rundata import Array, RunData, UnitUnderTest
 from bench.analysis.tumble import hysteresis
 
-UNITS = {"K0": "g", "misalignment": "rad", "K2": "g/g²"}
+UNITS = {"K0": "g", "misalignment": "rad", "K2": "g/g²", "K3": "g/g³", "Kip": "g/g²", "asymmetry": "1"}
 NAMES = {
     "K0": "bias of the channel",
     "K1": "scale factor of the channel, per local g",
     "K1_si": "scale factor of the channel, per m/s²",
     "K2": "K2 + asymmetry: second-order nonlinearity, and the asymmetry of what measures it",
     "misalignment": "misalignment of the input axis in the plane of the tumble",
+    "K3": "third-order nonlinearity",
+    "Kip": "cross coupling of input and pendulous axis",
+    "asymmetry": "asymmetry of the converter: its scale for positive pulses less that for negative, relative",
 }
-CONTAINS = {"K1": ("contains:K3",), "K1_si": ("contains:K3",), "K2": ("contains:asymmetry",)}
+CONTAINS = {"K1": ("K3",), "K1_si": ("K3",), "K2": ("asymmetry",)}  # unless these are found by themselves
 MODELLED = ("K0", "K1")
+NOT_CLOSED = "not_closed"
 READINGS = "readings: scatter pooled over the run"
 WEIGHT_SHOWN = 0.05  # of the largest weight: readings with less are not named as a finding's source
 
@@ -38,20 +43,33 @@ WEIGHT_SHOWN = 0.05  # of the largest weight: readings with less are not named a
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
     """The findings and models of every unit.
 
-    `settings` has the degree of the temperature models, and the temperature about which their coefficients are told.
+    `settings` has the degree of the temperature models, the temperature about which their coefficients are told, and
+    how far the bias may be from where it began when the profile has come back to its first temperature: beyond that
+    every verdict is marginal.
     """
-    return [_Unit(data, unit, settings["degree"], settings["reference_c"]).result() for unit in data.units]
+    return [_Unit(data, unit, settings).result() for unit in data.units]
+
+
+@dataclass(frozen=True, slots=True)
+class TumbleAngles:
+    """How many angles a tumble had, and which further terms they separate, for a report."""
+
+    angles: int
+    extra: tuple[str, ...]
 
 
 class _Unit:
     """The reduction of one unit."""
 
-    def __init__(self, data: RunData, unit: UnitUnderTest, degree: int, reference_c: float) -> None:
-        self._reference_c = reference_c
+    def __init__(self, data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> None:
+        degree, self._reference_c = settings["degree"], settings["reference_c"]
+        self._closure_limit_g = settings["closure_limit_g"]
         self._label, self._unit, self._bench = data.label, unit, data.bench
         self._units = {**UNITS, "K1": f"{unit.output_unit}/g", "K1_si": f"{unit.output_unit}/(m/s²)"}
         solved = solve_dwells(data, unit)
         self._dwells, self._left_out = solved.dwells, solved.left_out
+        self._extra, self._angles = solved.extra, solved.angles
+        self._closure_limit_g = closure_limit_g
         self._flags = list(solved.flags)
         self._sd, self._dof = self._pooled()
         self._models = {quantity: self._fit(quantity, degree) for quantity in MODELLED}
@@ -60,6 +78,11 @@ class _Unit:
     def result(self) -> UnitResult:
         findings = [finding for dwell in self._dwells for finding in self._at_dwell(dwell)]
         findings += [finding for quantity in MODELLED for finding in self._over_temperature(quantity)]
+        if (closure := self._closure()) is not None:
+            findings.append(closure)
+            if abs(closure.value) > self._closure_limit_g:
+                self._flags.append(NOT_CLOSED)
+                findings = [replace(finding, flags=(*finding.flags, NOT_CLOSED)) for finding in findings]
         models = [self._model(quantity, fit) for quantity in MODELLED for fit in self._fits(quantity)]
         return UnitResult(
             place=self._unit.place,
@@ -69,6 +92,7 @@ class _Unit:
             left_out=self._left_out,
             flags=tuple(dict.fromkeys(self._flags)),
             compensations=tuple(self._compensations()),
+            detail=TumbleAngles(self._angles, self._extra) if self._dwells else None,
         )
 
     def _compensations(self) -> Iterator[Compensation]:
@@ -151,24 +175,33 @@ class _Unit:
             "temperature_c": dwell.temperature_c,
             "temperature_u_c": self._temperature_u_c(dwell.temperature_c),
         }
-        for quantity in ("K0", "K1", "K2", "misalignment"):
-            gain = dwell.gain[QUANTITIES.index(quantity)]
+        for quantity in ("K0", "K1", "K2", "misalignment", *self._extra):
+            gain = dwell.gain_of(quantity)
             weights = np.abs(gain) / np.max(np.abs(gain))
             finding = Finding(
                 id=self._id(quantity, dwell),
                 uut=self._unit.serial,
                 quantity=quantity,
-                name=NAMES[quantity],
+                name=self._name(quantity),
                 at=at,
                 value=dwell.values[quantity],
                 unit=self._units[quantity],
                 budget=self._budget(quantity, gain, dwell),
                 steps=tuple(s for s, weight in zip(dwell.steps, weights, strict=True) if weight > WEIGHT_SHOWN),
-                flags=CONTAINS.get(quantity, ()),
+                flags=self._contains(quantity),
             )
             yield finding
             if quantity == "K1":
                 yield self._per_mps2(finding, dwell)
+
+    def _contains(self, quantity: str) -> tuple[str, ...]:
+        """What is in a value because these angles do not separate it."""
+        return tuple(f"contains:{name}" for name in CONTAINS.get(quantity, ()) if name not in self._extra)
+
+    def _name(self, quantity: str) -> str:
+        if quantity == "K2" and "asymmetry" in self._extra:
+            return "second-order nonlinearity"
+        return NAMES[quantity]
 
     def _per_mps2(self, k1: Finding, dwell: Dwell) -> Finding:
         g = self._bench.gravity_mps2
@@ -186,7 +219,7 @@ class _Unit:
             unit=self._units["K1_si"],
             budget=combined(lines),
             steps=(dwell.group,),
-            flags=CONTAINS["K1_si"],
+            flags=self._contains("K1_si"),
         )
 
     def _budget(self, quantity: str, gain: Array, dwell: Dwell) -> tuple[BudgetLine, ...]:
@@ -210,7 +243,7 @@ class _Unit:
         if model is not None:
             u = abs(float(model.slope(dwell.temperature_c))) * self._temperature_u_c(dwell.temperature_c)
             lines.append(_type_b(f"{thermometer}: offset, gain", u, thermometer))
-        if quantity == "K2":
+        if quantity == "K2" and "asymmetry" not in self._extra:
             instrument = "converter" if self._unit.voltmeter is None else "voltmeter"
             contained = f"asymmetry of the {instrument}: contained, inseparable at four positions"
             lines.append(BudgetLine(contained, "alias", 0))
@@ -307,13 +340,27 @@ class _Unit:
 
     def _by_readings(self, quantity: str, weights: Array) -> Array:
         """How what depends on a quantity at the dwells by `weights` depends on all readings."""
-        row = QUANTITIES.index(quantity)
-        return np.concatenate([dwell.gain[row] * w for dwell, w in zip(self._dwells, weights, strict=True)])
+        return np.concatenate([dwell.gain_of(quantity) * w for dwell, w in zip(self._dwells, weights, strict=True)])
+
+    def _closure(self) -> Finding | None:
+        """The bias of the last dwell less that of the first, where the profile returns to its first temperature.
+
+        The two stood at slightly different temperatures, which the model brings together. Of all sources only the
+        readings are not common to both.
+        """
+        if not self._dwells:
+            return None
+        first, last, model = self._dwells[0], self._dwells[-1], self._models["K0"]
+        if first is last or first.set_c != last.set_c:
+            return None
+        middle_c, apart_c = (first.temperature_c + last.temperature_c) / 2, last.temperature_c - first.temperature_c
+        expected = float(model.slope(middle_c)) * apart_c if model is not None else 0.0
+        name = "closure: last dwell less first, both at the first temperature"
+        return self._largest("K0/closure", name, last.values["K0"] - first.values["K0"] - expected, 1.0, (first, last))
 
     def _largest(self, quantity: str, name: str, value: float, relative: float, dwells: tuple[Dwell, ...]) -> Finding:
         """A largest value over the dwells; its uncertainty is that of their readings, all else is common to them."""
-        row = QUANTITIES.index(quantity.partition("/")[0])
-        gain = np.concatenate([dwell.gain[row] for dwell in dwells]) * relative
+        gain = np.concatenate([dwell.gain_of(quantity.partition("/")[0]) for dwell in dwells]) * relative
         return Finding(
             id=self._id(quantity),
             uut=self._unit.serial,

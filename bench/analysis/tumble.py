@@ -3,7 +3,7 @@
 The model is E = c0 + K1 sin θ + (K1 d) cos θ + c2 sin² θ, θ the angle of the input axis above the horizontal, E in
 output units (V, mA or pulse/s). The four-point formulas are its special case at 0°, 90°, 180° and 270°. What a
 four-point tumble cannot separate stays in: K1 contains K3, c2 contains the asymmetry of a converter, d the zero error
-of the head.
+of the head. More angles separate further terms: Kip sin θ cos θ, K3 sin³ θ, and a converter's |sin θ|.
 """
 
 from __future__ import annotations
@@ -19,13 +19,24 @@ from bench.analysis.fit import Array, LinearFit, NotDetermined, least_squares
 
 FOUR_POINTS_DEG = (0.0, 90.0, 180.0, 270.0)
 TERMS = ("c0", "K1", "d·K1", "c2")
+CONSTANTS = ("K0", "K1", "misalignment", "K2")  # that the terms come to, in their order
+# Further terms and the largest condition number of the column-scaled design with which each is fitted. Eight angles and
+# more have 6 with K3 and Kip, 15 to 20 with the asymmetry; six, a degree off the level, 80 with K3 (methods.md 1.5).
+EXTRA = {"Kip": 10.0, "K3": 10.0, "asymmetry": 30.0}
+SAME_ANGLE_RAD = 1e-3
+DRIFT_DOF = 2  # degrees of freedom that readings have without a drift before one is fitted
+DRIFT_CONDITION = 1.5  # by which it may make the condition number worse: not where it looks like a constant
 
 
 @dataclass(frozen=True, slots=True)
 class Tumble:
-    """The solution of one tumble. Angles in rad; output units as the readings; g is local gravity."""
+    """The solution of one tumble. Angles in rad; output units as the readings; g is local gravity.
+
+    `extra` are the further terms that were fitted. What drifts evenly meanwhile may be a last term, of no further use.
+    """
 
     fit: LinearFit
+    extra: tuple[str, ...] = ()
 
     @property
     def c0(self) -> float:
@@ -57,8 +68,22 @@ class Tumble:
         """Misalignment d of the input axis in the plane of the tumble."""
         return float(self.fit.coefficients[2]) / self.k1
 
+    @property
+    def values(self) -> dict[str, float]:
+        """All constants by name, in g, output units and rad: K0, K1, misalignment, K2, and the further ones.
+
+        The asymmetry is the difference of a converter's two scales over their mean.
+        """
+        found = (self.k0_g, self.k1, self.misalignment_rad, self.k2_g_per_g2)
+        further = self.fit.coefficients[len(TERMS) : len(TERMS) + len(self.extra)] / self.k1 * self._per_term()
+        return dict(zip((*CONSTANTS, *self.extra), (*found, *further.tolist()), strict=True))
+
+    def _per_term(self) -> Array:
+        """What turns a further term over K1 into its constant: S± = S (1 ± asymmetry/2)."""
+        return np.array([2.0 if name == "asymmetry" else 1.0 for name in self.extra])
+
     def covariance(self, reading_sd: float | None = None) -> Array:
-        """Covariance (4, 4) of K0 in g, K1 in output units per g, misalignment in rad, K2 in g/g².
+        """Covariance of K0 in g, K1 in output units per g, misalignment in rad, K2 in g/g², and of further constants.
 
         `reading_sd` is the standard deviation of one reading in output units, as pooled over many tumbles; without it
         the scatter of this tumble is taken, which is NaN when it has four readings only.
@@ -67,39 +92,66 @@ class Tumble:
         return self._jacobian() @ self.fit.unscaled_covariance @ self._jacobian().T * sd**2
 
     def gain(self) -> Array:
-        """What one output unit more in each reading (n,) adds to K0, K1, misalignment and K2: (4, n)."""
+        """What one output unit more in each reading (n,) adds to the constants, a row for each in order of `values`."""
         return np.asarray(self._jacobian() @ self.fit.gain)
 
     def _jacobian(self) -> Array:
-        """Derivatives of (K0, K1, misalignment, K2) to the fitted (c0, K1, d·K1, c2)."""
-        k1 = self.k1
-        return np.array([
-            [1 / k1, -self.k0_g / k1, 0, 0],
-            [0, 1, 0, 0],
-            [0, -self.misalignment_rad / k1, 1 / k1, 0],
-            [0, -self.k2_g_per_g2 / k1, 0, 1 / k1],
-        ])  # fmt: skip
+        """Derivatives of the constants to the fitted terms: all but K1 are terms over K1."""
+        scale = np.concatenate([[1.0, self.k1, 1.0, 1.0], self._per_term()])
+        jacobian = np.diag(scale / self.k1)
+        jacobian[:, 1] -= np.where(np.arange(len(scale)) == 1, 0.0, np.array(list(self.values.values())) / self.k1)
+        drift = np.zeros((len(scale), len(self.fit.coefficients) - len(scale)))
+        return np.concatenate([jacobian, drift], axis=1)
 
 
 class IncompleteTumble(NotDetermined):
     """The readings of a tumble do not determine its four terms; `missing_deg` are the positions without a reading."""
 
     def __init__(self, cause: NotDetermined, missing_deg: Sequence[float]) -> None:
-        super().__init__(cause.names, rank=cause.rank, of=len(TERMS), condition=cause.condition)
+        super().__init__(cause.names, rank=cause.rank, of=cause.of, condition=cause.condition)
         self.missing_deg = tuple(missing_deg)
         if missing_deg:
             self.args = (f"{self}; no reading near {', '.join(f'{angle:g}°' for angle in missing_deg)}",)
 
 
-def solve_tumble(angle_rad: Array, reading: Array) -> Tumble:
+def further_terms(angle_rad: Array) -> tuple[str, ...]:
+    """Which of the further terms these angles of the input axis (n,) separate from all others, each in its turn."""
+    distinct = len(np.unique(np.round(np.mod(angle_rad, 2 * np.pi) / SAME_ANGLE_RAD)))
+    extra: tuple[str, ...] = ()
+    for name, most in EXTRA.items():
+        if distinct > len(TERMS) + len(extra) and _condition(design_of(angle_rad, (*extra, name))) < most:
+            extra = (*extra, name)
+    return extra
+
+
+def _condition(design: Array) -> float:
+    singular = np.linalg.svd(design / np.linalg.norm(design, axis=0), compute_uv=False)
+    return float(singular[0] / max(singular[-1], np.finfo(np.float64).tiny))
+
+
+def design_of(angle_rad: Array, extra: Sequence[str] = ()) -> Array:
+    """The columns (n, p) of the terms at angles (n,) of the input axis above the horizontal."""
+    sine, cosine = np.sin(angle_rad), np.cos(angle_rad)
+    further = {"Kip": sine * cosine, "K3": sine**3, "asymmetry": np.abs(sine)}
+    return np.stack([np.ones_like(sine), sine, cosine, sine**2, *(further[name] for name in extra)], axis=-1)
+
+
+def solve_tumble(angle_rad: Array, reading: Array, extra: Sequence[str] = (), time_s: Array | None = None) -> Tumble:
     """Least squares over `reading` (n,) in output units at the actual angles (n,) of the input axis above horizontal.
 
-    Raises IncompleteTumble when the angles do not determine the four terms; it names the terms and the positions.
+    `extra` are further terms to be fitted. With the times of the readings (n,), and enough of them, an even drift is
+    one more, so that it is neither in the constants, which are those of the mean time, nor in the scatter. Raises
+    IncompleteTumble when the angles do not determine the terms; it names them and the positions.
     """
-    sine, cosine = np.sin(angle_rad), np.cos(angle_rad)
-    design = np.stack([np.ones_like(sine), sine, cosine, sine**2], axis=-1)
+    design, names = design_of(angle_rad, extra), (*TERMS, *extra)
     try:
-        return Tumble(least_squares(design, reading, names=TERMS))
+        fit = least_squares(design, reading, names=names)
+        if time_s is not None and fit.dof > DRIFT_DOF:
+            since_s = time_s - time_s.mean()
+            drifting = np.column_stack([design, since_s / np.max(np.abs(since_s))])
+            if _condition(drifting) < DRIFT_CONDITION * fit.condition:
+                fit = least_squares(drifting, reading, names=(*names, "drift"))
+        return Tumble(fit, tuple(extra))
     except NotDetermined as cause:
         raise IncompleteTumble(cause, missing_positions_deg(np.degrees(angle_rad))) from None
 

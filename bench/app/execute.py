@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from bench.analysis.dwells import axis_rad
 from bench.analysis.ladder import by_position
 from bench.analysis.rundata import Acquisition, UnitUnderTest
+from bench.analysis.tumble import further_terms
 from bench.app.devices import open_devices
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
 from bench.app.request import PreparedRun
@@ -227,17 +229,22 @@ def _dwells(stored: StoredRun) -> list[DwellAsMeasured]:
         groups: dict[str, list[Acquisition]] = {}
         for acquisition in data.acquisitions:
             groups.setdefault(acquisition.group, []).append(acquisition)
-        found += [_dwell(data.label, unit, group, members) for unit in data.units for group, members in groups.items()]
+        for unit in data.units:
+            extra = further_terms(axis_rad(data.acquisitions, unit, data.bench))
+            found += [_dwell(data.label, unit, group, members, extra) for group, members in groups.items()]
     return found
 
 
-def _dwell(label: str, unit: UnitUnderTest, group: str, members: Sequence[Acquisition]) -> DwellAsMeasured:
+def _dwell(
+    label: str, unit: UnitUnderTest, group: str, members: Sequence[Acquisition], extra: tuple[str, ...]
+) -> DwellAsMeasured:
     return DwellAsMeasured(
         key=f"{label}/{unit.place}@{group.partition('/')[2]}",
         place=unit.place,
         at_s=sum(member.begin_s + member.end_s for member in members) / (2 * len(members)),
         temperature_c=sum(float(member.temperatures_c[unit.temperature].mean()) for member in members) / len(members),
         lies=tuple(_lies(member) for member in members),
+        extra=extra,
     )
 
 

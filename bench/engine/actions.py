@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, assert_never
 
 from bench.config.models import BenchFile
-from bench.engine import measuring, recording, waiting
+from bench.engine import measuring, recording, steadiness, waiting
 from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.engine.questions import Desk, Question
@@ -62,6 +62,8 @@ async def perform(step: Step, step_id: str, bench: Bench) -> Found:  # noqa: C90
         case Wait():
             await asyncio.sleep(step.duration_s)
             return {}
+        case WaitUntil() if step.steady is not None:
+            return await steadiness.until_steady(step, bench)
         case WaitUntil():
             return await waiting.until(step, bench.monitor)
         case Soak():

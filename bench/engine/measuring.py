@@ -97,7 +97,7 @@ async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) 
     counter = bench.rig.counter(role)
     if not isinstance(options, CounterOptions):
         raise StepError(f"the pulses of {role} cannot be counted here")
-    block = await _frames(counter, duration_s)
+    block = await frames_of(counter, duration_s)
     if len(block):
         bench.writer.frames(role, step_id, block)
     rate = mean_rate(CountDecoder(options, options.dbc.parent).counts(block)[channel])
@@ -106,7 +106,7 @@ async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) 
     return rate.net_pps, RESOLUTION_COUNTS / rate.span_s
 
 
-async def _frames(counter: PulseCounter, duration_s: float) -> FrameBlock:
+async def frames_of(counter: PulseCounter, duration_s: float) -> FrameBlock:
     """All frames of a time."""
     kept: list[FrameBlock] = []
 

@@ -221,7 +221,11 @@ class Monitor:
     def drop_those_at(self, names: Collection[str], kind: Kind, text: str) -> bool:
         """Drops the units that these readings, of several that were waited for, are for alone; whether others go on."""
         places = {place for name in names if (place := self.units.alone_at(name)) is not None}
-        if len(places) < len(names) or not set(self.units.left) - places:
+        return len(places) == len(names) and self.drop_all(places, kind, text)
+
+    def drop_all(self, places: Collection[str], kind: Kind, text: str) -> bool:
+        """Drops several units for what they have in common, unless no other would be left; whether it has."""
+        if not self.units.left.keys() - set(places):
             return False
         for place in sorted(places):
             self.drop(UnitFailure(place, kind, text))

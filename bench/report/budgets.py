@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from bench.analysis.finding import COVERAGE, BudgetLine, Finding, UnitResult
 from bench.report.shown import SHOWN, decimals
-from bench.report.words import name_of, quantity_in_words, source_in_words, unit_shown, where
+from bench.report.words import name_of, quantity_of, source_in_words, unit_shown, where
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def budget(finding: Finding, dwells: Mapping[str, int]) -> Budget:
     factor, unit = SHOWN.get(finding.quantity, (1.0, finding.unit))
     digits = decimals(finding.u * factor) + 1
     return Budget(
-        quantity=quantity_in_words(finding.quantity),
+        quantity=quantity_of(finding),
         name=name_of(finding),
         where=where(finding.at, dwells),
         unit=unit,
@@ -98,6 +98,6 @@ def budgets_of_dwells(unit: UnitResult, quantity: str) -> BudgetsOfDwells:
         cells = tuple(of_source.get(source, "–") for source in sources)
         rows.append((str(finding.at["dwell"]), cells, f"{finding.u * factor:.{digits}f}", _dof(finding.dof)))
     return BudgetsOfDwells(
-        quantity_in_words(quantity), unit_shown(quantity, found[0].unit), tuple(map(source_in_words, sources)),
+        quantity_of(found[0]), unit_shown(quantity, found[0].unit), tuple(map(source_in_words, sources)),
         tuple(rows),
     )  # fmt: skip

@@ -64,13 +64,10 @@ def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str,
         acquired = data(entry.data)
         for part in acquired.by_length():
             found |= {unit.place: unit for unit in reduce(part, settings)}
-        units += [
-            dataclasses.replace(
-                _judged(found[unit.place], entry, method.units(unit.output_unit)),
-                dropped=found_on_the_way.dropped.get(unit.place),
-            )
-            for unit in acquired.units
-        ]
+        for unit in acquired.units:
+            dropped = found_on_the_way.dropped.get(unit.place)
+            result = dataclasses.replace(found[unit.place], dropped=dropped)
+            units.append(_judged(result, entry, method.units(unit.output_unit)))
     verdict = _verdict(units, sequence, state, found_on_the_way)
     return Results(sequence.title, verdict, tuple(units), found_on_the_way)
 
@@ -81,6 +78,8 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
         finding.judged(limits[finding.quantity]) if finding.quantity in limits else finding for finding in unit.findings
     ]
     undetermined = [name for name in limits if name not in {finding.quantity for finding in findings}]
+    if unit.dropped is not None:
+        return dataclasses.replace(unit, findings=tuple(findings), left_out=(*unit.left_out, *undetermined))
     return dataclasses.replace(
         unit,
         findings=tuple(findings),

@@ -17,6 +17,7 @@ from bench.analysis.models import TemperatureModel
 from bench.report.languages import tr
 from bench.report.shown import SHOWN, decimals
 from bench.report.svg import new_figure, rendered
+from bench.report.words import quantity_of
 
 Array = NDArray[np.float64]
 
@@ -125,7 +126,8 @@ def unit_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
         title = tr("Scale factor K1 relative to {value}{at}", value=value, at=at_c)
         label = tr("K1 relative to the centre / ppm")
         yield _over_temperature(title, f"{name}-scale", label, "ppm", scale_factor, relative.curves(unit, "K1"))
-    yield _side_by_side(unit, f"{name}-others", {"K2": tr("K2 + asymmetry"), "misalignment": tr("Misalignment")})
+    k2 = next(finding for finding in unit.findings if finding.quantity == "K2")
+    yield _side_by_side(unit, f"{name}-others", {"K2": quantity_of(k2), "misalignment": tr("Misalignment")})
 
 
 def _middle(unit: UnitResult, quantity: str) -> tuple[float, str, str]:

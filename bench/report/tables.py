@@ -19,6 +19,7 @@ from bench.report.words import (
     limits_in_words,
     name_of,
     quantity_in_words,
+    quantity_of,
     unit_shown,
     where,
 )
@@ -150,7 +151,7 @@ def _row(finding: Finding, dwells: Mapping[str, int], remark: str = "") -> Row:
     limits = finding.limits or Limits()
     reasons = [tr(REASONS[flag]) for flag in finding.flags if flag in REASONS]
     return Row(
-        quantity=quantity_in_words(finding.quantity),
+        quantity=quantity_of(finding),
         name=name_of(finding),
         value=shown(finding),
         unit=unit_shown(finding.quantity, finding.unit),
@@ -176,7 +177,7 @@ def dwell_table(unit: UnitResult) -> DwellTable | None:
         return None
     kinds = {quantity: finding for found in dwells.values() for quantity, finding in found.items()}
     heads = tuple(
-        (quantity_in_words(quantity), unit_shown(quantity, finding.unit), _contents(finding))
+        (quantity_of(finding), unit_shown(quantity, finding.unit), _contents(finding))
         for quantity, finding in kinds.items()
     )
     return DwellTable(heads, tuple(_dwell_row(number, found, tuple(kinds)) for number, found in dwells.items()))

@@ -23,6 +23,7 @@ def results_text(results: Results | None) -> str:
         lines += ["", f"{results.title}: {unit.uut} in place {unit.place}: {unit.verdict}", ""]
         lines += _dwell_table(unit)
         lines += _summary_table(unit)
+        lines += [f"  {unit.dropped.text}"] if unit.dropped is not None else []
         lines += [f"  {flag_in_words(flag)}" for flag in unit.flags]
     lines += _on_the_way(results.on_the_way)
     each = ", ".join(dict.fromkeys(f"{unit.uut} {unit.verdict}" for unit in results.units))

@@ -34,6 +34,7 @@ REASONS = {
     "not_monotonic": "a smaller step passed than one that failed, which does not count",
     "too_short": "some steps were counted too short: one count is more than a fifth of them",
     "marginal": "one of the two steps that decide is so near one half that it could be otherwise if repeated",
+    "not_closed": "the bias did not come back to where it began",
     "lag": "the loop is a lag behind the thermometer, not hysteresis: a model with dT/dt removes most of it",
 }
 # What sources of uncertainty are of, besides the names of readings.
@@ -56,6 +57,10 @@ _READINGS = {
     "thermometer": "a temperature that a working thermometer cannot say",
 }
 _UNITS = {
+    "not_closed": (
+        "Back at its first temperature the bias was further from where it began than the method's closure_limit "
+        "allows: every verdict is marginal."
+    ),
     "type_a:no_repeats": (
         "No dwell has more readings than unknowns, so their scatter is not known; what a reading alone tells of its "
         "uncertainty stands in the budgets instead."
@@ -119,6 +124,12 @@ def quantity_text(quantity: str) -> str:
 def name_of(finding: Finding) -> str:
     """What a finding is, without its quantity, which stands before it."""
     return tr(finding.name.removeprefix(quantity_text(finding.quantity) + ": "))
+
+
+def quantity_of(finding: Finding) -> str:
+    """The quantity of a finding for the head of a table; K2 by itself where the asymmetry is not in it."""
+    alone = finding.quantity == "K2" and "contains:asymmetry" not in finding.flags
+    return finding.quantity if alone else quantity_in_words(finding.quantity)
 
 
 def source_in_words(source: str) -> str:

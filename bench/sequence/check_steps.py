@@ -17,7 +17,7 @@ from bench.sequence.checks_motion import resolution_problems
 from bench.sequence.custom import Custom, known_steps
 from bench.sequence.limits import unit_problems
 from bench.sequence.measuring import Acquire, Measure, Tare
-from bench.sequence.readings import is_pulse_rate, problem_with, unit_of
+from bench.sequence.readings import PULSE_RATE, is_pulse_rate, problem_with, problem_with_counting, unit_of
 from bench.sequence.step_fields import is_known
 from bench.sequence.steps import NEEDS, Step, verb_of
 from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
@@ -37,6 +37,9 @@ def role_problems(step: Step, needs: Mapping[str, str], bench: BenchFile | None)
     match step:
         case Wait() | Note() | Alarm() | Prompt():
             return
+        case WaitUntil() if step.steady is not None:
+            if problem := problem_with_counting(step.reading, needs, bench):
+                yield "wait_until", problem
         case WaitUntil() | Measure() | Tare():
             if problem := problem_with(step.reading, needs, bench):
                 yield verb_of(step), problem
@@ -85,6 +88,8 @@ def _custom(step: Custom, needs: Mapping[str, str]) -> Found:
 
 def is_there(step: Step, needs: Mapping[str, str], bench: BenchFile) -> bool:
     """Whether the bench has what the step acts on; what it lacks is told with the needs."""
+    if isinstance(step, WaitUntil) and step.steady is not None:
+        return step.reading.partition(".")[0] in bench.devices
     if isinstance(step, (WaitUntil, Measure, Tare)):
         return unit_of(step.reading, bench) is not None
     if isinstance(step, (Wait, Note, Alarm, Prompt, Soak, Custom)) or needs[step.role] == OUTPUT:
@@ -114,6 +119,9 @@ def limit_problems(  # noqa: C901  one case for each kind of step
         case Soak():
             if step.give_up_after_s is not None and step.give_up_after_s < step.least_s:
                 yield "give_up_after", "is shorter than the soak itself"
+        case WaitUntil() if step.steady is not None:
+            if is_known(step.steady.change):
+                yield from _in_unit("steady", step.steady.change, PULSE_RATE)
         case WaitUntil():
             for key, bound in (("above", step.above), ("below", step.below)):
                 if bound is not None and is_known(bound):

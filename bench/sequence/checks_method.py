@@ -20,6 +20,7 @@ from bench.sequence.waits import Soak
 
 TUMBLE_ANGLES = 4  # for K0, K1, K2 and the misalignment: methods.md 1.5
 CONSTANTS = {"c0": "K0", "K1": "K1", "d·K1": "misalignment", "c2": "K2"}  # by the terms of a tumble
+FURTHER = ("K3", "Kip", "asymmetry")  # that eight angles and more tell
 SAME_ANGLE_DIGITS = 3  # of an angle in °
 OVER_TEMPERATURE = ("/temperature_coefficient", "T1", "T2", "/hysteresis", "/model_residual")
 
@@ -56,6 +57,26 @@ def too_few_angles(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                     "Acquire near 0°, 90°, 180° and 270° at every temperature",
                 )
                 break  # the other dwells are likely alike
+            if missing := _not_separated(distinct, [name for name in entry.limits if name in FURTHER], bench):
+                yield (
+                    (*place, "limits", missing[0]),
+                    f"the {len(distinct)} angles of '{entry.data}' cannot tell {' and '.join(missing)}",
+                    "Acquire at eight angles or more, evenly over a turn, or remove the limit",
+                )
+                break
+
+
+def _not_separated(angles_deg: list[float], wanted: list[str], bench: BenchFile) -> list[str]:
+    """Which of the further terms that limits name are not told by these angles."""
+    if not wanted:
+        return []
+    import numpy as np  # only where limits name them: checking loads no arithmetic
+
+    from bench.analysis.tumble import further_terms
+
+    axis, mount_deg = bench.fixture.input_axis, next(iter(bench.places.values())).mount_angle
+    found = further_terms(np.radians(axis.sense * np.array(angles_deg) + axis.offset_deg + mount_deg))
+    return [name for name in wanted if name not in found]
 
 
 def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:

@@ -50,7 +50,7 @@ def _used(nodes: Nodes, bench: BenchFile) -> dict[str, PlannedStep]:
                 if member in bench.devices:
                     used.setdefault(member, planned)
         reading = getattr(planned.step, "reading", "")
-        if is_pulse_rate(reading, bench):
+        if is_pulse_rate(reading, bench) or reading in bench.devices:
             used.setdefault(reading.partition(".")[0], planned)
     return used
 

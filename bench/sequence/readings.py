@@ -33,6 +33,19 @@ def problem_with(name: str, needs: Mapping[str, str], bench: BenchFile | None) -
     return f"'{device}' has no channel '{channel}'{did_you_mean(channel, _known(device, bench))}"
 
 
+def problem_with_counting(name: str, needs: Mapping[str, str], bench: BenchFile | None) -> str:
+    """Why pulse rates cannot be counted: of a whole counter, or of a channel of one; empty when they can."""
+    device, dot, channel = name.partition(".")
+    kind = needs.get(device)
+    if kind is None:
+        return f"'{device}' is not among the devices that the sequence needs{did_you_mean(device, needs)}"
+    if kind != "pulse_counter":
+        return f"'steady' needs a pulse_counter, '{device}' is a {kind}"
+    if dot and bench is not None and device in bench.devices and channel not in (known := _counted(device, bench)):
+        return f"'{device}' counts no channel '{channel}'{did_you_mean(channel, known)}"
+    return ""
+
+
 def unit_of(name: str, bench: BenchFile) -> str | None:
     """The unit of a reading; None when the bench has no such reading."""
     name = bench.members(name)[0]

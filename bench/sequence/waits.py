@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
 from bench.config.interlocks import ReadingName
 from bench.sequence.step_fields import StepBase, is_known
-from drivers.fields import AnyQuantity, CelsiusPerHour, Name, PositiveCelsius, PositiveSeconds, Seconds, StrictModel
+from drivers.fields import (
+    AnyQuantity,
+    CelsiusPerHour,
+    InUnit,
+    Name,
+    PositiveCelsius,
+    PositiveSeconds,
+    Seconds,
+    StrictModel,
+)
 from drivers.wording import telling
 
 LOOK_EVERY_S = 5.0  # how often a step that waits for a reading looks at it
@@ -26,24 +35,48 @@ class Wait(StepBase):
         return self.duration_s
 
 
+STEADY_PARTS = 6  # of the time over which pulse rates are to be steady; their means are compared
+
+
+class Steady(StrictModel):
+    """Steady means: of a line fitted to mean rates over that time, the ends differ by no more than `change`.
+
+    It is counted in six equal parts, so that what a count resolves over one of them must be small against `change`.
+    """
+
+    change: AnyQuantity = Field(description="in pulse/s")
+    over_s: Annotated[float, InUnit("s", at_least=30)] = Field(alias="over", description="the time looked at")
+
+
 class WaitUntil(StepBase):
-    """Waits until a reading is above one value, below another, or both, and has been so for a time."""
+    """Waits until a reading is above one value, below another, or both, and has been so for a time.
+
+    Or, with `steady`, until the pulse rates of a counter no longer drift: those of all units that are in, or that of
+    one channel where one is named.
+    """
 
     reading: ReadingName = Field(alias="wait_until")
     above: AnyQuantity | None = Field(None, description="in the unit of the reading")
     below: AnyQuantity | None = Field(None, description="in the unit of the reading")
     hold_s: Seconds = Field(0.0, alias="hold", description="how long it must have been so")
+    steady: Steady | None = None
     give_up_after_s: PositiveSeconds = Field(alias="give_up_after", description="so late it is an error")
 
     @property
     def least_s(self) -> float:
         """How long the condition must hold."""
-        return self.hold_s
+        return self.hold_s if self.steady is None else self.steady.over_s
 
     @model_validator(mode="after")
     def _can_come_true(self) -> Self:
+        if self.steady is not None:
+            if self.above is not None or self.below is not None or self.hold_s:
+                raise telling("'steady' stands alone: without above, below and hold")
+            if self.give_up_after_s <= self.steady.over_s:
+                raise telling("'give_up_after' must be longer than the time over which it is to be steady")
+            return self
         if self.above is None and self.below is None:
-            raise telling("needs above, or below, or both")
+            raise telling("needs above, or below, or both; or steady")
         if self.above is not None and self.below is not None and is_known(self.above) and is_known(self.below):
             if self.above.dimension != self.below.dimension:
                 raise telling(f"above is {self.above}, below is {self.below}: they need the same unit")

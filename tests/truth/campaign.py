@@ -18,7 +18,7 @@ from simulators.truth import channel_constants
 from simulators.uut import UnitTruth
 
 ROOT = Path(__file__).parents[2]
-QUANTITIES = ("K0", "K1", "K1_si", "K2", "misalignment")
+QUANTITIES = ("K0", "K1", "K1_si", "K2", "misalignment", "K3", "Kip", "asymmetry")
 _U_VALUE = re.compile(r"(U: )(-?[\d.]+)")
 _U_BLOCK = re.compile(r"(U: \{)([^}]*)(\})")
 _NUMBER = re.compile(r"(?<![\w.])\d+(\.\d+)?(?= )")
@@ -103,5 +103,5 @@ def true_constants(truth: dict, finding: dict) -> dict[str, float]:
     fields = {key: tuple(value) if isinstance(value, list) else value for key, value in truth["units"][place].items()}
     return channel_constants(
         UnitTruth(**fields), truth["bench"]["gravity_mps2"], dwell["axis_deg"], finding["at"]["temperature_c"],
-        dwell["drifted_g"],
+        dwell["drifted_g"], extra=dwell.get("extra", ()),
     )  # fmt: skip

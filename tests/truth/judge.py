@@ -14,7 +14,9 @@ K1_U_LIMIT = 2e-6  # of the value
 def judge_perfect(comparisons: Sequence[Comparison]) -> list[str]:
     """A perfect bench, every dwell of every run: rms(error/u) 0.8 to 1.25, 99 % within k = 3, small uncertainties."""
     found = []
-    for quantity in ("K0", "K1_si", "K2", "misalignment"):
+    for quantity in ("K0", "K1_si", "K2", "misalignment", "K3", "Kip", "asymmetry"):
+        if not any(c.quantity == quantity for c in comparisons):
+            continue
         ratios = [c.ratio for c in comparisons if c.quantity == quantity]
         rms = _rms(ratios)
         if not 0.8 <= rms <= 1.25:
@@ -33,7 +35,9 @@ def judge_perfect(comparisons: Sequence[Comparison]) -> list[str]:
 def judge_full(comparisons: Sequence[Comparison]) -> list[str]:
     """A full bench, the first dwell of each run: rms(error/u) 0.7 to 1.35, at most one run in 40 beyond k = 3."""
     found = []
-    for quantity in ("K0", "K1", "K1_si", "K2", "misalignment"):
+    for quantity in QUANTITIES:
+        if not any(c.quantity == quantity for c in comparisons):
+            continue
         ratios = [c.ratio for c in comparisons if c.quantity == quantity and c.dwell == 0]
         rms = _rms(ratios)
         if not 0.7 <= rms <= 1.35:
@@ -48,6 +52,8 @@ def table(comparisons: Sequence[Comparison]) -> Iterable[str]:
     """A line for each quantity: rms, share within k = 2 and 3, mean u."""
     for quantity in QUANTITIES:
         chosen = [c for c in comparisons if c.quantity == quantity]
+        if not chosen:  # its angles do not tell it
+            continue
         ratios = [c.ratio for c in chosen]
         within = [sum(abs(ratio) <= k for ratio in ratios) / len(ratios) for k in (2, 3)]
         mean_u = sum(c.u for c in chosen) / len(chosen)

@@ -1,11 +1,16 @@
 """The static tumble against the truth: few seeds of a short sequence here, forty of the whole one by `make truth`."""
 
+import json
+
 import pytest
 
+from bench.analysis.limits import Limits
+from bench.analysis.temperature_tumble import reduce
 from bench.app.request import RunRequest
+from bench.report.stored import open_run
 from tests.support.runs import SHORT
 from tests.truth import judge
-from tests.truth.campaign import compare, full_bench, perfect_bench, run_one
+from tests.truth.campaign import compare, full_bench, perfect_bench, results_of, run_one
 from tests.truth.planted import PLANTED, comparisons_with
 
 SEEDS = (1, 2)
@@ -49,3 +54,49 @@ def test_a_planted_error_is_seen(perfect_runs, name):
     worst = max(abs(c.ratio) for c in comparisons_with(PLANTED[name], perfect_runs))
     assert found
     assert worst > 10, "it is not the scatter of a few seeds that was seen"
+
+
+def test_the_closure_is_what_the_bias_really_did_between_the_ends(perfect_runs):
+    for folder in perfect_runs:
+        (closure,) = [found for found in results_of(folder)["findings"] if found["quantity"] == "K0/closure"]
+        first, *_, last = json.loads((folder / "truth.json").read_text("utf-8"))["dwells"].values()
+        assert abs(closure["value"] - (last["K0"] - first["K0"])) < 4 * closure["u"]
+        assert closure["u"] < 1e-6
+
+
+def test_a_bias_that_does_not_come_back_makes_every_verdict_marginal(perfect_runs):
+    with open_run(perfect_runs[0]) as stored:
+        data = stored.data("tumble")
+    for limit_g, marginal in ((100e-6, False), (1e-9, True)):
+        (unit,) = reduce(data, {"degree": 4, "closure_limit_g": limit_g})
+        judged = [finding.judged(Limits(-1, 1)) for finding in unit.findings if finding.quantity == "K0"]
+        assert [(finding.verdict, finding.marginal) for finding in judged] == [("PASS", marginal)] * 3
+        assert ("not_closed" in unit.flags) == marginal
+
+
+@pytest.fixture(scope="module")
+def eight_points(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("eight")
+    settings = ("temperatures=[20 °C, 20 °C]", "soak=30 min", "warm_up=0 s", "gate=20 s")
+    bench = perfect_bench(folder / "config")
+    return run_one(
+        RunRequest(
+            "tumble_static", bench=str(bench), preset="eight_points", seed=3, settings=settings, runs=folder / "r"
+        )
+    )
+
+
+def test_eight_positions_tell_further_terms_as_large_as_they_are(eight_points):
+    found = [each for each in compare([eight_points]) if each.quantity in ("K1", "K3", "Kip", "asymmetry")]
+    assert len(found) == 8
+    assert max(abs(each.ratio) for each in found) < 4
+    asymmetry = [each for each in found if each.quantity == "asymmetry"]
+    assert all(abs(each.value - 30e-6) < 4 * each.u + 3e-6 for each in asymmetry), "that of the unit file"
+
+
+def test_the_report_names_what_the_angles_do_not_tell(eight_points, perfect_runs):
+    eight, four = ((folder / "report.html").read_text("utf-8") for folder in (eight_points, perfect_runs[0]))
+    assert "the 4 angles cannot tell K3 from K1: K1 contains it" in four
+    assert "cannot tell K3" not in eight
+    assert "contains K3<" in four
+    assert "contains K3<" not in eight

@@ -3,6 +3,7 @@ import pytest
 
 from bench.analysis.tumble import (
     IncompleteTumble,
+    further_terms,
     hysteresis,
     missing_positions_deg,
     solve_tumble,
@@ -193,3 +194,61 @@ def test_every_visit_of_a_set_point_is_compared():
 )
 def test_what_is_not_one_temperature_both_ways_is_not_compared(rows):
     assert hysteresis(**dwells(*rows), slope=no_slope) is None
+
+
+def evenly(count, offset_deg=1.0):
+    return np.radians(np.arange(count) * 360 / count + offset_deg)
+
+
+@pytest.mark.parametrize(
+    ("count", "extra"),
+    [
+        (4, ()), (5, ("Kip",)), (6, ("Kip",)), (8, ("Kip", "K3", "asymmetry")), (12, ("Kip", "K3", "asymmetry")),
+        (24, ("Kip", "K3", "asymmetry")),
+    ],
+)  # fmt: skip
+def test_angles_tell_the_terms_that_they_can(count, extra):
+    """Four do not tell K3 from K1, six are blind to it: methods.md 1.5."""
+    assert further_terms(evenly(count)) == extra
+    assert further_terms(np.concatenate([evenly(count), evenly(count)[::-1]])) == extra, "repeats tell nothing new"
+
+
+@pytest.mark.parametrize("count", [8, 12, 24])
+def test_further_terms_are_found_by_themselves(count):
+    angle = evenly(count)
+    reading = accelerometer(angle, k3=-3e-5, kip=5e-6, d=0) + 1.13 * 15e-6 * np.abs(np.sin(angle))
+    values = solve_tumble(angle, reading, ("Kip", "K3", "asymmetry")).values
+    expected = {"K0": 1e-3, "K1": 1.13, "misalignment": 0, "K2": 2e-5, "Kip": 5e-6, "K3": -3e-5, "asymmetry": 30e-6}
+    assert values == pytest.approx(expected, abs=1e-12)
+
+
+def test_standard_errors_of_further_terms_are_the_published_ones():
+    tumble = solve_tumble(evenly(8, 0.0), accelerometer(evenly(8, 0.0), k0=0, k1=1.0, k2=0, d=0), ("Kip", "K3"))
+    found = dict(zip(tumble.values, np.sqrt(np.diag(tumble.covariance(reading_sd=1.0))), strict=True))
+    published = {"K0": 0.61, "K1": 1.58, "misalignment": 0.50, "K2": 1.0, "Kip": 1.0, "K3": 2.0}
+    assert found == pytest.approx(published, abs=0.01)
+
+
+def test_gain_is_the_derivative_of_every_constant():
+    angle, extra = evenly(12), ("Kip", "K3", "asymmetry")
+    reading = accelerometer(angle, k3=-3e-5, kip=5e-6)
+    step, tumble = 1e-6, solve_tumble(angle, reading, extra)
+    for index in (0, 5):
+        moved = solve_tumble(angle, reading + step * (np.arange(12) == index), extra).values
+        slopes = [(moved[name] - value) / step for name, value in tumble.values.items()]
+        assert tumble.gain()[:, index] == pytest.approx(slopes, rel=1e-4, abs=1e-8)
+
+
+def test_an_even_drift_is_neither_in_the_constants_nor_in_the_scatter():
+    time_s = 60.0 * np.arange(8)
+    reading = accelerometer(THERE_AND_BACK) + 1e-6 * (time_s - time_s.mean())
+    without, tumble = solve_tumble(THERE_AND_BACK, reading), solve_tumble(THERE_AND_BACK, reading, (), time_s)
+    assert without.fit.residual_sd > 1e-4
+    assert tumble.fit.residual_sd < 1e-12
+    assert tumble.fit.dof == 3
+    assert tumble.values == pytest.approx(without.values, rel=1e-12)
+    assert tumble.gain() == pytest.approx(without.gain(), abs=1e-12)
+
+
+def test_four_readings_have_no_room_for_a_drift():
+    assert solve_tumble(FOUR, accelerometer(FOUR), (), np.arange(4.0)).fit.dof == 0

@@ -17,6 +17,12 @@ class TemperatureTumbleSettings(StrictModel):
     reference_c: Celsius = Field(
         20.0, alias="reference", description="the temperature about which K0T1, K0T2, K1T1 and K1T2 hold"
     )
+    closure_limit_g: Annotated[float, InUnit("g", above=0)] = Field(
+        100e-6,
+        alias="closure_limit",
+        description="when the bias has moved further between the first dwell and the last, both at one set point, "
+        "every verdict is marginal",
+    )
 
 
 TEMPERATURE_TUMBLE = MethodDescription(
@@ -36,12 +42,16 @@ TEMPERATURE_TUMBLE = MethodDescription(
         "K0T2": "g/°C²",
         "K1T1": "1/°C",
         "K1T2": "1/°C²",
+        "K3": "g/g³",
+        "Kip": "g/g²",
+        "asymmetry": "1",
         "K0/hysteresis": "g",
+        "K0/closure": "g",
         "K1/hysteresis": "1",
         "K0/model_residual": "g",
         "K1/model_residual": "1",
     },
-    drawn_by="bench.report.plots:unit_plots",
+    drawn_by="bench.report.tumble_shown:tumble_shown",
     after=("IEEE Std 1293", "IEEE Std 530", "IEEE Std 1554"),
 )
 
