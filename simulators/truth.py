@@ -80,9 +80,16 @@ def truth_record(
             **({"voltmeters": {role: asdict(meter) for role, meter in voltmeters.items()}} if voltmeters else {}),
         },
         "units": {name: asdict(unit.truth) for name, unit in sorted(world.units.items())},
+        **_seats(world),
         "dwells": {dwell.key: _dwell(world, dwell) for dwell in dwells},
         "legs": {leg.key: _leg(world, leg) for leg in legs},
     }
+
+
+def _seats(world: World) -> dict[str, Any]:
+    """How each unit lay since it was fixed by hand: true time and angle; nothing where none was."""
+    seats = {name: unit.seats_deg for name, unit in sorted(world.units.items()) if unit.seats_deg}
+    return {"seats_deg": seats} if seats else {}
 
 
 def _dwell(world: World, dwell: DwellAsMeasured) -> dict[str, Any]:

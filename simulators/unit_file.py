@@ -124,6 +124,7 @@ class AccelerometerModel(StrictModel):
     jumps: tuple[JumpModel, ...] = ()
     drift: Annotated[Draw, DrawIn("g/s")] = Draw(0)
     warm_up: WarmUpModel = WarmUpModel()
+    turn_on: Annotated[Draw, DrawIn("g")] = Draw(0)  # standard deviation of the bias step at each power-on
     noise: NoiseModel = NoiseModel()
     bandwidth: Annotated[float, InUnit("Hz", above=0)] = 300.0  # far above what a dwell at rest contains
 

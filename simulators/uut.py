@@ -50,6 +50,7 @@ class UnitTruth:
     counter_bits: int
     converter_c: float
     supply_a: float
+    turn_on_g: float = 0.0  # standard deviation of the step of the bias at each power-on
     jumps: tuple[tuple[float, float], ...] = ()  # the temperature in °C and the size in g of each
 
     def current_a(self, force_g: tuple[Array, Array, Array], temperature_c: Array, extra_bias_g: Array) -> Array:
@@ -121,6 +122,7 @@ def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:
         counter_bits=c.counter_bits,
         converter_c=c.temperature,
         supply_a=unit.supply.current,
+        turn_on_g=value(a.turn_on, "accelerometer", "turn_on"),
         jumps=tuple(
             (jump.at, value(jump.size, "accelerometer", "jumps", str(number))) for number, jump in enumerate(a.jumps)
         ),

@@ -62,6 +62,7 @@ class WorldSettings:
     axis_acceleration_dps2: float = 40.0
     level_deg: float = 0.0
     mount: Mount = field(default_factory=Mount)
+    remount_deg: float = 0.0  # standard deviation of how a unit lies each time that it is fixed by hand
     fixture: Fixture = field(default_factory=Fixture)
     chamber: ChamberPhysics = field(default_factory=ChamberPhysics)
     thermometer_lag_s: float = 20.0
@@ -91,6 +92,9 @@ class SimulatedUnit:
         self.truth: UnitTruth = draw_unit(self.settings.unit, settings.seed, place)
         self.faults = FaultPlan(self.settings.faults, world.now)
         self._index, self._world = index, world
+        self.seats_deg: list[tuple[float, float]] = []  # true time of each fixing by hand, and how askew it is since
+        self._turn_on = stream(settings.seed, "uut", place, "accelerometer", "turn_on")
+        self._turned_on_g = 0.0
         self._noise = Noise(self.truth, settings.seed, place)
         self._hysteresis = Hysteresis(self.truth, settings.chamber.start_c)
         self._thermometer_noise_c = settings.thermometer_noise_c
@@ -99,6 +103,18 @@ class SimulatedUnit:
         self._read_at_s = 0.0
         self.powered_at_s: float | None = None
         self.history: list[UnitState] = []
+
+    def power(self, since_s: float | None) -> None:
+        """It has power since a time, or none; each power-on steps the bias by a draw of its own."""
+        self.powered_at_s = since_s
+        if since_s is not None and self.truth.turn_on_g:
+            self._turned_on_g = self.truth.turn_on_g * float(self._turn_on.standard_normal())
+
+    def fixed_anew(self, at_s: float) -> None:
+        """Somebody has fixed it by hand: how askew it lies now is drawn anew."""
+        if sd_deg := self._world.settings.remount_deg:
+            draw = stream(self._world.settings.seed, "remount", self.place, str(len(self.seats_deg)))
+            self.seats_deg.append((at_s, sd_deg * float(draw.standard_normal())))
 
     def charge_pulses(self, edges_s: Array) -> Array:
         """Pulses that the converter is owed in each interval between the consecutive times `edges_s`.
@@ -152,15 +168,16 @@ class SimulatedUnit:
         return self.truth.current_a(self.force_g(at_s), temperature_c, drifting + noise_g)
 
     def _slow_bias_g(self, at_s: Array) -> Array:
-        """Drift and, while powered, warm-up at the times `at_s`."""
-        drift = self.truth.drift_g_per_s * at_s
+        """Drift, the step of the last power-on and, while powered, warm-up at the times `at_s`."""
+        drift = self.truth.drift_g_per_s * at_s + self._turned_on_g
         if self.powered_at_s is None:
             return drift
         return drift + self.truth.warm_up_g * np.exp((self.powered_at_s - at_s) / self.truth.warm_up_s)
 
     def force_g(self, at_s: Array) -> tuple[Array, Array, Array]:
         """Specific force along the input, pendulous and output axes, in local g."""
-        x, y, z = to_unit(self._world.mount, self.settings.mount_angle_deg) @ self._world.upward(at_s)
+        seat_deg = self.seats_deg[-1][1] if self.seats_deg else 0.0
+        x, y, z = to_unit(self._world.mount, self.settings.mount_angle_deg + seat_deg) @ self._world.upward(at_s)
         return x, z, y
 
     def thermometer_c(self, at_s: Array) -> Array:
@@ -284,13 +301,15 @@ class World:
         now = self.before_change()
         for unit, index in zip(self.units.values(), range(len(self.units)), strict=True):
             if unit.settings.supply == supply and on != (unit.powered_at_s is not None):
-                unit.powered_at_s = now if on else None
+                unit.power(now if on else None)
                 self.thermal.power(index, on)
 
     def fix_units(self, mount: Mount) -> None:
-        """Somebody fixes all units in another way."""
-        self.before_change()
+        """Somebody fixes all units, in another way or the same; each lies a little otherwise every time."""
+        now = self.before_change()
         self.mount = mount
+        for unit in self.units.values():
+            unit.fixed_anew(now)
 
     def load_a(self, supply: str) -> float:
         """What the units on a supply draw while its output is on."""

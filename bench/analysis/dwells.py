@@ -19,7 +19,7 @@ class Dwell:
 
     `readings` (n,) of the output, in pulse/s or V, were taken at the head's angles `head_rad` (n,). `gain` turns errors
     of the readings into errors of the constants, a row (n,) for each in the order of `values`; `turn` (n,) is the
-    derivative of a reading to its angle, per rad. `alone_u` is what one reading alone tells of its standard uncertainty.
+    derivative of a reading to its angle, per rad. `alone_u` is what a reading alone tells of its standard uncertainty.
     """
 
     number: int

@@ -69,7 +69,6 @@ class _Unit:
         solved = solve_dwells(data, unit)
         self._dwells, self._left_out = solved.dwells, solved.left_out
         self._extra, self._angles = solved.extra, solved.angles
-        self._closure_limit_g = closure_limit_g
         self._flags = list(solved.flags)
         self._sd, self._dof = self._pooled()
         self._models = {quantity: self._fit(quantity, degree) for quantity in MODELLED}

@@ -138,6 +138,7 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -
             limit_cycle_c=simulation.chamber.limit_cycle,
             limit_cycle_period_s=simulation.chamber.limit_cycle_period,
         ),
+        remount_deg=simulation.remount / 3600,
         thermometer_lag_s=simulation.thermometer.lag,
         thermometer_noise_c=simulation.thermometer.noise,
         places={name: place(name, entry) for name, entry in bench.places.items()},

@@ -265,6 +265,10 @@ class Simulation(StrictModel):
     chamber: ChamberSimulation = ChamberSimulation()
     head: HeadSimulation = HeadSimulation()
     thermometer: ThermometerSimulation = ThermometerSimulation()
+    remount: Arcseconds = Field(
+        0.0,
+        description="standard deviation of how askew a unit lies each time that it is fixed by hand",
+    )
     voltmeters: Mapping[Name, VoltmeterSimulation] = Field({}, description="what each voltmeter is connected to")
     host_clock: Annotated[Ratio, InUnit("", at_least=0)] = Field(
         20e-6, description="standard deviation of the host clock against the true second"

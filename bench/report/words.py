@@ -61,6 +61,7 @@ _UNITS = {
         "Back at its first temperature the bias was further from where it began than the method's closure_limit "
         "allows: every verdict is marginal."
     ),
+    "too_few_repetitions": "Fewer than three repetitions could be solved, so that nothing is said of how they scatter.",
     "type_a:no_repeats": (
         "No dwell has more readings than unknowns, so their scatter is not known; what a reading alone tells of its "
         "uncertainty stands in the budgets instead."
@@ -191,6 +192,8 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
         parts.append(tr("about {angle}°", angle=f"{at['position_deg']:g}"))
     if "leg" in at:
         parts.append(leg_in_words(at["leg"]))
+    if "repetitions" in at:
+        parts.append(tr("{count} repetitions", count=at["repetitions"]))
     if "at_c" in at:
         parts.append(tr("at {at_c} °C", at_c=f"{at['at_c']:.1f}"))
     return ", ".join(parts)

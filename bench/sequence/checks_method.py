@@ -9,6 +9,7 @@ from bench.config.document import Place
 from bench.config.models import BenchFile
 from bench.sequence.dwells import DwellNames
 from bench.sequence.measuring import Acquire
+from bench.sequence.methods.repeatability import REPEATABILITY
 from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE, TemperatureTumbleSettings
 from bench.sequence.model import ResultEntry
 from bench.sequence.plan import Plan
@@ -20,6 +21,7 @@ from bench.sequence.waits import Soak
 
 TUMBLE_ANGLES = 4  # for K0, K1, K2 and the misalignment: methods.md 1.5
 CONSTANTS = {"c0": "K0", "K1": "K1", "d·K1": "misalignment", "c2": "K2"}  # by the terms of a tumble
+LEAST_REPETITIONS = 3
 FURTHER = ("K3", "Kip", "asymmetry")  # that eight angles and more tell
 SAME_ANGLE_DIGITS = 3  # of an angle in °
 OVER_TEMPERATURE = ("/temperature_coefficient", "T1", "T2", "/hysteresis", "/model_residual")
@@ -46,7 +48,7 @@ def soak_never_stable(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 def too_few_angles(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A tumble whose angles leave some of its four constants inseparable."""
-    for place, entry in _tumbles(plan):
+    for place, entry in _tumbles(plan, TEMPERATURE_TUMBLE.name, REPEATABILITY.name):
         for dwell, (_, angles_deg) in _dwells(plan, entry.data).items():
             distinct = sorted({round(angle_deg, SAME_ANGLE_DIGITS) % 360 for angle_deg in angles_deg})
             if len(distinct) < TUMBLE_ANGLES:
@@ -74,9 +76,15 @@ def _not_separated(angles_deg: list[float], wanted: list[str], bench: BenchFile)
 
     from bench.analysis.tumble import further_terms
 
-    axis, mount_deg = bench.fixture.input_axis, next(iter(bench.places.values())).mount_angle
-    found = further_terms(np.radians(axis.sense * np.array(angles_deg) + axis.offset_deg + mount_deg))
+    found = further_terms(np.radians(_turned_deg(angles_deg, bench)))
     return [name for name in wanted if name not in found]
+
+
+def _turned_deg(angles_deg: list[float], bench: BenchFile) -> list[float]:
+    """The angles of the input axis of the first place."""
+    mount_deg, axis = next(iter(bench.places.values())).mount_angle, bench.fixture.input_axis
+    turned_deg = angles_deg if axis is None else [axis.sense * each + axis.offset_deg for each in angles_deg]
+    return [each + mount_deg for each in turned_deg]
 
 
 def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:
@@ -85,11 +93,8 @@ def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:
 
     from bench.analysis.tumble import IncompleteTumble, solve_tumble
 
-    mount_deg = next(iter(bench.places.values())).mount_angle
-    axis = bench.fixture.input_axis
-    turned_deg = np.array(angles_deg) if axis is None else axis.sense * np.array(angles_deg) + axis.offset_deg
     try:
-        solve_tumble(np.radians(turned_deg + mount_deg), np.zeros(len(angles_deg)))
+        solve_tumble(np.radians(_turned_deg(angles_deg, bench)), np.zeros(len(angles_deg)))
     except IncompleteTumble as problem:
         names = [CONSTANTS[name] for name in problem.names]
         return f"{', '.join(names[:-1])} and {names[-1]} cannot be told apart"
@@ -98,7 +103,7 @@ def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:
 
 def too_few_temperatures(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """Fewer temperatures than a model needs: its degree drops. One alone is no mistake unless a limit wants more."""
-    for place, entry in _tumbles(plan):
+    for place, entry in _tumbles(plan, TEMPERATURE_TUMBLE.name):
         degree = TemperatureTumbleSettings.model_validate(entry.settings).degree
         temperatures = {round(set_c, 6) for set_c, _ in _dwells(plan, entry.data).values() if set_c is not None}
         judged = any(name.endswith(OVER_TEMPERATURE) for name in entry.limits)
@@ -114,9 +119,20 @@ def too_few_temperatures(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
             )
 
 
-def _tumbles(plan: Plan) -> Iterator[tuple[Place, ResultEntry]]:
+def too_few_repetitions(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """Fewer tumbles than a standard deviation needs."""
+    for place, entry in _tumbles(plan, REPEATABILITY.name):
+        if (count := len(_dwells(plan, entry.data))) < LEAST_REPETITIONS:
+            yield (
+                (*place, "data"),
+                f"the scatter of '{entry.data}' needs at least {LEAST_REPETITIONS} tumbles, the plan has {count}",
+                "Repeat the tumble, in a loop that is the block around the loop over the positions",
+            )
+
+
+def _tumbles(plan: Plan, *methods: str) -> Iterator[tuple[Place, ResultEntry]]:
     for index, entry in enumerate(plan.sequence.results):
-        if entry.method == TEMPERATURE_TUMBLE.name:
+        if entry.method in methods:
             yield ("results", index), entry
 
 

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from bench.config.models import BenchFile
 from bench.sequence.checks_ladder import incomplete_ladder, ladder_below_limit, no_nominal, step_below_band
-from bench.sequence.checks_method import soak_never_stable, too_few_angles, too_few_temperatures
+from bench.sequence.checks_method import (
+    soak_never_stable,
+    too_few_angles,
+    too_few_repetitions,
+    too_few_temperatures,
+)
 from bench.sequence.checks_motion import forbidden_angle, short_acquisition
 from bench.sequence.checks_names import unused_need, unused_parameter
 from bench.sequence.checks_safety import left_cold, left_energised, limit_below_window, no_teardown
@@ -20,6 +25,7 @@ RULES = (
     Rule("no-nominal", "error", "what a step lets expect is known", no_nominal),
     Rule("incomplete-ladder", "error", "a ladder has steps of both senses, between readings", incomplete_ladder),
     Rule("too-few-temperatures", "warning", "a model over temperature has the degree asked for", too_few_temperatures),
+    Rule("too-few-repetitions", "error", "a scatter has values enough", too_few_repetitions),
     Rule("short-acquisition", "warning", "counting resolves what is asked for", short_acquisition),
     Rule("step-below-band", "warning", "the head can make the steps of a ladder", step_below_band),
     Rule("ladder-below-limit", "warning", "a ladder reaches beyond its limits", ladder_below_limit),

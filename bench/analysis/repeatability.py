@@ -1,0 +1,132 @@
+"""Repeatability: what constants scatter by when a tumble is repeated after a remounting or a power cycle.
+
+The head, gravity and certificates are the same every time and drop out of a difference; what is left is the unit, its
+seat, and the scatter of the readings, which the standard deviations contain.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.special import chdtri
+
+from bench.analysis.dwells import Dwell, SolvedDwells, solve_dwells
+from bench.analysis.finding import BudgetLine, Finding, UnitResult
+from bench.analysis.rundata import Array, RunData, UnitUnderTest
+
+UNITS = {"K0": "g", "K1": "1", "misalignment": "rad"}
+NAMES = {"K0": "bias", "K1": "scale factor, relative", "misalignment": "misalignment of the input axis"}
+LEAST = 3  # repetitions, for a standard deviation that says something
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Repeated:
+    """The values of one constant over the repetitions (n,), for a report; `own` is the u that readings give each."""
+
+    quantity: str
+    repetition: tuple[int, ...]
+    values: Array
+    own: Array
+    sd: float
+    interval: tuple[float, float]
+
+
+def reduce(data: RunData, _settings: Mapping[str, Any]) -> list[UnitResult]:
+    """The standard deviations of every unit over its repetitions, and how far its bias has moved meanwhile."""
+    return [_reduced(data, unit) for unit in data.units]
+
+
+def interval_of(sd: float, dof: int) -> tuple[float, float]:
+    """The range that holds the standard deviation of all repetitions there could be, by chi-square, at 95 %."""
+    tail = (1 - CONFIDENCE) / 2
+    return sd * math.sqrt(dof / chdtri(dof, tail)), sd * math.sqrt(dof / chdtri(dof, 1 - tail))
+
+
+def _reduced(data: RunData, unit: UnitUnderTest) -> UnitResult:
+    solved = solve_dwells(data, unit)
+    flags = list(solved.flags)
+    if len(solved.dwells) < LEAST:
+        flags.append("too_few_repetitions")
+        return UnitResult(unit.place, unit.serial, (), (), solved.left_out, tuple(flags))
+    scatter, dof = _pooled(solved)
+    repeated = [_over(quantity, solved.dwells, scatter) for quantity in UNITS]
+    findings = [_deviation(data.label, unit, each, solved.dwells) for each in repeated]
+    findings.append(_closure(data.label, unit, solved.dwells, scatter, dof))
+    return UnitResult(
+        place=unit.place,
+        uut=unit.serial,
+        findings=tuple(findings),
+        models=(),
+        left_out=solved.left_out,
+        flags=tuple(flags),
+        detail=tuple(repeated),
+    )
+
+
+def _pooled(solved: SolvedDwells) -> tuple[float, int]:
+    """Standard deviation of one reading about its tumble, and its dof; what a reading alone tells without."""
+    dof = sum(dwell.tumble.fit.dof for dwell in solved.dwells)
+    if not dof:
+        return max(dwell.alone_u for dwell in solved.dwells), 0
+    return math.sqrt(sum(float(np.sum(dwell.tumble.fit.residuals**2)) for dwell in solved.dwells) / dof), dof
+
+
+def _over(quantity: str, dwells: Sequence[Dwell], scatter: float) -> Repeated:
+    """A constant over the repetitions; the scale factor less 1, relative to its mean."""
+    values = np.array([dwell.values[quantity] for dwell in dwells])
+    relative = 1 / float(values.mean()) if quantity == "K1" else 1.0
+    values = values * relative - (1.0 if quantity == "K1" else 0.0)
+    own = [scatter * float(np.linalg.norm(dwell.gain_of(quantity))) * relative for dwell in dwells]
+    sd = float(values.std(ddof=1))
+    numbers = tuple(dwell.number + 1 for dwell in dwells)
+    return Repeated(quantity, numbers, values, np.array(own), sd, interval_of(sd, len(dwells) - 1))
+
+
+def _deviation(label: str, unit: UnitUnderTest, found: Repeated, dwells: Sequence[Dwell]) -> Finding:
+    """A standard deviation: of n values it is uncertain by its part in √(2 (n - 1)) (JCGM 100, E.4.3)."""
+    dof = len(found.values) - 1
+    own = float(np.sqrt(np.mean(found.own**2)))
+    return Finding(
+        id=f"{label}/{unit.place}/{found.quantity}/sd",
+        uut=unit.serial,
+        quantity=f"{found.quantity}/sd",
+        name=f"{NAMES[found.quantity]}: standard deviation over the repetitions",
+        at={"repetitions": len(found.values), "interval": list(found.interval), "confidence": CONFIDENCE, "own": own},
+        value=found.sd,
+        unit=UNITS[found.quantity],
+        budget=(
+            BudgetLine(f"{len(found.values)} repetitions are few", "A", found.sd / math.sqrt(2 * dof), dof),
+            BudgetLine("scatter of the readings of a tumble: contained, not taken out", "alias", 0),
+        ),
+        steps=tuple(dwell.group for dwell in dwells),
+    )
+
+
+def _closure(label: str, unit: UnitUnderTest, dwells: Sequence[Dwell], scatter: float, dof: int) -> Finding:
+    """The bias of the last repetition less that of the first; only the readings are not common to both."""
+    first, last = dwells[0], dwells[-1]
+    u = scatter * math.hypot(*(float(np.linalg.norm(dwell.gain_of("K0"))) for dwell in (first, last)))
+    source = "readings: scatter pooled over the run" if dof else "readings: what one alone tells, no repeats"
+    value = last.values["K0"] - first.values["K0"]
+    return Finding(
+        id=f"{label}/{unit.place}/K0/closure",
+        uut=unit.serial,
+        quantity="K0/closure",
+        name="closure: last repetition less first",
+        at={"temperature_c": (first.temperature_c + last.temperature_c) / 2, "ratio": value / u},
+        value=value,
+        unit="g",
+        budget=(BudgetLine(source, "A" if dof else "B", u, dof or None),),
+        steps=(first.group, last.group),
+    )
+
+
+def rows(detail: object) -> Iterator[Repeated]:
+    """The repeated values that a result carries for a report; none where nothing could be determined."""
+    if isinstance(detail, tuple):
+        yield from (each for each in detail if isinstance(each, Repeated))

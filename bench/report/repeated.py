@@ -1,0 +1,60 @@
+"""What a report shows of a repeated tumble: its values one after the other, and how they scatter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from bench.analysis.finding import COVERAGE, UnitResult
+from bench.analysis.repeatability import CONFIDENCE, Repeated, rows
+from bench.report.plots import Plot
+from bench.report.shown import SHOWN
+from bench.report.svg import new_figure, rendered
+from bench.report.tables import Sheet
+
+
+def repeated_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
+    """A plot of the values over the repetitions, and their standard deviations; `name` begins the ids in the page."""
+    found = list(rows(unit.detail))
+    if not found:
+        return
+    yield _plot(found, name)
+    yield Sheet(
+        "How the values scatter",
+        f"The interval holds, at {CONFIDENCE:.0%}, the standard deviation that endless repetitions would have "
+        "(chi-square). Where the scatter of the readings is as large as the standard deviation, the unit repeats "
+        "better than this run can tell.",
+        (("Constant", ""), ("Unit", ""), ("Standard deviation", ""), ("From", ""), ("To", ""), ("Of the readings", "")),
+        tuple(_row(each) for each in found),
+    )
+
+
+def _row(found: Repeated) -> tuple[str, ...]:
+    factor, unit = SHOWN[f"{found.quantity}/sd"]
+    own = float(np.sqrt(np.mean(found.own**2)))
+    return (
+        found.quantity, unit, *(f"{value * factor:.3g}" for value in (found.sd, *found.interval, own)),
+    )  # fmt: skip
+
+
+def _plot(found: list[Repeated], name: str) -> Plot:
+    figure = new_figure(1.5 * len(found) + 0.6)
+    panels = figure.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, each in zip(panels, found, strict=True):
+        factor, unit = SHOWN[f"{each.quantity}/sd"]
+        shown = (each.values - each.values.mean()) * factor
+        axes.axhspan(-each.sd * factor, each.sd * factor, color="#dbeafe", linewidth=0)
+        axes.axhline(0, color="#444444", linewidth=0.6)
+        axes.errorbar(
+            each.repetition, shown, COVERAGE * each.own * factor, fmt="o", markersize=5, elinewidth=0.8, capsize=2.5,
+            color="#0b5394",
+        )  # fmt: skip
+        axes.set(ylabel=f"{each.quantity} / {unit}")
+        axes.set_xticks(each.repetition)
+    panels[-1].set(xlabel="repetition")
+    title = "Values over the repetitions, less their means"
+    caption = (
+        f"Bars: what the scatter of the readings gives, k = {COVERAGE}. Shaded: one standard deviation to either side."
+    )
+    return Plot(title, rendered(figure, f"{name}-repeated", title), caption)

@@ -1,0 +1,20 @@
+"""The repeatability of a tumble as a sequence sees it."""
+
+from __future__ import annotations
+
+from bench.sequence.methods import MethodDescription
+from drivers.fields import StrictModel
+
+
+class RepeatabilitySettings(StrictModel):
+    """The method has no settings."""
+
+
+REPEATABILITY = MethodDescription(
+    name="repeatability",
+    title="Repeatability over remountings or power cycles",
+    target="bench.analysis.repeatability:reduce",
+    settings=RepeatabilitySettings,
+    quantities={"K0/sd": "g", "K1/sd": "1", "misalignment/sd": "rad", "K0/closure": "g"},
+    drawn_by="bench.report.repeated:repeated_shown",
+)
