@@ -8,6 +8,7 @@ import numpy as np
 
 from bench.analysis.finding import COVERAGE, UnitResult
 from bench.analysis.repeatability import CONFIDENCE, Repeated, rows
+from bench.report.languages import tr
 from bench.report.plots import Plot
 from bench.report.shown import SHOWN
 from bench.report.svg import new_figure, rendered
@@ -21,20 +22,26 @@ def repeated_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
         return
     yield _plot(found, name)
     yield Sheet(
-        "How the values scatter",
-        f"The interval holds, at {CONFIDENCE:.0%}, the standard deviation that endless repetitions would have "
-        "(chi-square). Where the scatter of the readings is as large as the standard deviation, the unit repeats "
-        "better than this run can tell.",
-        (("Constant", ""), ("Unit", ""), ("Standard deviation", ""), ("From", ""), ("To", ""), ("Of the readings", "")),
+        tr("How the values scatter"),
+        tr(
+            "The interval holds, at {share}, the standard deviation that endless repetitions would have (chi-square). "
+            "Where the scatter of the readings is as large as the standard deviation, the unit repeats better than "
+            "this run can tell.",
+            share=f"{CONFIDENCE:.0%}",
+        ),
+        (
+            (tr("Constant"), ""), (tr("Unit"), ""), (tr("Standard deviation"), ""), (tr("From"), ""), (tr("To"), ""),
+            (tr("Of the readings"), ""),
+        ),
         tuple(_row(each) for each in found),
-    )
+    )  # fmt: skip
 
 
 def _row(found: Repeated) -> tuple[str, ...]:
     factor, unit = SHOWN[f"{found.quantity}/sd"]
     own = float(np.sqrt(np.mean(found.own**2)))
     return (
-        found.quantity, unit, *(f"{value * factor:.3g}" for value in (found.sd, *found.interval, own)),
+        tr(found.quantity), unit, *(f"{value * factor:.3g}" for value in (found.sd, *found.interval, own)),
     )  # fmt: skip
 
 
@@ -50,11 +57,12 @@ def _plot(found: list[Repeated], name: str) -> Plot:
             each.repetition, shown, COVERAGE * each.own * factor, fmt="o", markersize=5, elinewidth=0.8, capsize=2.5,
             color="#0b5394",
         )  # fmt: skip
-        axes.set(ylabel=f"{each.quantity} / {unit}")
+        axes.set(ylabel=f"{tr(each.quantity)} / {unit}")
         axes.set_xticks(each.repetition)
-    panels[-1].set(xlabel="repetition")
-    title = "Values over the repetitions, less their means"
-    caption = (
-        f"Bars: what the scatter of the readings gives, k = {COVERAGE}. Shaded: one standard deviation to either side."
+    panels[-1].set(xlabel=tr("repetition"))
+    title = tr("Values over the repetitions, less their means")
+    caption = tr(
+        "Bars: what the scatter of the readings gives, k = {k}. Shaded: one standard deviation to either side.",
+        k=COVERAGE,
     )
     return Plot(title, rendered(figure, f"{name}-repeated", title), caption)

@@ -6,10 +6,9 @@ from collections.abc import Iterator
 
 from bench.analysis.finding import UnitResult
 from bench.analysis.temperature_tumble import TumbleAngles
+from bench.report.languages import tr
 from bench.report.plots import Plot, unit_plots
 from bench.report.tables import Sheet
-
-BY_ITSELF = "found by itself"
 
 
 def tumble_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
@@ -20,17 +19,22 @@ def tumble_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
 
 
 def _told_apart(found: TumbleAngles) -> Sheet:
-    these = f"the {found.angles} angles"
+    by_itself = tr("found by itself")
     inside = {
-        "K3": f"{these} cannot tell K3 from K1: K1 contains it",
-        "Kip": f"{these} are blind to Kip: where one axis takes up the input the other is level",
-        "asymmetry": f"{these} cannot tell the asymmetry of the converter from K2: K2 contains it",
+        "K3": tr("these angles cannot tell K3 from K1: K1 contains it"),
+        "Kip": tr("these angles are blind to Kip: where one axis takes up the input the other is level"),
+        "asymmetry": tr("these angles cannot tell the asymmetry from K2: K2 contains it"),
     }
-    rows = [("K0, K1, K2, misalignment", BY_ITSELF)]
-    rows += [(term, BY_ITSELF if term in found.extra else words) for term, words in inside.items()]
+    rows = [(tr("K0, K1, K2, misalignment"), by_itself)]
+    rows += [(tr(term), by_itself if term in found.extra else words) for term, words in inside.items()]
     rows += [
-        ("Kpp", "in one mounting never told from K0 and K2, whatever the angles: aᵢ² + aₚ² is 1"),
-        ("Kio, Koo, the other misalignment", "not seen: they need a second mounting, turned about the input axis"),
+        ("Kpp", tr("in one mounting never told from K0 and K2, whatever the angles: aᵢ² + aₚ² is 1")),
+        (
+            tr("Kio, Koo, the other misalignment"),
+            tr("not seen: they need a second mounting, turned about the input axis"),
+        ),
     ]
-    caption = f"The terms of the model equation, by {found.angles} angles of the input axis in one mounting."
-    return Sheet("What the tumble tells apart", caption, (("Term", ""), ("In this run", "")), tuple(rows))
+    caption = tr(
+        "The terms of the model equation, by {count} angles of the input axis in one mounting.", count=found.angles
+    )
+    return Sheet(tr("What the tumble tells apart"), caption, ((tr("Term"), ""), (tr("In this run"), "")), tuple(rows))
