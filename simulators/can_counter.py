@@ -30,7 +30,8 @@ BOARD_C = 25.0
 class CounterSettings:
     """A counter as its bench file describes it.
 
-    `readings` gives the place that a temperature signal belongs to, by `Message.Signal`; `name` is the counter's role.
+    `readings` gives the place that a temperature signal belongs to, by `Message.Signal`, and `boards` the place whose
+    converter it is at; `name` is the counter's role.
     """
 
     name: str
@@ -38,6 +39,7 @@ class CounterSettings:
     form: CounterFormat
     period_s: float
     readings: Mapping[str, str] = field(default_factory=dict)
+    boards: Mapping[str, str] = field(default_factory=dict)
 
 
 class SimulatedCounter:
@@ -150,8 +152,15 @@ class SimulatedCounter:
         at_s = at_s[numbers % self._warmth_latches == 0]
         values: dict[str, dict[str, NDArray[np.int64]]] = {}
         for name, reading in self._settings.form.temperatures.items():
-            place = self._settings.readings.get(name)
-            celsius = self._world.units[place].thermometer_c(at_s) if place else np.full(len(at_s), BOARD_C)
+            celsius = self._celsius(name, at_s)
             raw = np.rint((celsius - reading.signal.offset) / reading.signal.scale).astype(np.int64)
             values.setdefault(reading.message.name, {})[reading.signal.name] = raw
         return encode_frames(self._settings.dbc, self._world.host_time(at_s), values)
+
+    def _celsius(self, signal: str, at_s: Array) -> Array:
+        place, board = self._settings.readings.get(signal), self._settings.boards.get(signal)
+        if place is not None:
+            return self._world.units[place].thermometer_c(at_s)
+        if board is not None:
+            return self._world.units[board].converter_thermometer_c(at_s)
+        return np.full(len(at_s), BOARD_C)

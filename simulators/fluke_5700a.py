@@ -59,6 +59,11 @@ class SimulatedFluke:
         self._trip_on_overload()
         return self.level if self.output and self.unit == "A" else 0.0
 
+    @property
+    def feeds_a(self) -> float | None:
+        """What flows out of its terminals, without a look at what they take; None in standby."""
+        return self.level if self.output and self.unit == "A" else None
+
     def restart(self) -> None:
         """The mains fail for a moment: everything is as when it was switched on."""
         self._reset_output()

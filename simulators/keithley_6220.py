@@ -55,6 +55,11 @@ class SimulatedKeithley:
         return max(-most_a, min(self.level_a, most_a))
 
     @property
+    def feeds_a(self) -> float | None:
+        """What flows out of its terminals; None while its output is off."""
+        return self.current_a if self.output else None
+
+    @property
     def interlock_closed(self) -> bool:
         """Whether the contact at the rear is closed."""
         return self._interlock_closed

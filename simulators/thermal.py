@@ -4,6 +4,7 @@
     case     tau_c c' = a + limit cycle - c + heating
     sensor   tau_s T' = c - T
     reading  tau_m m' = T - m                    the thermometer at the unit
+    board    tau_b b' = a + limit cycle - b      of a converter in the chamber, with a thermometer of its own
 
 The system is linear and its input is a straight line between two commands, so one matrix exponential takes it over
 any interval without error; how often somebody looks changes nothing.
@@ -24,6 +25,7 @@ Matrix = NDArray[np.float64]
 _AIR, _AIR_RATE, _CYCLE, _CYCLE_RATE, _SET_POINT, _SET_POINT_RATE = range(6)
 _FIRST_UNIT = 6
 _PER_UNIT = 4  # case, sensor, thermometer, heating
+_PER_BOARD = 2  # board, thermometer; those of all units come after all units
 PROPAGATORS_KEPT = 4096
 _STEPS_PER_S = 1000  # intervals are whole milliseconds, so that a few matrices serve a whole night
 
@@ -41,12 +43,13 @@ class ChamberPhysics:
 
 @dataclass(frozen=True, slots=True)
 class UnitPhysics:
-    """How a unit follows the air."""
+    """How a unit follows the air; `board_s` is for a converter in the chamber."""
 
     case_s: float
     sensor_s: float
     self_heating_c: float
     thermometer_s: float
+    board_s: float | None = None
 
 
 class Thermal:
@@ -60,12 +63,14 @@ class Thermal:
         self._ramp_end_s = 0.0
         self._target_c = chamber.start_c
         amplitude, turn = chamber.limit_cycle_c * math.sqrt(2), 2 * math.pi / chamber.limit_cycle_period_s
-        state = np.zeros(_FIRST_UNIT + _PER_UNIT * len(units))
+        self._boards = _boards(units)
+        state = np.zeros(_FIRST_UNIT + _PER_UNIT * len(units) + _PER_BOARD * len(self._boards))
         state[[_AIR, _SET_POINT]] = chamber.start_c
         state[_CYCLE] = amplitude * math.cos(cycle_phase_rad)
         state[_CYCLE_RATE] = -amplitude * turn * math.sin(cycle_phase_rad)
         for index in range(len(units)):
             state[_FIRST_UNIT + _PER_UNIT * index : _FIRST_UNIT + _PER_UNIT * index + 3] = chamber.start_c
+        state[_FIRST_UNIT + _PER_UNIT * len(units) :] = chamber.start_c
         self._state = state
 
     @property
@@ -110,6 +115,18 @@ class Thermal:
         """The air where the chamber's own sensor is."""
         return float(self._state[_AIR] + self._state[_CYCLE])
 
+    def case_c(self, unit: int) -> float:
+        """The case of a unit."""
+        return float(self._state[_FIRST_UNIT + _PER_UNIT * unit])
+
+    def board_c(self, unit: int) -> float:
+        """The converter board of a unit that has it in the chamber."""
+        return float(self._state[self._boards[unit]])
+
+    def board_thermometer_c(self, unit: int) -> float:
+        """What an ideal thermometer at that board has followed to."""
+        return float(self._state[self._boards[unit] + 1])
+
     def sensor_c(self, unit: int) -> float:
         """The sensor inside a unit."""
         return float(self._state[_FIRST_UNIT + _PER_UNIT * unit + 1])
@@ -133,6 +150,13 @@ class Thermal:
         return found
 
 
+def _boards(units: tuple[UnitPhysics, ...]) -> dict[int, int]:
+    """Where the board of each unit that has one stands in the state, by the number of the unit."""
+    first = _FIRST_UNIT + _PER_UNIT * len(units)
+    with_board = [index for index, unit in enumerate(units) if unit.board_s is not None]
+    return {index: first + _PER_BOARD * number for number, index in enumerate(with_board)}
+
+
 def _power(doublings: list[Matrix], ticks: int) -> Matrix:
     product: Matrix | None = None
     for bit in range(ticks.bit_length()):
@@ -148,7 +172,8 @@ def _power(doublings: list[Matrix], ticks: int) -> Matrix:
 @lru_cache(maxsize=8)
 def _system(chamber: ChamberPhysics, units: tuple[UnitPhysics, ...]) -> Matrix:
     """The matrix M of z' = M z; inputs are states that do not change, or change evenly."""
-    size = _FIRST_UNIT + _PER_UNIT * len(units)
+    boards = _boards(units)
+    size = _FIRST_UNIT + _PER_UNIT * len(units) + _PER_BOARD * len(boards)
     matrix = np.zeros((size, size))
     omega, cycle = 2 * math.pi / chamber.natural_period_s, 2 * math.pi / chamber.limit_cycle_period_s
     matrix[_AIR, _AIR_RATE] = 1
@@ -162,4 +187,8 @@ def _system(chamber: ChamberPhysics, units: tuple[UnitPhysics, ...]) -> Matrix:
         matrix[case, [_AIR, _CYCLE, case, heating]] = np.array([1, 1, -1, 1]) / unit.case_s
         matrix[sensor, [case, sensor]] = np.array([1, -1]) / unit.sensor_s
         matrix[thermometer, [sensor, thermometer]] = np.array([1, -1]) / unit.thermometer_s
+        if unit.board_s is not None:
+            board = boards[index]
+            matrix[board, [_AIR, _CYCLE, board]] = np.array([1, 1, -1]) / unit.board_s
+            matrix[board + 1, [board, board + 1]] = np.array([1, -1]) / unit.thermometer_s
     return matrix

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field, GetCoreSchemaHandler, model_validator
 from pydantic_core import CoreSchema, core_schema
 
-from drivers.fields import Celsius, InUnit, PositiveAmperes, PositiveSeconds, StrictModel
+from drivers.fields import Celsius, Flag, InUnit, PositiveAmperes, PositiveCelsius, PositiveSeconds, StrictModel
 
 CUT_SD = 2.5
 
@@ -134,6 +134,7 @@ class ConverterModel(StrictModel):
 
     S: Annotated[Draw, DrawIn("Hz/A")]
     alpha: Annotated[Draw, DrawIn("1/°C")] = Draw(0)
+    alpha2: Annotated[Draw, DrawIn("1/°C²")] = Draw(0)
     asymmetry: Ratio = Draw(0)
     nonlinearity: Ratio = Draw(0)
     full_scale: Annotated[float, InUnit("A", above=0)]
@@ -143,6 +144,20 @@ class ConverterModel(StrictModel):
     max_rate: Annotated[float, InUnit("Hz", above=0)]
     counter_bits: Annotated[int, Field(ge=8, le=64)] = 24
     temperature: Celsius = 25.0
+    in_chamber: Flag = False
+    time_constant: PositiveSeconds = 120.0
+
+
+class ThermostatModel(StrictModel):
+    """A heater in the case, its power in proportion to the error within ± `band` of the set point.
+
+    At no power the sensor is `least_rise` warmer than the case, at full power `most_rise`.
+    """
+
+    set_point: Celsius
+    band: PositiveCelsius = 0.02
+    least_rise: PositiveCelsius = 2.0
+    most_rise: PositiveCelsius = 80.0
 
 
 class ThermalModel(StrictModel):
@@ -151,6 +166,7 @@ class ThermalModel(StrictModel):
     case_time_constant: PositiveSeconds = 180.0
     sensor_time_constant: PositiveSeconds = 60.0
     self_heating: Celsius = 0.0
+    thermostat: ThermostatModel | None = None
 
 
 class SupplyModel(StrictModel):

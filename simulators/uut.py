@@ -52,6 +52,7 @@ class UnitTruth:
     supply_a: float
     turn_on_g: float = 0.0  # standard deviation of the step of the bias at each power-on
     jumps: tuple[tuple[float, float], ...] = ()  # the temperature in °C and the size in g of each
+    alpha2: float = 0.0
 
     def current_a(self, force_g: tuple[Array, Array, Array], temperature_c: Array, extra_bias_g: Array) -> Array:
         """The accelerometer's output; `force_g` along input, pendulous and output axes, `extra_bias_g` what drifts."""
@@ -66,10 +67,11 @@ class UnitTruth:
         """What is measured of it: the volts across a load, or without one the converter's rate in pulse/s."""
         return self.rate_pps(current_a) if load_ohm is None else current_a * load_ohm
 
-    def rate_pps(self, current_a: Array) -> Array:
-        """The converter's net pulse rate; 0 inside the dead band."""
-        warm = self.converter_c - _CONVERTER_REFERENCE_C
-        slope = self.pulses_per_a * (1 + self.alpha * warm) * (1 + np.sign(current_a) * self.asymmetry / 2)
+    def rate_pps(self, current_a: Array, converter_c: Array | None = None) -> Array:
+        """The converter's net pulse rate; 0 inside the dead band. Without a temperature it has the unit file's."""
+        warm = (self.converter_c if converter_c is None else converter_c) - _CONVERTER_REFERENCE_C
+        scale = self.pulses_per_a * (1 + self.alpha * warm + self.alpha2 * warm**2)
+        slope = scale * (1 + np.sign(current_a) * self.asymmetry / 2)
         bent = self.nonlinearity * self.pulses_per_a * current_a * np.abs(current_a) / self.full_scale_a
         rate = slope * current_a + self.zero_pps + self.zero_drift_pps * warm + bent
         rate = np.where(np.abs(rate) < self.pulses_per_a * self.dead_band_a, 0.0, rate)
@@ -112,6 +114,7 @@ def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:
         range_g=a.range,
         pulses_per_a=value(c.S, "converter", "S"),
         alpha=value(c.alpha, "converter", "alpha"),
+        alpha2=value(c.alpha2, "converter", "alpha2"),
         asymmetry=value(c.asymmetry, "converter", "asymmetry"),
         nonlinearity=value(c.nonlinearity, "converter", "nonlinearity"),
         full_scale_a=c.full_scale,

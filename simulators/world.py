@@ -10,19 +10,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from simulators.attitude import Fixture, Mount, to_unit
+from simulators.current_source import Feed
 from simulators.faults import FaultPlan
 from simulators.motion import Axis, AxisErrors, Slew
 from simulators.thermal import ChamberPhysics, Thermal, UnitPhysics
 from simulators.unit_file import UnitFile, stream
 from simulators.uut import Hysteresis, Noise, UnitTruth, draw_unit
+from simulators.warmth import Thermometer, Warmth
 
 Array = NDArray[np.float64]
+Input = Literal["accelerometer", "source"]  # what a converter is connected to
 OPEN_C = 320.0  # what an open sensor reads
 BROKEN_DRAWS = 3.0  # times its current
 LOOK_S = 0.02  # how finely a mean current follows the head
@@ -33,7 +36,8 @@ class PlaceSettings:
     """One unit in its place. `thermometer_offset_c` and `thermometer_gain` are the errors drawn for its reading.
 
     Its output are pulses on a `channel`, or the volts across `load_ohm`. `faults` are kinds, each with the time from
-    which it is there.
+    which it is there. The errors of `converter_` are for the thermometer at its converter; `source` is the device that
+    may feed that.
     """
 
     unit: UnitFile
@@ -44,6 +48,9 @@ class PlaceSettings:
     thermometer_gain: float = 0.0
     faults: Mapping[str, float] = field(default_factory=dict)
     load_ohm: float | None = None
+    converter_offset_c: float = 0.0
+    converter_gain: float = 0.0
+    source: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +90,19 @@ class UnitState(NamedTuple):
     thermometer_c: float
 
 
+class ChannelState(NamedTuple):
+    """A unit whose converter is in the chamber, at a true time: its board, an ideal thermometer there, its sensor.
+
+    Beside them what drifts in its bias.
+    """
+
+    true_s: float
+    board_c: float
+    thermometer_c: float
+    sensor_c: float
+    drifted_g: float
+
+
 class SimulatedUnit:
     """One unit in its place: what its converter counts, and what the thermometer at it says."""
 
@@ -97,12 +117,29 @@ class SimulatedUnit:
         self._turned_on_g = 0.0
         self._noise = Noise(self.truth, settings.seed, place)
         self._hysteresis = Hysteresis(self.truth, settings.chamber.start_c)
-        self._thermometer_noise_c = settings.thermometer_noise_c
-        self._thermometer = stream(settings.seed, "noise", place, "thermometer")
-        self._last_c = self._read_c = settings.chamber.start_c
-        self._read_at_s = 0.0
+        start_c = settings.chamber.start_c
+        self.warmth = Warmth(world.thermal, index, self.settings.unit, start_c, settings.thermometer_lag_s)
+        self._thermometer, self._board_thermometer = self._thermometers(settings)
+        self._last_c = self._board_c = start_c
         self.powered_at_s: float | None = None
         self.history: list[UnitState] = []
+        self.input: Input = "accelerometer"
+        self.channel_history: list[ChannelState] = []
+
+    def _thermometers(self, settings: WorldSettings) -> tuple[Thermometer, Thermometer]:
+        """At the unit and at its converter."""
+        own, start_c, noise_c = self.settings, settings.chamber.start_c, settings.thermometer_noise_c
+
+        def noise(name: str) -> np.random.Generator:
+            return stream(settings.seed, "noise", self.place, name)
+
+        return (
+            Thermometer(start_c, own.thermometer_offset_c, own.thermometer_gain, noise_c, noise("thermometer")),
+            Thermometer(
+                start_c if self.warmth.board_in_chamber else self.warmth.board_c,
+                own.converter_offset_c, own.converter_gain, noise_c, noise("converter thermometer"),
+            ),
+        )  # fmt: skip
 
     def power(self, since_s: float | None) -> None:
         """It has power since a time, or none; each power-on steps the bias by a draw of its own."""
@@ -122,18 +159,21 @@ class SimulatedUnit:
         The world has been worked out up to the last edge, or by less than a latch beyond it.
         """
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
-        now_c = self._world.thermal.sensor_c(self._index)
+        now_c = self.warmth.sensor_c
         span = edges_s[-1] - edges_s[0]
         temperature = self._last_c + (middle - edges_s[0]) * ((now_c - self._last_c) / span)
         hysteresis_g = self._hysteresis.bias_g(now_c)
         self.history.append(self._state(float(edges_s[-1]), hysteresis_g))
         self._last_c = now_c
+        board = self._followed_board_c(middle, edges_s)
         if self.powered_at_s is None:
             return np.zeros_like(middle)
         current = self._current_a(middle, temperature, hysteresis_g, self._noise.mean_g(interval))
+        if self.input == "source":
+            current = self._world.source_a(self.settings.source, middle)
         if self.faults.active("dead"):
             return np.zeros_like(middle)
-        return self.truth.rate_pps(current) * interval
+        return self.truth.rate_pps(current, board) * interval
 
     def mean_current_a(self, begin_s: float, end_s: float, noise: Noise) -> float:
         """What flows from the accelerometer, as a mean from `begin_s` to `end_s`; 0 without power.
@@ -141,27 +181,23 @@ class SimulatedUnit:
         The world has been worked out up to the end. Whoever looks has a `noise` of his own, so that the noise that
         others find does not depend on how often he does.
         """
-        thermal = self._world.thermal
-        hysteresis_g = self._hysteresis.bias_g(thermal.sensor_c(self._index))
+        hysteresis_g = self._hysteresis.bias_g(self.warmth.sensor_c)
         if not self.settings.channel:  # nobody else keeps its history
             self.history.append(self._state(end_s, hysteresis_g))
         if self.powered_at_s is None:
             return 0.0
         edges_s = np.linspace(begin_s, end_s, 1 + math.ceil((end_s - begin_s) / LOOK_S))
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
-        temperature = thermal.sensor_c(self._index) + (middle - end_s) * thermal.sensor_rate_c_per_s(self._index)
+        temperature = self.warmth.sensor_c + (middle - end_s) * self.warmth.sensor_rate_c_per_s
         return float(self._current_a(middle, temperature, hysteresis_g, noise.mean_g(interval)).mean())
 
     def _state(self, true_s: float, hysteresis_g: float) -> UnitState:
-        thermal = self._world.thermal
         drifted_g = hysteresis_g + float(self._slow_bias_g(np.array([true_s]))[0])
-        return UnitState(
-            true_s, drifted_g, self._moving_g(), thermal.sensor_c(self._index), thermal.thermometer_c(self._index)
-        )
+        return UnitState(true_s, drifted_g, self._moving_g(), self.warmth.sensor_c, self.warmth.thermometer_c)
 
     def _moving_g(self) -> float:
         """What the rate of temperature adds to the bias."""
-        return self.truth.kd * self._world.thermal.sensor_rate_c_per_s(self._index)
+        return self.truth.kd * self.warmth.sensor_rate_c_per_s
 
     def _current_a(self, at_s: Array, temperature_c: Array, hysteresis_g: float, noise_g: Array) -> Array:
         drifting = self._slow_bias_g(at_s) + (hysteresis_g + self._moving_g())
@@ -182,13 +218,25 @@ class SimulatedUnit:
 
     def thermometer_c(self, at_s: Array) -> Array:
         """Readings of the thermometer at the unit at times since the last call, with its errors and noise."""
-        now_s, now_c = self._world.thermal.now_s, self._world.thermal.thermometer_c(self._index)
-        true_c = np.interp(at_s, [self._read_at_s, now_s], [self._read_c, now_c])
-        self._read_at_s, self._read_c = now_s, now_c
-        noise_c = self._thermometer_noise_c * self._thermometer.standard_normal(len(at_s))
-        if self.faults.active("open_thermometer"):
-            return np.full_like(noise_c, OPEN_C)
-        return true_c * (1 + self.settings.thermometer_gain) + self.settings.thermometer_offset_c + noise_c
+        read_c = self._thermometer.readings_c(at_s, self._world.thermal.now_s, self.warmth.thermometer_c)
+        return np.full_like(read_c, OPEN_C) if self.faults.active("open_thermometer") else read_c
+
+    def converter_thermometer_c(self, at_s: Array) -> Array:
+        """As `thermometer_c`, of the thermometer at the converter."""
+        return self._board_thermometer.readings_c(at_s, self._world.thermal.now_s, self.warmth.board_thermometer_c)
+
+    def _followed_board_c(self, middle_s: Array, edges_s: Array) -> Array | None:
+        """The converter between its last temperature and that of now; None for one outside the chamber."""
+        if not self.warmth.board_in_chamber:
+            return None
+        before_c, self._board_c = self._board_c, self.warmth.board_c
+        state = ChannelState(
+            float(edges_s[-1]), self._board_c, self.warmth.board_thermometer_c, self.warmth.sensor_c,
+            self.history[-1].drifted_g,
+        )  # fmt: skip
+        self.channel_history.append(state)
+        followed = before_c + (middle_s - edges_s[0]) * ((self._board_c - before_c) / (edges_s[-1] - edges_s[0]))
+        return np.asarray(followed)
 
 
 class World:
@@ -211,13 +259,16 @@ class World:
         phase = float(stream(settings.seed, "chamber", "limit cycle").uniform(0, 2 * np.pi))
         self.thermal = Thermal(settings.chamber, physics, phase)
         self.units = {name: SimulatedUnit(name, index, settings, self) for index, name in enumerate(names)}
+        self.sources: dict[str, Feed] = {}
         self._integrators: list[Callable[[], None]] = []
 
     def _physics(self, place: PlaceSettings) -> UnitPhysics:
         model = place.unit.thermal
+        board_s = place.unit.converter.time_constant if place.unit.converter.in_chamber else None
         return UnitPhysics(
-            model.case_time_constant, model.sensor_time_constant, model.self_heating, self.settings.thermometer_lag_s
-        )
+            model.case_time_constant, model.sensor_time_constant, model.self_heating, self.settings.thermometer_lag_s,
+            board_s,
+        )  # fmt: skip
 
     @property
     def axis(self) -> Axis:
@@ -254,6 +305,8 @@ class World:
         """Works the temperatures out up to now, and returns now."""
         now = self.now()
         self.thermal.advance(now)
+        for unit in self.units.values():
+            unit.warmth.follow(now, unit.powered_at_s is not None)
         return now
 
     def integrate_with(self, catch_up: Callable[[], None]) -> None:
@@ -310,6 +363,21 @@ class World:
         self.mount = mount
         for unit in self.units.values():
             unit.fixed_anew(now)
+
+    def connect(self, fed_by: Input) -> None:
+        """Somebody plugs the accelerometers, or the cables of the sources in their place, into the converters.
+
+        A converter has one input. The cable of a source that is not in it ends in a load, where its current does not
+        matter.
+        """
+        self.before_change()
+        for unit in self.units.values():
+            unit.input = fed_by
+
+    def source_a(self, source: str, at_s: Array) -> Array:
+        """What comes out of a source's cable at true times."""
+        feed = self.sources.get(source)
+        return np.zeros_like(at_s) if feed is None else feed.current_a(at_s)
 
     def load_a(self, supply: str) -> float:
         """What the units on a supply draw while its output is on."""

@@ -75,7 +75,8 @@ class Acquisition:
     `angles_deg` is what each axis of the table read back, outer first, `mount` how the units were fixed; `set_c` is the
     chamber's set point at the end, `set_from_c` at the beginning, not-a-number before the first ramp; `counts` by
     channel, `voltages` by voltmeter; `temperatures_c` the values of each named reading between `begin_s` and `end_s` of
-    bench time, taken at `temperatures_at_s`.
+    bench time, taken at `temperatures_at_s`. Where `input` is "source" the converter is fed by a current source;
+    `sources_a` is what those that are on were read back to give, by their roles.
     """
 
     step: str
@@ -91,6 +92,8 @@ class Acquisition:
     temperatures_at_s: Mapping[str, Array]
     mount: Mount = Mount()
     voltages: Mapping[str, Voltages] = field(default_factory=dict)
+    input: str = "accelerometer"
+    sources_a: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def angle_deg(self) -> float:
@@ -104,6 +107,8 @@ class UnitUnderTest:
 
     `until_s` is the bench time at which it was dropped from the run. `nominal_per_g` is what its output is made to
     change by for 1 g, in `output_unit`; None where nobody says.
+    `converter` is the reading of the thermometer at its converter and `source` the current source that can feed that,
+    "" for none; `scale_a_per_g` is its nominal K1.
     """
 
     place: str
@@ -114,6 +119,9 @@ class UnitUnderTest:
     until_s: float = math.inf
     voltmeter: str | None = None
     nominal_per_g: float | None = None
+    converter: str = ""
+    source: str = ""
+    scale_a_per_g: float = math.nan
 
     @property
     def output_unit(self) -> str:
@@ -135,12 +143,22 @@ class AxisRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class SourceRecord:
+    """What a certificate says of a current source, as standard uncertainties: gain (1), offset (A), drift (1/s)."""
+
+    gain_u: float
+    offset_u_a: float
+    drift_u_per_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class BenchRecord:
     """What certificates and surveys say of the bench; every `u` is a standard uncertainty.
 
     `axes` are those of the table, outer first; `x` and `z` are where those of the fixture point while all angles are 0.
     `level_deg` tilts the whole table about south. `thermometers_u` gives offset (°C) and gain (on the temperature in
-    °C) by the name of the reading, `voltmeters_u` gain (of the reading) and offset (V) by voltmeter.
+    °C) by the name of the reading, `voltmeters_u` gain (of the reading) and offset (V) by voltmeter, `sources` the
+    current sources that have a certificate, by their roles.
     """
 
     gravity_mps2: float
@@ -153,6 +171,7 @@ class BenchRecord:
     time_base_u: float
     thermometers_u: Mapping[str, tuple[float, float]]
     voltmeters_u: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    sources: Mapping[str, SourceRecord] = field(default_factory=dict)
 
     @property
     def head(self) -> AxisRecord:

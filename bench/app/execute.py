@@ -36,6 +36,7 @@ from drivers.can_counter.description import CounterOptions
 from drivers.values import Reading
 from simulators.attitude import Mount
 from simulators.truth import DwellAsMeasured, LegAsMeasured, Lies, truth_record
+from simulators.truth_channel import LevelAsMeasured, levels_record
 from simulators.truth_ladder import LadderAsMeasured, ladders_record
 
 CALLED = "called"  # the folder of sequences that the one of a run calls
@@ -190,6 +191,7 @@ def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: S
                 drawn = ran.laboratory
                 truth = truth_record(drawn.world, _dwells(stored), _legs(stored), drawn.voltmeters)
                 truth |= ladders_record(drawn.world, _ladders(stored))
+                truth |= levels_record(drawn.world, _levels(stored))
                 directory.write_json("truth.json", truth)
                 record["hashes"]["truth.json"] = manifest.file_hash(path / "truth.json")
             directory.write_json("results.json", results.to_json())
@@ -286,3 +288,20 @@ def _ladders(stored: StoredRun) -> list[LadderAsMeasured]:
             for position, members in by_position(data).items()
         ]
     return found
+
+
+def _levels(stored: StoredRun) -> list[LevelAsMeasured]:
+    """The acquisitions at one input level each, for the truth."""
+    return [
+        LevelAsMeasured(
+            key=f"{data.label}/{unit.place}@{acquisition.step}",
+            place=unit.place,
+            begin_s=acquisition.begin_s,
+            end_s=acquisition.end_s,
+            lies=_lies(acquisition),
+            source_a=acquisition.sources_a.get(unit.source, 0.0) if acquisition.input == "source" else None,
+        )
+        for data in stored.counted_at("levels")
+        for unit in data.units
+        for acquisition in data.acquisitions
+    ]

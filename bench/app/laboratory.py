@@ -16,10 +16,10 @@ from bench.analysis.rundata import AxisRecord
 from bench.config.devices import DeviceEntry
 from bench.config.fixture import Mount
 from bench.config.load import load_file
-from bench.config.models import BenchFile, PlaceEntry
+from bench.config.models import BenchFile, PlaceEntry, SourceSimulation
 from bench.errors import InputError
 from bench.loop import BenchLoop
-from bench.report.rundata import bench_record
+from bench.report.rundata import HOUR_S, bench_record
 from drivers.can_counter import wire as counter_wire
 from drivers.can_counter.description import CounterOptions
 from drivers.dbc import Dbc
@@ -32,6 +32,7 @@ from simulators.acutronic_acl import SimulatedAcutrol
 from simulators.aerotech_ensemble import SimulatedEnsemble
 from simulators.attitude import SOUTH, Fixture
 from simulators.can_counter import CounterSettings, SimulatedCounter
+from simulators.current_source import CurrentErrors, Feed
 from simulators.faults import FaultPlan
 from simulators.fluke_5700a import SimulatedFluke
 from simulators.keithley_6220 import SimulatedKeithley
@@ -83,7 +84,9 @@ def make_laboratory(
             voltmeters[role] = _voltmeter_settings(bench, role, seed)
             instruments[role] = Simulated3458A(world, faults, voltmeters[role], name=role)
         else:
-            instruments[role] = _instrument(role, entry, world, faults)
+            instruments[role] = made = _instrument(role, entry, world, faults)
+            if isinstance(made, (SimulatedFluke, SimulatedKeithley)):
+                world.sources[role] = Feed(made, _current_errors(bench, role, seed))
     return Laboratory(world, instruments, counters, voltmeters)
 
 
@@ -96,6 +99,8 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -
 
     def place(name: str, entry: PlaceEntry) -> PlaceSettings:
         offset_u, gain_u = stated.thermometers_u.get(entry.temperature, (0.0, 0.0))
+        converter = entry.converter_temperature or ""
+        converter_offset_u, converter_gain_u = stated.thermometers_u.get(converter, (0.0, 0.0))
         return PlaceSettings(
             unit=units[name],
             channel=entry.channel,
@@ -105,6 +110,9 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -
             thermometer_gain=draw(gain_u, entry.temperature, "gain"),
             faults={fault.kind: fault.at for fault in simulation.faults if fault.unit == name},
             load_ohm=next((each.load for role, each in simulation.voltmeters.items() if role == entry.voltmeter), None),
+            converter_offset_c=draw(converter_offset_u, converter, "offset"),
+            converter_gain=draw(converter_gain_u, converter, "gain"),
+            source=entry.source or "",
         )
 
     def axis(role: str, path: tuple[str, ...]) -> AxisErrors:
@@ -159,7 +167,28 @@ def _counter_settings(bench: BenchFile, role: str, options: CounterOptions) -> C
         for name, place in bench.places.items()
         if bench.readings[place.temperature].device == role
     }
-    return CounterSettings(role, dbc, form, options.period, readings)
+    boards = {
+        bench.readings[place.converter_temperature].channel: name
+        for name, place in bench.places.items()
+        if place.converter_temperature and bench.readings[place.converter_temperature].device == role
+    }
+    return CounterSettings(role, dbc, form, options.period, readings, boards)
+
+
+def _current_errors(bench: BenchFile, role: str, seed: int) -> CurrentErrors:
+    """A source's errors, drawn from its certificate, or else as the bench file's `simulation:` says."""
+    certified, own = bench_record(bench).sources.get(role), bench.simulation.sources.get(role, SourceSimulation())
+
+    def draw(error: str, certified_u: float, otherwise: float) -> float:
+        return float((certified_u or otherwise) * stream(seed, "bench", role, error).standard_normal())
+
+    return CurrentErrors(
+        gain=draw("gain", certified.gain_u if certified else 0.0, own.gain),
+        offset_a=draw("offset", certified.offset_u_a if certified else 0.0, own.offset),
+        drift_per_h=draw("drift", certified.drift_u_per_s * HOUR_S if certified else 0.0, own.drift),
+        fresh=own.fresh,
+        warm_up_s=own.warm_up,
+    )
 
 
 def _voltmeter_settings(bench: BenchFile, role: str, seed: int) -> VoltmeterSettings:

@@ -82,10 +82,12 @@ class Technician:
     async def _serve(self, question: Question) -> None:
         given = self._script.get(question.step) or self._script.get(_first_visit(question.step), USUAL)
         await asyncio.sleep(given.after)
-        expected = question.expect.mount if question.expect else None
-        mount = given.does.mount if given.does is not None else expected
-        if mount is not None and self._world is not None:
-            self._world.fix_units(simulated_mount(self._bench.fixture.mounts[mount]))
+        deed = given.does if given.does is not None else question.expect
+        if deed is not None and self._world is not None:
+            if deed.mount is not None:
+                self._world.fix_units(simulated_mount(self._bench.fixture.mounts[deed.mount]))
+            if deed.input is not None:
+                self._world.connect(deed.input)
         answer = given.answer if given.answer is not None else next(iter(question.choices), "")
         if question in self._desk.questions:  # nobody was faster
             self._notice(f"{question.text}\n{given.by}: {answer}")

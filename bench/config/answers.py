@@ -22,6 +22,7 @@ class Deed(StrictModel):
     """What the technician really does, whatever he was asked for; nothing when it is empty."""
 
     mount: Name | None = Field(None, description="the mount of the fixture that he fixes the units in")
+    input: Literal["accelerometer", "source"] | None = Field(None, description="what he plugs into the converters")
 
 
 class ScriptedAnswer(StrictModel):

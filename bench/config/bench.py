@@ -64,6 +64,10 @@ def _simulation(bench: BenchFile) -> Iterator[Problem]:
             problem = f"there is no place '{name}'{did_you_mean(name, bench.places)}"
             yield ("simulation", "units", name), problem
     yield from _voltmeters(bench)
+    sources = bench.with_capability("current_source")
+    for name in bench.simulation.sources:
+        if name not in sources:
+            yield ("simulation", "sources", name), f"'{name}' is not a current source{did_you_mean(name, sources)}"
     for index, fault in enumerate(bench.simulation.faults):
         if fault.unit is not None and fault.unit not in bench.places:
             problem = f"there is no place '{fault.unit}'{did_you_mean(fault.unit, bench.places)}"
@@ -150,13 +154,11 @@ def _is_temperature(bench: BenchFile, reading: ReadingEntry) -> bool:
 def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
     where: Place = ("places", name)
     yield from _output(bench, name, place)
-    if place.temperature not in bench.readings:
-        yield (
-            (*where, "temperature"),
-            f"there is no reading '{place.temperature}'{did_you_mean(place.temperature, bench.readings)}",
-        )
-    elif not _is_temperature(bench, bench.readings[place.temperature]):
-        yield (*where, "temperature"), f"'{place.temperature}' is no temperature"
+    for key, reading in (("temperature", place.temperature), ("converter_temperature", place.converter_temperature)):
+        if reading is not None and reading not in bench.readings:
+            yield (*where, key), f"there is no reading '{reading}'{did_you_mean(reading, bench.readings)}"
+        elif reading is not None and not _is_temperature(bench, bench.readings[reading]):
+            yield (*where, key), f"'{reading}' is no temperature"
     supply = bench.devices.get(place.supply)
     if supply is None or "power_supply" not in supply.description.capabilities:
         supplies = [key for key, entry in bench.devices.items() if "power_supply" in entry.description.capabilities]

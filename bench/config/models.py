@@ -135,13 +135,16 @@ class Nominal(StrictModel):
     self_heating: Annotated[float, InUnit("°C", at_least=0)] = Field(
         0.0, description="how much warmer than the air it becomes while its supply is on"
     )
+    converter_time_constant: PositiveSeconds = Field(
+        120.0, description="with which its converter follows the air, where that is in the chamber"
+    )
 
 
 class PlaceEntry(StrictModel):
     """A place for a unit under test: how it lies, what measures its output, what warms and feeds it.
 
     Its output are the pulses on a `channel`, or the volts that a `voltmeter` reads. `source` is the current source
-    whose current goes into its converter.
+    that can be plugged into its converter in place of the accelerometer.
     """
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["channel"]}, {"required": ["voltmeter"]}]})
@@ -158,6 +161,9 @@ class PlaceEntry(StrictModel):
     supply: Name = Field(description="the device that feeds the unit")
     supply_current: CurrentWindow | None = None
     source: Name | None = None
+    converter_temperature: Name | None = Field(
+        None, description="the reading of the thermometer at its converter, where that is in the chamber"
+    )
     nominal: Nominal | None = None
 
     @model_validator(mode="after")
@@ -230,6 +236,16 @@ class VoltmeterSimulation(StrictModel):
     )
 
 
+class SourceSimulation(StrictModel):
+    """How a simulated current source errs: standard deviations, in place of a certificate or of what it leaves out."""
+
+    gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the current")
+    offset: Annotated[float, InUnit("A", at_least=0)] = Field(0.0, description="the same at every current")
+    drift: Annotated[float, InUnit("1/h", at_least=0)] = Field(0.0, description="of the current in an hour")
+    warm_up: PositiveSeconds = Field(7200.0, description="how long it drifts faster after its power came on")
+    fresh: Annotated[Ratio, InUnit("", at_least=1)] = Field(5.0, description="how many times as fast until then")
+
+
 class FaultSimulation(StrictModel):
     """An instrument, or a unit under test, that breaks on purpose."""
 
@@ -270,6 +286,7 @@ class Simulation(StrictModel):
         description="standard deviation of how askew a unit lies each time that it is fixed by hand",
     )
     voltmeters: Mapping[Name, VoltmeterSimulation] = Field({}, description="what each voltmeter is connected to")
+    sources: Mapping[Name, SourceSimulation] = Field({}, description="how each current source errs")
     host_clock: Annotated[Ratio, InUnit("", at_least=0)] = Field(
         20e-6, description="standard deviation of the host clock against the true second"
     )

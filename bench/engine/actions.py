@@ -171,7 +171,7 @@ async def _set_one(step: SetOutput, role: str, bench: Bench) -> Found:
     found = await source.read()
     if window is not None and step.output == "on" and bench.monitor.units.is_needed(role):
         window.on_since_s = asyncio.get_running_loop().time()
-    return {"voltage_v": found.voltage_v, "current_a": found.current_a, "output": found.output}
+    return {"role": role, "voltage_v": found.voltage_v, "current_a": found.current_a, "output": found.output}
 
 
 async def _ask(step: Prompt, step_id: str, bench: Bench) -> Found:
@@ -184,6 +184,8 @@ async def _ask(step: Prompt, step_id: str, bench: Bench) -> Found:
     if step.expect is not None and step.expect.mount is not None:
         found["mount"] = step.expect.mount
         bench.monitor.units.mount = bench.file.fixture.mount(step.expect.mount)
+    if step.expect is not None and step.expect.input is not None:
+        found["input"] = step.expect.input
     return found
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from bench.analysis.rundata import (
     Counts,
     Mount,
     RunData,
+    SourceRecord,
     UnitUnderTest,
     Voltages,
 )
@@ -28,6 +29,7 @@ from drivers.can_counter.description import CounterOptions
 from drivers.frame_block import FrameBlock
 
 ARCSEC_DEG = 1 / 3600
+HOUR_S = 3600.0
 
 
 def run_data(reader: RunReader, bench: BenchFile, serials: Mapping[str, str], label: str) -> RunData:
@@ -36,7 +38,7 @@ def run_data(reader: RunReader, bench: BenchFile, serials: Mapping[str, str], la
     units = tuple(
         _unit(place, serial, bench.places[place], dropped_s.get(place, math.inf)) for place, serial in serials.items()
     )
-    thermometers = [unit.temperature for unit in units]
+    thermometers = [reading for unit in units for reading in (unit.temperature, unit.converter) if reading]
     return RunData(label, units, tuple(acquisitions(reader, bench, thermometers, label)), bench_record(bench))
 
 
@@ -66,6 +68,9 @@ def _unit(place: str, serial: str, entry: PlaceEntry, until_s: float) -> UnitUnd
         until_s=until_s,
         voltmeter=entry.voltmeter,
         nominal_per_g=entry.nominal_per_g,
+        converter=entry.converter_temperature or "",
+        source=entry.source or "",
+        scale_a_per_g=entry.nominal.K1 if entry.nominal is not None else math.nan,
     )
 
 
@@ -77,6 +82,8 @@ class _InForce:
     mount: Mount
     set_c: float
     set_from_c: float = math.nan
+    input: str = "accelerometer"
+    sources_a: Mapping[str, float] = field(default_factory=dict)
 
     def after(self, event: Event, bench: BenchFile) -> _InForce:
         """What it stands at when a step has ended."""
@@ -86,7 +93,19 @@ class _InForce:
             now = replace(now, angles_deg={**now.angles_deg, device: float(data["angle_deg"])})
         if "mount" in data:
             now = replace(now, mount=_mount(bench, data["mount"]))
+        now = replace(now, input=data.get("input", now.input), sources_a=_sources_on(now.sources_a, data))
         return replace(now, set_c=float(data["set_point_c"])) if "set_point_c" in data else now
+
+
+def _sources_on(before_a: Mapping[str, float], data: Mapping[str, Any]) -> Mapping[str, float]:
+    """The current sources that are on when an output, or several, have been set."""
+    after_a = dict(before_a)
+    for found in data.get("outputs", {data.get("role"): data}).values():
+        if "output" in found and found.get("voltage_v") is None:
+            after_a.pop(found["role"], None)
+            if found["output"]:
+                after_a[found["role"]] = float(found["current_a"])
+    return after_a
 
 
 def _mount(bench: BenchFile, name: str | None = None) -> Mount:
@@ -140,6 +159,8 @@ def _acquisition(
         set_from_c=state.set_from_c,
         set_c=state.set_c,
         mount=state.mount,
+        input=state.input,
+        sources_a=state.sources_a,
         counts=counts,
         temperatures_c={name: series.values for name, series in meanwhile.items()},
         temperatures_at_s={name: series.at_s for name, series in meanwhile.items()},
@@ -167,7 +188,16 @@ def bench_record(bench: BenchFile) -> BenchRecord:
         time_base_u=float(counter.get("time_base", 0.0)),
         thermometers_u=thermometers,
         voltmeters_u={name: (float(u.get("gain", 0)), float(u.get("offset", 0))) for name, u in meters.items()},
+        sources=dict(_sources(bench)),
     )
+
+
+def _sources(bench: BenchFile) -> Iterator[tuple[str, SourceRecord]]:
+    """The current sources that have a certificate."""
+    for role in bench.with_capability("current_source"):
+        if bench.devices[role].calibration is not None:
+            u = _uncertainties(bench, role)
+            yield role, SourceRecord(float(u["gain"]), float(u["offset"]), float(u["drift"]) / HOUR_S)
 
 
 def _axis(bench: BenchFile, role: str, points: Vector) -> AxisRecord:

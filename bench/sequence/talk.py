@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -73,6 +73,11 @@ class PhysicalChange(StrictModel):
     """What a person is to change with his hands; a simulated technician does it in simulation."""
 
     mount: Name | None = Field(None, description="the mount of the fixture that the unit is put on")
+    input: Literal["accelerometer", "source"] | None = Field(
+        None,
+        description="what is plugged into the converter: its accelerometer, with which a run begins, or the cable of "
+        "the current source in its place",
+    )
 
     @model_validator(mode="after")
     def _something(self) -> Self:

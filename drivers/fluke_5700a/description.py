@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from drivers.current_source import CurrentUncertainty
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, PositiveSeconds, StrictModel
 from drivers.fluke_5700a.wire import RANGES_A, Terminator
@@ -46,5 +47,6 @@ DESCRIPTION = DriverDescription(
     target="drivers.fluke_5700a.driver:Fluke5700A",
     options=FlukeOptions,
     limits=SourceLimits,
+    uncertainty=CurrentUncertainty,
     channels={"current": "A", "settled": "", "on_time": "s"},
 )

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from drivers.current_source import CurrentUncertainty
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, StrictModel
 from drivers.keithley_6220.wire import COMPLIANCE_MAX_V, COMPLIANCE_MIN_V, RANGES_A, Terminator
@@ -38,5 +39,6 @@ DESCRIPTION = DriverDescription(
     target="drivers.keithley_6220.driver:Keithley6220",
     options=KeithleyOptions,
     limits=SourceLimits,
+    uncertainty=CurrentUncertainty,
     channels={"current": "A"},
 )

@@ -1,0 +1,76 @@
+"""The temperatures of one unit as its simulation needs them: its sensor, its converter, and what thermometers say."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from simulators.thermal import Thermal
+from simulators.thermostat import Thermostat
+from simulators.unit_file import UnitFile
+
+Array = NDArray[np.float64]
+
+
+class Warmth:
+    """How warm a unit is: by the chamber alone, or held by a thermostat; its converter in the chamber or outside."""
+
+    def __init__(self, thermal: Thermal, index: int, unit: UnitFile, start_c: float, thermometer_s: float) -> None:
+        self._thermal, self._index = thermal, index
+        self._outside_c = None if unit.converter.in_chamber else unit.converter.temperature
+        model = unit.thermal
+        self._thermostat = None
+        if model.thermostat is not None:
+            self._thermostat = Thermostat(model.thermostat, model.sensor_time_constant, thermometer_s, start_c)
+
+    def follow(self, now_s: float, powered: bool) -> None:
+        """The chamber has been worked out up to now."""
+        if self._thermostat is not None:
+            self._thermostat.advance(now_s, self._thermal.case_c(self._index), powered)
+
+    @property
+    def sensor_c(self) -> float:
+        """The sensor inside the accelerometer."""
+        return self._thermal.sensor_c(self._index) if self._thermostat is None else self._thermostat.sensor_c
+
+    @property
+    def sensor_rate_c_per_s(self) -> float:
+        """How fast it warms."""
+        if self._thermostat is not None:
+            return self._thermostat.rate_c_per_s
+        return self._thermal.sensor_rate_c_per_s(self._index)
+
+    @property
+    def thermometer_c(self) -> float:
+        """What an ideal thermometer at it has followed to."""
+        return self._thermal.thermometer_c(self._index) if self._thermostat is None else self._thermostat.thermometer_c
+
+    @property
+    def board_in_chamber(self) -> bool:
+        """Whether the converter is in the chamber."""
+        return self._outside_c is None
+
+    @property
+    def board_c(self) -> float:
+        """The converter."""
+        return self._thermal.board_c(self._index) if self._outside_c is None else self._outside_c
+
+    @property
+    def board_thermometer_c(self) -> float:
+        """What an ideal thermometer at the converter has followed to."""
+        return self._thermal.board_thermometer_c(self._index) if self._outside_c is None else self._outside_c
+
+
+class Thermometer:
+    """What a thermometer says of what an ideal one has followed to: with its offset, its gain and its noise."""
+
+    def __init__(self, start_c: float, offset_c: float, gain: float, noise_c: float, noise: Generator) -> None:
+        self._offset_c, self._gain, self._noise_c, self._noise = offset_c, gain, noise_c, noise
+        self._read_at_s, self._read_c = 0.0, start_c
+
+    def readings_c(self, at_s: Array, now_s: float, now_c: float) -> Array:
+        """Readings at times since the last call, when the ideal one has come to `now_c`."""
+        true_c = np.interp(at_s, [self._read_at_s, now_s], [self._read_c, now_c])
+        self._read_at_s, self._read_c = now_s, now_c
+        return true_c * (1 + self._gain) + self._offset_c + self._noise_c * self._noise.standard_normal(len(at_s))
