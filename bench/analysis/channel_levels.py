@@ -8,7 +8,7 @@ the second kind one relative slope k / D.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -121,7 +121,8 @@ class ChannelDrift:
     """k = offset + scale D: the part of the drift that is the same at all levels, and that in proportion to the rate.
 
     `misfit` says that the slopes do not lie on the line within their uncertainties: the drift depends on the level in
-    some other way. The uncertainties are those of the slopes; NaN where a slope has none.
+    some other way. The uncertainties are those of the slopes; NaN where a slope has none. `gain` (2, n) is what one
+    unit of each slope adds to offset and scale.
     """
 
     offset_pps_per_c: float
@@ -129,6 +130,7 @@ class ChannelDrift:
     u_offset_pps_per_c: float
     u_scale_per_c: float
     misfit: bool
+    gain: Array = field(compare=False, repr=False)
 
 
 def channel_drift(runs: Sequence[ChannelRun]) -> ChannelDrift:
@@ -152,6 +154,7 @@ def channel_drift(runs: Sequence[ChannelRun]) -> ChannelDrift:
         u_offset_pps_per_c=float(u_offset),
         u_scale_per_c=float(u_scale),
         misfit=bool(chance < MISFIT_PROBABILITY),
+        gain=fit.gain * weight[:, 0],
     )
 
 

@@ -7,7 +7,7 @@ line goes through the gates of a run.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +56,7 @@ class ChannelRules:
     """What is known of the channel and asked of a run.
 
     The rate is told at `reference_c`. `accelerometer_c` is where the accelerometer's temperature is held; None where
-    none is connected, or nothing is known of it.
+    none is connected, or nothing is known of it. A gate longer than `longest_gate_s` spans what was not recorded.
     """
 
     reference_c: float
@@ -67,6 +67,31 @@ class ChannelRules:
     max_ramp_c_per_h: float = 30.0
     min_span_c: float = 5.0
     outlier_sigmas: float = OUTLIER_SIGMAS
+    longest_gate_s: float = np.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Gates:
+    """What lies between two consecutive readings, all arrays (n,).
+
+    Its middle and its length in time, the pulses on either line, and the means of both temperatures.
+    """
+
+    time_s: Array
+    seconds: Array
+    positive: Array
+    negative: Array
+    converter_c: Array
+    accelerometer_c: Array
+
+    @property
+    def rate_pps(self) -> Array:
+        """Net pulses in a second."""
+        return (self.positive - self.negative) / self.seconds
+
+    def rows(self, which: NDArray[np.bool_]) -> Gates:
+        """A part of the gates, by a mask."""
+        return Gates(**{column.name: getattr(self, column.name)[which] for column in fields(self)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +100,8 @@ class ChannelRun:
 
     `span_c` is that of the gates used; `ramp_c_per_h` is negative in a run that mostly cools. `excluded` counts
     readings (missing, duplicate, thermometer) and gates by reason. Flags: insufficient_temperature_span,
-    ramp_too_fast, and invalid when too little is left of the run; `notes` tell what has no flag.
+    ramp_too_fast, and invalid when too little is left of the run; `notes` tell what has no flag. `gates` are those
+    used, in the order of time.
     """
 
     rate_pps: float
@@ -89,6 +115,7 @@ class ChannelRun:
     flags: tuple[str, ...]
     notes: tuple[str, ...]
     excluded: dict[str, int]
+    gates: Gates = field(compare=False, repr=False)
 
     @property
     def relative_slope_per_c(self) -> float:
@@ -104,24 +131,6 @@ class ChannelRun:
     def valid(self) -> bool:
         """Whether the run may decide anything; one that was heated too fast may."""
         return not {NARROW, INVALID} & set(self.flags)
-
-
-@dataclass(frozen=True, slots=True)
-class _Gates:
-    """What lies between two consecutive readings, all arrays (n,): pulses on either line, means of temperatures."""
-
-    seconds: Array
-    positive: Array
-    negative: Array
-    converter_c: Array
-    accelerometer_c: Array
-
-    @property
-    def rate_pps(self) -> Array:
-        return (self.positive - self.negative) / self.seconds
-
-    def rows(self, which: NDArray[np.bool_]) -> _Gates:
-        return _Gates(**{column.name: getattr(self, column.name)[which] for column in fields(self)})
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of absurd numbers come such that none of the rules lets pass
@@ -159,6 +168,7 @@ def reduce_run(record: ChannelRecord, rules: ChannelRules) -> ChannelRun:
         flags=tuple(flag for flag, is_raised in raised.items() if is_raised),
         notes=(*shortage, *_thermostat_notes(excluded["accelerometer_temperature"], scheduled)),
         excluded=dict(excluded),
+        gates=gates.rows(kept),
     )
 
 
@@ -179,13 +189,14 @@ def _good_readings(record: ChannelRecord, rules: ChannelRules, excluded: Counter
     return readings.rows(~broken), max(len(order) - 1, 0)
 
 
-def _gates(readings: ChannelRecord, counter_bits: int) -> _Gates:
+def _gates(readings: ChannelRecord, counter_bits: int) -> Gates:
     """The gates between readings; counters that wrap are taken modulo their size."""
 
     def middle(column: Array) -> Array:
         return column[1:] / 2 + column[:-1] / 2
 
-    return _Gates(
+    return Gates(
+        time_s=middle(readings.time_s),
         seconds=np.diff(readings.time_s),
         positive=np.diff(readings.positive) % 2.0**counter_bits,
         negative=np.diff(readings.negative) % 2.0**counter_bits,
@@ -194,11 +205,12 @@ def _gates(readings: ChannelRecord, counter_bits: int) -> _Gates:
     )
 
 
-def _good_gates(gates: _Gates, rules: ChannelRules, excluded: Counter[str]) -> _Gates:
+def _good_gates(gates: Gates, rules: ChannelRules, excluded: Counter[str]) -> Gates:
     """The gates that can be used; the others are counted under the first reason that holds (methods.md 1.7)."""
     possible = gates.seconds * rules.max_rate_pps
     pulses = np.maximum(gates.positive, gates.negative)
     reasons = {
+        "gap": gates.seconds > rules.longest_gate_s,
         "ambiguous_gap": possible >= 2.0**rules.counter_bits,
         "too_short": possible <= 1,  # not long enough for a pulse
         "impossible_rate": pulses > possible + 1,
@@ -207,13 +219,15 @@ def _good_gates(gates: _Gates, rules: ChannelRules, excluded: Counter[str]) -> _
         "accelerometer_temperature": _away(gates, rules),
     }
     good = np.ones(len(gates.seconds), dtype=np.bool_)
+    if np.isinf(rules.longest_gate_s):
+        del reasons["gap"]
     for reason, bad in reasons.items():
         excluded[reason] = int(np.sum(good & bad))
         good &= ~bad
     return gates.rows(good)
 
 
-def _stuck(gates: _Gates) -> NDArray[np.bool_]:
+def _stuck(gates: Gates) -> NDArray[np.bool_]:
     """Whether no line pulsed for five times the usual period; all gates of a run in which none ever did."""
     both = gates.positive + gates.negative
     pulsing = both > 0
@@ -221,7 +235,7 @@ def _stuck(gates: _Gates) -> NDArray[np.bool_]:
     return ~pulsing & (gates.seconds * usual_pps > STANDSTILL_PERIODS)
 
 
-def _away(gates: _Gates, rules: ChannelRules) -> NDArray[np.bool_]:
+def _away(gates: Gates, rules: ChannelRules) -> NDArray[np.bool_]:
     """Whether the accelerometer was not at its temperature."""
     if rules.accelerometer_c is None:
         return np.zeros(len(gates.seconds), dtype=np.bool_)
@@ -229,7 +243,7 @@ def _away(gates: _Gates, rules: ChannelRules) -> NDArray[np.bool_]:
     return np.abs(gates.accelerometer_c - rules.accelerometer_c) > rules.accelerometer_tolerance_c + rounding_c
 
 
-def _line(away_c: Array, gates: _Gates, sigmas: float) -> tuple[PolynomialFit | None, NDArray[np.bool_]]:
+def _line(away_c: Array, gates: Gates, sigmas: float) -> tuple[PolynomialFit | None, NDArray[np.bool_]]:
     """The straight line over `away_c` through the gates that are no outliers, and which those are.
 
     None without two temperatures.

@@ -53,7 +53,7 @@ def cut_into_samples(acquisition: Acquisition, unit: UnitUnderTest, angle_rad: f
         edges_s, output, problems = _rates(acquisition.counts[unit.channel], begins_s)
     else:
         edges_s, output, problems = _voltages(acquisition.voltages.get(unit.voltmeter, NO_VOLTAGES), begins_s)
-    temperature_c = _means(
+    temperature_c = means_between(
         acquisition.temperatures_at_s[unit.temperature], acquisition.temperatures_c[unit.temperature], edges_s
     )
     problems["no_temperature"] += int(np.count_nonzero(np.isnan(temperature_c) & np.isfinite(output)))
@@ -84,11 +84,11 @@ def _rates(counts: Counts, begins_s: Array) -> tuple[Array, Array, Counter[str]]
 
 def _voltages(read: Voltages, begins_s: Array) -> tuple[Array, Array, Counter[str]]:
     """Edges of the samples, the mean voltage over the time of each, and how many have none."""
-    output = _means(read.at_s, read.values_v, begins_s)
+    output = means_between(read.at_s, read.values_v, begins_s)
     return begins_s, output, Counter(too_few_voltages=int(np.count_nonzero(np.isnan(output))))
 
 
-def _means(at_s: Array, values: Array, edges_s: Array) -> Array:
+def means_between(at_s: Array, values: Array, edges_s: Array) -> Array:
     """The mean over time of the values between each two consecutive edges; not-a-number where there is none.
 
     They change in between, so that it matters when a reading was taken.

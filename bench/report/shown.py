@@ -38,6 +38,12 @@ SHOWN = {
     "K1/model_residual": (1e6, "ppm"),
     "threshold": (1e6, "µg"),
     "resolution": (1e6, "µg"),
+    "rate/relative_temperature_coefficient": (1e6, "ppm/°C"),
+    "rate/model_residual": (1e6, "ppm"),
+    "rate/drift": (1e6, "ppm"),
+    "deviation/raw": (100.0, "%"),
+    "deviation/normalised": (100.0, "%"),
+    "tempco_scale": (1e6, "ppm/°C"),
 }
 
 

@@ -43,7 +43,7 @@ def _on_the_way(found: OnTheWay) -> Iterator[str]:
 def _dwell_table(unit: UnitResult) -> Iterator[str]:
     by_dwell: dict[str, dict[str, Finding]] = {}
     for finding in unit.findings:
-        if "@" in finding.id:
+        if "dwell" in finding.at:
             by_dwell.setdefault(finding.id.partition("@")[2], {})[finding.quantity] = finding
     if not by_dwell:
         return
@@ -61,9 +61,9 @@ def _dwell_table(unit: UnitResult) -> Iterator[str]:
 
 def _summary_table(unit: UnitResult) -> Iterator[str]:
     """What is judged at the dwells, the worst of each; then what is found over temperature."""
-    at_dwells = {found.quantity: found.limits for found in unit.findings if "@" in found.id and found.limits}
+    at_dwells = {found.quantity: found.limits for found in unit.findings if "dwell" in found.at and found.limits}
     for row in [*verdict_rows(unit, at_dwells), *over_run_rows(unit)]:
         verdict = row.verdict + (" marginal" if row.marginal else "")
-        told = "; ".join(filter(None, (row.limits, row.bands, row.remark)))
+        told = "; ".join(filter(None, (row.where, row.limits, row.bands, row.remark)))
         yield f"  {row.quantity:<28} {row.value:>24} {row.unit:<10} {verdict:<14} {told}".rstrip()
     yield ""

@@ -175,6 +175,8 @@ def bands_in_words(quantity: str, limits: Limits) -> str:
 def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
     """The conditions of a finding: "dwell 5, set point 70 °C, rising"; `dwells` are the numbers of the dwells."""
     parts = []
+    if "run" in at:
+        parts.append(f"{at['run']} against {at['reference']}: {at['decision']}" if "reference" in at else at["run"])
     if "dwell" in at:
         parts.append(tr("dwell {number}", number=at["dwell"]))
     if "dwells" in at:

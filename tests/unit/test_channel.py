@@ -8,16 +8,18 @@ import numpy as np
 import pytest
 
 from bench.analysis.channel_levels import compare, out_of_proportion
-from bench.analysis.channel_temperature import ChannelRun
+from bench.analysis.channel_temperature import ChannelRun, Gates
 from bench.analysis.fit import reject_outliers
 from bench.errors import InputError
 from bench.report.case import reduce_case
 from bench.report.case_channel import RunSettings
 from tests.support.m0_cases import SETTINGS, Channel, campaign, write_case
 
+NO_GATES = Gates(*(np.zeros(0) for _ in range(6)))
 RUN = ChannelRun(
     rate_pps=11_300.0, u_rate_pps=0.01, slope_pps_per_c=0.1, u_slope_pps_per_c=0.001, residual_rms_pps=0.3,
     gates_used=600, span_c=45.0, ramp_c_per_h=25.0, flags=(), notes=(), excluded={},
+    gates=NO_GATES,
 )  # fmt: skip
 
 

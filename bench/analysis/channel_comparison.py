@@ -1,0 +1,174 @@
+"""Input levels of one run beside each other: each with its line and what that is known by, and their decisions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from bench.analysis.channel_input import InputDrift, drifts_of_sources, input_drift
+from bench.analysis.channel_levels import ChannelDrift, Comparison, channel_drift, compare
+from bench.analysis.channel_runs import LevelData
+from bench.analysis.channel_scatter import LineScatter, line_scatter
+from bench.analysis.channel_temperature import ChannelRules, ChannelRun, reduce_run
+from bench.analysis.finding import BudgetLine
+from bench.analysis.fit import NotDetermined
+from bench.analysis.rundata import RunData, UnitUnderTest
+
+GRAVITY_REFERENCE, SOURCE_REFERENCE = "up_1g", "src_1g"
+GAP_GATES = 1.5  # a longer time between two read-outs was not recorded
+SCATTER, COUNTING = "read-outs: scatter", "read-outs: resolution of the count"
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """One input level: its line, what that is known by, how its input drifted, and the drift that a budget assumes.
+
+    `slope_lines` are the sources of uncertainty of its slope that it does not share with other levels, in pulse/s/°C.
+    """
+
+    data: LevelData
+    run: ChannelRun
+    scatter: LineScatter
+    drift: InputDrift | None
+    drift_u_per_h: float
+    slope_lines: tuple[BudgetLine, ...]
+
+    @property
+    def name(self) -> str:
+        """As methods.md calls it."""
+        return self.data.level.name
+
+    @property
+    def is_source(self) -> bool:
+        """Whether a current source fed it."""
+        return self.data.level.kind == "source"
+
+    @property
+    def run_to_compare(self) -> ChannelRun:
+        """Its line with the whole uncertainty of the slope that is its own."""
+        u = float(np.sqrt(sum(line.u**2 for line in self.slope_lines)))
+        return replace(self.run, u_slope_pps_per_c=u)
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A level held against its reference. `drifted` says that the input of one of them did, beyond its limit."""
+
+    level: Level
+    reference: Level
+    comparison: Comparison
+    drifted: bool
+
+    @property
+    def marginal(self) -> bool:
+        """Whether the decision could be another one if the run were repeated."""
+        return self.comparison.decision != "invalid" and (self.comparison.marginal or self.drifted)
+
+
+def channel_rules(data: RunData, unit: UnitUnderTest, kind: str, settings: Mapping[str, Any]) -> ChannelRules:
+    """What is asked of a run of a kind of input."""
+    counts = data.acquisitions[0].counts[unit.channel]
+    return ChannelRules(
+        reference_c=settings["reference_temperature_c"],
+        counter_bits=counts.counter_bits,
+        max_rate_pps=counts.max_rate_pps,
+        accelerometer_c=settings["accelerometer_c"] if kind == "gravity" else None,
+        accelerometer_tolerance_c=settings["accelerometer_tolerance_c"],
+        max_ramp_c_per_h=settings["max_ramp_c_per_h"],
+        min_span_c=settings["min_span_c"],
+        longest_gate_s=GAP_GATES * settings["gate_s"],
+    )
+
+
+def lines_of_levels(
+    data: RunData, unit: UnitUnderTest, found: Mapping[str, LevelData], settings: Mapping[str, Any]
+) -> dict[str, Level]:
+    """The levels that have a ramp, each with its line; one whose line cannot be told has it not-a-number."""
+    ramped = {name: level for name, level in found.items() if level.steps}
+    runs = {
+        name: reduce_run(each.record, channel_rules(data, unit, each.level.kind, settings))
+        for name, each in ramped.items()
+    }
+    scatters = {name: _scatter(run, settings["reference_temperature_c"]) for name, run in runs.items()}
+    drifts = drifts_of_sources(
+        ramped, {name: input_drift(ramped[name].points, runs[name], scatters[name]) for name in ramped}
+    )
+    return {
+        name: _level(data, unit, ramped[name], runs[name], scatters[name], drifts[name], settings) for name in ramped
+    }
+
+
+def _level(
+    data: RunData,
+    unit: UnitUnderTest,
+    level: LevelData,
+    run: ChannelRun,
+    scatter: LineScatter,
+    drift: InputDrift | None,
+    settings: Mapping[str, Any],
+) -> Level:
+    certificate = data.bench.sources.get(unit.source) if level.level.kind == "source" else None
+    certified_per_h = certificate.drift_u_per_s * 3600.0 if certificate is not None else 0.0
+    drift_u_per_h = max(certified_per_h, drift.found_per_h if drift is not None else 0.0)
+    rate_pps = abs(run.rate_pps)
+    what = "source" if level.level.kind == "source" else "accelerometer"
+    lines = [
+        BudgetLine(SCATTER, "A", scatter.scatter_slope, scatter.dof),
+        BudgetLine(COUNTING, "B", scatter.counting_slope),
+        BudgetLine(f"{what}: drift during the ramp", "B", rate_pps * drift_u_per_h * abs(scatter.drift_h_per_c)),
+    ]
+    if level.level.kind == "gravity":
+        followed = abs(scatter.accelerometer_per_c) * settings["accelerometer_drift_u"]
+        lines.append(BudgetLine("accelerometer: its own temperature", "B", rate_pps * followed))
+    return Level(level, run, scatter, drift, drift_u_per_h, tuple(lines))
+
+
+def _scatter(run: ChannelRun, reference_c: float) -> LineScatter:
+    """What the line is known by; of a short run, by the residuals of its gates."""
+    try:
+        return line_scatter(run.gates, reference_c)
+    except NotDetermined:
+        dof = max(run.gates_used - 2, 1)
+        return LineScatter(
+            0.0, 0.0, run.u_rate_pps, run.u_slope_pps_per_c, dof, run.residual_rms_pps, np.nan, np.nan, 0.0, 0.0
+        )
+
+
+def compared_levels(levels: Mapping[str, Level], settings: Mapping[str, Any]) -> Iterator[Compared]:
+    """Every level held against its reference, where the run has that (methods.md 2.5, step 6)."""
+    for level in levels.values():
+        reference = levels.get(reference_of(level, levels, settings["reference_policy"]))
+        if reference is None or reference is level:
+            continue
+        comparison = compare(
+            level.run_to_compare, reference.run_to_compare,
+            threshold=settings["threshold"], basis=settings["compare_basis"],
+        )  # fmt: skip
+        drifted = any(has_drifted(each, settings["drift_limit"]) for each in (level, reference))
+        yield Compared(level, reference, comparison, drifted)
+
+
+def reference_of(level: Level, levels: Mapping[str, Level], policy: str) -> str:
+    """The name of the level that another one is compared with; a run of the source alone has one of its own."""
+    of_source = level.is_source and level.name != SOURCE_REFERENCE
+    by_source = policy == "embodiment" or GRAVITY_REFERENCE not in levels
+    return SOURCE_REFERENCE if of_source and by_source else GRAVITY_REFERENCE
+
+
+def has_drifted(level: Level, limit: float) -> bool:
+    """Whether the input changed by more than it may between the points at rest."""
+    return level.drift is not None and abs(level.drift.change) > limit
+
+
+def drift_of_channel(levels: Sequence[Level]) -> ChannelDrift | None:
+    """The line through the slopes of levels over their rates; None where the levels do not tell it."""
+    usable = [level.run_to_compare for level in levels if level.run.valid]
+    if len(usable) < 2:
+        return None
+    try:
+        return channel_drift(usable)
+    except NotDetermined:
+        return None

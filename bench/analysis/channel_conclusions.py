@@ -1,0 +1,140 @@
+"""What the levels of a channel tell together: how their slopes compare, the channel's coefficients, and its models.
+
+A thermometer that errs by a gain does so at all levels alike: that moves slopes, and cancels where levels are compared.
+Of drifts it is not known whether they go on alike from one ramp to the next, and the worse is assumed: apart where
+levels are compared, together in the coefficients of the channel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.analysis.channel_comparison import COUNTING, SCATTER, Compared, Level
+from bench.analysis.channel_findings import ChannelFindings, scaled
+from bench.analysis.channel_levels import ChannelDrift
+from bench.analysis.finding import BudgetLine, Finding
+from bench.analysis.fit import Array
+from bench.analysis.models import Constant, Equation
+
+
+@dataclass(frozen=True)
+class ChannelConclusions:
+    """The findings and models of one unit that need its levels side by side."""
+
+    of_levels: ChannelFindings
+    compared: Sequence[Compared]
+    drift: ChannelDrift | None
+
+    @property
+    def _usable(self) -> list[Level]:
+        return [level for level in self.of_levels.levels if level.run.valid]
+
+    def findings(self) -> Iterator[Finding]:
+        """The deviations of the slopes, and the two coefficients of the channel."""
+        for compared in self.compared:
+            yield from self._deviations(compared)
+        if self.drift is not None:
+            yield from self._coefficients(self.drift)
+
+    def models(self) -> Iterator[Equation]:
+        """For each level its rate over temperature, with its own slope or that of its reference; then its slope."""
+        references = {each.level.name: each for each in self.compared}
+        for level in self._usable:
+            yield self._model(level, references.get(level.name))
+        if self.drift is not None:
+            yield self._channel_model(self.drift)
+
+    def _deviations(self, compared: Compared) -> Iterator[Finding]:
+        ours, theirs, found = compared.level, compared.reference, compared.comparison
+        at = {"run": ours.name, "reference": theirs.name, "decision": found.decision}
+        raw, raw_reference = ours.run.slope_pps_per_c, theirs.run.slope_pps_per_c
+        relative, relative_reference = ours.run.relative_slope_per_c, theirs.run.relative_slope_per_c
+        for quantity, deviation, value, reference, per in (
+            ("deviation/raw", found.raw, raw, raw_reference, (1.0, 1.0)),
+            ("deviation/normalised", found.normalised, relative, relative_reference,
+             (ours.run.rate_pps, theirs.run.rate_pps)),
+        ):  # fmt: skip
+            if not np.isfinite(deviation.value):
+                continue
+            lines = [
+                *_named(ours, 1 / abs(per[0] * reference)),
+                *_named(theirs, abs(value / (per[1] * reference**2))),
+            ]
+            name = f"of the slope of {ours.name} from that of {theirs.name}"
+            flags = ("marginal",) if compared.marginal else ()
+            steps = (*ours.data.steps, *theirs.data.steps)
+            yield self.of_levels.finding(quantity, name, at, deviation.value, "1", lines, steps, flags)
+
+    def _coefficients(self, drift: ChannelDrift) -> Iterator[Finding]:
+        steps = tuple(step for level in self._usable for step in level.data.steps)
+        for gain, (quantity, name, value, unit) in zip(drift.gain, (
+            ("tempco_offset", "part of the slope that is the same at all levels", drift.offset_pps_per_c,
+             "pulse/s/°C"),
+            ("tempco_scale", "part of the slope in proportion to the rate", drift.scale_per_c, "1/°C"),
+        ), strict=True):  # fmt: skip
+            lines = [*self._through(gain), self.of_levels.thermometer_gain(value)]
+            yield self.of_levels.finding(quantity, name, {}, value, unit, lines, steps)
+
+    def _through(self, gain: Array) -> Iterator[BudgetLine]:
+        """The uncertainties of slopes in a sum of them with these gains; lines of one kind of drift go together."""
+        together: dict[str, float] = {}
+        for factor, level in zip(gain.tolist(), self._usable, strict=True):
+            for line in level.slope_lines:
+                if line.source in (SCATTER, COUNTING):
+                    yield BudgetLine(f"{level.name}: {line.source}", line.type, abs(factor) * line.u, line.dof)
+                else:
+                    together[line.source] = together.get(line.source, 0.0) + factor * line.u
+        for source, u in together.items():
+            yield BudgetLine(source, "B", abs(u))
+
+    def _model(self, level: Level, compared: Compared | None) -> Equation:
+        """The line of a level; where it shares that of its reference, with the slope of that."""
+        shares = compared is not None and compared.comparison.decision == "share"
+        slope_from = compared.reference if compared is not None and shares else level
+        told = f"from {slope_from.name}, which serves this level too" if shares else "its own"
+        rate = self.of_levels.rate(level)
+        if shares and self.of_levels.settings["compare_basis"] == "raw":
+            form, symbol, slope = "D = D_ref + k · (T - T_ref)", "k", self.of_levels.slope(slope_from)
+        else:
+            form, symbol, slope = "D = D_ref · [1 + κ · (T - T_ref)]", "κ", self.of_levels.relative_slope(slope_from)
+        return Equation(
+            id=f"{rate.id}/model",
+            uut=rate.uut,
+            quantity=f"rate at {level.name}",
+            form=f"{form}, slope {told}",
+            constants={
+                "D_ref": Constant(rate.value, rate.unit, rate.u),
+                symbol: Constant(slope.value, slope.unit, slope.u),
+                "T_ref": Constant(self.of_levels.reference_c, "°C", 0.0),
+            },
+            valid={"temperature_c": _ends(level.run.gates.converter_c)},
+        )
+
+    def _channel_model(self, drift: ChannelDrift) -> Equation:
+        offset, scale = self._coefficients(drift)
+        return Equation(
+            id=f"{self.of_levels.id_of('tempco')}/model",
+            uut=offset.uut,
+            quantity="slope at any level",
+            form="k = β + α · D",
+            constants={
+                "β": Constant(offset.value, offset.unit, offset.u),
+                "α": Constant(scale.value, scale.unit, scale.u),
+            },
+            valid={"rate_pps": _ends(np.array([level.run.rate_pps for level in self._usable]))},
+        )
+
+
+def _named(level: Level, factor: float) -> list[BudgetLine]:
+    """What a level contributes to a deviation."""
+    return [
+        BudgetLine(f"{level.name}: {line.source}", line.type, line.u, line.dof)
+        for line in scaled(level.slope_lines, factor)
+    ]
+
+
+def _ends(values: Array) -> tuple[float, float]:
+    return float(np.min(values)), float(np.max(values))

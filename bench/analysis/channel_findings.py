@@ -1,0 +1,220 @@
+"""The findings of a channel at each of its input levels, each with its budget.
+
+A level is in local g: the rate at 1 g does not depend on how large g is, but on how level the slab is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bench.analysis.channel_comparison import COUNTING, SCATTER, Level
+from bench.analysis.channel_runs import LevelData, Point
+from bench.analysis.counts import RESOLUTION_COUNTS
+from bench.analysis.finding import BudgetLine, Finding, combined
+from bench.analysis.rundata import RunData, UnitUnderTest
+
+HOUR_S = 3600.0
+TIME_BASE = "counter.time_base"
+ZERO = "src_0g"  # the points with the source at 0 A
+
+
+@dataclass(frozen=True)
+class ChannelFindings:
+    """The results of one unit: of the lines at its levels, how they compare, and the drift of the channel."""
+
+    data: RunData
+    unit: UnitUnderTest
+    settings: Mapping[str, Any]
+    found: Mapping[str, LevelData]
+    levels: Sequence[Level]
+
+    def findings(self) -> Iterator[Finding]:
+        """Everything that a limit may name, level by level, then with nothing fed."""
+        for level in self.levels:
+            if np.isfinite(level.run.slope_pps_per_c):
+                yield self.rate(level)
+                yield self.slope(level)
+                yield self.relative_slope(level)
+                yield from self._residual(level)
+                yield from self._input_drift(level)
+        yield from self._zero()
+
+    # One level
+
+    def rate(self, level: Level) -> Finding:
+        """The rate at the reference temperature."""
+        run, name = level.run, f"rate at {self.reference_c:g} °C"
+        offset_u, gain_u = self._thermometer
+        rate_pps, slope = abs(run.rate_pps), abs(run.slope_pps_per_c)
+        reading = self.unit.converter
+        lines = [
+            BudgetLine(SCATTER, "A", level.scatter.scatter_rate, level.scatter.dof),
+            BudgetLine(COUNTING, "B", level.scatter.counting_rate),
+            BudgetLine("counter: time base", "B", rate_pps * self.data.bench.time_base_u, None, TIME_BASE),
+            BudgetLine(f"{reading}: offset", "B", slope * offset_u, None, f"{reading}.offset"),
+            BudgetLine(f"{reading}: gain", "B", slope * gain_u * abs(self.reference_c), None, f"{reading}.gain"),
+            *self._input_lines(level),
+        ]
+        return self._of_level("rate", name, level, run.rate_pps, "pulse/s", lines)
+
+    def _input_lines(self, level: Level) -> Iterator[BudgetLine]:
+        """How well the input of a level is known: the source by its certificate, gravity by the level of the slab."""
+        rate_pps, at = abs(level.run.rate_pps), level.data.level
+        certificate = self.data.bench.sources.get(self.unit.source)
+        if not level.is_source:
+            tilt = np.radians(self.data.bench.level_u_deg)
+            tilted = np.hypot(np.cos(at.angle_rad) * tilt, np.sin(at.angle_rad) * tilt**2 / np.sqrt(2))
+            yield BudgetLine("fixture: level", "B", float(rate_pps * tilted / abs(at.level_g)), None, "fixture.level")
+        elif certificate is not None:
+            source = self.unit.source
+            yield BudgetLine(f"{source}: gain", "B", rate_pps * certificate.gain_u, None, f"{source}.gain")
+            offset_pps = abs(rate_pps / at.current_a) * certificate.offset_u_a
+            yield BudgetLine(f"{source}: offset", "B", offset_pps, None, f"{source}.offset")
+            drifted = level.drift_u_per_h * self._hours_of_source(level)
+            yield BudgetLine(f"{source}: drift since its first point", "B", rate_pps * drifted, None, f"{source}.drift")
+
+    def _hours_of_source(self, level: Level) -> float:
+        """From the first time that the source was counted to the middle of the ramp."""
+        begun_s = [point.middle_s for each in self.found.values() if each.level.kind == "source"
+                   for point in each.points]  # fmt: skip
+        times_s = level.run.gates.time_s
+        return (float(np.mean(times_s)) - min([*begun_s, float(times_s[0])])) / HOUR_S
+
+    def slope(self, level: Level) -> Finding:
+        """What the rate changes with the temperature of the converter."""
+        slope = level.run.slope_pps_per_c
+        lines = [*level.slope_lines, self.thermometer_gain(slope)]
+        return self._of_level("rate/temperature_coefficient", "slope", level, slope, "pulse/s/°C", lines)
+
+    def relative_slope(self, level: Level) -> Finding:
+        """The same relative to the rate."""
+        slope, rate_pps = level.run.relative_slope_per_c, abs(level.run.rate_pps)
+        lines = [*scaled(level.slope_lines, 1 / rate_pps), self.thermometer_gain(slope)]
+        name = "slope relative to the rate"
+        return self._of_level("rate/relative_temperature_coefficient", name, level, slope, "1/°C", lines)
+
+    def thermometer_gain(self, slope: float) -> BudgetLine:
+        """What the gain of the thermometer does to a slope, at all levels alike."""
+        gain_u = self._thermometer[1]
+        return BudgetLine(f"{self.unit.converter}: gain", "B", abs(slope) * gain_u, None, f"{self.unit.converter}.gain")
+
+    def _residual(self, level: Level) -> Iterator[Finding]:
+        scatter, rate_pps = level.scatter, abs(level.run.rate_pps)
+        if not np.isfinite(scatter.largest_residual_pps):
+            return
+        u = scatter.mean_u_pps(scatter.stretch_s) / rate_pps
+        value = scatter.largest_residual_pps / rate_pps
+        name = "largest departure from the line, of means over a twenty-fourth of the run"
+        lines = [BudgetLine("read-outs: scatter of a mean", "A", u, scatter.dof)]
+        yield self._of_level("rate/model_residual", name, level, value, "1", lines)
+
+    def _input_drift(self, level: Level) -> Iterator[Finding]:
+        drift = level.drift
+        if drift is None:
+            return
+        name = f"change between the first and the last point at rest, {drift.hours:.1f} h apart"
+        lines = [BudgetLine("points: scatter and resolution of the count", "A", drift.u)]
+        yield self._of_level("rate/drift", name, level, drift.change, "1", lines, steps=drift.steps)
+
+    # Nothing fed
+
+    def _zero(self) -> Iterator[Finding]:
+        points = [point for point in self.zero_points if not point.problems]
+        if not points:
+            return
+        at = {"run": ZERO}
+        first, last = points[0], points[-1]
+        offset_pps = self._pps_per_a * self._source_offset_u_a
+        lines = [self._counted(first), BudgetLine(f"{self.unit.source}: offset", "B", offset_pps, None,
+                                                  f"{self.unit.source}.offset")]  # fmt: skip
+        yield self.finding("zero", "rate with the source at 0 A", at, first.rate_pps, "pulse/s", lines, (first.step,))
+        if last is not first:
+            hours = (last.middle_s - first.middle_s) / HOUR_S
+            name = f"change of the rate at 0 A within {hours:.1f} h"
+            lines = [BudgetLine(COUNTING, "B", float(np.hypot(self._counted(first).u, self._counted(last).u)))]
+            change = last.rate_pps - first.rate_pps
+            yield self.finding("zero/drift", name, at, change, "pulse/s", lines, (first.step, last.step))
+
+    @property
+    def zero_points(self) -> Sequence[Point]:
+        """The points at which the source gave nothing."""
+        return [point for each in self.found.values() for point in each.points
+                if each.level.kind == "source" and each.level.current_a == 0]  # fmt: skip
+
+    def _counted(self, point: Point) -> BudgetLine:
+        return BudgetLine(COUNTING, "B", RESOLUTION_COUNTS / point.span_s)
+
+    @property
+    def _pps_per_a(self) -> float:
+        """The scale of the converter, by what it made of a current."""
+        found = [abs(level.run.rate_pps / level.data.level.current_a) for level in self.levels if level.is_source]
+        return float(np.median(found)) if found else 0.0
+
+    # Forms
+
+    @property
+    def reference_c(self) -> float:
+        """The temperature of the converter at which rates are told."""
+        return float(self.settings["reference_temperature_c"])
+
+    @property
+    def _thermometer(self) -> tuple[float, float]:
+        """Offset in °C and gain of the thermometer at the converter, as standard uncertainties."""
+        return self.data.bench.thermometers_u.get(self.unit.converter, (0.0, 0.0))
+
+    @property
+    def _source_offset_u_a(self) -> float:
+        certificate = self.data.bench.sources.get(self.unit.source)
+        return certificate.offset_u_a if certificate is not None else 0.0
+
+    def id_of(self, quantity: str) -> str:
+        """The beginning of the id of a result."""
+        return f"{self.data.label}/{self.unit.place}/{quantity}"
+
+    def _of_level(
+        self,
+        quantity: str,
+        name: str,
+        level: Level,
+        value: float,
+        unit: str,
+        lines: Sequence[BudgetLine],
+        steps: tuple[str, ...] = (),
+    ) -> Finding:
+        at = {"run": level.name, "level_g": level.data.level.level_g}
+        return self.finding(quantity, name, at, value, unit, lines, steps or level.data.steps)
+
+    def finding(
+        self,
+        quantity: str,
+        name: str,
+        at: Mapping[str, Any],
+        value: float,
+        unit: str,
+        lines: Sequence[BudgetLine],
+        steps: tuple[str, ...],
+        flags: tuple[str, ...] = (),
+    ) -> Finding:
+        """One finding; what its budget holds in excess is left out."""
+        where = f"@{at['run']}" if "run" in at else ""
+        return Finding(
+            id=f"{self.id_of(quantity)}{where}",
+            uut=self.unit.serial,
+            quantity=quantity,
+            name=name,
+            at=at,
+            value=float(value),
+            unit=unit,
+            budget=combined(lines),
+            steps=steps,
+            flags=flags,
+        )
+
+
+def scaled(lines: Sequence[BudgetLine], factor: float) -> list[BudgetLine]:
+    """Lines of a budget for a value that is `factor` times the one they are of."""
+    return [BudgetLine(line.source, line.type, float(line.u * factor), line.dof, line.shared) for line in lines]

@@ -1,0 +1,62 @@
+"""How the input of a channel drifted while its converter was warmed: by points at rest, and by certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from bench.analysis.channel_runs import LevelData, Point
+from bench.analysis.channel_scatter import LineScatter
+from bench.analysis.channel_temperature import ChannelRun
+
+HOUR_S = 3600.0
+SIGNIFICANT_U = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class InputDrift:
+    """A change of the rate relative to it, from the first point at rest to the last, `hours` apart.
+
+    `u` is its standard uncertainty. Points at another temperature than the first are brought to that one by the line.
+    """
+
+    change: float
+    u: float
+    hours: float
+    steps: tuple[str, ...]
+
+    @property
+    def found_per_h(self) -> float:
+        """How fast it drifted; 0 where that is no more than the points scatter."""
+        return abs(self.change) / self.hours if abs(self.change) > SIGNIFICANT_U * self.u else 0.0
+
+
+def input_drift(points: Sequence[Point], run: ChannelRun, scatter: LineScatter) -> InputDrift | None:
+    """The drift of a level between its first point and its last; None without two that can be used."""
+    usable = [point for point in points if not point.problems and point.span_s > 0]
+    if len(usable) < 2 or not run.rate_pps:
+        return None
+    first, last = usable[0], usable[-1]
+    warmed_pps = run.slope_pps_per_c * (last.converter_c - first.converter_c)
+    u_pps = (scatter.mean_u_pps(first.span_s) ** 2 + scatter.mean_u_pps(last.span_s) ** 2) ** 0.5
+    return InputDrift(
+        change=(last.rate_pps - first.rate_pps - warmed_pps) / run.rate_pps,
+        u=u_pps / abs(run.rate_pps),
+        hours=(last.middle_s - first.middle_s) / HOUR_S,
+        steps=(first.step, last.step),
+    )
+
+
+def drifts_of_sources(
+    levels: Mapping[str, LevelData], drifts: Mapping[str, InputDrift | None]
+) -> Mapping[str, InputDrift | None]:
+    """The same, where a source level without points of its own has those of the level that was watched the longest.
+
+    A source drifts in proportion to its current, so that a point at 1 g tells of 12 g.
+    """
+    watched = [drift for name, drift in drifts.items() if drift and levels[name].level.kind == "source"]
+    longest = max(watched, key=lambda drift: drift.hours, default=None)
+    return {
+        name: longest if drift is None and levels[name].level.kind == "source" else drift
+        for name, drift in drifts.items()
+    }

@@ -1,0 +1,134 @@
+"""Method M0 on counts: a channel over the temperature of its converter at several input levels (methods.md section 2).
+
+Every level has a line of its own, D = D_ref + k (T - T_ref). Levels are compared with each other where a run has more
+than one; the slopes of all of them together tell the converter's two temperature coefficients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bench.analysis.channel_comparison import (
+    Compared,
+    Level,
+    compared_levels,
+    drift_of_channel,
+    has_drifted,
+    lines_of_levels,
+)
+from bench.analysis.channel_conclusions import ChannelConclusions
+from bench.analysis.channel_findings import ChannelFindings
+from bench.analysis.channel_levels import ChannelDrift, out_of_proportion
+from bench.analysis.channel_runs import levels_of
+from bench.analysis.channel_temperature import ABORT_SHARE
+from bench.analysis.finding import UnitResult
+from bench.analysis.rundata import RunData, UnitUnderTest
+
+ZERO_SHARE = 0.01  # of the rate at 1 g, that a channel fed with nothing may have
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelDetail:
+    """What a report draws: the levels in the order of the run, and how they compare."""
+
+    levels: tuple[Level, ...]
+    compared: tuple[Compared, ...]
+    reference_c: float
+    threshold: float
+    basis: str
+
+
+def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
+    """The findings and models of every unit; `settings` are those of the method's description."""
+    return [_reduced(data, unit, settings) for unit in data.units]
+
+
+def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
+    found = levels_of(data, unit, settings["gate_s"])
+    by_name = lines_of_levels(data, unit, found, settings)
+    levels, compared = tuple(by_name.values()), tuple(compared_levels(by_name, settings))
+    drift = drift_of_channel(levels)
+    of_levels = ChannelFindings(data, unit, settings, found, levels)
+    conclusions = ChannelConclusions(of_levels, compared, drift)
+    left_out = [level.name for level in levels if not level.run.valid or _lost_its_thermostat(level)]
+    left_out += [each.level.name for each in compared if each.comparison.decision == "invalid"]
+    return UnitResult(
+        place=unit.place,
+        uut=unit.serial,
+        findings=(*of_levels.findings(), *conclusions.findings()),
+        models=tuple(conclusions.models()),
+        left_out=tuple(dict.fromkeys(left_out)),
+        flags=(
+            *(flag for level in levels for flag in _flags_of_level(level, settings)),
+            *(flag for each in compared for flag in _flags_of_comparison(each, settings)),
+            *_flags_of_channel(data, unit, levels, drift),
+            *_flags_of_zero(of_levels),
+        ),
+        detail=ChannelDetail(
+            levels, compared, settings["reference_temperature_c"], settings["threshold"], settings["compare_basis"]
+        ),
+    )
+
+
+def _lost_its_thermostat(level: Level) -> bool:
+    """Whether the accelerometer was away from its temperature for so much of the run that this should have ended."""
+    away = level.run.excluded.get("accelerometer_temperature", 0)
+    return away > ABORT_SHARE * (away + level.run.gates_used)
+
+
+def _flags_of_level(level: Level, settings: Mapping[str, Any]) -> Iterator[str]:
+    name, excluded = level.name, level.run.excluded
+    yield from (f"{name}:{flag}" for flag in level.run.flags)
+    yield from (f"{name}: {note}" for note in level.run.notes)
+    for reason in ("missing", "thermometer", "impossible_rate", "saturated", "stuck", "outlier", "ambiguous_gap"):
+        if excluded.get(reason):
+            yield f"{name}: {excluded[reason]} gates: {reason}"
+    if excluded.get("accelerometer_temperature"):
+        yield f"{name}: {excluded['accelerometer_temperature']} gates: accelerometer_temperature"
+    for point in level.data.points:
+        yield from (f"{point.step}: {problem}" for problem in point.problems)
+    if has_drifted(level, settings["drift_limit"]):
+        yield f"{name}:input_drifted"
+    if level.drift is None:
+        yield f"{name}:no_points"
+
+
+def _flags_of_comparison(compared: Compared, settings: Mapping[str, Any]) -> Iterator[str]:
+    """Why there is no decision, and where the other basis would have decided otherwise for a reason that is known."""
+    name, found, threshold = compared.level.name, compared.comparison, settings["threshold"]
+    yield from (f"{name}: {remark}" for remark in found.remarks)
+    if found.decision == "invalid":
+        return
+    raw, normalised = found.raw.value <= threshold, found.normalised.value <= threshold
+    if normalised and not raw:
+        yield f"{name}:slope_follows_level"
+    elif raw and not normalised:
+        yield f"{name}:slope_same_at_all_levels"
+
+
+def _flags_of_channel(
+    data: RunData, unit: UnitUnderTest, levels: Sequence[Level], drift: ChannelDrift | None
+) -> Iterator[str]:
+    if not unit.converter:
+        yield "converter:no_thermometer"
+    if any(level.is_source for level in levels) and unit.source not in data.bench.sources:
+        yield f"{unit.source}:not_certified"
+    odd = out_of_proportion(
+        np.array([level.data.level.level_g for level in levels]), np.array([level.run.rate_pps for level in levels])
+    )
+    yield from (f"{level.name}:out_of_proportion" for level, is_odd in zip(levels, odd, strict=True) if is_odd)
+    if drift is not None and drift.misfit:
+        yield "channel:drift_not_linear"
+
+
+def _flags_of_zero(of_levels: ChannelFindings) -> Iterator[str]:
+    """Points at which the source gave nothing, and the channel counted as if something fed it."""
+    per_g = [abs(each.run.rate_pps / each.data.level.level_g) for each in of_levels.levels if each.is_source]
+    for point in of_levels.zero_points:
+        yield from (f"{point.step}: {problem}" for problem in point.problems)
+        if per_g and abs(point.rate_pps) > ZERO_SHARE * min(per_g):
+            yield f"{point.step}: not_zero"

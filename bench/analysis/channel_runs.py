@@ -1,0 +1,166 @@
+"""From the acquisitions of a run to input levels: for each what was read on ramps, and the points at rest around it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from bench.analysis.channel_temperature import ChannelRecord
+from bench.analysis.counts import mean_rate
+from bench.analysis.ramp_samples import means_between
+from bench.analysis.rundata import Acquisition, Array, Counts, RunData, UnitUnderTest
+
+LEVEL_DIGITS_G = 3  # levels closer to each other are one level
+SKEW_G = 0.577  # of three axes alike about the vertical, 1/√3
+SAME_CLOCK = 0.5  # of the time between two latches, that device and host may differ by
+
+
+@dataclass(frozen=True, slots=True)
+class InputLevel:
+    """What a channel is fed with: gravity at an angle above the horizontal, or a current; in g of a nominal unit.
+
+    `angle_rad` is not-a-number for a source, `current_a` for gravity.
+    """
+
+    kind: Literal["gravity", "source"]
+    level_g: float
+    angle_rad: float = float("nan")
+    current_a: float = float("nan")
+
+    @property
+    def name(self) -> str:
+        """As methods.md calls it: up_1g, skew, src_12g."""
+        level_g = round(self.level_g, LEVEL_DIGITS_G) + 0.0
+        if self.kind == "source":
+            return f"src_{level_g:g}g"
+        usual = {1.0: "up_1g", -1.0: "down_1g", SKEW_G: "skew"}
+        return usual.get(level_g, f"gravity_{level_g:g}g")
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A mean rate at rest; `problems` are those of `mean_rate`. Temperatures are means, NaN without a reading."""
+
+    step: str
+    middle_s: float
+    span_s: float
+    rate_pps: float
+    converter_c: float
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LevelData:
+    """One input level of one unit: what was read on its ramps, and the points at rest in the order of the run.
+
+    `steps` are the acquisitions on ramps, `temperature_set_c` the set points that these went between.
+    """
+
+    level: InputLevel
+    record: ChannelRecord
+    points: tuple[Point, ...]
+    steps: tuple[str, ...]
+    ends_c: tuple[tuple[float, float], ...]
+
+
+def levels_of(data: RunData, unit: UnitUnderTest, gate_s: float) -> dict[str, LevelData]:
+    """The input levels of a unit by name, in the order of the run.
+
+    An acquisition in which the chamber's set point moves is a ramp, another one a point.
+    """
+    grouped: dict[str, list[tuple[InputLevel, Acquisition]]] = {}
+    for acquisition in data.acquisitions:
+        level = input_level(data, unit, acquisition)
+        grouped.setdefault(level.name, []).append((level, acquisition))
+    return {name: _level_data(unit, members, gate_s) for name, members in grouped.items()}
+
+
+def input_level(data: RunData, unit: UnitUnderTest, acquisition: Acquisition) -> InputLevel:
+    """What fed a unit's converter during an acquisition."""
+    if acquisition.input == "source":
+        current_a = acquisition.sources_a.get(unit.source, 0.0)
+        return InputLevel("source", current_a / unit.scale_a_per_g, current_a=current_a)
+    bench = data.bench
+    fixed_deg = bench.offset_deg + acquisition.mounted_deg + unit.mount_angle_deg
+    angle_rad = float(np.radians(bench.sense * acquisition.angle_deg + fixed_deg))
+    return InputLevel("gravity", float(np.sin(angle_rad)), angle_rad=angle_rad)
+
+
+def _level_data(unit: UnitUnderTest, members: list[tuple[InputLevel, Acquisition]], gate_s: float) -> LevelData:
+    ramps = [acquisition for _, acquisition in members if _is_ramp(acquisition)]
+    return LevelData(
+        level=members[0][0],
+        record=_joined([read_out(acquisition, unit, gate_s) for acquisition in ramps]),
+        points=tuple(_point(acquisition, unit) for _, acquisition in members if not _is_ramp(acquisition)),
+        steps=tuple(acquisition.step for acquisition in ramps),
+        ends_c=tuple((acquisition.set_from_c, acquisition.set_c) for acquisition in ramps),
+    )
+
+
+def _is_ramp(acquisition: Acquisition) -> bool:
+    return acquisition.set_c != acquisition.set_from_c and np.isfinite(acquisition.set_from_c)
+
+
+def read_out(acquisition: Acquisition, unit: UnitUnderTest, gate_s: float) -> ChannelRecord:
+    """Counters and temperatures every `gate_s`, each temperature the mean over the gate around its read-out.
+
+    The times are those of the device's clock, put where the host's was when the first latch came.
+    """
+    counts = acquisition.counts[unit.channel]
+    due_s = np.arange(acquisition.begin_s + gate_s / 2, acquisition.end_s - gate_s / 2, gate_s)
+    latches = np.searchsorted(counts.host_s, due_s)
+    latches = np.unique(latches[latches < len(counts.host_s)])
+    at_s = counts.host_s[latches]
+    return ChannelRecord(
+        time_s=_device_s(counts)[latches],
+        positive=counts.positive[latches].astype(np.float64),
+        negative=counts.negative[latches].astype(np.float64),
+        converter_c=_means_around(acquisition, unit.converter, at_s, gate_s),
+        accelerometer_c=_means_around(acquisition, unit.temperature, at_s, gate_s),
+    )
+
+
+def _device_s(counts: Counts) -> Array:
+    """The device's time of every latch (n,); where the device began anew, the host's goes on."""
+    if len(counts.host_s) < 2:
+        return counts.host_s
+    host_s = np.diff(counts.host_s)
+    steps_s = np.diff(counts.tick) % (1 << counts.tick_bits) * counts.tick_period_s
+    begun_anew = np.abs(steps_s - host_s) > SAME_CLOCK * np.maximum(host_s, float(np.median(steps_s)))
+    elapsed_s = np.cumsum(np.where(begun_anew, host_s, steps_s))
+    return np.concatenate(([0.0], elapsed_s)) + float(counts.host_s[0])
+
+
+def _means_around(acquisition: Acquisition, reading: str, at_s: Array, gate_s: float) -> Array:
+    if reading not in acquisition.temperatures_c or len(at_s) < 2:
+        return np.full(len(at_s), np.nan)
+    edges_s = np.concatenate(([at_s[0] - gate_s / 2], (at_s[1:] + at_s[:-1]) / 2, [at_s[-1] + gate_s / 2]))
+    return means_between(acquisition.temperatures_at_s[reading], acquisition.temperatures_c[reading], edges_s)
+
+
+def _joined(records: Iterable[ChannelRecord]) -> ChannelRecord:
+    parts = [_columns(record) for record in records]
+    return ChannelRecord(**{name: np.concatenate([np.zeros(0), *(part[name] for part in parts)]) for name in _COLUMNS})
+
+
+_COLUMNS = ("time_s", "positive", "negative", "converter_c", "accelerometer_c")
+
+
+def _columns(record: ChannelRecord) -> Mapping[str, Array]:
+    return {name: getattr(record, name) for name in _COLUMNS}
+
+
+def _point(acquisition: Acquisition, unit: UnitUnderTest) -> Point:
+    rate = mean_rate(acquisition.counts[unit.channel])
+    temperatures_c = acquisition.temperatures_c.get(unit.converter, np.zeros(0))
+    return Point(
+        step=acquisition.step,
+        middle_s=(acquisition.begin_s + acquisition.end_s) / 2,
+        span_s=rate.span_s,
+        rate_pps=rate.net_pps,
+        converter_c=float(np.nanmean(temperatures_c)) if np.isfinite(temperatures_c).any() else float("nan"),
+        problems=rate.problems,
+    )

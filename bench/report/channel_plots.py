@@ -1,0 +1,191 @@
+"""What a channel has shown of one unit at its input levels: a table of decisions, and three drawings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from bench.analysis.channel_comparison import Compared, Level
+from bench.analysis.channel_method import ChannelDetail
+from bench.analysis.finding import COVERAGE, Finding, UnitResult
+from bench.analysis.fit import Array
+from bench.report.plots import Plot
+from bench.report.shown import shown
+from bench.report.svg import new_figure, rendered
+from bench.report.tables import Sheet
+
+CONVERTER = "temperature of the converter / °C"
+COLOURS = ("#0b5394", "#b45309", "#38761d", "#741b47", "#134f5c", "#7f6000")
+STRETCHES = 24  # means that a run is drawn by
+PPM = 1e6
+DRIFTED = "an input drifted more than it may between the points at rest"
+CLOSE = "the deviation is close to what is allowed"
+DECIDED = {
+    "share": "one model serves both: the slope of {reference}, at its own rate",
+    "keep": "keeps a model of its own",
+    "invalid": "no decision",
+}
+
+
+def channel_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
+    """The table and the drawings of a unit; `name` begins their ids in the page."""
+    detail = unit.detail
+    if not isinstance(detail, ChannelDetail):
+        return
+    drawn = [level for level in detail.levels if np.isfinite(level.run.slope_pps_per_c)]
+    if detail.compared:
+        yield _decisions(unit, detail)
+    if drawn:
+        yield _over_temperature(drawn, detail, f"{name}-rate")
+        yield _slopes(drawn, detail, f"{name}-slopes")
+        yield _course(drawn, f"{name}-ramps")
+
+
+# How the levels compare, in words
+
+
+def _decisions(unit: UnitResult, detail: ChannelDetail) -> Sheet:
+    rows = tuple(_decision_row(unit, each, detail) for each in detail.compared)
+    basis = "relative to the rate" if detail.basis == "normalised" else "in pulse/s/°C, as they are"
+    return Sheet(
+        "Does the model of one level serve another?",
+        f"Slopes {basis} decide; they may deviate by {detail.threshold * 100:g} %. A drift in proportion to the level "
+        "makes slopes in pulse/s/°C follow the level, and leaves those relative to the rate alike; a drift that is the "
+        "same at all levels does the opposite.",
+        (("Level", ""), ("Against", ""), ("Deviation of slopes", "%"), ("Of relative slopes", "%"), ("Decision", ""),
+         ("In words", "")),
+        rows,
+    )  # fmt: skip
+
+
+def _decision_row(unit: UnitResult, each: Compared, detail: ChannelDetail) -> tuple[str, ...]:
+    found = each.comparison
+    values = {
+        finding.quantity: finding
+        for finding in unit.findings
+        if finding.at.get("run") == each.level.name and "reference" in finding.at
+    }
+    decision = f"{found.decision}, marginal" if each.marginal else found.decision
+    return (
+        each.level.name, each.reference.name, _percent(values.get("deviation/raw")),
+        _percent(values.get("deviation/normalised")), decision, _in_words(each, detail),
+    )  # fmt: skip
+
+
+def _percent(finding: Finding | None) -> str:
+    return shown(finding) if finding is not None else "–"
+
+
+def _in_words(each: Compared, detail: ChannelDetail) -> str:
+    found, reference = each.comparison, each.reference.name
+    words = [DECIDED[found.decision].format(reference=reference)]
+    words += [remark.removeprefix("no decision: ") for remark in found.remarks]
+    if found.decision != "invalid":
+        raw, normalised = found.raw.value <= detail.threshold, found.normalised.value <= detail.threshold
+        if normalised and not raw:
+            words.append("its slope is another one because its level is; relative to the rate the drift is the same")
+        elif raw and not normalised:
+            words.append("its slope is the same at another level: the drift is not in proportion to the input")
+    if each.marginal:
+        words.append(f"marginal: {DRIFTED if each.drifted else CLOSE}")
+    return "; ".join(words)
+
+
+# Drawings
+
+
+def _over_temperature(levels: list[Level], detail: ChannelDetail, name: str) -> Plot:
+    figure = new_figure(5.4)
+    above, below = figure.subplots(2, 1, height_ratios=[3, 2], gridspec_kw={"hspace": 0.4})
+    below.axhline(0, color="#444444", linewidth=0.6)
+    for level, colour in zip(levels, _colours(levels), strict=True):
+        temperature_c, relative, residual = _means(level, detail.reference_c)
+        ends_c = np.array([np.min(temperature_c), np.max(temperature_c)])
+        line = level.run.relative_slope_per_c * (ends_c - detail.reference_c) * PPM
+        above.plot(temperature_c, relative, "o", color=colour, markersize=3, label=_label(level))
+        above.plot(ends_c, line, color=colour, linewidth=0.8)
+        below.plot(temperature_c, residual, "o-", color=colour, markersize=3, linewidth=0.6)
+    at = f"{detail.reference_c:g} °C"
+    above.set(xlabel=CONVERTER, ylabel=f"D / D({at}) - 1 / ppm", title=f"Rate relative to that at {at}")
+    above.legend(ncols=2)
+    below.set(xlabel=CONVERTER, ylabel="residual / ppm", title="What the straight lines leave")
+    title = "Rate of the channel over the temperature of its converter"
+    caption = (
+        f"Means over a {STRETCHES}th of each run, and straight lines through all its read-outs. Levels whose drift is "
+        "in proportion to the input lie on one line."
+    )
+    return Plot(title, rendered(figure, name, title), caption)
+
+
+def _means(level: Level, reference_c: float) -> tuple[Array, Array, Array]:
+    """Of each stretch of a run in the order of temperature: temperature, rate and residual relative to D_ref in ppm."""
+    run, gates = level.run, level.run.gates
+    order = np.argsort(gates.converter_c, kind="stable")
+    parts = [part for part in np.array_split(order, STRETCHES) if len(part)]
+    temperature_c = np.array([np.mean(gates.converter_c[part]) for part in parts])
+    rate_pps = np.array(
+        [np.sum((gates.rate_pps * gates.seconds)[part]) / np.sum(gates.seconds[part]) for part in parts]
+    )
+    relative = (rate_pps / run.rate_pps - 1) * PPM
+    return temperature_c, relative, relative - run.relative_slope_per_c * (temperature_c - reference_c) * PPM
+
+
+def _slopes(levels: list[Level], detail: ChannelDetail, name: str) -> Plot:
+    """The relative slope of each level with its own uncertainty, and what may deviate from the reference."""
+    figure = new_figure(3.0)
+    axes = figure.subplots()
+    decisions = {each.level.name: each for each in detail.compared}
+    for number, (level, colour) in enumerate(zip(levels, _colours(levels), strict=True)):
+        slope, run = level.run.relative_slope_per_c * PPM, level.run_to_compare
+        bar = COVERAGE * run.u_relative_slope_per_c * PPM
+        axes.errorbar(number, slope, bar, marker="o", color=colour, capsize=3, linestyle="none")
+        each = decisions.get(level.name)
+        if each is not None:
+            _draw_allowed(axes, number, each, detail)
+            axes.annotate(
+                each.comparison.decision, (number, slope), (10, 0), textcoords="offset points", va="center", fontsize=8
+            )
+    axes.set_xticks(range(len(levels)), [_label(level) for level in levels])
+    axes.set_xlim(-0.5, len(levels) - 0.3)
+    axes.set(ylabel="κ / (ppm/°C)", title="Slopes relative to the rate")
+    title = "Slopes of the levels relative to their rates"
+    caption = (
+        f"Bars: expanded uncertainty, k = {COVERAGE}, of what the levels do not share. Grey: what a level may deviate "
+        "from the one it is compared with, where relative slopes decide."
+    )
+    return Plot(title, rendered(figure, name, title), caption)
+
+
+def _draw_allowed(axes: Axes, number: int, each: Compared, detail: ChannelDetail) -> None:
+    if detail.basis != "normalised":
+        return
+    reference = each.reference.run.relative_slope_per_c * PPM
+    height = 2 * detail.threshold * abs(reference)
+    axes.bar(number, height, 0.6, reference - height / 2, color="#dddddd", zorder=0)
+
+
+def _course(levels: list[Level], name: str) -> Plot:
+    figure = new_figure(3.4)
+    axes = figure.subplots()
+    begin_s = min(float(level.run.gates.time_s[0]) for level in levels)
+    for level, colour in zip(levels, _colours(levels), strict=True):
+        gates = level.run.gates
+        hours = (gates.time_s - begin_s) / 3600
+        axes.plot(hours, gates.converter_c, ".", color=colour, markersize=2, label=_label(level))
+        if not level.is_source:
+            axes.plot(hours, gates.accelerometer_c, ".", color="#999999", markersize=1)
+    axes.set(xlabel="time from the first read-out / h", ylabel="temperature / °C", title="Ramps")
+    axes.legend(ncols=2)
+    title = "Temperatures of the converter while each level was counted"
+    caption = "The read-outs that were used. Grey: the accelerometer, where it was connected."
+    return Plot(title, rendered(figure, name, title), caption)
+
+
+def _colours(levels: list[Level]) -> list[str]:
+    return [COLOURS[number % len(COLOURS)] for number in range(len(levels))]
+
+
+def _label(level: Level) -> str:
+    return f"{level.name} ({level.data.level.level_g:.4g} g)"

@@ -1,0 +1,70 @@
+"""The method over temperature and input level as a sequence sees it (method M0)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from bench.sequence.methods import MethodDescription
+from drivers.fields import Celsius, InUnit, PositiveCelsius, PositiveSeconds, Ratio, StrictModel
+
+
+class ChannelSettings(StrictModel):
+    """Settings of the channel over temperature and input level."""
+
+    threshold: Annotated[Ratio, InUnit("", above=0)] = Field(
+        description="the deviation of a slope up to which one model serves both levels, such as 5 %"
+    )
+    compare_basis: Literal["normalised", "raw"] = Field(
+        "normalised", description="which slopes decide: relative to the rate, or as they are in pulse/s/°C"
+    )
+    reference_policy: Literal["claim", "embodiment"] = Field(
+        "claim", description="what source runs are compared with: up_1g, or src_1g, which itself is with up_1g"
+    )
+    reference_temperature_c: Celsius = Field(
+        25.0, alias="reference_temperature", description="of the converter, at which the rate is told"
+    )
+    gate_s: PositiveSeconds = Field(10.0, alias="gate", description="the time between two read-outs of the counters")
+    accelerometer_c: Celsius | None = Field(
+        None, alias="accelerometer", description="where its thermostat holds it; without it that is not looked at"
+    )
+    accelerometer_tolerance_c: PositiveCelsius = Field(
+        0.2, alias="accelerometer_tolerance", description="a gate with the accelerometer farther from there is left out"
+    )
+    accelerometer_drift_u: Annotated[float, InUnit("1/°C", at_least=0)] = Field(
+        70e-6,
+        description="standard uncertainty of what the rate changes with the temperature of the accelerometer itself",
+    )
+    max_ramp_c_per_h: Annotated[float, InUnit("°C/h", above=0)] = Field(
+        30.0, alias="max_ramp", description="a faster ramp is flagged"
+    )
+    min_span_c: PositiveCelsius = Field(
+        5.0, alias="min_span", description="over a smaller range of temperature nothing is decided"
+    )
+    drift_limit: Annotated[Ratio, InUnit("", above=0)] = Field(
+        10e-6, description="a run whose input drifted more between opening and closing point is marginal"
+    )
+
+
+CHANNEL_TEMPERATURE = MethodDescription(
+    name="channel_temperature",
+    title="Accelerometer channel over temperature and input level (method M0)",
+    target="bench.analysis.channel_method:reduce",
+    settings=ChannelSettings,
+    quantities={
+        "rate": "pulse/s",
+        "rate/temperature_coefficient": "pulse/s/°C",
+        "rate/relative_temperature_coefficient": "1/°C",
+        "rate/model_residual": "1",
+        "rate/drift": "1",
+        "zero": "pulse/s",
+        "zero/drift": "pulse/s",
+        "deviation/raw": "1",
+        "deviation/normalised": "1",
+        "tempco_offset": "pulse/s/°C",
+        "tempco_scale": "1/°C",
+    },
+    counts_at="levels",
+    drawn_by="bench.report.channel_plots:channel_plots",
+)
