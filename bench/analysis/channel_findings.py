@@ -66,9 +66,9 @@ class ChannelFindings:
         rate_pps, at = abs(level.run.rate_pps), level.data.level
         certificate = self.data.bench.sources.get(self.unit.source)
         if not level.is_source:
-            tilt = np.radians(self.data.bench.level_u_deg)
-            tilted = np.hypot(np.cos(at.angle_rad) * tilt, np.sin(at.angle_rad) * tilt**2 / np.sqrt(2))
-            yield BudgetLine("fixture: level", "B", float(rate_pps * tilted / abs(at.level_g)), None, "fixture.level")
+            tilt, level_g = np.radians(self.data.bench.level_u_deg), abs(at.level_g)
+            tilted_g = np.hypot(np.sqrt(max(1 - level_g**2, 0.0)) * tilt, level_g * tilt**2 / np.sqrt(2))
+            yield BudgetLine("fixture: level", "B", float(rate_pps * tilted_g / level_g), None, "fixture.level")
         elif certificate is not None:
             source = self.unit.source
             yield BudgetLine(f"{source}: gain", "B", rate_pps * certificate.gain_u, None, f"{source}.gain")

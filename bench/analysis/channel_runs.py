@@ -10,6 +10,7 @@ import numpy as np
 
 from bench.analysis.channel_temperature import ChannelRecord
 from bench.analysis.counts import mean_rate
+from bench.analysis.orientation import specific_force_g
 from bench.analysis.ramp_samples import means_between
 from bench.analysis.rundata import Acquisition, Array, Counts, RunData, UnitUnderTest
 
@@ -20,14 +21,13 @@ SAME_CLOCK = 0.5  # of the time between two latches, that device and host may di
 
 @dataclass(frozen=True, slots=True)
 class InputLevel:
-    """What a channel is fed with: gravity at an angle above the horizontal, or a current; in g of a nominal unit.
+    """What a channel is fed with: gravity along its input axis, or a current; in g of a nominal unit.
 
-    `angle_rad` is not-a-number for a source, `current_a` for gravity.
+    `current_a` is not-a-number for gravity.
     """
 
     kind: Literal["gravity", "source"]
     level_g: float
-    angle_rad: float = float("nan")
     current_a: float = float("nan")
 
     @property
@@ -83,10 +83,7 @@ def input_level(data: RunData, unit: UnitUnderTest, acquisition: Acquisition) ->
     if acquisition.input == "source":
         current_a = acquisition.sources_a.get(unit.source, 0.0)
         return InputLevel("source", current_a / unit.scale_a_per_g, current_a=current_a)
-    bench = data.bench
-    fixed_deg = bench.offset_deg + acquisition.mounted_deg + unit.mount_angle_deg
-    angle_rad = float(np.radians(bench.sense * acquisition.angle_deg + fixed_deg))
-    return InputLevel("gravity", float(np.sin(angle_rad)), angle_rad=angle_rad)
+    return InputLevel("gravity", float(specific_force_g(acquisition, unit, data.bench)[0]))
 
 
 def _level_data(unit: UnitUnderTest, members: list[tuple[InputLevel, Acquisition]], gate_s: float) -> LevelData:

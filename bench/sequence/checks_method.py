@@ -32,7 +32,7 @@ Dwells = dict[str, tuple[float | None, list[float]]]
 def soak_never_stable(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A band that the noise of a simulated thermometer at a unit leaves again and again."""
     span_c = PEAK_TO_PEAK_SD * bench.simulation.thermometer.noise
-    at_units = {unit.temperature for unit in bench.places.values()}
+    at_units = {reading for unit in bench.places.values() for reading in (unit.temperature, unit.converter_temperature)}
     for planned in plan if bench.is_simulated else ():
         step = planned.step
         if not isinstance(step, Soak) or not step.until_stable or at_units.isdisjoint(bench.members(step.role)):

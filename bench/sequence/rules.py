@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bench.config.models import BenchFile
+from bench.sequence.checks_channel import no_converter_thermometer, source_unplugged, unsuited_ramp
 from bench.sequence.checks_ladder import incomplete_ladder, ladder_below_limit, no_nominal, step_below_band
 from bench.sequence.checks_method import (
     soak_never_stable,
@@ -21,11 +22,19 @@ RULES = (
     Rule("left-energised", "error", "every output is off after the teardown", left_energised),
     Rule("shared-device", "error", "branches done at the same time have devices of their own", shared_device),
     Rule("forbidden-angle", "error", "the head keeps away from what the fixture forbids", forbidden_angle),
+    Rule("source-unplugged", "error", "a source is on only while it feeds the converter", source_unplugged),
+    Rule(
+        "no-converter-thermometer",
+        "error",
+        "the temperature of a converter is read where it counts",
+        no_converter_thermometer,
+    ),
     Rule("too-few-angles", "error", "a tumble has the angles that its constants need", too_few_angles),
     Rule("no-nominal", "error", "what a step lets expect is known", no_nominal),
     Rule("incomplete-ladder", "error", "a ladder has steps of both senses, between readings", incomplete_ladder),
     Rule("too-few-temperatures", "warning", "a model over temperature has the degree asked for", too_few_temperatures),
     Rule("too-few-repetitions", "error", "a scatter has values enough", too_few_repetitions),
+    Rule("unsuited-ramp", "warning", "a ramp for a channel is long and slow enough", unsuited_ramp),
     Rule("short-acquisition", "warning", "counting resolves what is asked for", short_acquisition),
     Rule("step-below-band", "warning", "the head can make the steps of a ladder", step_below_band),
     Rule("ladder-below-limit", "warning", "a ladder reaches beyond its limits", ladder_below_limit),

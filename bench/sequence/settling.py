@@ -112,11 +112,14 @@ class Settling:
     def wait_s(self, step: WaitUntil, at_s: float) -> float:
         """How long a temperature takes to fulfil a condition; as long as it may, when nothing tells that it does.
 
-        Of other readings nothing is known but the time for which the condition must hold.
+        A reading in s is taken for one that counts how long something is on, since the run began. Of others nothing is
+        known but the time for which the condition must hold.
         """
         return max(self._wait_s(step, name, at_s) for name in self._bench.members(step.reading))
 
     def _wait_s(self, step: WaitUntil, name: str, at_s: float) -> float:
+        if step.above is not None and is_known(step.above) and unit_of(name, self._bench) == "s":
+            return max(step.least_s, step.above.to("s") - at_s)
         reading, bounds = self._reading(name), [each for each in (step.above, step.below) if each is not None]
         if reading is None or not all(map(is_known, bounds)) or math.isnan(step.hold_s + step.give_up_after_s):
             return step.least_s
@@ -153,18 +156,33 @@ class Settling:
             return None
         air = loop_poles(chamber.natural_period, chamber.damping)
         swing_c = 2 * math.sqrt(2) * chamber.limit_cycle  # peak to peak
+        thermometer = bench.simulation.thermometer
+        noise_c = PEAK_TO_PEAK_SD * thermometer.noise
         place = next(self._places_at(name), None)
         if place is not None:
-            unit, thermometer = place.nominal or _USUAL_UNIT, bench.simulation.thermometer
+            unit = place.nominal or _USUAL_UNIT
             lags = lag_poles((*unit.time_constants, thermometer.lag))
-            restless_c = swing_c * gain(lags, chamber.limit_cycle_period) + PEAK_TO_PEAK_SD * thermometer.noise
+            restless_c = swing_c * gain(lags, chamber.limit_cycle_period) + noise_c
             return _Reading((*air, *lags), lags, place.supply, unit.self_heating, restless_c)
+        converter = next(self._converters_at(name), None)
+        if converter is not None:
+            lags = lag_poles(((converter.nominal or _USUAL_UNIT).converter_time_constant, thermometer.lag))
+            restless_c = swing_c * gain(lags, chamber.limit_cycle_period) + noise_c
+            return _Reading((*air, *lags), restless_c=restless_c)
         device = bench.devices[self._source(name).partition(".")[0]]
         return _Reading(air, restless_c=swing_c) if "thermal_chamber" in device.description.capabilities else None
 
     def _places_at(self, name: str) -> Iterator[PlaceEntry]:
         source = self._source(name)
         return (place for place in self._bench.places.values() if self._source(place.temperature) == source)
+
+    def _converters_at(self, name: str) -> Iterator[PlaceEntry]:
+        source = self._source(name)
+        return (
+            place
+            for place in self._bench.places.values()
+            if place.converter_temperature and self._source(place.converter_temperature) == source
+        )
 
     def _source(self, name: str) -> str:
         return self._bench.readings[name].from_ if name in self._bench.readings else name

@@ -1,0 +1,108 @@
+"""Rules on channels over temperature: what feeds a converter, what its temperature is read by, how it is warmed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from bench.config.document import Place
+from bench.config.models import BenchFile
+from bench.sequence.measuring import Acquire
+from bench.sequence.methods.channel import CHANNEL_TEMPERATURE, ChannelSettings
+from bench.sequence.model import ResultEntry
+from bench.sequence.plan import Plan, PlannedStep
+from bench.sequence.remarks import Found
+from bench.sequence.stimulus import Ramp, SetOutput
+from bench.sequence.talk import Prompt
+
+ROUNDING = 1e-9
+
+
+def source_unplugged(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A source that is switched on while it is not in the converter, or on while somebody is asked to change that.
+
+    It is for sequences that ask a person to plug it in, or that need it there.
+    """
+    sources = {place.source for place in bench.places.values() if place.source}
+    if not any(_plugs(planned) == "source" for planned in plan) and not any(_channels(plan)):
+        return
+    plugged_in, on = False, set[str]()
+    for planned in plan:
+        step, plugs = planned.step, _plugs(planned)
+        if isinstance(step, SetOutput) and step.role in sources:
+            on = on | {step.role} if step.output == "on" else on - {step.role}
+            if step.output == "on" and not plugged_in:
+                yield (
+                    (*planned.place, "set"),
+                    f"'{step.role}' is switched on while the accelerometer is connected to the converter",
+                    "Ask before, with the source off: - prompt: Disconnect the accelerometer and plug the source in. "
+                    "with expect: {input: source}",
+                )
+        if plugs is not None:
+            for role in sorted(on):
+                yield (
+                    (*planned.place, "expect"),
+                    f"'{role}' is on while somebody changes what is connected to the converter",
+                    f"Write before it: - {{set: {role}, output: off}}",
+                )
+            plugged_in = plugs == "source"
+
+
+def _plugs(planned: PlannedStep) -> str | None:
+    """What a person is to plug into the converters in a step."""
+    step = planned.step
+    return step.expect.input if isinstance(step, Prompt) and step.expect is not None else None
+
+
+def no_converter_thermometer(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A channel over the temperature of its converter, on a bench that does not know it."""
+    for place, _, _ in _channels(plan):
+        for name, unit in bench.places.items():
+            if unit.converter_temperature is None:
+                yield (
+                    (*place, "method"),
+                    f"the bench does not say what reads the temperature of the converter in place '{name}'",
+                    f"Write in the bench file: places.{name}.converter_temperature: READING",
+                )
+
+
+def unsuited_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A ramp that is counted for a channel and is too short to decide anything, or faster than the method allows."""
+    for _, entry, settings in _channels(plan):
+        for planned, from_c in _counted_ramps(plan, entry.data):
+            step = planned.step
+            if not isinstance(step, Ramp):
+                continue
+            rate_c_per_h, span_c = 60 * step.rate_c_per_min, abs(step.temperature_c - from_c)
+            if rate_c_per_h > settings.max_ramp_c_per_h * (1 + ROUNDING):
+                yield (
+                    (*planned.place, "at"),
+                    f"{rate_c_per_h:g} °C/h is faster than {settings.max_ramp_c_per_h:g} °C/h, the setting max_ramp",
+                    "Ramp more slowly",
+                )
+            if span_c < settings.min_span_c * (1 - ROUNDING):
+                yield (
+                    (*planned.place, "to"),
+                    f"the ramp spans {span_c:g} °C; below {settings.min_span_c:g} °C, the setting min_span, nothing is "
+                    "decided",
+                    f"Ramp over at least {settings.min_span_c:g} °C",
+                )
+
+
+def _channels(plan: Plan) -> Iterator[tuple[Place, ResultEntry, ChannelSettings]]:
+    """The results by this method: place, entry and settings."""
+    for index, entry in enumerate(plan.sequence.results):
+        if entry.method == CHANNEL_TEMPERATURE.name:
+            yield ("results", index), entry, ChannelSettings.model_validate(entry.settings)
+
+
+def _counted_ramps(plan: Plan, label: str) -> Iterator[tuple[PlannedStep, float]]:
+    """The ramps during acquisitions with a label, each with the set point that it begins at."""
+    counting, set_c = "", float("nan")
+    for planned in plan:
+        step = planned.step
+        if isinstance(step, Acquire):
+            counting = planned.id if step.label == label else ""
+        if isinstance(step, Ramp):
+            if counting and planned.id.startswith(f"{counting}/"):
+                yield planned, set_c
+            set_c = step.temperature_c
