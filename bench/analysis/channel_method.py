@@ -28,6 +28,10 @@ from bench.analysis.channel_temperature import ABORT_SHARE
 from bench.analysis.finding import UnitResult
 from bench.analysis.rundata import RunData, UnitUnderTest
 
+LEFT_OUT = (
+    "missing", "thermometer", "impossible_rate", "saturated", "stuck", "outlier", "ambiguous_gap",
+    "accelerometer_temperature",
+)  # fmt: skip
 ZERO_SHARE = 0.01  # of the rate at 1 g, that a channel fed with nothing may have
 
 
@@ -84,11 +88,9 @@ def _flags_of_level(level: Level, settings: Mapping[str, Any]) -> Iterator[str]:
     name, excluded = level.name, level.run.excluded
     yield from (f"{name}:{flag}" for flag in level.run.flags)
     yield from (f"{name}: {note}" for note in level.run.notes)
-    for reason in ("missing", "thermometer", "impossible_rate", "saturated", "stuck", "outlier", "ambiguous_gap"):
+    for reason in LEFT_OUT:
         if excluded.get(reason):
-            yield f"{name}: {excluded[reason]} gates: {reason}"
-    if excluded.get("accelerometer_temperature"):
-        yield f"{name}: {excluded['accelerometer_temperature']} gates: accelerometer_temperature"
+            yield f"{name}: {excluded[reason]} samples: {reason}"
     for point in level.data.points:
         yield from (f"{point.step}: {problem}" for problem in point.problems)
     if has_drifted(level, settings["drift_limit"]):

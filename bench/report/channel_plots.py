@@ -9,24 +9,17 @@ from matplotlib.axes import Axes
 
 from bench.analysis.channel_comparison import Compared, Level
 from bench.analysis.channel_method import ChannelDetail
-from bench.analysis.finding import COVERAGE, Finding, UnitResult
+from bench.analysis.finding import COVERAGE, UnitResult
 from bench.analysis.fit import Array
+from bench.report.languages import tr
 from bench.report.plots import Plot
 from bench.report.shown import shown
 from bench.report.svg import new_figure, rendered
 from bench.report.tables import Sheet
 
-CONVERTER = "temperature of the converter / °C"
 COLOURS = ("#0b5394", "#b45309", "#38761d", "#741b47", "#134f5c", "#7f6000")
 STRETCHES = 24  # means that a run is drawn by
 PPM = 1e6
-DRIFTED = "an input drifted more than it may between the points at rest"
-CLOSE = "the deviation is close to what is allowed"
-DECIDED = {
-    "share": "one model serves both: the slope of {reference}, at its own rate",
-    "keep": "keeps a model of its own",
-    "invalid": "no decision",
-}
 
 
 def channel_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
@@ -47,50 +40,58 @@ def channel_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
 
 
 def _decisions(unit: UnitResult, detail: ChannelDetail) -> Sheet:
-    rows = tuple(_decision_row(unit, each, detail) for each in detail.compared)
-    basis = "relative to the rate" if detail.basis == "normalised" else "in pulse/s/°C, as they are"
+    allowed = f"{detail.threshold * 100:g}"
+    told = (
+        tr("Slopes in pulse/s/°C, as they are, decide; they may deviate by {threshold} %.", threshold=allowed)
+        if detail.basis == "raw"
+        else tr("Slopes relative to the rate decide; they may deviate by {threshold} %.", threshold=allowed)
+    )
+    why = tr(
+        "A drift in proportion to the level makes slopes in pulse/s/°C follow the level, and leaves those relative to "
+        "the rate alike; a drift that is the same at all levels does the opposite."
+    )
+    heads = (tr("Level"), ""), (tr("Against"), ""), (tr("Slopes deviate"), "%"), (tr("Relative slopes deviate"), "%")
     return Sheet(
-        "Does the model of one level serve another?",
-        f"Slopes {basis} decide; they may deviate by {detail.threshold * 100:g} %. A drift in proportion to the level "
-        "makes slopes in pulse/s/°C follow the level, and leaves those relative to the rate alike; a drift that is the "
-        "same at all levels does the opposite.",
-        (("Level", ""), ("Against", ""), ("Deviation of slopes", "%"), ("Of relative slopes", "%"), ("Decision", ""),
-         ("In words", "")),
-        rows,
-    )  # fmt: skip
+        tr("Does the model of one level serve another?"),
+        f"{told} {why}",
+        (*heads, (tr("Decision"), ""), (tr("In words"), "")),
+        tuple(_decision_row(unit, each, detail) for each in detail.compared),
+    )
 
 
 def _decision_row(unit: UnitResult, each: Compared, detail: ChannelDetail) -> tuple[str, ...]:
-    found = each.comparison
     values = {
-        finding.quantity: finding
+        finding.quantity: shown(finding)
         for finding in unit.findings
         if finding.at.get("run") == each.level.name and "reference" in finding.at
     }
-    decision = f"{found.decision}, marginal" if each.marginal else found.decision
+    decision = tr(each.comparison.decision) + (f", {tr('marginal')}" if each.marginal else "")
     return (
-        each.level.name, each.reference.name, _percent(values.get("deviation/raw")),
-        _percent(values.get("deviation/normalised")), decision, _in_words(each, detail),
+        each.level.name, each.reference.name, values.get("deviation/raw", "–"),
+        values.get("deviation/normalised", "–"), decision, "; ".join(_in_words(each, detail)),
     )  # fmt: skip
 
 
-def _percent(finding: Finding | None) -> str:
-    return shown(finding) if finding is not None else "–"
-
-
-def _in_words(each: Compared, detail: ChannelDetail) -> str:
-    found, reference = each.comparison, each.reference.name
-    words = [DECIDED[found.decision].format(reference=reference)]
-    words += [remark.removeprefix("no decision: ") for remark in found.remarks]
-    if found.decision != "invalid":
-        raw, normalised = found.raw.value <= detail.threshold, found.normalised.value <= detail.threshold
-        if normalised and not raw:
-            words.append("its slope is another one because its level is; relative to the rate the drift is the same")
-        elif raw and not normalised:
-            words.append("its slope is the same at another level: the drift is not in proportion to the input")
-    if each.marginal:
-        words.append(f"marginal: {DRIFTED if each.drifted else CLOSE}")
-    return "; ".join(words)
+def _in_words(each: Compared, detail: ChannelDetail) -> Iterator[str]:
+    found = each.comparison
+    match found.decision:
+        case "share":
+            yield tr("one model serves both: the slope of {reference}, at its own rate", reference=each.reference.name)
+        case "keep":
+            yield tr("keeps a model of its own")
+        case "invalid":
+            yield from (tr(remark) for remark in found.remarks)
+            return
+    yield from (tr(remark) for remark in found.remarks)
+    raw, normalised = found.raw.value <= detail.threshold, found.normalised.value <= detail.threshold
+    if normalised and not raw:
+        yield tr("its slope is another one because its level is; relative to the rate the drift is the same")
+    elif raw and not normalised:
+        yield tr("its slope is the same at another level: the drift is not in proportion to the input")
+    if each.drifted:
+        yield tr("marginal: an input drifted more than it may between the points at rest")
+    elif each.marginal:
+        yield tr("marginal: the deviation is close to what is allowed")
 
 
 # Drawings
@@ -108,13 +109,14 @@ def _over_temperature(levels: list[Level], detail: ChannelDetail, name: str) -> 
         above.plot(ends_c, line, color=colour, linewidth=0.8)
         below.plot(temperature_c, residual, "o-", color=colour, markersize=3, linewidth=0.6)
     at = f"{detail.reference_c:g} °C"
-    above.set(xlabel=CONVERTER, ylabel=f"D / D({at}) - 1 / ppm", title=f"Rate relative to that at {at}")
+    above.set(xlabel=_converter(), ylabel=f"D / D({at}) - 1 / ppm", title=tr("Rate relative to that at {at}", at=at))
     above.legend(ncols=2)
-    below.set(xlabel=CONVERTER, ylabel="residual / ppm", title="What the straight lines leave")
-    title = "Rate of the channel over the temperature of its converter"
-    caption = (
-        f"Means over a {STRETCHES}th of each run, and straight lines through all its read-outs. Levels whose drift is "
-        "in proportion to the input lie on one line."
+    below.set(xlabel=_converter(), ylabel=f"{tr('residual')} / ppm", title=tr("What the straight lines leave"))
+    title = tr("Rate of the channel over the temperature of its converter")
+    caption = tr(
+        "Means of {count} parts of each run, and straight lines through all its read-outs. Levels whose drift is in "
+        "proportion to the input lie on one line.",
+        count=STRETCHES,
     )
     return Plot(title, rendered(figure, name, title), caption)
 
@@ -144,16 +146,16 @@ def _slopes(levels: list[Level], detail: ChannelDetail, name: str) -> Plot:
         each = decisions.get(level.name)
         if each is not None:
             _draw_allowed(axes, number, each, detail)
-            axes.annotate(
-                each.comparison.decision, (number, slope), (10, 0), textcoords="offset points", va="center", fontsize=8
-            )
+            decision = tr(each.comparison.decision)
+            axes.annotate(decision, (number, slope), (10, 0), textcoords="offset points", va="center", fontsize=8)
     axes.set_xticks(range(len(levels)), [_label(level) for level in levels])
     axes.set_xlim(-0.5, len(levels) - 0.3)
-    axes.set(ylabel="κ / (ppm/°C)", title="Slopes relative to the rate")
-    title = "Slopes of the levels relative to their rates"
-    caption = (
-        f"Bars: expanded uncertainty, k = {COVERAGE}, of what the levels do not share. Grey: what a level may deviate "
-        "from the one it is compared with, where relative slopes decide."
+    title = tr("Slopes of the levels relative to their rates")
+    axes.set(ylabel="κ / (ppm/°C)", title=title)
+    caption = tr(
+        "Bars: expanded uncertainty, k = {k}, of what the levels do not share. Grey: what a level may deviate from the "
+        "one it is compared with, where relative slopes decide.",
+        k=COVERAGE,
     )
     return Plot(title, rendered(figure, name, title), caption)
 
@@ -176,11 +178,15 @@ def _course(levels: list[Level], name: str) -> Plot:
         axes.plot(hours, gates.converter_c, ".", color=colour, markersize=2, label=_label(level))
         if not level.is_source:
             axes.plot(hours, gates.accelerometer_c, ".", color="#999999", markersize=1)
-    axes.set(xlabel="time from the first read-out / h", ylabel="temperature / °C", title="Ramps")
+    title = tr("Temperature of the converter while each level was counted")
+    axes.set(xlabel=tr("time from the first read-out / h"), ylabel=tr("temperature / °C"), title=title)
     axes.legend(ncols=2)
-    title = "Temperatures of the converter while each level was counted"
-    caption = "The read-outs that were used. Grey: the accelerometer, where it was connected."
+    caption = tr("The read-outs that were used. Grey: the accelerometer, where it was connected.")
     return Plot(title, rendered(figure, name, title), caption)
+
+
+def _converter() -> str:
+    return tr("temperature of the converter / °C")
 
 
 def _colours(levels: list[Level]) -> list[str]:

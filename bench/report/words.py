@@ -40,7 +40,7 @@ REASONS = {
 # What sources of uncertainty are of, besides the names of readings.
 SOURCES = (
     "head", "fixture", "counter", "site", "readings", "samples", "bias", "K1", "ladder",
-    "asymmetry of the converter",
+    "asymmetry of the converter", "read-outs", "points", "accelerometer", "source",
     "lag behind the thermometer, and the unit's response to the rate",
 )  # fmt: skip
 CONTENTS = {"contains:K3": "contains K3", "contains:asymmetry": "contains the asymmetry of converter or voltmeter"}
@@ -55,6 +55,11 @@ _READINGS = {
     "too_few_voltages": "fewer than two readings of the voltmeter",
     "no_temperature": "no temperature of the unit",
     "thermometer": "a temperature that a working thermometer cannot say",
+    "missing": "a counter or a thermometer gave nothing",
+    "saturated": "as many pulses as the converter can give: its input is beyond its range",
+    "stuck": "no pulse for much longer than the other rates let expect",
+    "outlier": "a rate far from the line through the others, as where pulses are lost",
+    "accelerometer_temperature": "the accelerometer was not at its temperature",
 }
 _UNITS = {
     "not_closed": (
@@ -75,6 +80,32 @@ _QUANTITIES = {
     "too_few_temperatures": "fewer temperatures than the model asked for needs; its degree is lower, or there is none.",
     "ill_conditioned": "the temperatures do not determine the model.",
     "not_determined": "it has a limit, and the run does not hold what it takes to determine it.",
+    "insufficient_temperature_span": "its temperatures span too little, so that nothing is decided.",
+    "ramp_too_fast": "its temperature went faster than it may.",
+    "invalid": "too little of it could be used.",
+    "input_drifted": (
+        "its input drifted more than it may between the points at rest; what is decided by it is marginal."
+    ),
+    "no_points": "no two points at rest tell how its input drifted.",
+    "slope_follows_level": (
+        "its slope is not that of its reference, because its level is not: the drift is in proportion to the rate. "
+        "Relative to the rates the slopes agree; slopes as they are (basis raw) deviate for this reason alone, which "
+        "is no fault of the channel."
+    ),
+    "slope_same_at_all_levels": (
+        "its slope is that of its reference, though its level is another: the drift is an offset. Relative to the "
+        "rates the slopes deviate for this reason."
+    ),
+    "out_of_proportion": (
+        "its rate is out of proportion to that of the other levels: a wrong fixture, current or polarity, or what "
+        "feeds the converter is not what the record says."
+    ),
+    "drift_not_linear": (
+        "the slopes are not a part that is the same at all levels and one in proportion to the rate: the drift depends "
+        "on the level in another way."
+    ),
+    "no_thermometer": "nothing reads its temperature.",
+    "not_certified": "it has no certificate, so that its gain, offset and drift have no part in U.",
     "temperature_slope_unknown": "how it changes with temperature is not known, so the thermometer has no part in U.",
 }
 _PARTS = {
@@ -82,6 +113,7 @@ _PARTS = {
     "leg_incomplete": "more than half of its samples could not be used.",
     "no_steps": "left out: it has no step between two readings at the position.",
     "not_one_leg": "left out: it is no leg, its set point ends where it began.",
+    "not_zero": "the source gave nothing, and the channel counted: is the accelerometer still connected?",
     "another_angle": "left out: the part has legs at another angle, and the method is of one.",
 }
 _SAMPLES = re.compile(r"(?:(.+): )?(\d+) samples(?:: (\w+))")
@@ -176,7 +208,10 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
     """The conditions of a finding: "dwell 5, set point 70 °C, rising"; `dwells` are the numbers of the dwells."""
     parts = []
     if "run" in at:
-        parts.append(f"{at['run']} against {at['reference']}: {at['decision']}" if "reference" in at else at["run"])
+        parts.append(at["run"])
+    if "reference" in at:
+        parts.append(tr("against {reference}", reference=at["reference"]))
+        parts.append(tr(at["decision"]))
     if "dwell" in at:
         parts.append(tr("dwell {number}", number=at["dwell"]))
     if "dwells" in at:
