@@ -103,8 +103,8 @@ class ChannelConclusions:
         return Equation(
             id=f"{rate.id}/model",
             uut=rate.uut,
-            quantity=f"rate at {level.name}",
-            form=f"{form}, slope {told}",
+            quantity="rate",
+            form=f"{level.name}: {form}, slope {told}",
             constants={
                 "D_ref": Constant(rate.value, rate.unit, rate.u),
                 symbol: Constant(slope.value, slope.unit, slope.u),
@@ -118,7 +118,7 @@ class ChannelConclusions:
         return Equation(
             id=f"{self.of_levels.id_of('tempco')}/model",
             uut=offset.uut,
-            quantity="slope at any level",
+            quantity="rate/temperature_coefficient",
             form="k = β + α · D",
             constants={
                 "β": Constant(offset.value, offset.unit, offset.u),

@@ -100,15 +100,15 @@ def _flags_of_level(level: Level, settings: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _flags_of_comparison(compared: Compared, settings: Mapping[str, Any]) -> Iterator[str]:
-    """Why there is no decision, and where the other basis would have decided otherwise for a reason that is known."""
+    """Why there is no decision, and why a slope deviates where the other basis finds that it does not."""
     name, found, threshold = compared.level.name, compared.comparison, settings["threshold"]
     yield from (f"{name}: {remark}" for remark in found.remarks)
     if found.decision == "invalid":
         return
     raw, normalised = found.raw.value <= threshold, found.normalised.value <= threshold
-    if normalised and not raw:
+    if settings["compare_basis"] == "raw" and normalised and not raw:
         yield f"{name}:slope_follows_level"
-    elif raw and not normalised:
+    elif settings["compare_basis"] == "normalised" and raw and not normalised:
         yield f"{name}:slope_same_at_all_levels"
 
 

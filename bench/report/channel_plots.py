@@ -50,16 +50,19 @@ def _decisions(unit: UnitResult, detail: ChannelDetail) -> Sheet:
         "A drift in proportion to the level makes slopes in pulse/s/°C follow the level, and leaves those relative to "
         "the rate alike; a drift that is the same at all levels does the opposite."
     )
-    heads = (tr("Level"), ""), (tr("Against"), ""), (tr("Slopes deviate"), "%"), (tr("Relative slopes deviate"), "%")
+    each_in_words = " ".join(f"{each.level.name}: {'; '.join(_in_words(each, detail))}." for each in detail.compared)
     return Sheet(
-        tr("Does the model of one level serve another?"),
-        f"{told} {why}",
-        (*heads, (tr("Decision"), ""), (tr("In words"), "")),
-        tuple(_decision_row(unit, each, detail) for each in detail.compared),
-    )
+        tr("Whether the model of one level serves another"),
+        f"{told} {why} {each_in_words}",
+        (
+            (tr("Level"), ""), (tr("Against"), ""), (tr("Slopes deviate"), "%"), (tr("Relative slopes deviate"), "%"),
+            (tr("Decision"), ""),
+        ),
+        tuple(_decision_row(unit, each) for each in detail.compared),
+    )  # fmt: skip
 
 
-def _decision_row(unit: UnitResult, each: Compared, detail: ChannelDetail) -> tuple[str, ...]:
+def _decision_row(unit: UnitResult, each: Compared) -> tuple[str, ...]:
     values = {
         finding.quantity: shown(finding)
         for finding in unit.findings
@@ -68,7 +71,7 @@ def _decision_row(unit: UnitResult, each: Compared, detail: ChannelDetail) -> tu
     decision = tr(each.comparison.decision) + (f", {tr('marginal')}" if each.marginal else "")
     return (
         each.level.name, each.reference.name, values.get("deviation/raw", "–"),
-        values.get("deviation/normalised", "–"), decision, "; ".join(_in_words(each, detail)),
+        values.get("deviation/normalised", "–"), decision,
     )  # fmt: skip
 
 

@@ -44,7 +44,7 @@ class Span:
 class Course:
     """What the journal says of when things happened; `incident_s` is when the run left its plan.
 
-    `dwells` are the legs where it counted on ramps.
+    `dwells` are the legs where it counted on ramps, and the acquisitions where each is at an input level.
     """
 
     began_s: float
@@ -81,12 +81,13 @@ def course_of(run: StoredRun, data: Sequence[RunData]) -> Course:
         if event.kind in ("step_begins", "made_safe"):
             begins.setdefault(_phase(event), event.at_s)
     edges_s = [*begins.values(), ended_s]
-    on_ramps = {part.label for part in run.counted_at("ramps")}
+    shown = {part.label: _legs for part in run.counted_at("ramps")}
+    shown |= {part.label: _each for part in run.counted_at("levels")}
     return Course(
         began_s=began_s,
         ended_s=ended_s,
         phases=tuple(map(Span, begins, edges_s[:-1], edges_s[1:])),
-        dwells=tuple(span for part in data for span in (_legs if part.label in on_ramps else _dwells)(part)),
+        dwells=tuple(span for part in data for span in shown.get(part.label, _dwells)(part)),
         acquisitions=tuple(Span(each.step, each.begin_s, each.end_s) for part in data for each in part.acquisitions),
         incident_s=next((event.at_s for event in events if event.kind in INCIDENTS), None),
     )
@@ -105,6 +106,12 @@ def _legs(data: RunData) -> Iterator[Span]:
     """The legs of temperature ramps, an acquisition each, numbered from 1."""
     for number, leg in enumerate(data.acquisitions, start=1):
         yield Span(tr("leg {number}", number=number), leg.begin_s, leg.end_s)
+
+
+def _each(data: RunData) -> Iterator[Span]:
+    """The acquisitions, numbered from 1."""
+    for number, acquisition in enumerate(data.acquisitions, start=1):
+        yield Span(str(number), acquisition.begin_s, acquisition.end_s)
 
 
 def _phase(event: Event) -> str:

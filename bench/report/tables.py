@@ -142,9 +142,8 @@ def _remark(found: Sequence[Finding]) -> str:
         tr("{count} invalid", count=invalid) if invalid else "",
         tr("{count} marginal", count=marginal) if marginal else "",
     ]
-    return tr(
-        "worst of {count} dwells; {told}", count=len(found), told=", ".join(filter(None, told)) or tr("all passed")
-    )
+    worst = "worst of {count} dwells; {told}" if "dwell" in found[0].at else "worst of {count}; {told}"
+    return tr(worst, count=len(found), told=", ".join(filter(None, told)) or tr("all passed"))
 
 
 def _row(finding: Finding, dwells: Mapping[str, int], remark: str = "") -> Row:

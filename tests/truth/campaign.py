@@ -41,15 +41,15 @@ class Comparison:
         return (self.value - self.truth) / self.u if self.u else math.inf
 
 
-def full_bench(folder: Path) -> Path:
-    """The demonstration bench, with everything it names, in a folder of its own."""
+def full_bench(folder: Path, name: str = "simulated.yaml") -> Path:
+    """A shipped bench, with everything it names, in a folder of its own."""
     shutil.copytree(ROOT / "config", folder, dirs_exist_ok=True)
-    return folder / "simulated.yaml"
+    return folder / name
 
 
-def perfect_bench(folder: Path) -> Path:
+def perfect_bench(folder: Path, name: str = "simulated.yaml") -> Path:
     """The same bench with every certified uncertainty zero, in simulator and bench file alike."""
-    path = full_bench(folder)
+    path = full_bench(folder, name)
     text = _U_BLOCK.sub(lambda block: block[1] + _NUMBER.sub("0", block[2]) + block[3], path.read_text("utf-8"))
     perfect = folder / "perfect.yaml"
     perfect.write_text(_U_VALUE.sub(r"\g<1>0", text), "utf-8")

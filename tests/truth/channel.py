@@ -1,0 +1,194 @@
+"""A channel over temperature and input level against the truth: the lines of its levels, and how they compare.
+
+`python -m tests.truth.channel` runs `channel_full` with many seeds on a perfect and on a full bench, and then reduces
+the runs anew with errors planted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import tempfile
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+
+from bench.analysis import channel_runs, channel_temperature
+from bench.app.request import RunRequest
+from bench.report.stored import open_run
+from tests.truth.campaign import Comparison, campaign, full_bench, perfect_bench, results_of
+
+BENCH = "channel.yaml"
+OF_A_LEVEL = ("rate", "rate/temperature_coefficient", "rate/relative_temperature_coefficient")
+OF_TWO = ("deviation/raw", "deviation/normalised")
+OF_ALL = ("tempco_offset", "tempco_scale")
+REFERENCE_C = 25.0
+Line = tuple[float, float]
+
+
+def compare_channel(folder: Path, results: dict | None = None) -> dict[str, Comparison]:
+    """Every result of a run beside its truth, by the id of the result without its label and place."""
+    truth = json.loads((folder / "truth.json").read_text("utf-8"))
+    found = (results or results_of(folder))["findings"]
+    lines = {each["at"]["run"]: true_line(truth, each) for each in found if each["quantity"] == "rate"}
+    compared = {}
+    for each in found:
+        if each["quantity"] in (*OF_A_LEVEL, *OF_TWO, *OF_ALL):
+            key = each["id"].split("/", 2)[2]
+            value = _true_value(each, lines)
+            compared[key] = Comparison(truth["seed"], 0, each["quantity"], each["value"], value, each["u"])
+    return compared
+
+
+def true_line(truth: dict, finding: dict) -> Line:
+    """The rate at the reference temperature and the slope of the noiseless channel, over the steps of a finding."""
+    label, place = finding["id"].split("/")[:2]
+    levels = [truth["levels"][f"{label}/{place}@{step}"] for step in finding["steps"]]
+    temperature_c = np.concatenate([level["temperature_c"] for level in levels])
+    rate_pps = np.concatenate([level["rate_pps"] for level in levels])
+    slope, rate = np.polyfit(temperature_c - REFERENCE_C, rate_pps, 1)
+    return float(rate), float(slope)
+
+
+def _true_value(finding: dict, lines: dict[str, Line]) -> float:
+    quantity, at = finding["quantity"], finding["at"]
+    if quantity in OF_ALL:
+        scale, offset = np.polyfit([rate for rate, _ in lines.values()], [slope for _, slope in lines.values()], 1)
+        return float(scale if quantity == "tempco_scale" else offset)
+    rate, slope = lines[at["run"]]
+    if quantity in OF_A_LEVEL:
+        return {"rate": rate, "rate/temperature_coefficient": slope}.get(quantity, slope / rate)
+    reference_rate, reference = lines[at["reference"]]
+    ratio = slope / reference if quantity == "deviation/raw" else slope / rate / (reference / reference_rate)
+    return abs(ratio - 1)
+
+
+# Errors planted in the reduction
+
+
+def opposite_lines() -> AbstractContextManager[object]:
+    """The + and - lines of the converter the wrong way round."""
+    honest = channel_runs.read_out
+
+    def mistaken(acquisition: object, unit: object, gate_s: float) -> channel_temperature.ChannelRecord:
+        record = honest(acquisition, unit, gate_s)
+        return channel_temperature.ChannelRecord(
+            record.time_s, record.negative, record.positive, record.converter_c, record.accelerometer_c
+        )
+
+    return mock.patch.object(channel_runs, "read_out", mistaken)
+
+
+def host_clock() -> AbstractContextManager[object]:
+    """Rates over the arrival times at the host instead of the device's own clock."""
+    return mock.patch.object(channel_runs, "_device_s", lambda counts: counts.host_s)
+
+
+def accelerometer_thermometer() -> AbstractContextManager[object]:
+    """The thermometer of the chamber's other end: the accelerometer instead of the converter."""
+    honest = channel_runs.means_between
+    shift_c = 0.5
+    return mock.patch.object(
+        channel_runs, "means_between", lambda at_s, values, edges_s: honest(at_s, values, edges_s) * 1.01 + shift_c
+    )
+
+
+def late_temperatures() -> AbstractContextManager[object]:
+    """Temperatures of a minute later than the counts they are put beside."""
+    honest = channel_runs.means_between
+    return mock.patch.object(
+        channel_runs, "means_between", lambda at_s, values, edges_s: honest(at_s - 60.0, values, edges_s)
+    )
+
+
+def no_wrap() -> AbstractContextManager[object]:
+    """A counter taken for wider than it is."""
+    honest = channel_temperature._gates
+    return mock.patch.object(channel_temperature, "_gates", lambda readings, bits: honest(readings, bits + 8))
+
+
+PLANTED = {
+    "swapped + and - lines": opposite_lines,
+    "host instead of device time": host_clock,
+    "another thermometer": accelerometer_thermometer,
+    "temperatures of a minute later": late_temperatures,
+    "missed counter wrap": no_wrap,
+}
+
+
+def comparisons_with(plant: object, folders: Sequence[Path]) -> dict[str, list[Comparison]]:
+    """The runs reduced anew while an error is planted, beside their truths."""
+    found = []
+    for folder in folders:
+        with plant(), open_run(folder) as stored:
+            found.append(compare_channel(folder, stored.evaluate().to_json()))
+    return by_result(found)
+
+
+# The campaign
+
+
+def by_result(runs: Sequence[dict[str, Comparison]]) -> dict[str, list[Comparison]]:
+    keys = dict.fromkeys(key for run in runs for key in run)
+    return {key: [run[key] for run in runs if key in run] for key in keys}
+
+
+def rms(comparisons: Sequence[Comparison]) -> float:
+    return math.sqrt(sum(each.ratio**2 for each in comparisons) / len(comparisons))
+
+
+def problems(found: dict[str, list[Comparison]], highest: float) -> list[str]:
+    """What is not honest: errors larger than their uncertainties tell."""
+    told = []
+    for key, comparisons in found.items():
+        if rms(comparisons) > highest:
+            told.append(f"{key}: rms(error/u) is {rms(comparisons):.3g} over {len(comparisons)} runs")
+        if beyond := sum(abs(each.ratio) > 3 for each in comparisons):
+            told.append(f"{key}: {beyond} of {len(comparisons)} runs are beyond k = 3")
+    return told
+
+
+def table(found: dict[str, list[Comparison]]) -> str:
+    return "\n".join(
+        f"{key:<52} n {len(each):>3}  rms(error/u) {rms(each):6.3f}  largest {max(abs(c.ratio) for c in each):5.2f}  "
+        f"u {np.mean([c.u for c in each]):.3g}"
+        for key, each in found.items()
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
+    options = parser.parse_args()
+    told: list[str] = []
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        folders: dict[str, list[Path]] = {}
+        for name, make in (("perfect", perfect_bench), ("full", full_bench)):
+            bench = make(folder / name, BENCH)
+            requests = [
+                RunRequest("channel_full", bench=str(bench), preset="quick", seed=seed, settings=tuple(options.set),
+                           runs=folder / f"{name}-runs")
+                for seed in range(1, options.seeds + 1)
+            ]  # fmt: skip
+            folders[name] = campaign(requests, options.processes)
+            found = by_result([compare_channel(run) for run in folders[name]])
+            print(f"\n{name} bench, {options.seeds} seeds\n{table(found)}")
+            told += [f"{name} bench: {problem}" for problem in problems(found, 1.35)]
+        for name, plant in PLANTED.items():
+            seen = problems(comparisons_with(plant, folders["perfect"]), 1.35)
+            print(f"{name:<40} {'seen: ' + seen[0] if seen else 'NOT SEEN'}")
+            told += [] if seen else [f"planted error not seen: {name}"]
+    print("\n".join([*told, f"channel truth: {'FAILED' if told else 'ok'}"]))
+    return 1 if told else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
