@@ -51,11 +51,12 @@ class LineScatter:
 
 def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
     """What the gates of a run tell of their line; raises NotDetermined with fewer than three gates to a stretch."""
-    count, away_c = len(gates.seconds), gates.converter_c - float(np.mean(gates.converter_c))
-    if count < LEAST_GATES:
+    count = len(gates.seconds)
+    if count < LEAST_GATES or not np.ptp(gates.converter_c):
         raise NotDetermined(("scatter",), rank=count, of=LEAST_GATES, condition=np.inf)
-    slope_gain = away_c / np.sum(away_c**2)
-    rate_gain = 1 / count + (reference_c - float(np.mean(gates.converter_c))) * slope_gain
+    centre_c = float(np.mean(gates.converter_c))
+    slope_gain = (gates.converter_c - centre_c) / np.sum((gates.converter_c - centre_c) ** 2)
+    rate_gain = 1 / count + (reference_c - centre_c) * slope_gain
     smooth = fit_polynomial(gates.converter_c, gates.rate_pps, SMOOTH_DEGREE).residuals
     line = fit_polynomial(gates.converter_c, gates.rate_pps, 1).residuals
     means, stretches_s = _stretches(smooth, gates.seconds)

@@ -1,0 +1,400 @@
+"""A channel over temperature and input level, on counts that were made from known constants."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bench.analysis.channel_method import reduce
+from bench.analysis.channel_scatter import line_scatter
+from bench.analysis.channel_temperature import Gates
+from bench.analysis.finding import Finding, UnitResult
+from bench.analysis.fit import NotDetermined
+from bench.analysis.models import Equation
+from bench.analysis.rundata import (
+    Acquisition,
+    AxisRecord,
+    BenchRecord,
+    Counts,
+    Mount,
+    RunData,
+    SourceRecord,
+    UnitUnderTest,
+)
+from bench.report.words import flag_in_words
+from bench.sequence.methods.channel import CHANNEL_TEMPERATURE
+
+LOW_C, HIGH_C, RAMP_S, POINT_S = 10.0, 40.0, 4000.0, 600.0
+S, K1, BEGIN_S = 1e7, 1.13e-3, 1000.0  # pulse/s/A, A/g; when the first acquisition begins
+ALPHA, BETA = 10e-6, 0.004
+SETTINGS = CHANNEL_TEMPERATURE.settings.model_validate(
+    {"threshold": "5 %", "accelerometer": "65 °C", "reference_policy": "claim"}
+).model_dump()
+UNIT = UnitUnderTest("a", "C-7", "x", 0.0, "unit", converter="board", source="source", scale_a_per_g=K1)
+BENCH = BenchRecord(
+    gravity_mps2=9.8, gravity_u_mps2=0.0, axes={}, x=(1.0, 0.0, 0.0), z=(0.0, 0.0, 1.0), level_deg=0.0,
+    level_u_deg=0.001, time_base_u=5e-7, thermometers_u={"board": (0.3, 1e-3)},
+    sources={"source": SourceRecord(20e-6, 10e-9, 0.0)},
+)  # fmt: skip
+MOUNTS = {1.0: Mount("up", 90.0), -1.0: Mount("down", -90.0), 0.577: Mount("skew", float(np.degrees(np.arcsin(0.577))))}
+
+
+def rate(level_g, board_c, *, alpha=ALPHA, beta=BETA):
+    warm = board_c - 25
+    return S * K1 * level_g * (1 + alpha * warm) + 2.0 + beta * warm
+
+
+class Made:
+    """Acquisitions one after the other, each a second behind the last; `drift` is of the input in an hour."""
+
+    def __init__(self, *, drift=0.0, held_c=65.0, **converter):
+        self.acquisitions: list[Acquisition] = []
+        self._now_s, self._drift, self._held_c, self._converter = BEGIN_S, drift, held_c, converter
+
+    def ramp(self, kind, level_g, low_c=LOW_C, high_c=HIGH_C, seconds=RAMP_S):
+        self._acquire(kind, level_g, low_c, high_c, seconds)
+        return self
+
+    def point(self, kind, level_g, at_c=LOW_C):
+        self._acquire(kind, level_g, at_c, at_c, POINT_S)
+        return self
+
+    def level(self, kind, level_g):
+        return self.point(kind, level_g).ramp(kind, level_g).point(kind, level_g)
+
+    def _acquire(self, kind, level_g, from_c, to_c, seconds):
+        at_s = self._now_s + np.arange(0.0, seconds)
+        self._now_s += seconds + 1
+        board_c = np.linspace(from_c, to_c, len(at_s))
+        drifted = 1 + self._drift * (at_s - BEGIN_S) / 3600 if level_g else 1.0
+        cumulative = np.cumsum(rate(level_g * drifted, board_c, **self._converter)) + 0.3
+        net = np.floor(np.abs(cumulative)).astype(np.int64) % 2**24
+        forward = cumulative[-1] > 0
+        number = np.arange(len(at_s))
+        counts = Counts(
+            sequence=number, tick=1_000_000 * number % 2**32, positive=net if forward else 0 * net,
+            negative=0 * net if forward else net, host_s=at_s, tick_bits=32, counter_bits=24, tick_period_s=1e-6,
+            max_rate_pps=256e3, lost=0, restarts=0,
+        )  # fmt: skip
+        by_source = kind == "source"
+        self.acquisitions.append(Acquisition(
+            step=f"steps/acquire#{len(self.acquisitions) + 1}", group="", loops={}, begin_s=float(at_s[0]),
+            end_s=float(at_s[-1]), angles_deg={}, set_from_c=from_c, set_c=to_c, counts={"x": counts},
+            temperatures_c={"board": board_c, "unit": np.full(len(at_s), self._held_c)},
+            temperatures_at_s={"board": at_s, "unit": at_s},
+            mount=Mount() if by_source else MOUNTS[level_g], input="source" if by_source else "accelerometer",
+            sources_a={"source": level_g * K1} if by_source else {},
+        ))  # fmt: skip
+
+
+def reduced(made: Made, bench: BenchRecord = BENCH, unit: UnitUnderTest = UNIT, **settings: Any) -> UnitResult:
+    (result,) = reduce(RunData("channel", (unit,), tuple(made.acquisitions), bench), SETTINGS | settings)
+    return result
+
+
+def found(result: UnitResult) -> dict[str, Finding]:
+    return {finding.id.removeprefix("channel/a/"): finding for finding in result.findings}
+
+
+def four_levels(**converter) -> Made:
+    made = Made(**converter)
+    for kind, level_g in (("gravity", 1.0), ("gravity", 0.577), ("source", 1.0), ("source", 12.0)):
+        made.level(kind, level_g)
+    return made.point("source", 0.0)
+
+
+@pytest.fixture(scope="module")
+def usual():
+    return reduced(four_levels())
+
+
+def decisions(result: UnitResult) -> dict[str, tuple[str, str]]:
+    return {each.level.name: (each.reference.name, each.comparison.decision) for each in result.detail.compared}
+
+
+# Lines, levels and coefficients
+
+
+def test_each_level_has_its_line_within_its_uncertainty(usual):
+    results = found(usual)
+    for name, level_g in (("up_1g", 1.0), ("skew", 0.577), ("src_1g", 1.0), ("src_12g", 12.0)):
+        line = results[f"rate@{name}"], results[f"rate/temperature_coefficient@{name}"]
+        assert abs(line[0].value - rate(level_g, 25.0)) < 0.01
+        assert abs(line[1].value - (S * K1 * level_g * ALPHA + BETA)) < 1e-4
+        relative = results[f"rate/relative_temperature_coefficient@{name}"]
+        assert relative.value == pytest.approx(line[1].value / line[0].value)
+        assert all(finding.u > 0 for finding in (*line, relative))
+    assert usual.left_out == ()
+
+
+def test_the_two_coefficients_of_the_converter(usual):
+    results = found(usual)
+    assert results["tempco_scale"].value == pytest.approx(ALPHA, rel=1e-3)
+    assert results["tempco_offset"].value == pytest.approx(BETA, rel=0.02)
+    assert results["tempco_scale"].budget[0].source == "board: gain"
+
+
+def test_the_rate_of_a_source_carries_its_certificate_and_that_of_gravity_the_level_of_the_slab(usual):
+    results = found(usual)
+    of_source = {line.source: line.u for line in results["rate@src_1g"].budget}
+    assert of_source["source: gain"] == pytest.approx(20e-6 * rate(1.0, 25.0), rel=1e-3)
+    assert of_source["source: offset"] == pytest.approx(10e-9 * S, rel=1e-3)
+    of_skew = {line.source: line.u for line in results["rate@skew"].budget}
+    assert of_skew["fixture: level"] == pytest.approx(np.radians(0.001) * S * K1 * np.cos(np.arcsin(0.577)), rel=1e-3)
+    shared = {line.shared for line in results["rate/temperature_coefficient@skew"].budget}
+    assert "board.gain" in shared
+
+
+def test_a_gain_of_the_thermometer_moves_slopes_and_not_how_they_compare(usual):
+    deviation = found(usual)["deviation/normalised@src_12g"]
+    assert not any("board" in line.source for line in deviation.budget)
+
+
+def test_zero_is_what_the_converter_counts_with_nothing_fed(usual):
+    zero = found(usual)["zero@src_0g"]
+    assert zero.value == pytest.approx(rate(0.0, LOW_C), abs=0.002)
+    assert zero.u == pytest.approx(np.hypot(10e-9 * S, 0.408 / (POINT_S - 2)), rel=0.01)
+
+
+# Decisions, and the trap of raw slopes
+
+
+def test_a_drift_in_proportion_to_the_level_is_shared_on_the_normalised_basis(usual):
+    assert decisions(usual) == {
+        "skew": ("up_1g", "share"), "src_1g": ("up_1g", "share"), "src_12g": ("up_1g", "share"),
+    }  # fmt: skip
+    model = next(each for each in usual.models if isinstance(each, Equation) and each.form.startswith("src_12g"))
+    assert "slope from up_1g, which serves this level too" in model.form
+    assert model.constants["κ"].value == found(usual)["rate/relative_temperature_coefficient@up_1g"].value
+    assert usual.flags == ()
+
+
+def test_on_the_raw_basis_the_same_drift_is_kept_apart_and_the_report_says_why():
+    result = reduced(four_levels(beta=0.0), compare_basis="raw")
+    assert decisions(result) == {
+        "skew": ("up_1g", "keep"), "src_1g": ("up_1g", "share"), "src_12g": ("up_1g", "keep"),
+    }  # fmt: skip
+    assert found(result)["deviation/raw@skew"].value == pytest.approx(0.423, abs=1e-3)
+    assert found(result)["deviation/raw@src_12g"].value == pytest.approx(11.0, abs=0.01)
+    assert result.flags == ("skew:slope_follows_level", "src_12g:slope_follows_level")
+    assert "for this reason alone, which is no fault of the channel" in flag_in_words(result.flags[0])
+
+
+def test_a_drift_that_is_the_same_at_all_levels_is_kept_apart_on_the_normalised_basis_and_told():
+    result = reduced(four_levels(alpha=0.0, beta=0.1))
+    assert decisions(result)["src_12g"] == ("up_1g", "keep")
+    assert "src_12g:slope_same_at_all_levels" in result.flags
+    assert "the drift is an offset" in flag_in_words("src_12g:slope_same_at_all_levels")
+    assert decisions(reduced(four_levels(alpha=0.0, beta=0.1), compare_basis="raw"))["src_12g"] == ("up_1g", "share")
+
+
+def test_by_the_policy_of_the_embodiment_source_levels_are_compared_with_each_other():
+    result = reduced(four_levels(), reference_policy="embodiment")
+    assert {name: reference for name, (reference, _) in decisions(result).items()} == {
+        "skew": "up_1g", "src_1g": "up_1g", "src_12g": "src_1g",
+    }  # fmt: skip
+
+
+def test_a_run_of_the_source_alone_has_a_reference_all_the_same():
+    made = Made().level("source", 1.0).level("source", 12.0)
+    assert decisions(reduced(made)) == {"src_12g": ("src_1g", "share")}
+
+
+def test_one_level_alone_is_compared_with_nothing():
+    result = reduced(Made().level("gravity", 1.0))
+    assert (decisions(result), result.left_out, result.flags) == ({}, (), ())
+    assert "tempco_scale" not in found(result)
+
+
+def test_the_other_polarity_keeps_its_own_model():
+    result = reduced(Made().level("gravity", 1.0).level("gravity", -1.0))
+    assert decisions(result) == {"down_1g": ("up_1g", "keep")}
+    assert any("at the other polarity" in flag for flag in result.flags)
+
+
+def test_a_ramp_too_short_decides_nothing_and_leaves_the_unit_incomplete():
+    made = Made().level("gravity", 1.0).point("source", 1.0).ramp("source", 1.0, 10.0, 13.0, 1000.0)
+    result = reduced(made)
+    assert result.left_out == ("src_1g",)
+    assert result.verdict == "INCOMPLETE"
+    assert "src_1g:insufficient_temperature_span" in result.flags
+    assert decisions(result) == {"src_1g": ("up_1g", "invalid")}
+
+
+def test_a_slope_that_is_nothing_gives_no_decision():
+    result = reduced(four_levels(alpha=0.0, beta=0.0))
+    assert {decision for _, decision in decisions(result).values()} == {"invalid"}
+    assert any("less than three times its uncertainty" in flag for flag in result.flags)
+    assert "deviation/raw@src_12g" not in found(result)
+
+
+# The input
+
+
+def test_points_at_rest_tell_the_drift_of_the_source_and_the_budget_holds_it():
+    made = Made(drift=8e-6).level("source", 1.0)
+    result = reduced(made, drift_limit=20e-6)
+    drift = found(result)["rate/drift@src_1g"]
+    assert drift.value == pytest.approx(8e-6 * (RAMP_S + POINT_S) / 3600, rel=0.03)
+    assert drift.u < 0.1e-6
+    slope = found(result)["rate/relative_temperature_coefficient@src_1g"]
+    assert abs(slope.value - ALPHA - BETA / rate(1.0, 25.0)) < 1.5 * slope.u
+    assert slope.budget[0].source == "source: drift during the ramp"
+
+
+def test_a_drift_beyond_its_limit_makes_what_is_decided_marginal():
+    made = Made(drift=8e-6).level("source", 1.0).level("source", 12.0)
+    result = reduced(made, drift_limit=5e-6)
+    assert [each.marginal for each in result.detail.compared] == [True]
+    assert "src_1g:input_drifted" in result.flags
+    assert "marginal" in found(result)["deviation/normalised@src_12g"].flags
+    assert not reduced(made, drift_limit=50e-6).detail.compared[0].drifted
+
+
+def test_the_certificate_counts_where_the_points_find_less():
+    stated = replace(BENCH, sources={"source": SourceRecord(0.0, 0.0, 1e-6 / 3600)})
+    made = Made().level("source", 1.0).level("source", 12.0)
+    slope = found(reduced(made, stated))["rate/relative_temperature_coefficient@src_12g"]
+    hours_per_c = RAMP_S / 3600 / (HIGH_C - LOW_C)
+    of_source = {line.source: line.u for line in slope.budget}
+    assert of_source["source: drift during the ramp"] == pytest.approx(1e-6 * hours_per_c, rel=0.01)
+
+
+def test_a_level_without_points_of_its_own_takes_the_drift_that_the_source_showed_at_another():
+    made = Made(drift=8e-6).level("source", 1.0).ramp("source", 12.0).point("source", 1.0)
+    result = reduced(made, drift_limit=5e-6)
+    assert result.detail.levels[1].drift == result.detail.levels[0].drift
+    assert result.detail.levels[0].drift.hours == pytest.approx((2 * RAMP_S + 2 * POINT_S) / 3600, rel=0.01)
+
+
+def test_an_accelerometer_off_its_temperature_is_left_out_and_most_of_a_run_so_is_told():
+    made = Made(held_c=66.0).level("gravity", 1.0)
+    result = reduced(made)
+    assert "up_1g" in result.left_out
+    assert any(flag.endswith("samples: accelerometer_temperature") for flag in result.flags)
+    assert reduced(made, accelerometer_c=None).left_out == ()
+
+
+def test_a_source_that_counts_at_zero_is_told():
+    made = Made().level("source", 1.0).point("source", 0.0)
+    still = replace(made.acquisitions[0], sources_a={"source": 0.0}, step="steps/acquire#9")
+    made.acquisitions.append(still)
+    result = reduced(made)
+    assert "steps/acquire#9: not_zero" in result.flags
+    assert "still connected?" in flag_in_words("steps/acquire#9: not_zero")
+
+
+def test_a_rate_that_does_not_go_with_its_level_is_told():
+    made = Made().level("gravity", 1.0).level("source", 12.0)
+    wrong = [replace(each, sources_a={"source": 6 * K1}) if each.input == "source" else each
+             for each in made.acquisitions]  # fmt: skip
+    made.acquisitions[:] = wrong
+    assert any(flag.endswith(":out_of_proportion") for flag in reduced(made).flags)
+
+
+def test_what_is_not_known_of_the_bench_is_told():
+    result = reduced(Made().level("source", 1.0), replace(BENCH, sources={}))
+    assert "source:not_certified" in result.flags
+    blind = reduced(Made().level("gravity", 1.0), unit=replace(UNIT, converter=""))
+    assert "converter:no_thermometer" in blind.flags
+    assert blind.left_out == ("up_1g",)
+
+
+# Readings
+
+
+def test_lost_pulses_spoil_one_gate_and_no_line():
+    made = Made().level("gravity", 1.0)
+    ramp = made.acquisitions[1]
+    broken = ramp.counts["x"].positive.copy()
+    broken[2000:] = (broken[2000:] - 5000) % 2**24
+    made.acquisitions[1] = replace(ramp, counts={"x": replace(ramp.counts["x"], positive=broken)})
+    result = reduced(made)
+    assert "up_1g: 1 samples: outlier" in result.flags
+    slope = found(result)["rate/temperature_coefficient@up_1g"]
+    assert abs(slope.value - S * K1 * ALPHA - BETA) < 1e-4
+
+
+def test_a_counter_that_begins_anew_in_a_run_costs_one_gate():
+    made = Made().level("gravity", 1.0)
+    ramp = made.acquisitions[1]
+    counts, later = ramp.counts["x"], np.arange(len(ramp.counts["x"].tick)) >= 2000
+    tick = np.where(later, counts.tick - counts.tick[2000], counts.tick)
+    positive = np.where(later, (counts.positive - counts.positive[2000]) % 2**24, counts.positive)
+    made.acquisitions[1] = replace(ramp, counts={"x": replace(counts, tick=tick, positive=positive, restarts=1)})
+    slope = found(reduced(made))["rate/temperature_coefficient@up_1g"]
+    assert abs(slope.value - S * K1 * ALPHA - BETA) < 2e-4
+
+
+def test_up_and_down_are_one_run_and_the_gap_between_them_is_no_gate():
+    made = Made().point("gravity", 1.0).ramp("gravity", 1.0).ramp("gravity", 1.0, HIGH_C, LOW_C).point("gravity", 1.0)
+    result = reduced(made)
+    (level,) = result.detail.levels
+    assert level.run.excluded["gap"] == 1
+    assert abs(level.scatter.drift_h_per_c) < 1e-3, "what drifts evenly cancels between up and down"
+    assert not any("gap" in flag for flag in result.flags)
+
+
+def test_an_empty_acquisition_says_nothing():
+    made = Made().level("gravity", 1.0)
+    ramp = made.acquisitions[1]
+    counts = ramp.counts["x"]
+    empty = replace(counts, sequence=counts.sequence[:0], tick=counts.tick[:0], positive=counts.positive[:0],
+                    negative=counts.negative[:0], host_s=counts.host_s[:0])  # fmt: skip
+    made.acquisitions[1] = replace(ramp, counts={"x": empty})
+    result = reduced(made)
+    assert result.verdict == "INCOMPLETE"
+    assert "up_1g:invalid" in result.flags
+
+
+# How well a line is known
+
+
+def gates_of(rng, scatter_pps=0.0, count=600, seconds=10.0):
+    """Gates that share latches, on a ramp from 0 °C to 30 °C; each latch leaves up to one pulse uncounted."""
+    left = rng.uniform(0, 1, count + 1)
+    edges_s = np.arange(count + 1) * seconds
+    temperature_c = np.linspace(0, 30, count)
+    pulses = 10_000.0 * seconds + np.diff(left) + scatter_pps * seconds * rng.standard_normal(count)
+    return Gates((edges_s[1:] + edges_s[:-1]) / 2, np.full(count, seconds), pulses, np.zeros(count), temperature_c,
+                 np.full(count, 65.0))  # fmt: skip
+
+
+@pytest.mark.parametrize(("scatter_pps", "least"), [(0.0, 0.5), (0.02, 0.85)])
+def test_the_uncertainty_of_a_line_is_what_lines_scatter_by(scatter_pps, least):
+    """Where nothing but counts scatters, looking for more finds a little."""
+    rng = np.random.default_rng(1)
+    slopes, rates, told = [], [], []
+    for _ in range(100):
+        gates = gates_of(rng, scatter_pps)
+        slope, offset = np.polyfit(gates.converter_c - 25, gates.rate_pps, 1)
+        slopes.append(slope)
+        rates.append(offset)
+        scatter = line_scatter(gates, 25.0)
+        told.append((np.hypot(scatter.counting_slope, scatter.scatter_slope),
+                     np.hypot(scatter.counting_rate, scatter.scatter_rate)))  # fmt: skip
+    u_slope, u_rate = np.sqrt(np.mean(np.square(told), axis=0))
+    assert least < np.std(slopes) / u_slope < 1.15
+    assert least < np.std(rates) / u_rate < 1.15
+
+
+def test_residuals_of_the_gates_would_tell_ten_times_too_much_where_only_counts_scatter():
+    gates = gates_of(np.random.default_rng(2))
+    residuals = np.std(gates.rate_pps - np.polyval(np.polyfit(gates.converter_c, gates.rate_pps, 1), gates.converter_c))
+    naive = residuals / np.sqrt(np.sum((gates.converter_c - gates.converter_c.mean()) ** 2))
+    assert naive > 10 * line_scatter(gates, 25.0).counting_slope
+
+
+def test_a_run_of_a_few_gates_has_no_stretches():
+    with pytest.raises(NotDetermined):
+        line_scatter(gates_of(np.random.default_rng(3), count=40), 25.0)
+
+
+def test_a_head_that_turns_gives_its_own_level():
+    head = replace(BENCH, axes={"head": AxisRecord()})
+    made = Made().level("gravity", 1.0)
+    made.acquisitions[:] = [replace(each, mount=Mount(), angles_deg={"head": 90.0}) for each in made.acquisitions]
+    assert [level.name for level in reduced(made, head).detail.levels] == ["up_1g"]
