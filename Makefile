@@ -31,6 +31,7 @@ pytest: $(VENV)/.dev
 # Results against the simulated truth, 40 seeds on a perfect and on a full bench, then with errors planted.
 truth: $(VENV)/.dev
 	$(BIN)/python -m tests.truth --seeds 40
+	$(BIN)/python -m tests.truth.channel --seeds 20
 
 # 100,000 mutated and hostile documents: each is read, or refused in our own words, within 100 ms.
 hostile: $(VENV)/.dev

@@ -1,0 +1,92 @@
+"""What a bench file says of converters in the chamber and of the source that feeds them, and what is made of it."""
+
+from __future__ import annotations
+
+import pytest
+
+from bench.app.laboratory import make_laboratory, unit_files
+from bench.config.bench import load_bench
+from bench.errors import InputError
+from bench.report.rundata import bench_record
+from bench.sequence.estimate import estimate
+from bench.sequence.load import load_judged_plan
+from tests.support.sequences import ROOT
+from tests.truth.campaign import full_bench
+
+CERTIFICATE = """
+    calibration:
+      {certificate: SIM-2026-0105, laboratory: none, date: 2026-01-01, due: 2030-12-31, k: 2,
+       U: {gain: 40 ppm, offset: 20 nA, drift: 2 ppm/h}}"""
+THERMOMETER = """\
+from: counter.Temperatures.Converter
+    limits: {min: -55 °C, max: 105 °C}
+    stale_after: 5 s
+    calibration:
+      {certificate: SIM-2026-0107, laboratory: none, date: 2026-01-01, due: 2030-12-31, k: 2,
+       U: {offset: 0.6 °C, gain: 0.2 %}}"""
+SIMULATED = "sources: {source: {warm_up: 2 h, fresh: 5}}"
+
+
+def edited(folder, *edits):
+    path = full_bench(folder, "channel.yaml")
+    text = path.read_text("utf-8")
+    for old, new in edits:
+        assert old in text, old
+        text = text.replace(old, new)
+    path.write_text(text, "utf-8")
+    return path
+
+
+def errors_of(bench, seed=1):
+    laboratory = make_laboratory(bench, unit_files(bench, None), seed, lambda: 0.0)
+    return laboratory.world.sources["source"].errors
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("    converter_temperature: converter_temperature", "    converter_temperature: converter_temperatur",
+         "there is no reading 'converter_temperatur'; did you mean 'converter_temperature'?"),
+        (THERMOMETER, "from: source.on_time", "'converter_temperature' is no temperature"),
+        (SIMULATED, "sources: {supply: {warm_up: 2 h}}", "'supply' is not a current source; expected source"),
+        (SIMULATED, "sources: {source: {fresh: 0.5}}", "fresh: is 0.5, expected at least 1"),
+    ],
+    ids=["no such reading", "no temperature", "no source", "slower when fresh"],
+)  # fmt: skip
+def test_what_does_not_fit_together_is_told(tmp_path, old, new, problem):
+    with pytest.raises(InputError) as caught:
+        load_bench(edited(tmp_path, (old, new)))
+    assert problem in str(caught.value)
+
+
+def test_a_certificate_of_a_source_is_what_its_errors_are_drawn_from_and_what_a_reduction_knows(tmp_path):
+    bench = load_bench(edited(tmp_path)).bench
+    known = bench_record(bench).sources["source"]
+    assert (known.gain_u, known.offset_u_a) == pytest.approx((20e-6, 10e-9))
+    assert known.drift_u_per_s * 3600 == pytest.approx(1e-6)
+    drawn = [errors_of(bench, seed) for seed in range(1, 200)]
+    for name, sd in (("gain", 20e-6), ("offset_a", 10e-9), ("drift_per_h", 1e-6)):
+        squares = [getattr(errors, name) ** 2 for errors in drawn]
+        assert (sum(squares) / len(squares)) ** 0.5 == pytest.approx(sd, rel=0.2)
+
+
+def test_without_a_certificate_the_simulation_says_how_a_source_errs_and_a_reduction_knows_nothing(tmp_path):
+    stated = "sources: {source: {gain: 30 ppm, offset: 5 nA, drift: 3 ppm/h, fresh: 2}}"
+    bench = load_bench(edited(tmp_path, (CERTIFICATE, ""), (SIMULATED, stated))).bench
+    assert bench_record(bench).sources == {}
+    errors = errors_of(bench)
+    assert 0 < abs(errors.gain) < 150e-6
+    assert errors.fresh == 2
+    silent = load_bench(edited(tmp_path / "silent", (CERTIFICATE, ""), (SIMULATED, "sources: {}"))).bench
+    assert (errors_of(silent).gain, errors_of(silent).offset_a, errors_of(silent).drift_per_h) == (0, 0, 0)
+
+
+def test_a_plan_knows_how_long_a_source_warms_up_and_a_converter_follows(tmp_path):
+    bench = load_bench(edited(tmp_path)).bench
+    plan, warnings = load_judged_plan(ROOT / "sequences/channel_source.yaml", bench)
+    assert warnings == ()
+    spans = {span.step.id: span for span in estimate(plan, bench).spans}
+    warm = spans["setup/then/wait_until"]
+    assert warm.end_s == pytest.approx(7200, abs=1)
+    back = spans["steps/level=1/soak"]
+    assert 900 <= back.duration_s < 1800, "three time constants, and until the converter has followed"
