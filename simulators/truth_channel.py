@@ -45,7 +45,7 @@ def levels_record(world: World, levels: Sequence[LevelAsMeasured]) -> dict[str, 
     if not levels:
         return {}
     return {
-        "levels": {level.key: _level(world, level) for level in levels if world.units[level.place].channel_history},
+        "levels": {level.key: _level(world, level) for level in levels if world.units[level.place].board.history},
         "sources": {role: asdict(feed.errors) for role, feed in sorted(world.sources.items())},
         "converter_thermometers": {
             name: {"offset_c": place.converter_offset_c, "gain": place.converter_gain}
@@ -57,7 +57,7 @@ def levels_record(world: World, levels: Sequence[LevelAsMeasured]) -> dict[str, 
 def _level(world: World, level: LevelAsMeasured) -> dict[str, Any]:
     unit = world.units[level.place]
     at_s = np.arange(world.true_time(level.begin_s), world.true_time(level.end_s), EVERY_S)
-    history = np.array(unit.channel_history)
+    history = np.array(unit.board.history)
     board_c, thermometer_c, sensor_c, drifted_g = (np.interp(at_s, history[:, 0], row) for row in history.T[1:])
     input_a = level.source_a
     if input_a is None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
@@ -60,6 +62,38 @@ class Warmth:
     def board_thermometer_c(self) -> float:
         """What an ideal thermometer at the converter has followed to."""
         return self._thermal.board_thermometer_c(self._index) if self._outside_c is None else self._outside_c
+
+
+class BoardState(NamedTuple):
+    """A converter in the chamber at a true time: its board, an ideal thermometer there; the sensor of its unit.
+
+    Beside them what drifts in the bias of the unit.
+    """
+
+    true_s: float
+    board_c: float
+    thermometer_c: float
+    sensor_c: float
+    drifted_g: float
+
+
+class Board:
+    """The converter of a unit as time goes on; `history` is empty for one outside the chamber."""
+
+    def __init__(self, warmth: Warmth, start_c: float) -> None:
+        self._warmth, self._last_c = warmth, start_c
+        self.history: list[BoardState] = []
+
+    def followed_c(self, edges_s: Array, at_s: Array, drifted_g: float) -> Array | None:
+        """What it had been at times between the first of the edges and the last, which is now; None outside."""
+        warmth = self._warmth
+        if not warmth.board_in_chamber:
+            return None
+        before_c, self._last_c = self._last_c, warmth.board_c
+        end_s = float(edges_s[-1])
+        self.history.append(BoardState(end_s, self._last_c, warmth.board_thermometer_c, warmth.sensor_c, drifted_g))
+        followed = before_c + (at_s - edges_s[0]) * ((self._last_c - before_c) / (edges_s[-1] - edges_s[0]))
+        return np.asarray(followed)
 
 
 class Thermometer:

@@ -22,7 +22,7 @@ from simulators.motion import Axis, AxisErrors, Slew
 from simulators.thermal import ChamberPhysics, Thermal, UnitPhysics
 from simulators.unit_file import UnitFile, stream
 from simulators.uut import Hysteresis, Noise, UnitTruth, draw_unit
-from simulators.warmth import Thermometer, Warmth
+from simulators.warmth import Board, Thermometer, Warmth
 
 Array = NDArray[np.float64]
 Input = Literal["accelerometer", "source"]  # what a converter is connected to
@@ -90,19 +90,6 @@ class UnitState(NamedTuple):
     thermometer_c: float
 
 
-class ChannelState(NamedTuple):
-    """A unit whose converter is in the chamber, at a true time: its board, an ideal thermometer there, its sensor.
-
-    Beside them what drifts in its bias.
-    """
-
-    true_s: float
-    board_c: float
-    thermometer_c: float
-    sensor_c: float
-    drifted_g: float
-
-
 class SimulatedUnit:
     """One unit in its place: what its converter counts, and what the thermometer at it says."""
 
@@ -120,11 +107,11 @@ class SimulatedUnit:
         start_c = settings.chamber.start_c
         self.warmth = Warmth(world.thermal, index, self.settings.unit, start_c, settings.thermometer_lag_s)
         self._thermometer, self._board_thermometer = self._thermometers(settings)
-        self._last_c = self._board_c = start_c
+        self.board = Board(self.warmth, start_c)
+        self._last_c = start_c
         self.powered_at_s: float | None = None
         self.history: list[UnitState] = []
         self.input: Input = "accelerometer"
-        self.channel_history: list[ChannelState] = []
 
     def _thermometers(self, settings: WorldSettings) -> tuple[Thermometer, Thermometer]:
         """At the unit and at its converter."""
@@ -165,7 +152,7 @@ class SimulatedUnit:
         hysteresis_g = self._hysteresis.bias_g(now_c)
         self.history.append(self._state(float(edges_s[-1]), hysteresis_g))
         self._last_c = now_c
-        board = self._followed_board_c(middle, edges_s)
+        board_c = self.board.followed_c(edges_s, middle, self.history[-1].drifted_g)
         if self.powered_at_s is None:
             return np.zeros_like(middle)
         current = self._current_a(middle, temperature, hysteresis_g, self._noise.mean_g(interval))
@@ -173,7 +160,7 @@ class SimulatedUnit:
             current = self._world.source_a(self.settings.source, middle)
         if self.faults.active("dead"):
             return np.zeros_like(middle)
-        return self.truth.rate_pps(current, board) * interval
+        return self.truth.rate_pps(current, board_c) * interval
 
     def mean_current_a(self, begin_s: float, end_s: float, noise: Noise) -> float:
         """What flows from the accelerometer, as a mean from `begin_s` to `end_s`; 0 without power.
@@ -224,19 +211,6 @@ class SimulatedUnit:
     def converter_thermometer_c(self, at_s: Array) -> Array:
         """As `thermometer_c`, of the thermometer at the converter."""
         return self._board_thermometer.readings_c(at_s, self._world.thermal.now_s, self.warmth.board_thermometer_c)
-
-    def _followed_board_c(self, middle_s: Array, edges_s: Array) -> Array | None:
-        """The converter between its last temperature and that of now; None for one outside the chamber."""
-        if not self.warmth.board_in_chamber:
-            return None
-        before_c, self._board_c = self._board_c, self.warmth.board_c
-        state = ChannelState(
-            float(edges_s[-1]), self._board_c, self.warmth.board_thermometer_c, self.warmth.sensor_c,
-            self.history[-1].drifted_g,
-        )  # fmt: skip
-        self.channel_history.append(state)
-        followed = before_c + (middle_s - edges_s[0]) * ((self._board_c - before_c) / (edges_s[-1] - edges_s[0]))
-        return np.asarray(followed)
 
 
 class World:

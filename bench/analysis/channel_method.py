@@ -52,6 +52,8 @@ def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
 
 
 def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
+    if unit.voltmeter is not None:
+        return UnitResult(unit.place, unit.serial, (), (), ("converter",), ("converter:not_counted",))
     found = levels_of(data, unit, settings["gate_s"])
     by_name = lines_of_levels(data, unit, found, settings)
     levels, compared = tuple(by_name.values()), tuple(compared_levels(by_name, settings))

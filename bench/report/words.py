@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from bench.analysis.finding import LOWER_BOUND, Finding
@@ -105,6 +105,7 @@ _QUANTITIES = {
         "on the level in another way."
     ),
     "no_thermometer": "nothing reads its temperature.",
+    "not_counted": "the unit is read by a voltmeter, and has none that counts.",
     "not_certified": "it has no certificate, so that its gain, offset and drift have no part in U.",
     "temperature_slope_unknown": "how it changes with temperature is not known, so the thermometer has no part in U.",
 }
@@ -204,14 +205,18 @@ def bands_in_words(quantity: str, limits: Limits) -> str:
     return ", ".join(filter(None, (guard, marginal)))
 
 
+def _levels_in_words(at: Mapping[str, Any]) -> Iterator[str]:
+    """The input level that a finding is of, and how it compares."""
+    if "run" in at:
+        yield at["run"]
+    if "reference" in at:
+        yield tr("against {reference}", reference=at["reference"])
+        yield tr(at["decision"])
+
+
 def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
     """The conditions of a finding: "dwell 5, set point 70 °C, rising"; `dwells` are the numbers of the dwells."""
-    parts = []
-    if "run" in at:
-        parts.append(at["run"])
-    if "reference" in at:
-        parts.append(tr("against {reference}", reference=at["reference"]))
-        parts.append(tr(at["decision"]))
+    parts = list(_levels_in_words(at))
     if "dwell" in at:
         parts.append(tr("dwell {number}", number=at["dwell"]))
     if "dwells" in at:

@@ -53,11 +53,17 @@ def _plugs(planned: PlannedStep) -> str | None:
     return step.expect.input if isinstance(step, Prompt) and step.expect is not None else None
 
 
-def no_converter_thermometer(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A channel over the temperature of its converter, on a bench that does not know it."""
+def no_converter(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A channel over the temperature of its converter, on a bench that does not count it or know its temperature."""
     for place, _, _ in _channels(plan):
         for name, unit in bench.places.items():
-            if unit.converter_temperature is None:
+            if unit.voltmeter is not None:
+                yield (
+                    (*place, "method"),
+                    f"the unit in place '{name}' is read by a voltmeter, and has no converter that counts",
+                    "Use a bench where a counter counts it",
+                )
+            elif unit.converter_temperature is None:
                 yield (
                     (*place, "method"),
                     f"the bench does not say what reads the temperature of the converter in place '{name}'",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bench.config.models import BenchFile
-from bench.sequence.checks_channel import no_converter_thermometer, source_unplugged, unsuited_ramp
+from bench.sequence.checks_channel import no_converter, source_unplugged, unsuited_ramp
 from bench.sequence.checks_ladder import incomplete_ladder, ladder_below_limit, no_nominal, step_below_band
 from bench.sequence.checks_method import (
     soak_never_stable,
@@ -23,12 +23,7 @@ RULES = (
     Rule("shared-device", "error", "branches done at the same time have devices of their own", shared_device),
     Rule("forbidden-angle", "error", "the head keeps away from what the fixture forbids", forbidden_angle),
     Rule("source-unplugged", "error", "a source is on only while it feeds the converter", source_unplugged),
-    Rule(
-        "no-converter-thermometer",
-        "error",
-        "the temperature of a converter is read where it counts",
-        no_converter_thermometer,
-    ),
+    Rule("no-converter", "error", "a channel has a converter whose temperature is read", no_converter),
     Rule("too-few-angles", "error", "a tumble has the angles that its constants need", too_few_angles),
     Rule("no-nominal", "error", "what a step lets expect is known", no_nominal),
     Rule("incomplete-ladder", "error", "a ladder has steps of both senses, between readings", incomplete_ladder),

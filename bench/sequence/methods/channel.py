@@ -67,4 +67,5 @@ CHANNEL_TEMPERATURE = MethodDescription(
     },
     counts_at="levels",
     drawn_by="bench.report.channel_plots:channel_plots",
+    after=("IEEE Std 530", "IEEE Std 1554"),
 )
