@@ -18,13 +18,10 @@ ROUNDING = 1e-9
 
 
 def source_unplugged(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A source that is switched on while it is not in the converter, or on while somebody is asked to change that.
-
-    It is for sequences that ask a person to plug it in, or that need it there.
-    """
+    """A source that is switched on while it is not in the converter, or on while somebody is asked to change that."""
     sources = {place.source for place in bench.places.values() if place.source}
     if not any(_plugs(planned) == "source" for planned in plan) and not any(_channels(plan)):
-        return
+        return  # a bench may be wired for good, and such a sequence says nothing of it
     plugged_in, on = False, set[str]()
     for planned in plan:
         step, plugs = planned.step, _plugs(planned)
