@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from bench.analysis.ladder import by_position
 from bench.analysis.rundata import Acquisition, RunData
 from bench.report.languages import tr
 from bench.report.plots import Plot
@@ -81,13 +82,14 @@ def course_of(run: StoredRun, data: Sequence[RunData]) -> Course:
         if event.kind in ("step_begins", "made_safe"):
             begins.setdefault(_phase(event), event.at_s)
     edges_s = [*begins.values(), ended_s]
-    shown = {part.label: _legs for part in run.counted_at("ramps")}
-    shown |= {part.label: _each for part in run.counted_at("levels")}
+    spans = {part.label: _legs for part in run.counted_at("ramps")}
+    spans |= {part.label: _each for part in run.counted_at("levels")}
+    spans |= {part.label: _ladders for part in run.counted_at("steps")}
     return Course(
         began_s=began_s,
         ended_s=ended_s,
         phases=tuple(map(Span, begins, edges_s[:-1], edges_s[1:])),
-        dwells=tuple(span for part in data for span in shown.get(part.label, _dwells)(part)),
+        dwells=tuple(span for part in data for span in spans.get(part.label, _dwells)(part)),
         acquisitions=tuple(Span(each.step, each.begin_s, each.end_s) for part in data for each in part.acquisitions),
         incident_s=next((event.at_s for event in events if event.kind in INCIDENTS), None),
     )
@@ -112,6 +114,12 @@ def _each(data: RunData) -> Iterator[Span]:
     """The acquisitions, numbered from 1."""
     for number, acquisition in enumerate(data.acquisitions, start=1):
         yield Span(str(number), acquisition.begin_s, acquisition.end_s)
+
+
+def _ladders(data: RunData) -> Iterator[Span]:
+    """The ladders of small steps, by their positions."""
+    for position, steps in by_position(data).items():
+        yield Span(tr("about {angle}°", angle=f"{position:g}"), steps[0].begin_s, steps[-1].end_s)
 
 
 def _phase(event: Event) -> str:

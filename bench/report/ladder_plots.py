@@ -46,10 +46,13 @@ def _plot(ladder: Ladder, name: str) -> Plot:
     axes.axhline(1, color="#444444", linewidth=0.6)
     if np.isfinite(ladder.found.high_g) and ladder.found.low_g:
         axes.axvspan(ladder.found.low_g * factor, ladder.found.high_g * factor, color="#dddddd", zorder=0)
+    sizes = sorted({float(f"{step.size_g * factor:.2g}") for step in ladder.found.steps})
     axes.set(
         xscale="log", ylim=RATIO_SHOWN, xlabel=f"{tr('input step')} / {symbol}", ylabel=tr("output change / expected"),
         title=_title(ladder),
     )  # fmt: skip
+    axes.set_xticks(sizes, [f"{size:g}" for size in sizes])
+    axes.set_xticks([], minor=True)
     axes.legend(loc="lower right")
     caption = tr(
         "Output change over the change that the nominal scale factor lets expect, by the input step that the head read "
@@ -95,6 +98,7 @@ def _sheet(ladder: Ladder) -> Sheet:
 
 def _row(ladder: Ladder, step: LadderStep, factor: float) -> tuple[str, ...]:
     expanded = COVERAGE * step.u_ratio
+    digits = decimals(expanded)
     remarks = (
         tr("one count is more than {share} of it", share=f"{COUNT_SHARE:.0%}") if step.too_short else "",
         tr("could be otherwise if repeated") if step.marginal else "",
@@ -103,8 +107,8 @@ def _row(ladder: Ladder, step: LadderStep, factor: float) -> tuple[str, ...]:
         f"{ladder.step_arcsec(step):+.2f}",
         f"{step.repeats}",
         f"{step.input_g * factor:+.2f}",
-        f"{step.output_g * factor:+.2f}",
-        f"{step.ratio:.{decimals(expanded)}f} ± {expanded:.{decimals(expanded)}f}",
+        f"{round(step.output_g * factor, 2) + 0.0:+.2f}",
+        f"{round(step.ratio, digits) + 0.0:.{digits}f} ± {expanded:.{digits}f}",
         tr("yes") if step.passed else tr("no"),
         "; ".join(filter(None, remarks)),
     )
