@@ -49,8 +49,8 @@ class DriverDescription:
 
     `reports_every_s` is how long readings may be on their way because the driver takes them in together.
     `channels` are the readings that `poll` gives, with their units, or a function of the options that tells them.
-    `options`, `limits`, `safe` and `uncertainty` are the models of those blocks of a device entry (`calibration.U` for
-    the last). `target` is "module:Class".
+    `options`, `limits`, `safe`, `uncertainty` and `corrections` are the models of those blocks of a device entry
+    (`calibration.U` and `calibration.corrections` for the last two). `target` is "module:Class".
     """
 
     name: str
@@ -62,6 +62,7 @@ class DriverDescription:
     limits: type[BaseModel] = Nothing
     safe: type[BaseModel] = Nothing
     uncertainty: type[BaseModel] = Nothing
+    corrections: type[BaseModel] = Nothing
     reports_every_s: float = 0.0
     channels: Mapping[str, str] | Callable[[Any], Mapping[str, str]] = field(default_factory=dict)
 

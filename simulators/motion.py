@@ -9,6 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from simulators.corrections import Table, lacking_deg
+
 Angles = NDArray[np.float64]
 
 
@@ -16,6 +18,7 @@ Angles = NDArray[np.float64]
 class AxisErrors:
     """What the encoder does not see, all in degrees.
 
+    `table` is what must be added to angles that are read, over one turn, which the other errors come on top of.
     `cosines` and `sines` are the amplitudes of harmonics 1, 2, … of the error map; `backlash_deg` shows when an angle
     is approached from above (the certificate holds for an approach from below); `repeatability_deg` is the standard
     deviation of a fresh draw for each move.
@@ -26,13 +29,14 @@ class AxisErrors:
     sines: tuple[float, ...] = ()
     backlash_deg: float = 0.0
     repeatability_deg: float = 0.0
+    table: Table = ((), ())
 
-    def with_harmonics(self, error_deg: Angles, angle_deg: Angles) -> Angles:
-        """An error with what the error map has at the angles beside it."""
+    def with_map(self, error_deg: Angles, angle_deg: Angles) -> Angles:
+        """An error with what the error map and the table have at the angles beside it."""
         turn = np.radians(angle_deg)
         for order, (cosine, sine) in enumerate(zip(self.cosines, self.sines, strict=True), start=1):
             error_deg = error_deg + (cosine * np.cos(order * turn) + sine * np.sin(order * turn))
-        return error_deg
+        return error_deg + lacking_deg(angle_deg, self.table) if self.table[0] else error_deg
 
 
 class Profile(Protocol):
@@ -281,7 +285,7 @@ class Axis:
 
     def lasting_deg(self, angle_deg: Angles) -> Angles:
         """Where it stands, as often as it comes from below to where it reports these angles, but for scatter."""
-        return angle_deg + self._errors.with_harmonics(np.full_like(angle_deg, self._errors.zero_deg), angle_deg)
+        return angle_deg + self._errors.with_map(np.full_like(angle_deg, self._errors.zero_deg), angle_deg)
 
     def _begin(self, profile: Profile) -> None:
         self._profile, self._rest_deg = profile, None
@@ -291,4 +295,4 @@ class Axis:
         total = np.full_like(angle_deg, errors.zero_deg + self._scatter_deg)
         if self._from_above:
             total += errors.backlash_deg
-        return errors.with_harmonics(total, angle_deg)
+        return errors.with_map(total, angle_deg)

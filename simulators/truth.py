@@ -74,7 +74,11 @@ def truth_record(
             "axes": {role: asdict(errors) for role, errors in settings.axes.items()},
             "level_deg": settings.level_deg,
             "thermometers": {
-                name: {"offset_c": place.thermometer_offset_c, "gain": place.thermometer_gain}
+                name: {
+                    "offset_c": place.thermometer_offset_c,
+                    "gain": place.thermometer_gain,
+                    "table": place.thermometer_table,
+                }
                 for name, place in sorted(settings.places.items())
             },
             **({"voltmeters": {role: asdict(meter) for role, meter in voltmeters.items()}} if voltmeters else {}),

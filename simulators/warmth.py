@@ -8,6 +8,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from simulators.corrections import Table, read_of
 from simulators.thermal import Thermal
 from simulators.thermostat import Thermostat
 from simulators.unit_file import UnitFile
@@ -97,14 +98,21 @@ class Board:
 
 
 class Thermometer:
-    """What a thermometer says of what an ideal one has followed to: with its offset, its gain and its noise."""
+    """What a thermometer says of what an ideal one has followed to: with its offset, its gain and its noise.
 
-    def __init__(self, start_c: float, offset_c: float, gain: float, noise_c: float, noise: Generator) -> None:
+    They come on top of what its `table` of corrections adds.
+    """
+
+    def __init__(
+        self, start_c: float, offset_c: float, gain: float, noise_c: float, noise: Generator, table: Table = ((), ())
+    ) -> None:
         self._offset_c, self._gain, self._noise_c, self._noise = offset_c, gain, noise_c, noise
+        self._table = table
         self._read_at_s, self._read_c = 0.0, start_c
 
     def readings_c(self, at_s: Array, now_s: float, now_c: float) -> Array:
         """Readings at times since the last call, when the ideal one has come to `now_c`."""
         true_c = np.interp(at_s, [self._read_at_s, now_s], [self._read_c, now_c])
         self._read_at_s, self._read_c = now_s, now_c
-        return true_c * (1 + self._gain) + self._offset_c + self._noise_c * self._noise.standard_normal(len(at_s))
+        right_c = true_c * (1 + self._gain) + self._offset_c
+        return read_of(right_c, self._table) + self._noise_c * self._noise.standard_normal(len(at_s))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.attitude import Fixture, Mount, to_unit
+from simulators.corrections import Table
 from simulators.current_source import Feed
 from simulators.faults import FaultPlan
 from simulators.motion import Axis, AxisErrors, Slew
@@ -35,6 +36,7 @@ LOOK_S = 0.02  # how finely a mean current follows the head
 class PlaceSettings:
     """One unit in its place. `thermometer_offset_c` and `thermometer_gain` are the errors drawn for its reading.
 
+    They come on top of those that its `thermometer_table` corrects, °C to be added at readings in °C.
     Its output are pulses on a `channel`, or the volts across `load_ohm`. `faults` are kinds, each with the time from
     which it is there. The errors of `converter_` are for the thermometer at its converter; `source` is the device that
     may feed that.
@@ -46,10 +48,12 @@ class PlaceSettings:
     mount_angle_deg: float = 0.0
     thermometer_offset_c: float = 0.0
     thermometer_gain: float = 0.0
+    thermometer_table: Table = ((), ())
     faults: Mapping[str, float] = field(default_factory=dict)
     load_ohm: float | None = None
     converter_offset_c: float = 0.0
     converter_gain: float = 0.0
+    converter_table: Table = ((), ())
     source: str = ""
 
 
@@ -121,10 +125,14 @@ class SimulatedUnit:
             return stream(settings.seed, "noise", self.place, name)
 
         return (
-            Thermometer(start_c, own.thermometer_offset_c, own.thermometer_gain, noise_c, noise("thermometer")),
+            Thermometer(
+                start_c, own.thermometer_offset_c, own.thermometer_gain, noise_c, noise("thermometer"),
+                own.thermometer_table,
+            ),
             Thermometer(
                 start_c if self.warmth.board_in_chamber else self.warmth.board_c,
                 own.converter_offset_c, own.converter_gain, noise_c, noise("converter thermometer"),
+                own.converter_table,
             ),
         )  # fmt: skip
 

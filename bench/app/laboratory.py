@@ -19,6 +19,8 @@ from bench.config.load import load_file
 from bench.config.models import BenchFile, PlaceEntry, SourceSimulation
 from bench.errors import InputError
 from bench.loop import BenchLoop
+from bench.report.corrections import Table as CorrectionTable
+from bench.report.corrections import corrections_of
 from bench.report.rundata import HOUR_S, bench_record
 from drivers.can_counter import wire as counter_wire
 from drivers.can_counter.description import CounterOptions
@@ -32,6 +34,7 @@ from simulators.acutronic_acl import SimulatedAcutrol
 from simulators.aerotech_ensemble import SimulatedEnsemble
 from simulators.attitude import SOUTH, Fixture
 from simulators.can_counter import CounterSettings, SimulatedCounter
+from simulators.corrections import Table
 from simulators.current_source import CurrentErrors, Feed
 from simulators.faults import FaultPlan
 from simulators.fluke_5700a import SimulatedFluke
@@ -92,7 +95,7 @@ def make_laboratory(
 
 def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -> WorldSettings:
     """The laboratory's errors as drawn for one run."""
-    stated, simulation = bench_record(bench), bench.simulation
+    stated, simulation, corrections = bench_record(bench), bench.simulation, corrections_of(bench)
 
     def draw(sd: float, *path: str) -> float:
         return float(sd * stream(seed, "bench", *path).standard_normal())
@@ -108,10 +111,12 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -
             mount_angle_deg=entry.mount_angle,
             thermometer_offset_c=draw(offset_u, entry.temperature, "offset"),
             thermometer_gain=draw(gain_u, entry.temperature, "gain"),
+            thermometer_table=_columns(corrections.thermometers.get(entry.temperature)),
             faults={fault.kind: fault.at for fault in simulation.faults if fault.unit == name},
             load_ohm=next((each.load for role, each in simulation.voltmeters.items() if role == entry.voltmeter), None),
             converter_offset_c=draw(converter_offset_u, converter, "offset"),
             converter_gain=draw(converter_gain_u, converter, "gain"),
+            converter_table=_columns(corrections.thermometers.get(converter)),
             source=entry.source or "",
         )
 
@@ -127,13 +132,14 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -
             sines=tuple(sine for _, sine in amplitudes),
             backlash_deg=simulation.head.backlash / 3600,
             repeatability_deg=known.repeatability_u_deg,
+            table=_columns(corrections.axes.get(role)),
         )
 
     return WorldSettings(
         seed=seed,
         gravity_mps2=stated.gravity_mps2 + draw(stated.gravity_u_mps2, "gravity"),
         host_clock=draw(simulation.host_clock, "host clock"),
-        device_clock=draw(stated.time_base_u, "counter", "time base"),
+        device_clock=draw(stated.time_base_u, "counter", "time base") - next(iter(corrections.clocks.values()), 0.0),
         axes={role: axis(role, () if number == 0 else (role,)) for number, role in enumerate(bench.axes or ["head"])},
         axis_acceleration_dps2=simulation.head.acceleration,
         mount=simulated_mount(bench.fixture.mount()),
@@ -151,6 +157,11 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -
         thermometer_noise_c=simulation.thermometer.noise,
         places={name: place(name, entry) for name, entry in bench.places.items()},
     )
+
+
+def _columns(table: CorrectionTable | None) -> Table:
+    """A table of corrections as the simulated world knows it."""
+    return (tuple(table.at.tolist()), tuple(table.add.tolist())) if table is not None else ((), ())
 
 
 def simulated_mount(mount: Mount) -> attitude.Mount:
@@ -198,8 +209,11 @@ def _voltmeter_settings(bench: BenchFile, role: str, seed: int) -> VoltmeterSett
         raise InputError(f"nothing is connected to '{role}': add it to simulation.voltmeters of the bench file")
 
     def draw(error: str) -> float:
-        sd = getattr(certificate.U, error) / certificate.k if certificate is not None else 0.0
-        return float(sd * stream(seed, "bench", role, error).standard_normal())
+        """What is left of an error once the certificate has corrected it, less that correction."""
+        if certificate is None:
+            return 0.0
+        sd, corrected = getattr(certificate.U, error) / certificate.k, getattr(certificate.corrections, error)
+        return float(sd * stream(seed, "bench", role, error).standard_normal() - corrected)
 
     return VoltmeterSettings(connected.place, connected.load, draw("gain"), draw("offset"), connected.noise)
 

@@ -6,9 +6,9 @@ import math
 import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from datetime import timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -28,6 +28,8 @@ if TYPE_CHECKING:  # checking a sequence needs no simulators
     from bench.app.technician import Script
 
 DEFAULT_BENCH = "simulated"
+PAST_DUE = "past-due"  # what a check calls it
+PastDue = Literal["refuse", "mark"]
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,7 @@ class RunRequest:
     attended: bool = False
     answers: Path | None = None
     not_after: str | None = None
+    past_due: PastDue = "refuse"
 
 
 @dataclass(frozen=True)
@@ -104,8 +107,37 @@ def load_checked(request: RunRequest) -> CheckedRun:
         raise InputError(*found)
     plan, warnings = judged
     expected = estimate(plan, loaded.bench)
-    circumstances = (*_little_disk_space(expected, request.runs), *_ends_too_late(expected, loaded, request.not_after))
+    circumstances = (
+        *_past_due(plan, loaded),
+        *_little_disk_space(expected, request.runs),
+        *_ends_too_late(expected, loaded, request.not_after),
+    )
     return CheckedRun(plan, loaded, expected, (*circumstances, *warnings))
+
+
+def _past_due(plan: Plan, loaded: LoadedBench) -> Iterator[Remark]:
+    """A warning for each instrument that the run uses and whose calibration will not be valid any more."""
+    bench = loaded.bench
+    used = {*plan.sequence.needs, *(place.temperature for place in bench.places.values())}
+    used |= {place.voltmeter for place in bench.places.values() if place.voltmeter is not None}
+    if any(place.voltmeter is None for place in bench.places.values()):
+        used |= set(bench.with_capability("pulse_counter"))
+    for name, due in bench.past_due(_begins(loaded).date()).items():
+        if name in used:
+            yield Remark(
+                "warning",
+                PAST_DUE,
+                (),
+                f"the calibration of '{name}' was due on {due}; a run refuses to begin with it",
+                "Enter its new certificate in the bench file, or run with --past-due mark, which the report tells",
+            )
+
+
+def _begins(loaded: LoadedBench) -> datetime:
+    """When a run that is asked for now begins, in bench time."""
+    from bench.clock import wall_utc  # asyncio with it, which other checks do not need
+
+    return loaded.bench.simulation.start if loaded.bench.is_simulated else wall_utc()
 
 
 def _little_disk_space(expected: Estimate, runs: Path) -> Iterator[Remark]:
@@ -130,9 +162,7 @@ def _ends_too_late(expected: Estimate, loaded: LoadedBench, not_after: str | Non
         latest = TypeAdapter(Instant).validate_python(not_after)
     except ValidationError as error:
         raise InputError(f"--not-after {not_after}: {in_plain_words(error.errors()[0])}") from None
-    from bench.clock import wall_utc  # asyncio with it, which other checks do not need
-
-    begins = loaded.bench.simulation.start if loaded.bench.is_simulated else wall_utc()
+    begins = _begins(loaded)
     ends = begins + timedelta(seconds=expected.total_s)
     if ends > latest:
         yield Remark(
@@ -150,6 +180,8 @@ def prepare(request: RunRequest) -> PreparedRun:
     checked = load_checked(request)
     plan, loaded = checked.plan, checked.loaded
     speed = _speed(request, loaded)
+    if request.past_due == "refuse" and (found := [each for each in checked.warnings if each.rule == PAST_DUE]):
+        raise InputError(*(f"{loaded.document.path}: {remark.text}" for remark in found))
     if not loaded.bench.is_simulated and not request.attended:
         raise InputError(
             f"{loaded.document.path}: this bench has real connections; somebody must stay with it. "

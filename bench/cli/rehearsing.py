@@ -58,6 +58,7 @@ def rehearse(
     as_it_is = RunRequest(
         sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), uut_model=uut_model,
         seed=seed, runs=runs, operator="rehearsal", answers=answers, not_after=not_after,
+        past_due="mark",
     )  # fmt: skip
     checked = load_checked(as_it_is)
     warn(checked.plan, checked.warnings)

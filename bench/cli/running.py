@@ -49,6 +49,13 @@ def register(app: typer.Typer) -> None:
     app.command()(run)
 
 
+class PastDue(StrEnum):
+    """What becomes of a run on an instrument whose calibration is not valid any more."""
+
+    REFUSE = "refuse"
+    MARK = "mark"
+
+
 class Format(StrEnum):
     """How what a check found is told."""
 
@@ -184,6 +191,12 @@ def run(
     answers: Annotated[
         Path | None, typer.Option(metavar="FILE", help="What a scripted technician answers on a simulated bench.")
     ] = None,
+    past_due: Annotated[
+        PastDue,
+        typer.Option(
+            metavar="refuse|mark", help="With an instrument past due: refuse to run, or run and mark the results."
+        ),
+    ] = PastDue.REFUSE,
     as_json: Annotated[bool, typer.Option("--json", help="Print the results as JSON, alone on stdout.")] = False,
 ) -> None:
     """Run a sequence on a bench."""
@@ -213,6 +226,7 @@ def run(
             attended=attended,
             answers=answers,
             not_after=not_after,
+            past_due=past_due.value,
         )
     )
     warn(prepared.plan, prepared.warnings)

@@ -30,7 +30,11 @@ CoverageFactor = Annotated[Number, Field(gt=0, le=4)]
 
 
 class Calibration(StrictModel):
-    """A certificate; `U` holds expanded uncertainties, under the names that the driver or the reading gives them."""
+    """A certificate.
+
+    `U` holds expanded uncertainties and `corrections` what must be added to readings, under the names that the driver
+    or the reading gives them.
+    """
 
     certificate: Text = Field(description="its number")
     laboratory: Text = Field(description="who issued it")
@@ -38,6 +42,9 @@ class Calibration(StrictModel):
     due: Date = Field(description="of the next one")
     k: CoverageFactor = Field(2.0, description="coverage factor of all in U")
     U: Any = Field(default_factory=dict, description="expanded uncertainties; its keys are the driver's")
+    corrections: Any = Field(
+        default_factory=dict, description="what must be added to readings; its keys are the driver's"
+    )
 
     @model_validator(mode="after")
     def _due_after_it_was_made(self) -> Self:
@@ -62,7 +69,7 @@ def _address(raw: object) -> Address:
 
 
 class DeviceEntry(StrictModel):
-    """One instrument; the blocks `options`, `limits`, `safe` and `calibration.U` are the driver's own models."""
+    """One instrument; the blocks `options`, `limits`, `safe`, `calibration.U` and its corrections are the driver's."""
 
     driver: Annotated[str, AfterValidator(_known_driver)] = Field(description="the name of an installed driver")
     connection: Annotated[Address, BeforeValidator(_address), WithJsonSchema({"type": "string"})] = Field(
@@ -106,14 +113,15 @@ class DeviceEntry(StrictModel):
             raise ValidationError.from_exception_data(cls.__name__, problems)
         update: dict[str, Any] = {name: blocks[name] for name in ("options", "limits", "safe")}
         if entry.calibration is not None:
-            update["calibration"] = entry.calibration.model_copy(update={"U": blocks["U"]})
+            own = {name: blocks[name] for name in ("U", "corrections")}
+            update["calibration"] = entry.calibration.model_copy(update=own)
         return entry.model_copy(update=update)
 
 
 def _blocks(
     description: DriverDescription, data: Mapping[str, Any], info: ValidationInfo, problems: list[InitErrorDetails]
 ) -> dict[str, BaseModel]:
-    """The valid blocks among options, limits, safe and U; what is wrong with the others goes to `problems`."""
+    """The valid blocks of a driver; what is wrong with the others goes to `problems`."""
     blocks: dict[str, BaseModel] = {}
     own: list[tuple[tuple[str, ...], type[BaseModel], Mapping[str, Any]]] = [
         (("options",), description.options, data),
@@ -122,6 +130,7 @@ def _blocks(
     ]
     if isinstance(certificate := data.get("calibration"), Mapping):
         own.append((("calibration", "U"), description.uncertainty, certificate))
+        own.append((("calibration", "corrections"), description.corrections, certificate))
     for place, model, around in own:
         name = place[-1]
         if name not in around and any(field.is_required() for field in model.model_fields.values()):

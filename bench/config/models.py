@@ -13,6 +13,7 @@ from pydantic import AfterValidator, ConfigDict, Field, model_validator
 from bench.config.devices import Calibration, CoverageFactor, DeviceEntry, Text
 from bench.config.fixture import DIRECTIONS, FixtureEntry, Vector
 from bench.config.interlocks import InterlockEntry
+from drivers.corrections import TemperatureTable
 from drivers.fields import (
     NOT_EMPTY,
     Amperes,
@@ -81,6 +82,7 @@ class ThermometerCalibration(Calibration):
     """The certificate of a thermometer."""
 
     U: ThermometerUncertainty = ThermometerUncertainty()
+    corrections: TemperatureTable = Field((), description="rows, by rising temperature")
 
 
 class ReadingEntry(StrictModel):
@@ -352,6 +354,15 @@ class BenchFile(StrictModel):
             for name, entry in self.devices.items()
             if name in meters or channels & set(getattr(entry.options, "channels", {}))
         )
+
+    def past_due(self, day: dt.date) -> dict[str, dt.date]:
+        """The devices and readings whose calibration is not valid any more on a day, each with when it was due."""
+        certified: dict[str, DeviceEntry | ReadingEntry] = {**self.devices, **self.readings}
+        return {
+            name: entry.calibration.due
+            for name, entry in certified.items()
+            if entry.calibration is not None and entry.calibration.due < day
+        }
 
     @property
     def is_simulated(self) -> bool:

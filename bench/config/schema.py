@@ -68,19 +68,22 @@ def object_of(properties: Mapping[str, Schema], models: Mapping[str, type[BaseMo
 
 
 def _blocks(driver: DriverDescription) -> Mapping[str, type[BaseModel]]:
-    return {"options": driver.options, "limits": driver.limits, "safe": driver.safe, "U": driver.uncertainty}
+    return {
+        "options": driver.options, "limits": driver.limits, "safe": driver.safe,
+        "U": driver.uncertainty, "corrections": driver.corrections,
+    }  # fmt: skip
 
 
 def _as_driver(driver: DriverDescription, refs: Mapping[type[BaseModel], Schema]) -> Schema:
     """What an entry of this driver holds beyond what every entry does."""
     own = dict(_blocks(driver))
-    uncertainty = {"U": own.pop("U")}
+    certified = {name: own.pop(name) for name in ("U", "corrections")}
     schemes = "|".join(sorted(driver.schemes))
     return object_of(
         {
             "connection": {"pattern": rf"^(sim\+)?({schemes}):"},
             **{name: refs[model] for name, model in own.items()},
-            "calibration": object_of({"U": refs[uncertainty["U"]]}, uncertainty),
+            "calibration": object_of({name: refs[model] for name, model in certified.items()}, certified),
         },
         own,
     )

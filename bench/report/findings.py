@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import datetime as dt
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -29,12 +30,18 @@ _ENDED: Mapping[str, Verdict] = {
 
 @dataclass(frozen=True)
 class Results:
-    """Everything found in a run, and the verdict on it."""
+    """Everything found in a run, and the verdict on it.
+
+    `corrections` tells by which certificates readings were corrected, `past_due` which were not valid any more, by
+    device or reading, and when they were due.
+    """
 
     title: str
     verdict: Verdict
     units: tuple[UnitResult, ...]
     on_the_way: OnTheWay = field(default_factory=OnTheWay)
+    corrections: tuple[str, ...] = ()
+    past_due: Mapping[str, dt.date] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """The content of `results.json`."""
@@ -45,6 +52,8 @@ class Results:
             "units": [_unit(unit) for unit in self.units],
             "findings": [_finding(finding) for unit in self.units for finding in unit.findings],
             "models": [model.to_json() for unit in self.units for model in unit.models],
+            "corrections": list(self.corrections),
+            "past_due": {name: str(due) for name, due in self.past_due.items()},
             **self.on_the_way.to_json(),
         }
 

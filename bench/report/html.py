@@ -71,6 +71,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
         times=page.times(run),
         site=page.site(run),
         instruments=instruments,
+        corrections=list(run.corrections()) if results is not None else [],
         course=course,
         sections=sections,
         on_the_way=on_the_way,

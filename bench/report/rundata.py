@@ -22,6 +22,7 @@ from bench.analysis.rundata import (
 )
 from bench.config.fixture import Vector
 from bench.config.models import BenchFile, PlaceEntry
+from bench.report.corrections import Corrections, corrections_of
 from bench.sequence.dwells import DwellNames, first_visit, loop_values
 from bench.store.counts import CountDecoder
 from bench.store.reader import Event, RunReader, Series
@@ -30,6 +31,7 @@ from drivers.frame_block import FrameBlock
 
 ARCSEC_DEG = 1 / 3600
 HOUR_S = 3600.0
+AS_READ = Corrections({}, {}, {}, {})
 
 
 def run_data(reader: RunReader, bench: BenchFile, serials: Mapping[str, str], label: str) -> RunData:
@@ -39,22 +41,41 @@ def run_data(reader: RunReader, bench: BenchFile, serials: Mapping[str, str], la
         _unit(place, serial, bench.places[place], dropped_s.get(place, math.inf)) for place, serial in serials.items()
     )
     thermometers = [reading for unit in units for reading in (unit.temperature, unit.converter) if reading]
-    return RunData(label, units, tuple(acquisitions(reader, bench, thermometers, label)), bench_record(bench))
+    corrected = acquisitions(reader, bench, thermometers, label, corrections_of(bench))
+    return RunData(label, units, tuple(corrected), bench_record(bench))
 
 
-def acquisitions(reader: RunReader, bench: BenchFile, thermometers: Iterable[str], label: str) -> Iterator[Acquisition]:
-    """The acquisitions under a label with these named readings, one after the other; StoreError."""
+def acquisitions(
+    reader: RunReader,
+    bench: BenchFile,
+    thermometers: Iterable[str],
+    label: str,
+    corrections: Corrections = AS_READ,
+) -> Iterator[Acquisition]:
+    """The acquisitions under a label with these named readings, one after the other; StoreError.
+
+    As they were read, but for the corrections given.
+    """
     decoders = {
         role: CountDecoder(entry.options, reader.folder)
         for role, entry in bench.devices.items()
         if isinstance(entry.options, CounterOptions)
     }
-    temperatures = {name: reader.series(name) for name in thermometers}
+    temperatures = {name: corrections.temperatures(reader.series(name)) for name in thermometers}
     samples = reader.samples_by_step()
     for event, dwell, state in _acquired(reader, bench, label):
-        acquired = _acquisition(event, dwell, state, reader.frames_of(event.step), decoders, temperatures)
+        frames = reader.frames_of(event.step)
+        acquired = _acquisition(event, dwell, state, temperatures)
+        counts: dict[str, Counts] = {}
+        for role, decoder in decoders.items():
+            decoded = decoder.counts(frames.get(role, FrameBlock.empty()))
+            counts |= {channel: corrections.counts(role, each) for channel, each in decoded.items()}
+        read = samples.get(event.step, {})
         yield replace(
-            acquired, voltages={role: Voltages(*read.T) for role, read in samples.get(event.step, {}).items()}
+            acquired,
+            angles_deg={role: corrections.angle_deg(role, at_deg) for role, at_deg in state.angles_deg.items()},
+            counts=counts,
+            voltages={role: corrections.voltages(role, Voltages(*each.T)) for role, each in read.items()},
         )
 
 
@@ -136,17 +157,8 @@ def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple
     yield from found.values()
 
 
-def _acquisition(
-    event: Event,
-    dwell: str,
-    state: _InForce,
-    frames: Mapping[str, FrameBlock],
-    decoders: Mapping[str, CountDecoder],
-    temperatures: Mapping[str, Series],
-) -> Acquisition:
-    counts: dict[str, Counts] = {}
-    for role, decoder in decoders.items():
-        counts.update(decoder.counts(frames.get(role, FrameBlock.empty())))
+def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mapping[str, Series]) -> Acquisition:
+    """An acquisition without what was counted or read of its output."""
     begin_s, end_s = float(event.data["begin_s"]), float(event.data["end_s"])
     meanwhile = {name: series.between(begin_s, end_s) for name, series in temperatures.items()}
     return Acquisition(
@@ -161,7 +173,7 @@ def _acquisition(
         mount=state.mount,
         input=state.input,
         sources_a=state.sources_a,
-        counts=counts,
+        counts={},
         temperatures_c={name: series.values for name, series in meanwhile.items()},
         temperatures_at_s={name: series.at_s for name, series in meanwhile.items()},
     )

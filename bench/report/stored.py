@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -11,6 +12,7 @@ from typing import Any, Literal
 from bench.analysis.rundata import RunData
 from bench.config.bench import load_kept_bench
 from bench.errors import StoreError
+from bench.report.corrections import told
 from bench.report.findings import Results, evaluate
 from bench.report.measured import on_the_way
 from bench.report.rundata import run_data
@@ -51,7 +53,13 @@ class StoredRun:
 
     def evaluate(self) -> Results:
         """The findings of the methods that the sequence asks for."""
-        return evaluate(self.sequence, self.data, str(self.manifest["state"]), on_the_way(self.reader))
+        results = evaluate(self.sequence, self.data, str(self.manifest["state"]), on_the_way(self.reader))
+        return replace(results, corrections=tuple(self.corrections()), past_due=self.bench.past_due(self.began.date()))
+
+    def corrections(self) -> Iterator[str]:
+        """A line for each instrument whose readings are corrected in the reduction of this run."""
+        labels = dict.fromkeys(entry.data for entry in self.sequence.results)
+        return told(self.bench, [self.data(label) for label in labels])
 
 
 @contextmanager

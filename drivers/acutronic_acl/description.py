@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from drivers.acutronic_acl.wire import ByteOrder
 from drivers.axes import AxisUncertainty, RateRange, SettleOptions
+from drivers.corrections import AxisCorrections
 from drivers.description import DriverDescription
 from drivers.fields import (
     Degrees,
@@ -100,5 +101,6 @@ DESCRIPTION = DriverDescription(
     options=AclOptions,
     limits=AclLimits,
     uncertainty=AxisUncertainty,
+    corrections=AxisCorrections,
     channels={"angle": "°", "rate": "°/s"},
 )

@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from drivers.axes import AxisUncertainty, RateRange, SettleOptions
+from drivers.corrections import AxisCorrections
 from drivers.description import DriverDescription
 from drivers.fields import (
     Degrees,
@@ -58,5 +59,6 @@ DESCRIPTION = DriverDescription(
     options=EnsembleOptions,
     limits=EnsembleLimits,
     uncertainty=AxisUncertainty,
+    corrections=AxisCorrections,
     channels={"angle": "°"},
 )

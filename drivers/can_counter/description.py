@@ -9,6 +9,7 @@ from typing import Annotated, Self
 from pydantic import Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
+from drivers.corrections import ClockCorrections
 from drivers.dbc_outline import lengths_bits, outline
 from drivers.description import DriverDescription
 from drivers.fields import NOT_EMPTY, FileBeside, Hertz, InUnit, PositiveSeconds, Ratio, StrictModel, TextLike
@@ -110,6 +111,7 @@ DESCRIPTION = DriverDescription(
     target="drivers.can_counter.driver:CanCounter",
     options=CounterOptions,
     uncertainty=CounterUncertainty,
+    corrections=ClockCorrections,
     reports_every_s=IDLE_BLOCK_S,
     channels=channels,
 )

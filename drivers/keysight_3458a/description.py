@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
+from drivers.corrections import VoltageCorrections
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, Number, Ratio, StrictModel
 from drivers.keysight_3458a.wire import NPLCS, RANGES_V
@@ -53,5 +54,6 @@ DESCRIPTION = DriverDescription(
     target="drivers.keysight_3458a.driver:Keysight3458A",
     options=VoltmeterOptions,
     uncertainty=VoltmeterUncertainty,
+    corrections=VoltageCorrections,
     channels={"voltage": "V"},
 )

@@ -16,8 +16,8 @@ def bench_page() -> Blocks:
         "# Bench files",
         "A file in `config/`, like [the shipped one](../../config/simulated.yaml): the instruments of a bench, their "
         "limits and certificates, and where the units are. `bench devices --bench FILE` checks it and asks every "
-        "instrument who it is. The `options`, `limits`, `safe` and `calibration.U` of a device are its driver's: "
-        "[drivers](drivers.md).",
+        "instrument who it is. The `options`, `limits` and `safe` of a device and the `U` and `corrections` of its "
+        "calibration are its driver's: [drivers](drivers.md).",
         "NAME is a name of your own. A key whose default is empty may be left out. How quantities and names are "
         "written: [values](sequence.md#values).",
         *keys(BenchFile, 2),
@@ -58,6 +58,7 @@ def _driver(driver: DriverDescription) -> Blocks:
         *part(driver.limits, "limits", 3),
         *part(driver.safe, "safe", 3),
         *part(driver.uncertainty, "calibration.U", 3),
+        *part(driver.corrections, "calibration.corrections", 3),
     ]
     return [f"## {driver.name}", f"{driver.title[:1].upper()}{driver.title[1:]}.", table(("", ""), facts), *blocks]
 

@@ -26,4 +26,5 @@ THRESHOLD = MethodDescription(
     quantities={"threshold": "g", "resolution": "g"},
     counts_at="steps",
     drawn_by="bench.report.ladder_plots:ladder_plots",
+    after=("IEEE Std 1293", "IEEE Std 1554"),
 )

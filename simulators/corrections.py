@@ -1,0 +1,25 @@
+"""What instruments read that need the corrections of their certificates.
+
+A table holds readings and what must be added to each to be right; beyond its ends the end values hold.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Table = tuple[tuple[float, ...], tuple[float, ...]]
+TURN_DEG = 360.0
+
+
+def read_of(right: Array, table: Table) -> Array:
+    """What an instrument reads that is right once the table has been added; without a table it is right."""
+    readings, to_add = (np.array(column) for column in table)
+    return right - np.interp(right, readings + to_add, to_add) if len(readings) else right
+
+
+def lacking_deg(angle_deg: Array, table: Table) -> Array:
+    """What an encoder that reads these angles lacks, by a table of one turn."""
+    readings, to_add = table
+    return np.interp(readings[0] + (angle_deg - readings[0]) % TURN_DEG, readings, to_add)
