@@ -9,7 +9,7 @@ rate itself, is part of the loop.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -172,11 +172,12 @@ class RampFindings:
         relative = 1 / float(line.coefficients[0])
         slope = float(line.coefficients[1]) / line.scale * relative
         sd = _known_sd(scatter_sd([_finite(leg.output) for leg in self.upright], COUNT_STRIDE), line.residual_sd)
-        spread_c = float(np.std(np.concatenate([_finite(leg.temperature_c) for leg in self.upright])))
+        at_1g = self._scatter_of_slope(line, abs(sd * relative))
         lines = [
-            self._scatter_of_slope(line, abs(sd * relative)), self._thermometer(slope),
-            BudgetLine("bias: its change between the 0 g part and the 1 g part", "B", self._bias_change_g() / spread_c),
-        ]  # fmt: skip
+            replace(at_1g, u=float(np.hypot(at_1g.u, self._sd_g() * _slope_gain(self.level)))),
+            self._thermometer(slope),
+            BudgetLine("bias: its change between the 0 g part and the 1 g part", "B", self._bias_slope_change()),
+        ]
         at, name = {"temperature_c": line.centre}, "relative slope of the straight line over temperature"
         steps = tuple(leg.step for leg in (*self.level, *self.upright))
         return self._finding("K1/temperature_coefficient", name, slope, "1/°C", lines, at, steps=steps)
@@ -201,13 +202,20 @@ class RampFindings:
         smooth = [residuals_ug / UG_PER_G for residuals_ug in self.found.residuals_ug]
         return _known_sd(scatter_sd(smooth, COUNT_STRIDE), self.found.line.residual_sd)
 
-    def _bias_change_g(self) -> float:
-        """What the bias changes from one cycle to another beside scatter, root mean square; 0 with one cycle."""
-        changes = [each.ug / UG_PER_G for each in self.found.changes]
-        if not changes:
-            return 0.0
-        sd_g = _known_sd(scatter_sd(changes, COUNT_STRIDE), self._sd_g())
-        return float(np.sqrt(max(float(np.mean(np.concatenate(changes) ** 2)) - sd_g**2, 0.0)))
+    def _bias_slope_change(self) -> float:
+        """What changes of the bias do to the slope of K1, in 1/°C: what cycles tell of it, beside scatter; 0 with one.
+
+        Only what a change has of a slope makes one of K1. If that of every cycle is as another's, with the standard
+        deviation s, the mean of n cycles at 1 g less that of n at 0 g has s √(2/n), and two cycles differ by s √2.
+        """
+        sd_g = _known_sd(scatter_sd([each.ug / UG_PER_G for each in self.found.changes], COUNT_STRIDE), self._sd_g())
+        squares = []
+        for each in self.found.changes:
+            away_c = each.temperature_c - np.mean(each.temperature_c)
+            if spread := float(np.sum(away_c**2)):
+                squares.append((float(away_c @ each.ug) / UG_PER_G / spread) ** 2 - sd_g**2 / spread)
+        cycles = len({leg.cycle for leg in self.level})
+        return float(np.sqrt(max(np.mean(squares) if squares else 0.0, 0.0) / cycles))
 
     def _scatter_of_slope(self, line: PolynomialFit, sd: float) -> BudgetLine:
         gain = float(np.linalg.norm(line.fit.gain[1])) / line.scale
@@ -259,6 +267,12 @@ def _at_jump(jump: RampJump) -> dict[str, Any]:
 def _known_sd(sd: float, otherwise: float) -> float:
     """A standard deviation, or another one where there were too few values to tell it."""
     return float(sd if np.isfinite(sd) else otherwise if np.isfinite(otherwise) else 0.0)
+
+
+def _slope_gain(legs: Sequence[RampLeg]) -> float:
+    """Standard uncertainty of the slope of a straight line through samples that scatter by 1, in 1/°C."""
+    temperature_c = np.concatenate([_finite(leg.temperature_c) for leg in legs])
+    return 1 / (float(np.std(temperature_c)) * float(np.sqrt(len(temperature_c))))
 
 
 def _finite(values: Array) -> Array:
