@@ -178,12 +178,13 @@ class SimulatedUnit:
         """
         hysteresis_g = self._hysteresis.bias_g(self.warmth.sensor_c)
         if not self.settings.channel:  # nobody else keeps its history
-            self.history.append(self._state(end_s, hysteresis_g))
+            self.history.append(self._state(self._world.thermal.now_s, hysteresis_g))
         if self.powered_at_s is None:
             return 0.0
         edges_s = np.linspace(begin_s, end_s, 1 + math.ceil((end_s - begin_s) / LOOK_S))
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
-        temperature = self.warmth.sensor_c + (middle - end_s) * self.warmth.sensor_rate_c_per_s
+        since_s = middle - self._world.thermal.now_s
+        temperature = self.warmth.sensor_c + since_s * self.warmth.sensor_rate_c_per_s
         return float(self._current_a(middle, temperature, hysteresis_g, noise.mean_g(interval)).mean())
 
     def _state(self, true_s: float, hysteresis_g: float) -> UnitState:

@@ -17,16 +17,16 @@ PULSE_RATE = "pulse/s"
 def problem_with(name: str, needs: Mapping[str, str], bench: BenchFile | None) -> str:
     """Why a reading cannot be looked at; empty when it can. What the bench lacks of the needs is told with them."""
     device, dot, channel = name.partition(".")
+    if needs.get(device) == OUTPUT:
+        return f"'{device}' is the output of all units; name a reading, or a channel of a device that is needed"
     if not dot:
         kind = needs.get(name)
         if kind is None:
             return f"'{name}' is not among the needs of the sequence{did_you_mean(name, needs)}"
-        if kind == OUTPUT:
-            return f"'{name}' is the output of all units; name a reading, or a channel of a device that is needed"
         if kind not in (THERMOMETER, READING):
             return f"'{name}' is a {kind}; name a reading of it such as {name}.{_a_channel(name, bench)}"
         return ""
-    if device not in needs or needs[device] in (THERMOMETER, READING, OUTPUT):
+    if device not in needs or needs[device] in (THERMOMETER, READING):
         return f"'{device}' is not among the devices that the sequence needs{did_you_mean(device, needs)}"
     if bench is None or device not in bench.devices or unit_of(name, bench) is not None:
         return ""

@@ -20,7 +20,7 @@ SOURCE = (*SHORT, "source_warm_up=0 s", "levels=[1 g]")
 
 
 def ran(folder, sequence, settings, *edits, answers=None, **wishes):
-    bench = full_bench(folder / "config", "channel.yaml")
+    bench = full_bench(folder / "config", "channel")
     for name, old, new in edits:
         path = bench.parent / name
         text = path.read_text("utf-8")

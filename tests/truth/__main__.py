@@ -17,7 +17,10 @@ def main() -> int:
     options = _options()
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        benches = {"perfect": perfect_bench(folder / "config"), "full": full_bench(folder / "config")}
+        benches = {
+            "perfect": perfect_bench(folder / "config", options.bench),
+            "full": full_bench(folder / "config", options.bench),
+        }
         problems: list[str] = []
         folders: dict[str, list[Path]] = {}
         for name, bench in benches.items():
@@ -34,7 +37,8 @@ def main() -> int:
             print("\n".join(judge.table(comparisons)))
             found = judge.judge_perfect(comparisons) if name == "perfect" else judge.judge_full(comparisons)
             problems += [f"{name} bench: {problem}" for problem in found]
-        problems += _plant(folders["perfect"])
+        if options.bench == "simulated":  # the mistakes are those of counting
+            problems += _plant(folders["perfect"])
     for problem in problems:
         print(problem)
     print("\ntruth: " + ("FAILED" if problems else "ok"))
@@ -56,6 +60,7 @@ def _plant(folders: list[Path]) -> list[str]:
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=40)
+    parser.add_argument("--bench", default="simulated", help="the name of a shipped bench")
     parser.add_argument("--preset", default="quick")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--uut-model", type=Path, default=None, metavar="FILE")

@@ -41,13 +41,13 @@ class Comparison:
         return (self.value - self.truth) / self.u if self.u else math.inf
 
 
-def full_bench(folder: Path, name: str = "simulated.yaml") -> Path:
-    """A shipped bench, with everything it names, in a folder of its own."""
+def full_bench(folder: Path, name: str = "simulated") -> Path:
+    """A shipped bench, the demonstration bench unless another is named, with all it names, in a folder of its own."""
     shutil.copytree(ROOT / "config", folder, dirs_exist_ok=True)
-    return folder / name
+    return folder / f"{name}.yaml"
 
 
-def perfect_bench(folder: Path, name: str = "simulated.yaml") -> Path:
+def perfect_bench(folder: Path, name: str = "simulated") -> Path:
     """The same bench with every certified uncertainty zero, in simulator and bench file alike."""
     path = full_bench(folder, name)
     text = _U_BLOCK.sub(lambda block: block[1] + _NUMBER.sub("0", block[2]) + block[3], path.read_text("utf-8"))
@@ -95,6 +95,12 @@ def compare_one(folder: Path, results: dict) -> list[Comparison]:
     ]
 
 
+def load_of(truth: dict, place: str) -> float | None:
+    """The load whose voltage is the output of the unit in a place; None of one whose pulses are counted."""
+    loads = (meter["load_ohm"] for meter in truth["bench"].get("voltmeters", {}).values() if meter["place"] == place)
+    return next(loads, None)
+
+
 def true_constants(truth: dict, finding: dict) -> dict[str, float]:
     dwell = truth["dwells"][finding["id"].replace(f"/{finding['quantity']}@", "@")]
     if dwell["temperature_c"] == finding["at"]["temperature_c"]:
@@ -103,5 +109,5 @@ def true_constants(truth: dict, finding: dict) -> dict[str, float]:
     fields = {key: tuple(value) if isinstance(value, list) else value for key, value in truth["units"][place].items()}
     return channel_constants(
         UnitTruth(**fields), truth["bench"]["gravity_mps2"], dwell["axis_deg"], finding["at"]["temperature_c"],
-        dwell["drifted_g"], extra=dwell.get("extra", ()),
+        dwell["drifted_g"], load_of(truth, place), extra=dwell.get("extra", ()),
     )  # fmt: skip

@@ -423,6 +423,7 @@ def test_limits_without_the_default_safe_temperature_ask_for_one(folder, safe):
         ("channel: x", "channel: w", "channel: w", "no counter has a channel 'w'; expected x, y or z"),
         ("monitor:\n", "  b: {channel: x, temperature: unit_temperature, supply: supply}\nmonitor:\n", "channel: x, ",
          "'x' counts place 'a' already"),
+        ("channel: x", "voltmeter: head", "voltmeter: head", "'head' is not a voltmeter; none is known here"),
         ("temperature: unit_temperature", "temperature: unit_temprature", "temperature: unit_temprature",
          "there is no reading 'unit_temprature'; did you mean 'unit_temperature'?"),
         ("    supply: supply\n", "    supply: suply\n", "supply: suply",

@@ -28,7 +28,7 @@ SIMULATED = "sources: {source: {warm_up: 2 h, fresh: 5}}"
 
 
 def edited(folder, *edits):
-    path = full_bench(folder, "channel.yaml")
+    path = full_bench(folder, "channel")
     text = path.read_text("utf-8")
     for old, new in edits:
         assert old in text, old

@@ -57,6 +57,8 @@ def test_what_was_written_is_read_back(tmp_path):
         lambda w: w.event("step_ended", "steps/a", label="tumble", value=1.5),
         lambda w: w.frames("counter", "steps/a", frames),
         lambda w: w.readings("air", "°C", [Reading(1.0, 20.5), Reading(2.0, 20.25)]),
+        lambda w: w.samples("dvm", "steps/a", [Reading(1.0, 1.1), Reading(2.0, 1.2)]),
+        lambda w: w.samples("dvm", "steps/b", [Reading(3.0, 1.3)]),
     )
     with RunReader(tmp_path) as reader:
         (event,) = reader.events()
@@ -71,6 +73,21 @@ def test_what_was_written_is_read_back(tmp_path):
         assert (series.unit, series.at_s.tolist(), series.values.tolist()) == ("°C", [1.0, 2.0], [20.5, 20.25])
         assert series.between(1.5, 2.0).values.tolist() == [20.25]
         assert len(reader.series("nobody").values) == 0
+        samples = reader.samples_by_step()
+        assert {step: read["dvm"].tolist() for step, read in samples.items()} == {
+            "steps/a": [[1.0, 1.1], [2.0, 1.2]], "steps/b": [[3.0, 1.3]],
+        }  # fmt: skip
+
+
+def test_a_run_from_before_there_were_samples_is_read_with_the_same_digest(tmp_path):
+    written(tmp_path, lambda w: w.event("run_begins"))
+    with RunReader(tmp_path) as reader:
+        digest = reader.digest()
+    with sqlite3.connect(tmp_path / "run.db") as connection:
+        connection.execute("DROP TABLE sample")
+    connection.close()
+    with RunReader(tmp_path) as reader:
+        assert (reader.samples_by_step(), reader.digest()) == ({}, digest)
 
 
 def test_the_database_is_in_wal_mode_and_synchronises_every_commit(tmp_path):
@@ -101,13 +118,14 @@ def test_equal_runs_have_equal_digests_and_different_ones_do_not(tmp_path):
     assert digests[0] == digests[1] != digests[2]
 
 
-@pytest.mark.parametrize("table", ["journal", "block", "reading"])
+@pytest.mark.parametrize("table", ["journal", "block", "reading", "sample"])
 def test_the_digest_sees_a_change_in_every_table(tmp_path, table):
     written(
         tmp_path,
         lambda w: w.event("a", value=1),
         lambda w: w.frames("counter", "s", block(5)),
         lambda w: w.readings("air", "°C", [Reading(1.0, 20.0)]),
+        lambda w: w.samples("dvm", "s", [Reading(1.0, 1.1)]),
     )
     with RunReader(tmp_path) as reader:
         before = reader.digest()
@@ -115,6 +133,7 @@ def test_the_digest_sees_a_change_in_every_table(tmp_path, table):
         "journal": """UPDATE journal SET data = '{"value": 2}'""",
         "block": "UPDATE block SET step = 't'",
         "reading": "UPDATE reading SET value = 20.1",
+        "sample": "UPDATE sample SET value = 1.2",
     }
     with sqlite3.connect(tmp_path / "run.db") as connection:
         connection.execute(change[table])
