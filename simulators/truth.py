@@ -61,8 +61,12 @@ def truth_record(
     dwells: Sequence[DwellAsMeasured],
     legs: Sequence[LegAsMeasured] = (),
     voltmeters: Mapping[str, VoltmeterSettings] | None = None,
+    readings: Sequence[LegAsMeasured] = (),
 ) -> dict[str, Any]:
-    """The whole truth of a run: the laboratory's errors, each unit as drawn, what is true of each dwell and leg."""
+    """The whole truth of a run: the laboratory's errors, each unit as drawn, what is true of each dwell and leg.
+
+    Of single `readings` it tells what the noiseless channel put out on an ideal bench.
+    """
     settings = world.settings
     return {
         "schema": "itb-truth/1",
@@ -87,6 +91,7 @@ def truth_record(
         **_seats(world),
         "dwells": {dwell.key: _dwell(world, dwell) for dwell in dwells},
         "legs": {leg.key: _leg(world, leg) for leg in legs},
+        **({"outputs": {each.key: _output(world, each) for each in readings}} if readings else {}),
     }
 
 
@@ -116,6 +121,19 @@ def _axis_deg(world: World, place: str, lies: Lies) -> float:
     upward = world.settings.fixture.to_fixture(angles_deg)[0, :, 2]
     along, _, pendulous = to_unit(lies.mount, world.units[place].settings.mount_angle_deg) @ upward
     return float(np.degrees(np.arctan2(along, pendulous)))
+
+
+def _output(world: World, reading: LegAsMeasured) -> float:
+    """What the noiseless channel put out in the middle of a reading, lying as the bench says."""
+    unit = world.units[reading.place]
+    true_s = world.true_time((reading.begin_s + reading.end_s) / 2)
+    history = np.array(unit.history)
+    drifted_g, moving_g, sensor_c, _ = (np.interp([true_s], history[:, 0], row) for row in history.T[1:])
+    angles_deg = [np.array([angle_deg]) for angle_deg in reading.lies.angles_deg]
+    upward = world.settings.fixture.to_fixture(angles_deg)[0, :, 2]
+    along, across, pendulous = to_unit(reading.lies.mount, unit.settings.mount_angle_deg) @ upward
+    current_a = unit.truth.current_a((along, pendulous, across), sensor_c, drifted_g + moving_g)
+    return float(unit.truth.output(current_a, unit.settings.load_ohm)[0])
 
 
 def _leg(world: World, leg: LegAsMeasured) -> dict[str, Any]:

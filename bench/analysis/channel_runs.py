@@ -11,7 +11,7 @@ import numpy as np
 from bench.analysis.channel_temperature import ChannelRecord
 from bench.analysis.counts import mean_rate
 from bench.analysis.orientation import specific_force_g
-from bench.analysis.ramp_samples import means_between
+from bench.analysis.outputs import means_between
 from bench.analysis.rundata import Acquisition, Array, Counts, RunData, UnitUnderTest
 
 LEVEL_DIGITS_G = 3  # levels closer to each other are one level

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
-from bench.analysis.rundata import Acquisition, UnitUnderTest, Voltages
+from bench.analysis.rundata import Acquisition, Array, Counts, UnitUnderTest, Voltages
 
 FEWEST_VOLTAGES = 2  # which a scatter needs
+NO_VOLTAGES = Voltages(np.empty(0), np.empty(0))
+STABLE_PART_S = 10.0  # whose means are compared (methods.md 3.2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,19 +29,101 @@ class Output:
     problems: tuple[str, ...]
 
 
+def measured(acquisition: Acquisition, unit: UnitUnderTest) -> Counts | Voltages:
+    """What was measured of a unit during an acquisition."""
+    if unit.voltmeter is not None:
+        return acquisition.voltages.get(unit.voltmeter, NO_VOLTAGES)
+    return acquisition.counts[unit.channel]
+
+
 def mean_output(acquisition: Acquisition, unit: UnitUnderTest) -> Output:
     """The output of a unit, in its unit; NaN where nothing was measured.
 
-    Problems: those of `mean_rate`, and too_few_voltages.
+    Problems: those of `mean_rate`, too_few_voltages, and unstable of one that was to become stable and did not.
     """
-    if unit.voltmeter is not None:
-        return _mean_voltage(acquisition.voltages.get(unit.voltmeter))
-    rate = mean_rate(acquisition.counts[unit.channel])
-    return Output(rate.net_pps, RESOLUTION_COUNTS / (acquisition.end_s - acquisition.begin_s), rate.problems)
+    found = measured(acquisition, unit)
+    span_s = acquisition.end_s - acquisition.begin_s
+    if acquisition.over_s is not None:
+        found, span_s = _last(found, acquisition.over_s), acquisition.over_s
+    output = _mean_voltage(found) if isinstance(found, Voltages) else _mean_rate(found, span_s)
+    if acquisition.stable is None or unit.place in acquisition.stable:
+        return output
+    return Output(output.value, output.alone_u, (*output.problems, "unstable"))
 
 
-def _mean_voltage(read: Voltages | None) -> Output:
-    if read is None or len(read.values_v) < FEWEST_VOLTAGES:
+def _mean_rate(counts: Counts, span_s: float) -> Output:
+    rate = mean_rate(counts)
+    return Output(rate.net_pps, RESOLUTION_COUNTS / span_s, rate.problems)
+
+
+def _mean_voltage(read: Voltages) -> Output:
+    if len(read.values_v) < FEWEST_VOLTAGES:
         return Output(float("nan"), float("nan"), ("too_few_voltages",))
     scatter_v = float(np.std(read.values_v, ddof=1) / np.sqrt(len(read.values_v)))
     return Output(float(np.mean(read.values_v)), scatter_v, ())
+
+
+def _last(found: Counts | Voltages, span_s: float) -> Counts | Voltages:
+    """What was measured in the last `span_s` of it."""
+    at_s = _times(found)
+    first = int(np.searchsorted(at_s, at_s[-1] - span_s - 1e-6)) if len(at_s) else 0
+    if isinstance(found, Voltages):
+        return Voltages(found.at_s[first:], found.values_v[first:])
+    return found.part(first, len(at_s) - 1) if first else found
+
+
+def _times(found: Counts | Voltages) -> Array:
+    return found.at_s if isinstance(found, Voltages) else found.host_s
+
+
+# Parts of what was measured
+
+
+def outputs_between(found: Counts | Voltages, edges_s: Array) -> tuple[Array, Array, Counter[str]]:
+    """Mean outputs between each two consecutive edges: the edges as they are, the outputs, what is wrong with how many.
+
+    An output is NaN where something is wrong. A rate goes from the first latch after an edge to the first after the
+    next, so that consecutive rates share a latch and nothing is lost between them; edges without one are left out.
+    """
+    if isinstance(found, Voltages):
+        output = means_between(found.at_s, found.values_v, edges_s)
+        return edges_s, output, Counter(too_few_voltages=int(np.count_nonzero(np.isnan(output))))
+    latches = np.searchsorted(found.host_s, edges_s)
+    latches = latches[latches < len(found.host_s)]
+    rates = [mean_rate(found.part(first, last)) for first, last in pairwise(latches.tolist())]
+    problems = Counter(problem for rate in rates for problem in rate.problems)
+    return found.host_s[latches], np.array([np.nan if rate.problems else rate.net_pps for rate in rates]), problems
+
+
+def means_between(at_s: Array, values: Array, edges_s: Array) -> Array:
+    """The mean over time of the values between each two consecutive edges; not-a-number where there is none.
+
+    They change in between, so that it matters when a reading was taken.
+    """
+    known = np.isfinite(values)
+    at_s, values = at_s[known], values[known]
+    if len(at_s) < 2:
+        return np.full(max(len(edges_s) - 1, 0), np.nan)
+    area = np.concatenate(([0.0], np.cumsum(np.diff(at_s) * (values[1:] + values[:-1]) / 2)))
+    inside_s = np.clip(edges_s, at_s[0], at_s[-1])
+    span_s = np.diff(inside_s)
+    is_read = (np.diff(np.searchsorted(at_s, edges_s)) > 0) & (span_s > 0)
+    return np.where(is_read, np.diff(np.interp(inside_s, at_s, area)) / np.where(is_read, span_s, 1.0), np.nan)
+
+
+def steadiness(found: Counts | Voltages, over_s: float) -> tuple[float, float] | None:
+    """Of the last `over_s`: standard deviation of the means of 10 s, and the slope of a line through them per second.
+
+    None when not so much was measured yet, or something is wrong with it.
+    """
+    at_s = _times(found)
+    count = round(over_s / STABLE_PART_S)
+    if not len(at_s) or at_s[-1] - at_s[0] < over_s - STABLE_PART_S / 2:
+        return None
+    edges_s = np.linspace(max(at_s[-1] - over_s, at_s[0]), at_s[-1], count + 1)
+    _, means, _ = outputs_between(found, edges_s)
+    if len(means) < count or not np.isfinite(means).all():
+        return None
+    middle_s = (edges_s[1:] + edges_s[:-1]) / 2
+    away_s = middle_s - middle_s.mean()
+    return float(np.std(means, ddof=1)), float(away_s @ means / (away_s @ away_s))

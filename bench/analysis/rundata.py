@@ -77,6 +77,8 @@ class Acquisition:
     channel, `voltages` by voltmeter; `temperatures_c` the values of each named reading between `begin_s` and `end_s` of
     bench time, taken at `temperatures_at_s`. Where `input` is "source" the converter is fed by a current source;
     `sources_a` is what those that are on were read back to give, by their roles.
+    bench time, taken at `temperatures_at_s`. One that was to become stable is read over its last `over_s`; `stable`
+    are the places of the units that did.
     """
 
     step: str
@@ -94,6 +96,8 @@ class Acquisition:
     voltages: Mapping[str, Voltages] = field(default_factory=dict)
     input: str = "accelerometer"
     sources_a: Mapping[str, float] = field(default_factory=dict)
+    over_s: float | None = None
+    stable: frozenset[str] | None = None
 
     @property
     def angle_deg(self) -> float:

@@ -9,7 +9,7 @@ taken apart as linear equations, of which this is the special case.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -27,12 +27,14 @@ Decision = Literal["accept", "repeat", "marginal"]
 class Clocking:
     """Output at table angle 0 against the angle ψ of the unit on its seat: U = m + p cos ψ + q sin ψ, in V.
 
-    `q_v` is None when only ψ = 0° and 180° were measured. `u_per_reading` is u(p) for readings with u = 1 V.
+    `q_v` is None when only ψ = 0° and 180° were measured. `u_per_reading` is u(p) for readings with u = 1 V, and `gain`
+    (n,) what one volt more in each reading adds to p.
     """
 
     p_v: float
     q_v: float | None
     u_per_reading: float
+    gain: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def fit_clocking(psi_rad: Array, output_v: Array) -> Clocking:
@@ -43,7 +45,7 @@ def fit_clocking(psi_rad: Array, output_v: Array) -> Clocking:
         del columns[2], names[2]
     fit = least_squares(np.stack(columns, axis=-1), output_v, names=names)
     q_v = float(fit.coefficients[2]) if len(names) > 2 else None
-    return Clocking(float(fit.coefficients[1]), q_v, float(np.sqrt(fit.unscaled_covariance[1, 1])))
+    return Clocking(float(fit.coefficients[1]), q_v, float(np.sqrt(fit.unscaled_covariance[1, 1])), fit.gain[1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +108,7 @@ def combine(up: EndFit, down: EndFit, mounting: Mounting) -> TwoEnds:
     values, covariance = _inputs(up, down, mounting)
     *lines, installation, platform, seat = inputs(values)
     b_up, g_up, b_down, g_down = lines
-    b, g, tilted, coupling = _taken_apart(lines, up, down)
+    b, g, tilted, coupling = taken_apart(lines, up, down)
     b3, b4 = g * installation.sine(), g * platform.sine()
     added = b3 + b4 + seat  # a term that was not measured is 0 among the inputs
     return TwoEnds(
@@ -125,7 +127,7 @@ def combine(up: EndFit, down: EndFit, mounting: Mounting) -> TwoEnds:
     )
 
 
-def _taken_apart(
+def taken_apart(
     lines: Sequence[Estimate], up: EndFit, down: EndFit
 ) -> tuple[Estimate, Estimate, Estimate | None, Estimate | None]:
     """c0, c1, c1 δ and c_xz out of b and G up, b and G down.

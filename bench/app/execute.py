@@ -189,7 +189,7 @@ def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: S
             record["verdict"] = results.verdict
             if ran.laboratory is not None:
                 drawn = ran.laboratory
-                truth = truth_record(drawn.world, _dwells(stored), _legs(stored), drawn.voltmeters)
+                truth = truth_record(drawn.world, _dwells(stored), _legs(stored), drawn.voltmeters, _readings(stored))
                 truth |= ladders_record(drawn.world, _ladders(stored))
                 truth |= levels_record(drawn.world, _levels(stored))
                 directory.write_json("truth.json", truth)
@@ -255,6 +255,22 @@ def _lies(acquisition: Acquisition) -> Lies:
     mount = acquisition.mount
     angles_deg = tuple(acquisition.angles_deg.values()) or (0.0,)
     return Lies(angles_deg, Mount(mount.angle_deg, mount.roll_deg, mount.clock_deg))
+
+
+def _readings(stored: StoredRun) -> list[LegAsMeasured]:
+    """The single readings of methods that count in records of their own, for the truth: an acquisition each."""
+    return [
+        LegAsMeasured(
+            key=f"{data.label}/{unit.place}@{acquisition.step}",
+            place=unit.place,
+            begin_s=acquisition.end_s - (acquisition.over_s or acquisition.end_s - acquisition.begin_s),
+            end_s=acquisition.end_s,
+            lies=_lies(acquisition),
+        )
+        for data in stored.counted_at("records")
+        for unit in data.units
+        for acquisition in data.acquisitions
+    ]
 
 
 def _legs(stored: StoredRun) -> list[LegAsMeasured]:

@@ -201,4 +201,4 @@ async def _custom(step: Custom, bench: Bench) -> Found:
     settings = description.settings.model_validate(dict(step.settings))
     module, _, function = description.target.partition(":")
     found: Found = await getattr(importlib.import_module(module), function)(settings, bench)
-    return found
+    return found if step.value_name is None else {**found, "as": step.value_name}

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Mapping
+from collections import defaultdict
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from bench.analysis.outputs import STABLE_PART_S, steadiness
+from bench.analysis.rundata import Counts, Voltages
 from bench.errors import StepError
-from bench.sequence.measuring import Acquire
+from bench.sequence.measuring import Acquire, Stable
 from bench.sequence.stimulus import TURN_DEG
-from bench.store.writer import RunWriter
+from bench.store.counts import CountDecoder
+from drivers.can_counter.description import CounterOptions
 from drivers.capabilities import PulseCounter, RateTable, Voltmeter
 from drivers.frame_block import FrameBlock
+from drivers.values import Reading
 
 if TYPE_CHECKING:  # which calls the functions here
     from bench.engine.actions import Bench
@@ -23,10 +30,16 @@ async def acquire(step: Acquire, step_id: str, bench: Bench) -> Mapping[str, Any
     """Records for the time or the turns asked, or until the steps inside are done: `during`."""
     if step.turns is not None and step.of is not None:
         return await acquire_during(step, step_id, bench, _turned(bench.rig.table(step.of), step.turns))
+    if step.until_stable is not None and step.give_up_after_s is not None:
+        watched = Watched(step.until_stable, bench)
+        found = await acquire_during(step, step_id, bench, watched.until_stable(step.give_up_after_s), watched)
+        return {**found, "over_s": step.until_stable.over_s, "stable": watched.stable()}
     return await acquire_during(step, step_id, bench, asyncio.sleep(step.least_s))
 
 
-async def acquire_during(step: Acquire, step_id: str, bench: Bench, end: Awaitable[None]) -> Mapping[str, Any]:
+async def acquire_during(
+    step: Acquire, step_id: str, bench: Bench, end: Awaitable[None], watched: Watched | None = None
+) -> Mapping[str, Any]:
     """Records all devices of a role at the same time while `end` is awaited; one that fails ends the waiting.
 
     Of a counter the last block is cut at the end; the reading of a voltmeter that is under way then is the last.
@@ -35,7 +48,7 @@ async def acquire_during(step: Acquire, step_id: str, bench: Bench, end: Awaitab
     try:
         async with asyncio.TaskGroup() as group:
             for role in bench.file.acquired_from(step.role):
-                group.create_task(_record(role, step_id, bench, over), name=f"record {role} in {step_id}")
+                group.create_task(_record(role, step_id, bench, over, watched), name=f"record {role} in {step_id}")
             await end
             over.set()
     except BaseExceptionGroup as problems:
@@ -43,23 +56,35 @@ async def acquire_during(step: Acquire, step_id: str, bench: Bench, end: Awaitab
     return {"label": step.label, "begin_s": began_s, "end_s": asyncio.get_running_loop().time()}
 
 
-async def _record(role: str, step_id: str, bench: Bench, over: asyncio.Event) -> None:
+async def _record(role: str, step_id: str, bench: Bench, over: asyncio.Event, watched: Watched | None) -> None:
+    def keep_frames(block: FrameBlock) -> None:
+        bench.writer.frames(role, step_id, block)
+        if watched is not None:
+            watched.frames[role].append(block)
+
+    def keep_readings(readings: Sequence[Reading]) -> None:
+        bench.writer.samples(role, step_id, readings)
+        if watched is not None:
+            watched.readings[role].extend(readings)
+
     if "voltmeter" in bench.file.devices[role].description.capabilities:
-        await _record_voltages(bench.rig.voltmeter(role), step_id, bench.writer, over)
+        await _record_voltages(bench.rig.voltmeter(role), keep_readings, over)
     else:
-        await _record_frames(bench.rig.counter(role), step_id, bench.writer, over)
+        await _record_frames(bench.rig.counter(role), keep_frames, over)
 
 
-async def _record_voltages(meter: Voltmeter, step_id: str, writer: RunWriter, over: asyncio.Event) -> None:
+async def _record_voltages(
+    meter: Voltmeter, keep_readings: Callable[[Sequence[Reading]], None], over: asyncio.Event
+) -> None:
     """One reading at a time, so that each is kept as soon as it is there."""
     while not over.is_set():
-        writer.samples(meter.name, step_id, await meter.measure(1, nplc=None))
+        keep_readings(await meter.measure(1, nplc=None))
 
 
-async def _record_frames(counter: PulseCounter, step_id: str, writer: RunWriter, over: asyncio.Event) -> None:
+async def _record_frames(counter: PulseCounter, keep_frames: Callable[[FrameBlock], None], over: asyncio.Event) -> None:
     async def keep(blocks: AsyncIterator[FrameBlock]) -> None:
         async for block in blocks:
-            writer.frames(counter.name, step_id, block)
+            keep_frames(block)
 
     async with counter.acquire() as blocks:
         recording, ending = asyncio.ensure_future(keep(blocks)), asyncio.ensure_future(over.wait())
@@ -74,6 +99,53 @@ async def _record_frames(counter: PulseCounter, step_id: str, writer: RunWriter,
         if not recording.cancelled() and (problem := recording.exception()) is not None:
             raise problem
     await keep(blocks)
+
+
+class Watched:
+    """What an acquisition has recorded so far, and which units it shows to be stable."""
+
+    def __init__(self, rule: Stable, bench: Bench) -> None:
+        self.frames: defaultdict[str, list[FrameBlock]] = defaultdict(list)
+        self.readings: defaultdict[str, list[Reading]] = defaultdict(list)
+        self._rule, self._bench = rule, bench
+
+    async def until_stable(self, give_up_after_s: float) -> None:
+        """Returns when all units that are in are stable, or when that has taken too long."""
+        give_up_s = asyncio.get_running_loop().time() + give_up_after_s
+        while asyncio.get_running_loop().time() < give_up_s:
+            await asyncio.sleep(STABLE_PART_S)
+            if len(self.stable()) == len(self._bench.monitor.units.left):
+                return
+
+    def stable(self) -> list[str]:
+        """The places of the units that are stable by what was measured last."""
+        return [place for place in self._bench.monitor.units.left if self._is_stable(place)]
+
+    def _is_stable(self, place: str) -> bool:
+        per_g = self._bench.file.places[place].nominal_per_g
+        found = self._measured(place)
+        steady = steadiness(found, self._rule.over_s) if found is not None else None
+        if steady is None or per_g is None:
+            return False
+        sd, slope = steady
+        return sd <= self._rule.sd_g * per_g and abs(slope) <= self._rule.slope_g_per_s * per_g
+
+    def _measured(self, place: str) -> Counts | Voltages | None:
+        entry = self._bench.file.places[place]
+        if entry.voltmeter is not None:
+            return Voltages(*np.array(self.readings[entry.voltmeter], np.float64).reshape(-1, 2).T)
+        for role, blocks in self.frames.items():
+            options = self._bench.file.devices[role].options
+            if isinstance(options, CounterOptions) and entry.channel in options.channels:
+                recent = FrameBlock.joined(blocks[-_blocks_of(blocks, self._rule.over_s + STABLE_PART_S) :])
+                return CountDecoder(options, options.dbc.parent).counts(recent)[entry.channel]
+        return None
+
+
+def _blocks_of(blocks: Sequence[FrameBlock], span_s: float) -> int:
+    """How many of the last blocks hold the last `span_s`."""
+    begin_s = float(blocks[-1].at_s[-1]) - span_s
+    return sum(1 for block in blocks if block.at_s[-1] >= begin_s)
 
 
 async def _turned(table: RateTable, turns: float) -> None:

@@ -176,6 +176,8 @@ def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mappin
         counts={},
         temperatures_c={name: series.values for name, series in meanwhile.items()},
         temperatures_at_s={name: series.at_s for name, series in meanwhile.items()},
+        over_s=event.data.get("over_s"),
+        stable=frozenset(event.data["stable"]) if "stable" in event.data else None,
     )
 
 

@@ -46,8 +46,8 @@ class StoredRun:
             self._data[label] = run_data(self.reader, self.bench, self.serials, label)
         return self._data[label]
 
-    def counted_at(self, what: Literal["dwells", "ramps", "steps", "levels"]) -> list[RunData]:
-        """What was acquired for methods that count at dwells, on ramps, at steps of a ladder, or at input levels."""
+    def counted_at(self, what: Literal["dwells", "ramps", "steps", "levels", "records"]) -> list[RunData]:
+        """What was acquired for methods that count at dwells, on ramps, at steps of a ladder, levels, or in other records."""
         entries = [entry for entry in self.sequence.results if known_methods()[entry.method].counts_at == what]
         return [self.data(label) for label in dict.fromkeys(entry.data for entry in entries)]
 

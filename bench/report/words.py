@@ -52,6 +52,7 @@ _READINGS = {
     "ambiguous_gap": "a gap in which a counter may have gone round unseen",
     "impossible_rate": "more pulses than the converter can give",
     "dead_band": "no pulse for much longer than its rate lets expect, as in the dead band of the converter",
+    "unstable": "it did not become stable in the time that it had",
     "too_few_voltages": "fewer than two readings of the voltmeter",
     "no_temperature": "no temperature of the unit",
     "thermometer": "a temperature that a working thermometer cannot say",

@@ -75,6 +75,8 @@ def _custom(step: Custom, needs: Mapping[str, str]) -> Found:
     if description is None:
         yield "custom", f"there is no plug-in with a step {quoted(step.name)}{did_you_mean(step.name, known_steps())}"
         return
+    if step.value_name is not None and description.example is None:
+        yield "as", f"'{step.name}' finds no value that could have a name"
     if description.capability and step.role is None:
         yield "custom", f"'{step.name}' acts on a {description.capability}: say which with role"
     elif step.role is not None:
@@ -130,6 +132,7 @@ def limit_problems(  # noqa: C901  one case for each kind of step
             yield from _measure(step, bench)
         case Acquire():
             yield from resolution_problems(step)
+            yield from _without_nominal(step, bench)
         case Tare():
             yield from _one(step.reading, "tare", bench)
         case Custom():
@@ -140,6 +143,14 @@ def limit_problems(  # noqa: C901  one case for each kind of step
             yield from _prompt(step, bench)
         case _:
             assert_never(step)
+
+
+def _without_nominal(step: Acquire, bench: BenchFile) -> Found:
+    """A unit of which the bench file does not say what 1 g makes of its output, where a step needs that."""
+    for name, place in bench.places.items() if step.until_stable is not None else ():
+        if place.nominal_per_g is None:
+            part = "S" if place.voltmeter is None else "resistor"
+            yield "until_stable", f"places.{name} of the bench file has no nominal K1 and {part}, which make it of g"
 
 
 def _move(step: Move, head: DeviceEntry, target_deg: float) -> Found:

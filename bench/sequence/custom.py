@@ -13,6 +13,7 @@ from typing import Any
 
 from pydantic import BaseModel, Field
 
+from bench.sequence.expressions import Value
 from bench.sequence.step_fields import StepBase
 from drivers.fields import Name
 
@@ -29,8 +30,9 @@ class StepDescription:
 
     `settings` validates what stands under `with`. `target` is "module:function", an
     `async def function(settings, bench: bench.engine.actions.Bench) -> Mapping[str, Any]` whose result goes into the
-    journal. `capability` is what the step's role must be, "" when it needs no device. `takes_s` tells from the settings
-    how long it takes.
+    journal; "value" in it, with "unit" of a number, is what `as` names in later expressions. `capability` is what the
+    step's role must be, "" when it needs no device. `takes_s` tells from the settings how long it takes. `example` is a
+    value such as it gives, for checking expressions; None when it gives none.
     """
 
     name: str
@@ -39,12 +41,17 @@ class StepDescription:
     settings: type[BaseModel]
     capability: str = ""
     takes_s: Callable[[Any], float] = _no_time
+    example: Value | None = None
 
 
 class Custom(StepBase):
-    """A step of a plug-in, with the settings that it takes; `role` is the device that it acts on, if it does."""
+    """A step of a plug-in, with the settings that it takes; `role` is the device that it acts on, if it does.
+
+    `as` is the name that expressions in later steps know by what it found.
+    """
 
     name: Name = Field(alias="custom")
+    value_name: Name | None = Field(None, alias="as", description="the name of the value in later expressions")
     role: Name | None = Field(None, description="the device that it acts on")
     settings: Mapping[str, Any] = Field(
         default_factory=dict, alias="with", description="the settings of the plug-in's step"

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from bench.config.document import Document, Place, Problem
 from bench.config.load import problems
 from bench.sequence.called import Called, given_to, read_called, refuse_too_deep
+from bench.sequence.custom import Custom, known_steps
 from bench.sequence.expressions import Value
 from bench.sequence.inside import UNROLLED
 from bench.sequence.measuring import Measure
@@ -181,3 +182,5 @@ class Expansion:
             scope.measured[step.name] = self._measured(step.reading)
         elif isinstance(step, Prompt) and step.name is not None:
             scope.measured[step.name] = step.example
+        elif isinstance(step, Custom) and step.value_name is not None and step.name in known_steps():
+            scope.measured[step.value_name] = known_steps()[step.name].example

@@ -10,37 +10,61 @@ from bench.config.interlocks import ReadingName
 from bench.sequence.inside import Steps
 from bench.sequence.limits import LimitEntry
 from bench.sequence.step_fields import StepBase, choice_of, one_of
-from drivers.fields import AnyQuantity, Flag, InUnit, Name, PositiveSeconds
+from drivers.fields import AnyQuantity, Flag, InUnit, Name, PositiveSeconds, StrictModel
 from drivers.wording import telling
 
 
-class Acquire(StepBase):
-    """Counts pulses under a label that a result can name: for a time, over whole turns, or during other steps.
+class Stable(StrictModel):
+    """When an output is stable: its means over 10 s, and how much they drift, in g by what the units are made to be."""
 
-    `turns` are turns of the table `of`, which rotates meanwhile. `resolution` is what the counting alone must resolve,
-    in g or relative to 1 g: the checker says when the time is too short for it.
+    sd_g: Annotated[float, InUnit("g", above=0)] = Field(alias="sd", description="the most that the means scatter by")
+    slope_g_per_s: Annotated[float, InUnit("g/s", above=0)] = Field(alias="slope", description="the most they drift by")
+    over_s: Annotated[float, InUnit("s", at_least=30, at_most=3600)] = Field(
+        60.0, alias="over", description="the time that is looked at, and read"
+    )
+
+
+class Acquire(StepBase):
+    """Measures the output of units under a label that a result can name.
+
+    It does so for a time, over whole turns, during other steps, or until the output is stable. `turns` are turns of the
+    table `of`, which rotates meanwhile. What is not stable by `give_up_after` is kept and marked. `resolution` is what
+    the counting alone must resolve, in g or relative to 1 g: the checker says when the time is too short for it.
     """
 
-    model_config = one_of(("for",), ("turns", "of"), ("during",))
+    model_config = one_of(("for",), ("turns", "of"), ("during",), ("until_stable", "give_up_after"))
 
     role: Name = Field(alias="acquire")
     duration_s: PositiveSeconds | None = Field(None, alias="for", description="how long")
     turns: Annotated[float, InUnit("", above=0)] | None = Field(None, description="how many turns of the table")
     of: Name | None = Field(None, description="the table whose turns are counted")
     during: Steps | None = Field(None, description="these steps are done meanwhile")
+    until_stable: Stable | None = None
+    give_up_after_s: PositiveSeconds | None = Field(
+        None, alias="give_up_after", description="the longest time until it is stable"
+    )
     label: Name = Field(description="under which a result finds the counts")
     resolution: AnyQuantity | None = Field(None, description="what the counting alone must resolve")
 
     @property
     def least_s(self) -> float:
-        """The counting time."""
-        return self.duration_s or 0.0
+        """The time for which it measures at least."""
+        return self.until_stable.over_s if self.until_stable is not None else self.duration_s or 0.0
+
+    @model_validator(mode="after")
+    def _has_time(self) -> Self:
+        if self.until_stable and self.give_up_after_s is not None and self.give_up_after_s < self.until_stable.over_s:
+            raise telling("give_up_after is shorter than the time that must be stable")
+        return self
 
     @model_validator(mode="before")
     @classmethod
     def _one_end(cls, raw: Any) -> Any:
         if isinstance(raw, dict):
-            end = choice_of({key: raw.get(key) for key in ("for", "turns", "during")}, "an acquisition")
+            ends = ("for", "turns", "during", "until_stable")
+            end = choice_of({key: raw.get(key) for key in ends}, "an acquisition")
+            if (end == "until_stable") != (raw.get("give_up_after") is not None):
+                raise telling("until_stable and give_up_after go together: when it is no longer waited for")
             if (end == "turns") != (raw.get("of") is not None):
                 raise telling("turns and of go together: the table whose turns are counted")
         return raw

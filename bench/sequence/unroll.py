@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from bench.config.document import Place
 from bench.sequence.blocks import Retry
+from bench.sequence.custom import Custom
 from bench.sequence.expressions import Value, ValueProblem
 from bench.sequence.inside import UNROLLED
 from bench.sequence.measuring import Measure
@@ -74,6 +75,7 @@ def _step(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> 
     if step is None:
         return
     name = getattr(step, "name", None) if isinstance(step, (Measure, Prompt)) else None
+    name = step.value_name if isinstance(step, Custom) else name
     if name is not None and name in scope.names:
         raise Wrong("as", f"the name '{name}' is taken; choose another")
     label = _visit(verb, seen)

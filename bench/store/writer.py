@@ -39,6 +39,7 @@ class RunWriter:
     """
 
     def __init__(self, folder: Path) -> None:
+        self.folder = folder
         self._database = database.create(folder / database.FILE_NAME)
         self._changed = threading.Condition()
         self._rows: list[tuple[str, Row | tuple[int, str, str, FrameBlock]]] = []

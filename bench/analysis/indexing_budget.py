@@ -1,0 +1,85 @@
+"""What makes results of an indexing table uncertain, by how each depends on every reading (methods.md 1.9).
+
+A result is an `Estimate` over the readings of both sweeps and of the clocking. The errors of the head turn the input
+axis at every reading, whichever way it then lies: so an error that all positions share leaves what the clocking takes
+out of the bias again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.analysis.finding import BudgetLine, combined
+from bench.analysis.fit import Array
+from bench.analysis.indexing_readings import IndexingReading
+from bench.analysis.propagation import Estimate
+from bench.analysis.rundata import BenchRecord, UnitUnderTest
+
+SCATTER = "readings: scatter"
+
+
+@dataclass(frozen=True)
+class IndexingBudget:
+    """The budgets of one unit: its `readings` (n,), the scatter of each, and its degrees of freedom."""
+
+    unit: UnitUnderTest
+    bench: BenchRecord
+    readings: Sequence[IndexingReading]
+    sd: Array
+    dof: int
+    scale: float
+
+    def sources(self, gain: Array) -> Mapping[str, Array]:
+        """The standard uncertainties that each source gives to what depends on the readings by `gain` (n,).
+
+        Several of one source are independent of each other. They have signs, which tell results that go together.
+        """
+        head_rad = np.array([each.head_rad for each in self.readings])
+        turned = gain * np.array([each.turn for each in self.readings]) * self.scale
+        head, values = self.bench.head, np.array([each.output for each in self.readings])
+        harmonics = [
+            float(turned @ shape(order * head_rad)) * np.radians(u_deg)
+            for order, u_deg in enumerate(head.harmonics_u_deg, start=1)
+            for shape in (np.cos, np.sin)
+        ]
+        together = float(turned.sum())
+        return {
+            SCATTER: gain * self.sd,
+            "head: zero": np.array([together * np.radians(head.zero_u_deg)]),
+            "head: harmonics": np.array(harmonics),
+            "fixture: level": np.array([together * np.radians(self.bench.level_u_deg)]),
+            **self._instrument(gain, values),
+        }
+
+    def _instrument(self, gain: Array, values: Array) -> Mapping[str, Array]:
+        scaled, meter = float(gain @ values), self.unit.voltmeter
+        if meter is None:
+            return {"counter: time base": np.array([scaled * self.bench.time_base_u])}
+        gain_u, offset_u = self.bench.voltmeters_u.get(meter, (0.0, 0.0))
+        return {
+            f"{meter}: gain": np.array([scaled * gain_u]),
+            f"{meter}: offset": np.array([float(gain.sum()) * offset_u]),
+        }
+
+    def lines(self, result: Estimate, without: Sequence[str] = ()) -> tuple[BudgetLine, ...]:
+        """The budget of a result; `without` the sources that make what it is of, not an error of it."""
+        return combined([
+            self._line(source, float(np.linalg.norm(parts)))
+            for source, parts in self.sources(result.gain).items()
+            if source not in without
+        ])  # fmt: skip
+
+    def _line(self, source: str, u: float) -> BudgetLine:
+        if source == SCATTER:
+            return BudgetLine(source, "A", u, self.dof or None)
+        return BudgetLine(source, "B", u, None, source.replace(": ", ".").replace(" ", "_"))
+
+    def correlation(self, results: Sequence[Estimate]) -> tuple[tuple[float, ...], ...]:
+        """How results go together, by all their sources."""
+        rows = np.array([np.concatenate([*self.sources(result.gain).values()]) for result in results])
+        sizes = np.linalg.norm(rows, axis=1)
+        matrix = rows @ rows.T / np.outer(sizes, sizes) if np.all(sizes) else np.eye(len(rows))
+        return tuple(tuple(float(value) for value in row) for row in matrix)

@@ -1,0 +1,121 @@
+"""Bias, scale factor and tilts of a unit as they depend on every reading on an indexing table (methods.md 3.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from bench.analysis.indexing_budget import IndexingBudget
+from bench.analysis.indexing_readings import IndexingReading
+from bench.analysis.propagation import Estimate, Measured
+from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.analysis.static_calibration import StaticCalibration
+from bench.analysis.two_ends import Clocking, fit_clocking, taken_apart
+
+LEAST_CLOCKING = 1.0  # by which cos ψ must change
+
+
+@dataclass(frozen=True, slots=True)
+class BothEnds:
+    """What both ends tell: `seat` is all that the tilt of the seat adds to the output, None without a clocking.
+
+    `known_seat` is what is known of it without one. `tilted` is K1 times the misalignment; it and the cross coupling
+    are None where the angles do not tell them.
+    """
+
+    bias: Estimate
+    scale: Estimate
+    tilted: Estimate | None
+    coupling: Estimate | None
+    seat: Estimate | None
+    known_seat: Estimate
+
+    @property
+    def tilt(self) -> Estimate:
+        """What is taken for the tilt of the seat."""
+        return self.known_seat if self.seat is None else self.seat
+
+    @property
+    def corrected(self) -> Estimate:
+        """The bias without any tilt."""
+        return self.bias - self.tilt
+
+
+class IndexingEstimates:
+    """The results of one unit as they depend on its readings: `rows` are those of both sweeps, then of the clocking.
+
+    `fits` are the lines of the ends that have one, `tilts` what is known of b3 and b4, in rad, positive when they raise
+    the input axis.
+    """
+
+    def __init__(
+        self,
+        data: RunData,
+        unit: UnitUnderTest,
+        swept: Sequence[IndexingReading],
+        found: StaticCalibration,
+        clocked: Sequence[IndexingReading],
+        platform: Measured | None,
+    ) -> None:
+        self._data, self._unit, self._clocked = data, unit, clocked
+        self.fits = {name: end.fit for name, end in found.ends.items() if end is not None and end.fit is not None}
+        by_number = {each.number: each for each in swept}
+        self._used = {
+            name: [by_number[int(number)] for number in fit.dwells.sequence] for name, fit in self.fits.items()
+        }
+        self.rows = [*(each for rows in self._used.values() for each in rows), *clocked]
+        level = Measured(float(np.radians(data.bench.level_deg)), float(np.radians(data.bench.level_u_deg)))
+        self.tilts = {"b3": level} | ({} if platform is None else {"b4": platform})
+
+    def line(self, end: str) -> tuple[Estimate, Estimate]:
+        """Bias and scale factor of an end."""
+        fit = self.fits[end]
+        first = 0 if end == "up" else len(self._used.get("up", ()))
+        gain = np.zeros((2, len(self.rows)))
+        gain[:, first : first + len(fit.dwells)] = fit.gain
+        return Estimate(fit.bias_v, gain[0]), Estimate(fit.scale_v_per_g, gain[1])
+
+    @cached_property
+    def both(self) -> BothEnds | None:
+        """What both ends tell; None when one of them has no line."""
+        if len(self.fits) < 2:
+            return None
+        lines = [line for name in ("up", "down") for line in self.line(name)]
+        bias, scale, tilted, coupling = taken_apart(lines, self.fits["up"], self.fits["down"])
+        known_rad = sum(tilt.value for tilt in self.tilts.values())
+        return BothEnds(bias, scale, tilted, coupling, self._seat, scale * float(np.sin(known_rad)))
+
+    @property
+    def _seat(self) -> Estimate | None:
+        if self.clocking is None:
+            return None
+        gain = np.zeros(len(self.rows))
+        gain[len(self.rows) - len(self._clocked) :] = self.clocking.gain
+        return Estimate(self.clocking.p_v, gain)
+
+    @cached_property
+    def clocking(self) -> Clocking | None:
+        """The fit over the clocking; None when its angles do not tell a tilt."""
+        psi_rad = np.array([each.clock_rad for each in self._clocked])
+        if len(psi_rad) < 2 or np.ptp(np.cos(psi_rad)) < LEAST_CLOCKING:
+            return None
+        return fit_clocking(psi_rad, np.array([each.output for each in self._clocked]))
+
+    @cached_property
+    def budget(self) -> IndexingBudget:
+        """What makes all of it uncertain; the few readings of the clocking scatter as those of the sweeps do."""
+        spread = {name: fit.reading_sd_v for name, fit in self.fits.items()}
+        pooled = float(np.sqrt(np.mean(np.square([*spread.values()])))) if spread else 0.0
+        each = [np.full(len(self._used[name]), sd) for name, sd in spread.items()]
+        sd = np.concatenate([*each, np.full(len(self._clocked), pooled)])
+        dof = sum(len(fit.dwells) - 2 for fit in self.fits.values())
+        scale = float(np.mean([fit.scale_v_per_g for fit in self.fits.values()])) if spread else 0.0
+        return IndexingBudget(self._unit, self._data.bench, self.rows, sd, dof, scale)
+
+    @property
+    def reading_sd_g(self) -> float:
+        """Standard deviation of a reading of the sweeps, in g."""
+        return float(self.budget.sd[-1] / abs(self.budget.scale)) if self.fits else 0.0

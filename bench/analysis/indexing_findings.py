@@ -1,0 +1,297 @@
+"""The findings of a calibration on an indexing table, each with its budget, and its equations.
+
+With both ends the results are the unit's; with one of them only its equation is found, for tests in that orientation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bench.analysis.extremes import largest_u
+from bench.analysis.finding import BudgetLine, Finding, combined
+from bench.analysis.fit import Array
+from bench.analysis.indexing_budget import SCATTER
+from bench.analysis.indexing_estimates import BothEnds, IndexingEstimates
+from bench.analysis.indexing_readings import IndexingReading
+from bench.analysis.indexing_sweep import EndFit
+from bench.analysis.models import Constant, Equation
+from bench.analysis.nonlinear_fit import NonlinearFit
+from bench.analysis.propagation import Estimate, Measured
+from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.analysis.static_calibration import StaticCalibration
+from bench.analysis.sweep_model import SweepModel
+
+SELECTION = "readings: scatter makes the largest of many larger"
+TILT_SOURCES = {"b3": "fixture: level", "b4": "platform: angle"}
+TILT_NAMES = {"b3": "tilt by the level of the fixture", "b4": "tilt of the platform"}
+TILTS = ("head: zero", "head: harmonics", "fixture: level")  # of which the tilt of the seat consists
+ORBIT = "a = (U - b) / K1, U the output, a along the input axis in g"
+MODEL = "U = c0 + c1·a + cxz·a·a_z, a = sin(θ + s·δ), a_z = s·cos(θ + s·δ), s = +1 with +Z up, -1 with it down"
+
+
+@dataclass(frozen=True)
+class IndexingFindings:
+    """The results of one unit, out of the last time that both ends were measured: `found`."""
+
+    data: RunData
+    unit: UnitUnderTest
+    found: StaticCalibration
+    estimates: IndexingEstimates
+    verified: Sequence[IndexingReading]
+
+    # Findings
+
+    def findings(self) -> Iterator[Finding]:
+        """Everything that a limit may name."""
+        both = self.estimates.both
+        if both is not None:
+            yield from self._of_the_unit(both)
+            yield from self._of_the_mounting(both)
+        for name, fit in self.estimates.fits.items():
+            yield self._linearity(name, fit)
+        yield from self._hysteresis()
+        yield from self._verification()
+
+    def _of_the_unit(self, both: BothEnds) -> Iterator[Finding]:
+        output, at, scale = self.unit.output_unit, self._at, both.scale
+        known = self._unknown_tilt(both, 1 / abs(scale.value))
+        yield self._finding("K0", "bias of the equation for use in orbit", both.corrected / scale, "g", at, known)
+        yield self._finding("K1", "scale factor of the channel, per local g", scale, f"{output}/g", at)
+        yield self._per_mps2(scale)
+        if both.tilted is not None:
+            yield self._finding("misalignment", "of the input axis towards +Z", both.tilted / scale, "rad", at)
+        if both.coupling is not None:
+            name = "cross coupling of the input axis and Z"
+            yield self._finding("Kip", name, both.coupling / scale, "g/g²", at)
+        yield from self._higher_orders()
+        (_, up), (_, down) = self.estimates.line("up"), self.estimates.line("down")
+        flags = ("ends_differ",) if self.found.decision == "repeat" else ()
+        name = "scale factor with +Z up minus with +Z down, relative"
+        yield self._finding("scale_difference", name, (up - down) / scale, "1", at, flags=flags)
+
+    def _higher_orders(self) -> Iterator[Finding]:
+        """K2 and K3, where the angles are large enough to tell them."""
+        model, c1 = self.found.model, self.found.model.value("c1")
+        if model.fit is None or not c1:
+            return
+        for quantity, term, unit in (("K2", "c2", "g/g²"), ("K3", "c3", "g/g³")):
+            value = model.value(term)
+            if value is not None:
+                u = float(model.fit.u[model.terms.index(term)] / abs(c1))
+                lines = (BudgetLine(SCATTER, "A", u, self.estimates.budget.dof or None),)
+                yield self._of(quantity, "of the model of all readings", value / c1, unit, lines, self._at)
+
+    def _per_mps2(self, scale: Estimate) -> Finding:
+        bench, unit = self.data.bench, f"{self.unit.output_unit}/(m/s²)"
+        value = scale.value / bench.gravity_mps2
+        k1_u = Finding("", "", "", "", {}, 0.0, "", self.estimates.budget.lines(scale), ()).u / bench.gravity_mps2
+        gravity = abs(value) * bench.gravity_u_mps2 / bench.gravity_mps2
+        lines = combined([
+            BudgetLine("K1", "B", k1_u, None, self._id("K1")),
+            BudgetLine("site: gravity", "B", gravity, None, "site.gravity"),
+        ])  # fmt: skip
+        return self._of("K1_si", "scale factor of the channel, per m/s²", value, unit, lines, self._at)
+
+    def _of_the_mounting(self, both: BothEnds) -> Iterator[Finding]:
+        """The bias as it was measured, what the mounting adds to it, and what is left."""
+        output, at, scale = self.unit.output_unit, self._at, both.scale
+        known = self._unknown_tilt(both)
+        yield self._finding("bias", "mean of both ends, tilt of the seat in it", both.bias, output, at)
+        yield self._finding("bias_corrected", "without the tilt of the seat", both.corrected, output, at, known)
+        total = both.bias + both.tilt
+        yield self._finding("bias_total", "b + b3 + b4 + b5, kept for comparison", total, output, at, known)
+        for quantity, tilt in self.estimates.tilts.items():
+            value, line = scale.value * float(np.sin(tilt.value)), _tilt_line(quantity, tilt, scale.value)
+            yield self._of(quantity, TILT_NAMES[quantity], value, output, (line,), at)
+        if both.seat is not None:
+            known = tuple(_tilt_line(*each, scale.value) for each in self.estimates.tilts.items())
+            name, beyond = "tilt of the seat beyond b3 and b4, by clocking", both.seat - both.known_seat
+            yield self._finding("b5", name, beyond, output, at, known, without=TILTS)
+            yield from self._seat_tilt(scale.value)
+
+    def _unknown_tilt(self, both: BothEnds, factor: float = 1.0) -> tuple[BudgetLine, ...]:
+        """What is not known of the platform where no clocking has seen it; the level is among the sources already."""
+        platform = self.estimates.tilts.get("b4")
+        if both.seat is not None or platform is None:
+            return ()
+        return (_tilt_line("b4", platform, both.scale.value * factor),)
+
+    def _seat_tilt(self, scale: float) -> Iterator[Finding]:
+        clocking, budget = self.estimates.clocking, self.estimates.budget
+        if clocking is None or clocking.q_v is None:
+            return
+        tilt_rad = float(np.hypot(clocking.p_v, clocking.q_v) / abs(scale))
+        u_rad = clocking.u_per_reading * self.estimates.reading_sd_g
+        lines = (BudgetLine(SCATTER, "A", u_rad, budget.dof or None),)
+        yield self._of("seat_tilt", "of the seat against the horizontal", tilt_rad, "rad", lines, self._at)
+
+    def _linearity(self, end: str, fit: EndFit) -> Finding:
+        span = abs(fit.scale_v_per_g) * float(np.ptp(np.sin(fit.dwells.angle_rad)))
+        by_scatter, by_selection = largest_u(fit.residuals, fit.reading_sd_v)
+        lines = combined([
+            BudgetLine(SCATTER, "A", by_scatter / span, self.estimates.budget.dof or None),
+            BudgetLine(SELECTION, "A", by_selection / span),
+        ])  # fmt: skip
+        name = "largest residual as a part of the span of the output"
+        return self._of("linearity", name, fit.linearity, "1", lines, {"end": end}, tail=f"/{end}")
+
+    def _hysteresis(self) -> Iterator[Finding]:
+        """The largest difference of both directions over both ends; of noise alone it would be what its budget says."""
+        loops = {name: fit for name, fit in self.estimates.fits.items() if len(fit.loop_v)}
+        if not loops:
+            return
+        worst = max(loops, key=lambda name: loops[name].hysteresis_v or 0.0)
+        every = np.concatenate([fit.loop_v for fit in loops.values()])
+        scale = abs(self.estimates.budget.scale)
+        sd = self.estimates.reading_sd_g * scale * float(np.sqrt(2.0))
+        by_scatter, by_selection = largest_u(every, sd)
+        lines = combined([
+            BudgetLine(SCATTER, "A", by_scatter / scale, self.estimates.budget.dof or None),
+            BudgetLine(SELECTION, "A", by_selection / scale),
+        ])  # fmt: skip
+        value = float(np.max(np.abs(every))) / scale
+        name = "largest difference between forward and reverse"
+        yield self._of("hysteresis", name, value, "g", lines, {"end": worst})
+
+    def verification_residuals_g(self) -> Array:
+        """What the equations of the ends leave of the readings of the verification, in g."""
+        known = [each for each in self.verified if each.end in self.estimates.fits]
+        fits = [self.estimates.fits[each.end] for each in known]
+        found = [(each.output - fit.bias_v) / fit.scale_v_per_g for each, fit in zip(known, fits, strict=True)]
+        return np.array(found) - np.sin([each.angle_rad for each in known])
+
+    def _verification(self) -> Iterator[Finding]:
+        residuals_g = self.verification_residuals_g()
+        if not len(residuals_g):
+            return
+        sd_g = self.estimates.reading_sd_g
+        by_scatter, by_selection = largest_u(residuals_g, float(sd_g))
+        dof = self.estimates.budget.dof or None
+        lines = combined([BudgetLine(SCATTER, "A", by_scatter, dof), BudgetLine(SELECTION, "A", by_selection)])
+        largest = float(np.max(np.abs(residuals_g)))
+        name = "largest residual of readings that were not fitted"
+        yield self._of("verification/largest", name, largest, "g", lines, {"end": "up"}, kind="verification")
+        rms = float(np.sqrt(np.mean(residuals_g**2)))
+        line = BudgetLine(SCATTER, "A", float(sd_g) / np.sqrt(2 * len(residuals_g)), dof)
+        name = "root mean square of them"
+        yield self._of("verification/rms", name, rms, "g", (line,), {"end": "up"}, kind="verification")
+
+    # Equations
+
+    def models(self) -> Iterator[Equation]:
+        """For use in orbit, for each end on the ground, and the model of all readings."""
+        output = self.unit.output_unit
+        both = self.estimates.both
+        if both is not None:
+            known = self._unknown_tilt(both)
+            yield self._equation("orbit", "acceleration", ORBIT, both.corrected, both.scale, known)
+        for name in self.estimates.fits:
+            bias, scale = self.estimates.line(name)
+            form = f"{ORBIT}, on the ground with +Z {name}"
+            yield self._equation(f"end_{name}", f"acceleration_{name}", form, bias, scale)
+        model = self.found.model
+        if model.fit is not None and both is not None:
+            units = {"c0": output, "delta": "rad", "cxz": f"{output}/g²", "c2": f"{output}/g²", "c3": f"{output}/g³"}
+            yield Equation(
+                id=self._id("equation/all"),
+                uut=self.unit.serial,
+                quantity="output",
+                form=MODEL if "c2" not in model.terms else MODEL.replace(" + cxz", " + c2·a² + c3·a³ + cxz"),
+                constants=_constants(model, model.fit, units, f"{output}/g"),
+                valid=self._valid,
+                correlation=tuple(tuple(float(value) for value in row) for row in _correlation(model.fit.covariance)),
+            )
+
+    def _equation(
+        self, name: str, quantity: str, form: str, bias: Estimate, scale: Estimate, known: tuple[BudgetLine, ...] = ()
+    ) -> Equation:
+        output, budget = self.unit.output_unit, self.estimates.budget
+        u_bias, u_scale = (
+            float(np.sqrt(sum(line.u**2 for line in (*budget.lines(each), *more))))
+            for each, more in ((bias, known), (scale, ()))
+        )
+        return Equation(
+            id=self._id(f"equation/{name}"),
+            uut=self.unit.serial,
+            quantity=quantity,
+            form=form,
+            constants={"b": Constant(bias.value, output, u_bias), "K1": Constant(scale.value, f"{output}/g", u_scale)},
+            valid=self._valid,
+            correlation=budget.correlation([bias, scale]),
+        )
+
+    @property
+    def _valid(self) -> Mapping[str, tuple[float, float]]:
+        sines = np.sin([each.angle_rad for each in self.estimates.rows if each.kind == "sweep"])
+        warm_c = [each.temperature_c for each in self.estimates.rows if np.isfinite(each.temperature_c)]
+        valid = {"input_g": (float(sines.min()), float(sines.max()))}
+        return valid | ({"temperature_c": (min(warm_c), max(warm_c))} if warm_c else {})
+
+    # Forms
+
+    @property
+    def _at(self) -> Mapping[str, Any]:
+        warm_c = [each.temperature_c for each in self.estimates.rows if np.isfinite(each.temperature_c)]
+        return {"at_c": float(np.mean(warm_c))} if warm_c else {}
+
+    def _id(self, quantity: str) -> str:
+        return f"{self.data.label}/{self.unit.place}/{quantity}"
+
+    def _finding(
+        self,
+        quantity: str,
+        name: str,
+        result: Estimate,
+        unit: str,
+        at: Mapping[str, Any],
+        known: tuple[BudgetLine, ...] = (),
+        without: Sequence[str] = (),
+        flags: tuple[str, ...] = (),
+    ) -> Finding:
+        lines = combined([*self.estimates.budget.lines(result, without), *known])
+        return self._of(quantity, name, result.value, unit, lines, at, flags=flags)
+
+    def _of(
+        self,
+        quantity: str,
+        name: str,
+        value: float,
+        unit: str,
+        lines: tuple[BudgetLine, ...],
+        at: Mapping[str, Any],
+        tail: str = "",
+        kind: str = "sweep",
+        flags: tuple[str, ...] = (),
+    ) -> Finding:
+        rows = self.verified if kind == "verification" else self.estimates.rows
+        return Finding(
+            id=self._id(quantity) + tail,
+            uut=self.unit.serial,
+            quantity=quantity,
+            name=name,
+            at=at,
+            value=value,
+            unit=unit,
+            budget=lines,
+            steps=tuple(dict.fromkeys(each.step.rsplit("/", 2)[0] for each in rows)),
+            flags=flags,
+        )
+
+
+def _tilt_line(quantity: str, tilt: Measured, scale: float) -> BudgetLine:
+    source = TILT_SOURCES[quantity]
+    return BudgetLine(source, "B", abs(scale) * tilt.u, None, source.replace(": ", "."))
+
+
+def _constants(model: SweepModel, fit: NonlinearFit, units: Mapping[str, str], otherwise: str) -> dict[str, Constant]:
+    values = zip(model.terms, fit.parameters.tolist(), fit.u.tolist(), strict=True)
+    return {term: Constant(value, units.get(term, otherwise), u) for term, value, u in values}
+
+
+def _correlation(covariance: Array) -> Array:
+    sizes = np.sqrt(np.diag(covariance))
+    return np.asarray(covariance / np.outer(sizes, sizes)) if np.all(sizes > 0) else np.eye(len(sizes))

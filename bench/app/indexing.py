@@ -1,0 +1,36 @@
+"""The step that decides in a run whether both ends of a unit on an indexing table must be measured again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from bench.analysis.indexing_static import attempts_of
+from bench.engine.actions import Bench
+from bench.errors import StepError
+from bench.report.stored import open_run
+from bench.sequence.methods.indexing import INDEXING_STATIC, CompareEndsSettings
+
+
+async def compare_ends(settings: CompareEndsSettings, bench: Bench) -> Mapping[str, Any]:
+    """What the units of the run ask for by all that is on the disk so far; "repeat" while nothing is.
+
+    The scale factors are compared as the results will be, by the settings of `indexing_static` in the sequence.
+    """
+    await bench.writer.commit()
+    with open_run(bench.writer.folder) as run:
+        entry = next(
+            (each for each in run.sequence.results
+             if each.method == INDEXING_STATIC.name and each.data == settings.data), None,
+        )  # fmt: skip
+        if entry is None:
+            raise StepError(f"no result of the sequence is {INDEXING_STATIC.name} of '{settings.data}'; add one")
+        wanted = INDEXING_STATIC.settings.model_validate(entry.settings).model_dump()
+        data = run.data(settings.data)
+        attempts = {unit.place: attempts_of(data, unit, wanted) for unit in data.units}
+    differ = [place for place, made in attempts.items() if not made or not made[-1].agrees]
+    done = max((len(made) for made in attempts.values()), default=0)
+    value = "accept" if not differ else "repeat" if done <= settings.max_repeats else "marginal"
+    if value == "repeat" and done:
+        bench.notice(f"Both ends of the unit in place {', '.join(differ)} differ by more than they may: measure again.")
+    return {"value": value, "attempts": done}
