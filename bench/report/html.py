@@ -26,7 +26,7 @@ from bench.report.stored import BENCH_COPY, StoredRun
 from bench.report.svg import drawing, font_of
 from bench.report.words import flag_in_words
 from bench.sequence.limits import limits_in
-from bench.sequence.methods import MethodDescription, known_methods
+from bench.sequence.methods import CHANNEL, MethodDescription, known_methods
 
 TEMPLATE = "report.html.j2"
 MOST_NOTES = 12  # at the top of the page; the others unfold
@@ -78,6 +78,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
         provenance=page.provenance(run, data),
         documents=_documents(run),
         coverage=COVERAGE,
+        meanings=_meanings(run),
         language=current(),
         figures_are_foreign=font_of(current()) is None,
     )  # fmt: skip
@@ -99,6 +100,11 @@ def _environment() -> Environment:
 def _data(run: StoredRun) -> list[RunData]:
     """What was acquired under the labels that the sequence evaluates."""
     return [run.data(label) for label in dict.fromkeys(entry.data for entry in run.sequence.results)]
+
+
+def _meanings(run: StoredRun) -> list[str]:
+    """What the results of the run's methods contain, each text once."""
+    return list(dict.fromkeys(known_methods()[entry.method].meaning for entry in run.sequence.results)) or [CHANNEL]
 
 
 def _sections(run: StoredRun, results: Results) -> Iterator[UnitSection]:

@@ -2,15 +2,138 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
 
 from bench.analysis.finding import UnitResult
-from bench.analysis.indexing_static import IndexingDetail
+from bench.analysis.indexing_static import Attempt, IndexingDetail
+from bench.analysis.indexing_sweep import EndFit
+from bench.report.languages import tr
 from bench.report.plots import Plot
+from bench.report.svg import new_figure, rendered
 from bench.report.tables import Sheet
+
+UG_PER_G = 1e6
+PPM = 1e6
+COLOURS = {"up": "#0b5394", "down": "#b45309"}
+MARKERS = {"fwd": "^", "rev": "v"}
 
 
 def indexing_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
     """Plots and tables; `name` begins the ids in the page."""
-    if isinstance(unit.detail, IndexingDetail):
-        yield from ()
+    detail = unit.detail
+    if not isinstance(detail, IndexingDetail):
+        return
+    last = detail.attempts[-1]
+    fits = {end: sweep.fit for end, sweep in last.found.ends.items() if sweep is not None and sweep.fit is not None}
+    if fits:
+        yield _sweep(fits, detail, f"{name}-sweep")
+        yield _residuals(fits, detail, f"{name}-residuals")
+        yield _ends(fits, detail.unit)
+    if last.found.both is not None:
+        yield _attempts(detail.attempts, detail.unit)
+
+
+def end_in_words(end: str) -> str:
+    """The end that a unit stands on."""
+    return tr("+Z up") if end == "up" else tr("+Z down")
+
+
+def _sweep(fits: dict[str, EndFit], detail: IndexingDetail, name: str) -> Plot:
+    figure = new_figure(3.2)
+    axes = figure.subplots()
+    for end, fit in fits.items():
+        angles_deg = fit.dwells.angle_deg
+        ends_deg = np.array([angles_deg.min(), angles_deg.max()])
+        line = fit.bias_v + fit.scale_v_per_g * np.sin(np.radians(ends_deg))
+        axes.plot(ends_deg, line, color=COLOURS[end], linewidth=0.7)
+        _draw(axes, end, fit, fit.dwells.output_v)
+    axes.set(xlabel=_angle_label(), ylabel=f"{tr('output')} / {detail.unit}", title=tr("Output over the angle"))
+    axes.legend(ncols=2)
+    title = tr("Sweeps of both ends") if len(fits) == 2 else tr("Sweep of one end")
+    caption = tr("The readings that were fitted, of the last time that both ends were measured, and their lines.")
+    return Plot(title, rendered(figure, name, title), caption)
+
+
+def _residuals(fits: dict[str, EndFit], detail: IndexingDetail, name: str) -> Plot:
+    """What the line of each end leaves, one above the other; readings of the verification where they were taken."""
+    figure = new_figure(2.2 + 1.9 * len(fits))
+    panels = figure.subplots(len(fits), 1, squeeze=False, sharex=True, gridspec_kw={"hspace": 0.35})[:, 0]
+    for axes, (end, fit) in zip(panels, fits.items(), strict=True):
+        axes.axhline(0, color="#444444", linewidth=0.6)
+        _draw(axes, end, fit, fit.residuals / fit.scale_v_per_g * UG_PER_G)
+        checked = [
+            (np.degrees(reading.angle_rad), residual_g * UG_PER_G)
+            for reading, residual_g in zip(detail.verification, detail.residuals_g, strict=False)
+            if reading.end == end
+        ]
+        if checked:
+            axes.plot(*zip(*checked, strict=True), "x", color="#4d7c0f", label=tr("verification"), zorder=3)
+        axes.set(ylabel=f"{tr('residual')} / µg", title=end_in_words(end))
+        axes.legend(ncols=3)
+    panels[-1].set_xlabel(_angle_label())
+    title = tr("Residuals of both ends") if len(fits) == 2 else tr("Residuals of one end")
+    caption = tr(
+        "What the line of each end leaves, in g by its scale factor: forward away from 0°, reverse back to it. "
+        "Crosses: readings of the verification, which were not fitted, with the equation of their end."
+    )
+    return Plot(title, rendered(figure, name, title), caption)
+
+
+def _draw(axes: Axes, end: str, fit: EndFit, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> None:
+    for direction, marker in MARKERS.items():
+        here = fit.dwells.direction == direction
+        if here.any():
+            way = tr("forward") if direction == "fwd" else tr("reverse")
+            face = COLOURS[end] if direction == "fwd" else "white"
+            axes.plot(
+                fit.dwells.angle_deg[here], values[here], marker, color=COLOURS[end], markerfacecolor=face,
+                markersize=4.5, linestyle="none", label=f"{end_in_words(end)}, {way}",
+            )  # fmt: skip
+
+
+def _angle_label() -> str:
+    return f"{tr('angle of the table')} / °"
+
+
+def _ends(fits: dict[str, EndFit], unit: str) -> Sheet:
+    rows = tuple(
+        (
+            end_in_words(end), str(len(fit.dwells)), f"{fit.bias_v:.6g}", f"{fit.scale_v_per_g:.8g}",
+            f"{fit.reading_sd_v / abs(fit.scale_v_per_g) * UG_PER_G:.2g}", f"{fit.linearity * PPM:.2g}",
+            "–" if fit.hysteresis_v is None else f"{fit.hysteresis_v:.2g}",
+        )
+        for end, fit in fits.items()
+    )  # fmt: skip
+    heads = (
+        (tr("End"), ""), (tr("Readings"), ""), ("b", unit), ("K1", f"{unit}/g"), (tr("Scatter"), "µg"),
+        (tr("Linearity"), "ppm"), (tr("Hysteresis"), unit),
+    )  # fmt: skip
+    caption = tr("U = b + K1·sin θ of each end, for tests on the ground in that orientation.")
+    return Sheet(tr("The two ends"), caption, heads, rows)
+
+
+def _attempts(attempts: Sequence[Attempt], unit: str) -> Sheet:
+    rows = tuple(_attempt(number, attempt) for number, attempt in enumerate(attempts, start=1))
+    heads = (
+        (tr("Attempt"), ""), (tr("K1, +Z up"), f"{unit}/g"), (tr("K1, +Z down"), f"{unit}/g"),
+        (tr("Difference"), "ppm, k = 2"), (tr("Decision"), ""),
+    )  # fmt: skip
+    caption = tr(
+        "Both ends are measured again when their scale factors differ by more than they may; the last attempt counts. "
+        "A difference that stays is the cross coupling."
+    )
+    return Sheet(tr("Scale factors of both ends"), caption, heads, rows)
+
+
+def _attempt(number: int, attempt: Attempt) -> tuple[str, ...]:
+    both = attempt.found.both
+    scales = [sweep.fit.scale_v_per_g if sweep and sweep.fit else None for sweep in attempt.found.ends.values()]
+    told = ["–" if scale is None else f"{scale:.8g}" for scale in scales]
+    if both is None:
+        return (str(number), *told, "–", tr("invalid"))
+    difference, scale = both.scale_difference_v_per_g, abs(both.scale_v_per_g.value)
+    decided = tr("agree") if attempt.agrees else tr("differ")
+    return (str(number), *told, f"{difference.value / scale * PPM:.0f} ± {2 * difference.u / scale * PPM:.0f}", decided)

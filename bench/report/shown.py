@@ -44,6 +44,12 @@ SHOWN = {
     "deviation/raw": (100.0, "%"),
     "deviation/normalised": (100.0, "%"),
     "tempco_scale": (1e6, "ppm/°C"),
+    "scale_difference": (1e6, "ppm"),
+    "seat_tilt": (1e6, "µrad"),
+    "linearity": (1e6, "ppm"),
+    "hysteresis": (1e6, "µg"),
+    "verification/largest": (1e6, "µg"),
+    "verification/rms": (1e6, "µg"),
 }
 
 

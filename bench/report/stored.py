@@ -47,7 +47,7 @@ class StoredRun:
         return self._data[label]
 
     def counted_at(self, what: Literal["dwells", "ramps", "steps", "levels", "records"]) -> list[RunData]:
-        """What was acquired for methods that count at dwells, on ramps, at steps of a ladder, levels, or in other records."""
+        """What was acquired for methods that count at dwells, on ramps, at steps, at levels, or in other records."""
         entries = [entry for entry in self.sequence.results if known_methods()[entry.method].counts_at == what]
         return [self.data(label) for label in dict.fromkeys(entry.data for entry in entries)]
 

@@ -142,7 +142,9 @@ def _remark(found: Sequence[Finding]) -> str:
         tr("{count} invalid", count=invalid) if invalid else "",
         tr("{count} marginal", count=marginal) if marginal else "",
     ]
-    worst = "worst of {count} dwells; {told}" if "dwell" in found[0].at else "worst of {count}; {told}"
+    worst = "worst of {count}; {told}"
+    for what in ("dwell", "end"):
+        worst = f"worst of {{count}} {what}s; {{told}}" if what in found[0].at else worst
     return tr(worst, count=len(found), told=", ".join(filter(None, told)) or tr("all passed"))
 
 

@@ -35,11 +35,12 @@ REASONS = {
     "too_short": "some steps were counted too short: one count is more than a fifth of them",
     "marginal": "one of the two steps that decide is so near one half that it could be otherwise if repeated",
     "not_closed": "the bias did not come back to where it began",
+    "ends_differ": "more than they may; what stays is the cross coupling",
     "lag": "the loop is a lag behind the thermometer, not hysteresis: a model with dT/dt removes most of it",
 }
 # What sources of uncertainty are of, besides the names of readings.
 SOURCES = (
-    "head", "fixture", "counter", "site", "readings", "samples", "bias", "K1", "ladder",
+    "head", "fixture", "platform", "counter", "site", "readings", "samples", "bias", "K1", "ladder",
     "asymmetry of the converter", "read-outs", "points", "accelerometer", "source",
     "lag behind the thermometer, and the unit's response to the rate",
 )  # fmt: skip
@@ -76,6 +77,32 @@ _UNITS = {
         "The bench file does not say its nominal scale factor (nominal of its place), without which it is not known "
         "what a step lets expect."
     ),
+    "no_sweep": "There is no reading of a sweep, without which nothing can be determined.",
+    "no_clocking": (
+        "The unit was not clocked on its seat: the tilt of the seat is in the bias, but for what the level and the "
+        "platform tell of it, and in its uncertainty."
+    ),
+    "end_up_missing": (
+        "The unit was not measured with its +Z up. Over small angles one end does not tell bias and misalignment "
+        "apart: only the equation of the other end is found, for tests in that orientation."
+    ),
+    "end_down_missing": (
+        "The unit was not measured with its +Z down. Over small angles one end does not tell bias and misalignment "
+        "apart: only the equation of the other end is found, for tests in that orientation."
+    ),
+    "invalid": "The readings of an end are no calibration.",
+    "ill_conditioned": "The angles hardly tell the terms of the model apart.",
+    "marginal": "The calibration is marginal: the temperature changed, or both ends differ by more than they may.",
+    "K2_K3:range_too_small": (
+        "Angles below ±30° do not tell K2 and K3 from noise; what they do is in the linearity, the bias and the scale "
+        "factor."
+    ),
+}
+_LEFT_OUT = {
+    "saturated": "the output was at its limit",
+    "outlier": "far from the line and its scatter",
+    "missing": "something of them is missing",
+    "duplicate": "they are there twice",
 }
 _QUANTITIES = {
     "too_few_temperatures": "fewer temperatures than the model asked for needs; its degree is lower, or there is none.",
@@ -119,6 +146,8 @@ _PARTS = {
     "another_angle": "left out: the part has legs at another angle, and the method is of one.",
 }
 _SAMPLES = re.compile(r"(?:(.+): )?(\d+) samples(?:: (\w+))")
+_LEFT = re.compile(r"(\d+) readings: (\w+)")
+_DIFFER = re.compile(r"ends_differ_after:(\d+)")
 _INCOMPLETE = re.compile(r"dwell (\d+) incomplete: (.+)")
 
 
@@ -137,6 +166,10 @@ def flag_in_words(flag: str) -> str:
     if samples and samples[3] in _READINGS:
         told = tr("{count} samples are left out: {why}", count=samples[2], why=tr(_READINGS[samples[3]]))
         return told + (f" ({samples[1]})." if samples[1] else ".")
+    if (left := _LEFT.fullmatch(flag)) and left[2] in _LEFT_OUT:
+        return tr("{count} readings are left out: {why}.", count=left[1], why=tr(_LEFT_OUT[left[2]]))
+    if differ := _DIFFER.fullmatch(flag):
+        return tr("The scale factors of both ends still differ after {count} attempts.", count=differ[1])
     step, _, problem = flag.rpartition(": ")
     if problem in _PARTS:
         return f"{tr(step) if problem == 'part_missing' else step}: {tr(_PARTS[problem])}"
@@ -233,6 +266,8 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
         parts.append(tr("centre {at_c} °C", at_c=f"{at['temperature_c']:.1f}"))
     if "position_deg" in at:
         parts.append(tr("about {angle}°", angle=f"{at['position_deg']:g}"))
+    if "end" in at:
+        parts.append(tr("+Z up") if at["end"] == "up" else tr("+Z down"))
     if "leg" in at:
         parts.append(leg_in_words(at["leg"]))
     if "repetitions" in at:

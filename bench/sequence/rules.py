@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bench.config.models import BenchFile
 from bench.sequence.checks_channel import no_converter, source_unplugged, unsuited_ramp
+from bench.sequence.checks_indexing import beyond_range, one_end
 from bench.sequence.checks_ladder import incomplete_ladder, ladder_below_limit, no_nominal, step_below_band
 from bench.sequence.checks_method import (
     soak_never_stable,
@@ -33,6 +34,8 @@ RULES = (
     Rule("short-acquisition", "warning", "counting resolves what is asked for", short_acquisition),
     Rule("step-below-band", "warning", "the head can make the steps of a ladder", step_below_band),
     Rule("ladder-below-limit", "warning", "a ladder reaches beyond its limits", ladder_below_limit),
+    Rule("one-end", "warning", "a calibration on an indexing table has both ends", one_end),
+    Rule("beyond-range", "warning", "an indexing table stays within what the unit can read", beyond_range),
     Rule("unreachable", "warning", "every step can be done", unreachable),
     Rule("soak-never-stable", "warning", "a soak can become stable", soak_never_stable),
     Rule("no-teardown", "warning", "a teardown takes back what moved", no_teardown),

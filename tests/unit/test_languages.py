@@ -73,7 +73,15 @@ def texts_in_templates():
 
 def texts_in_tables():
     """What is translated where it is looked up."""
-    tables = (words.ENDINGS, words.REASONS, words.CONTENTS, words._READINGS, words._UNITS, words._QUANTITIES)
+    tables = (
+        words.ENDINGS,
+        words.REASONS,
+        words.CONTENTS,
+        words._READINGS,
+        words._UNITS,
+        words._QUANTITIES,
+        words._LEFT_OUT,
+    )
     for table in (*tables, words._PARTS):
         yield from table.values()
     yield from (*words.SOURCES, *get_args(Direction), *get_args(Compass))

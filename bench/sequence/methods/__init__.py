@@ -18,6 +18,14 @@ OUTPUT = "output"  # in the unit of a quantity: stands for the unit of the units
 OUTPUT_UNITS = ("pulse/s", "V")
 
 
+CHANNEL = (
+    "The unit is measured together with its I/F converter. K0, in units of local g, contains the converter's zero. K1 "
+    "contains K3, and the converter's scale. K2 contains the converter's asymmetry, which four positions cannot "
+    "separate from it. The misalignment contains the zero error of the head and the level of the fixture, both within "
+    "its uncertainty."
+)
+
+
 @dataclass(frozen=True)
 class MethodDescription:
     """A method as a sequence sees it.
@@ -27,7 +35,7 @@ class MethodDescription:
     `counts_at` says what its acquisitions are: readings at dwells, each a leg of a temperature ramp, steps of a ladder,
     each at one input level, or each a record of its own. `drawn_by` is "module:function", which turns a unit's results
     into what a report shows of them beside the tables that all methods have. `after` names the standards that it is
-    made after (methods.md 7), which is no claim of conformity.
+    made after (methods.md 7), which is no claim of conformity. `meaning` says what its results contain.
     """
 
     name: str
@@ -38,6 +46,7 @@ class MethodDescription:
     counts_at: Literal["dwells", "ramps", "steps", "levels", "records"] = "dwells"
     drawn_by: str = ""
     after: tuple[str, ...] = ()
+    meaning: str = CHANNEL
 
     def units(self, output_unit: str) -> Mapping[str, str]:
         """The units of the quantities for units whose output is in `output_unit`."""

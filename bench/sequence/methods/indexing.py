@@ -69,6 +69,11 @@ INDEXING_STATIC = MethodDescription(
     },
     counts_at="records",
     drawn_by="bench.report.indexing_shown:indexing_shown",
+    meaning=(
+        "The unit is measured together with its converter, or with the resistor that its current flows through. K0 and "
+        "K1 are means of both ends, so that they are free of the misalignment of the input axis and of its cross "
+        "coupling; by the clocking K0 is free of the tilt of the seat too. K1 contains K3 as far as the angles go."
+    ),
 )
 
 

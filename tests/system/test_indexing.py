@@ -1,0 +1,213 @@
+"""A calibration on an indexing table, run whole: in volts and in pulses, with what can go wrong on the way."""
+
+import dataclasses
+from unittest import mock
+
+import pytest
+
+from bench.analysis import indexing_readings, indexing_static
+from bench.report.stored import open_run
+from bench.sequence.methods.indexing import INDEXING_STATIC
+from bench.store.reader import RunReader
+from tests.support.runs import ROOT, read_json, run_short
+from tests.truth.campaign import full_bench
+from tests.truth.indexing import QUANTITIES, compare_indexing
+
+SHORT = ("step=0.25°", "warm_up=20 min")
+SHORTEST = ("step=0.5°", "warm_up=20 min")
+SETTINGS = {"scale_tolerance": 1e-4, "k": 2.0, "output_limit_g": 9.6e-3, "outlier_k": 6.0,
+            "platform_rad": None, "platform_u_rad": 0.0}  # fmt: skip
+
+
+def calibrated(folder, bench, settings=SHORT, edits=(), **wishes):
+    path = full_bench(folder / "config", bench)
+    for file, old, new in edits:
+        text = (folder / "config" / file).read_text("utf-8")
+        assert old in text, old
+        (folder / "config" / file).write_text(text.replace(old, new), "utf-8")
+    return run_short(folder / "runs", bench=path, sequence="indexing_static", settings=settings, **wishes)
+
+
+@pytest.fixture(scope="module")
+def volts(tmp_path_factory):
+    return calibrated(tmp_path_factory.mktemp("volts"), "indexing")
+
+
+@pytest.fixture(scope="module")
+def pulses(tmp_path_factory):
+    return calibrated(tmp_path_factory.mktemp("pulses"), "indexing_pulses", SHORTEST, seed=2)
+
+
+@pytest.fixture(scope="module")
+def data(volts):
+    with open_run(volts.path) as run:
+        return run.data("indexing")
+
+
+def reduced(data, acquisitions=None, **settings):
+    data = data if acquisitions is None else dataclasses.replace(data, acquisitions=tuple(acquisitions))
+    (unit,) = indexing_static.reduce(data, SETTINGS | settings)
+    return unit, {finding.quantity: finding for finding in unit.findings}
+
+
+def by_end(data, end):
+    """The acquisitions that are not of a sweep on an end."""
+    return [each for each in data.acquisitions if f"end={end}/" not in each.step]
+
+
+@pytest.mark.timeout(120)
+def test_errors_stay_within_their_uncertainties(volts, pulses):
+    for run in (volts, pulses):
+        assert run.problems == []
+        comparisons = compare_indexing(run.path)
+        assert {comparison.quantity for comparison in comparisons} == set(QUANTITIES)
+        assert max(abs(comparison.ratio) for comparison in comparisons) < 3.5
+
+
+def test_everything_is_found_in_the_unit_of_the_output(volts, pulses):
+    for run, unit in ((volts, "V"), (pulses, "pulse/s")):
+        results = read_json(run, "results.json")
+        found = {finding["quantity"]: finding["unit"] for finding in results["findings"]}
+        assert results["verdict"] == "PASS"
+        assert found.items() <= INDEXING_STATIC.units(unit).items()
+        assert set(INDEXING_STATIC.quantities) - set(found) == {"K2", "K3", "b4"}
+        assert [model["quantity"] for model in results["models"]] == [
+            "acceleration", "acceleration_up", "acceleration_down", "output",
+        ]  # fmt: skip
+
+
+def test_the_tilt_of_the_seat_is_taken_out_of_the_bias(volts):
+    found = {finding["quantity"]: finding for finding in read_json(volts, "results.json")["findings"]}
+    parts = {name: {line["source"]: line["u"] for line in found[name]["budget"]} for name in ("bias", "bias_corrected")}
+    for source in ("head: zero", "fixture: level"):
+        assert parts["bias_corrected"].get(source, 0.0) < 1e-3 * parts["bias"][source]
+    assert found["bias_corrected"]["u"] < 0.1 * found["bias"]["u"]
+    assert found["bias"]["value"] - found["b3"]["value"] - found["b5"]["value"] == pytest.approx(
+        found["bias_corrected"]["value"], rel=1e-9
+    )
+
+
+def test_the_report_draws_both_ends_and_tells_the_attempts(volts):
+    page = (volts.path / "report.html").read_text("utf-8")
+    for words in ("Sweeps of both ends", "Residuals of both ends", "+Z up, forward", "+Z down, reverse", "verification",
+                  "Scale factors of both ends", "agree", "Angles below ±30° do not tell K2 and K3"):  # fmt: skip
+        assert words in page
+
+
+def test_every_reading_is_the_mean_of_a_stable_minute(data):
+    assert {each.over_s for each in data.acquisitions} == {60.0}
+    assert {each.stable for each in data.acquisitions} == {frozenset({"a"})}
+    assert all(each.end_s - each.begin_s >= 60 for each in data.acquisitions)
+
+
+# What can be wrong with the readings
+
+
+@pytest.mark.parametrize(("missing", "other"), [("up", "down"), ("down", "up")])
+def test_one_end_alone_gives_its_equation_and_nothing_of_the_unit(data, missing, other):
+    unit, found = reduced(data, by_end(data, missing))
+    assert unit.verdict == "INCOMPLETE"
+    assert (unit.left_out, f"end_{missing}_missing" in unit.flags) == ((f"+Z {missing}",), True)
+    assert not {"K0", "K1", "misalignment"} & set(found)
+    assert [model.quantity for model in unit.models] == [f"acceleration_{other}"]
+
+
+def test_without_a_clocking_the_tilt_is_in_the_uncertainty(data):
+    unit, found = reduced(data, [each for each in data.acquisitions if "/clocking/" not in each.step])
+    assert "no_clocking" in unit.flags
+    assert "b5" not in found
+    assert found["K0"].u > 20e-6
+
+
+def test_unstable_readings_are_left_out_and_told(data):
+    first, *others = data.acquisitions
+    unit, _ = reduced(data, [dataclasses.replace(first, stable=frozenset()), *others])
+    assert f"{first.step}: unstable" in unit.flags
+    assert unit.detail.attempts[-1].found.excluded["unstable"] == 1
+
+
+def test_readings_at_the_limit_of_the_output_are_never_fitted(data):
+    unit, found = reduced(data, output_limit_g=7e-3)
+    assert "8 readings: saturated" in unit.flags
+    assert found["K1"].value == pytest.approx(1000, rel=0.02)
+
+
+def test_a_platform_that_is_known_stands_in_b4(data):
+    _, found = reduced(data, platform_rad=20e-6, platform_u_rad=5e-6)
+    assert found["b4"].value == pytest.approx(20e-6 * found["K1"].value, rel=1e-9)
+    _, before = reduced(data)
+    assert before["b5"].value - found["b5"].value == pytest.approx(found["b4"].value, rel=1e-6)
+    assert found["K0"].value == before["K0"].value
+
+
+# Mistakes that the comparison with the truth must see
+
+
+def swapped_ends():
+    honest = indexing_readings.readings_of
+
+    def mistaken(data, unit):
+        readings, flags = honest(data, unit)
+        other = {"up": "down", "down": "up"}
+        return [dataclasses.replace(each, end=other[each.end]) for each in readings], flags
+
+    return mock.patch.object(indexing_static, "readings_of", mistaken)
+
+
+def angles_the_wrong_way_round():
+    honest = indexing_readings.readings_of
+
+    def mistaken(data, unit):
+        readings, flags = honest(data, unit)
+        return [dataclasses.replace(each, angle_rad=-each.angle_rad) for each in readings], flags
+
+    return mock.patch.object(indexing_static, "readings_of", mistaken)
+
+
+@pytest.mark.parametrize(("plant", "quantity"), [(swapped_ends, "misalignment"), (angles_the_wrong_way_round, "K1")])
+def test_a_planted_mistake_is_seen(volts, data, plant, quantity):
+    truth = {comparison.quantity: comparison.truth for comparison in compare_indexing(volts.path)}
+    with plant():
+        _, found = reduced(data)
+    assert abs(found[quantity].value - truth[quantity]) > 20 * found[quantity].u
+
+
+# Decisions in a run
+
+
+@pytest.mark.timeout(120)
+def test_ends_that_differ_are_measured_again_and_then_marginal(tmp_path):
+    coupled = ("uut/micro_g.yaml", "Kip: {mean: 0 µg/g², sd: 10 µg/g²}", "Kip: 500 µg/g²")
+    run = calibrated(tmp_path, "indexing", (*SHORTEST, "max_repeats=1"), [coupled])
+    assert run.problems == []
+    with RunReader(run.path) as reader:
+        decisions = [event.data["value"] for event in reader.events("step_ended") if event.data.get("as") == "decision"]
+    assert decisions == ["repeat", "repeat", "marginal"]
+    found = {finding["quantity"]: finding for finding in read_json(run, "results.json")["findings"]}
+    assert found["scale_difference"]["flags"] == ["ends_differ"]
+    assert found["Kip"]["value"] == pytest.approx(500e-6, abs=4 * found["Kip"]["u"])
+    page = (run.path / "report.html").read_text("utf-8")
+    assert "The scale factors of both ends still differ after 2 attempts." in page
+
+
+@pytest.mark.timeout(120)
+def test_what_does_not_become_stable_is_not_fitted(tmp_path):
+    restless = (*SHORTEST, "max_repeats=0", "stable_sd=0.001 µg", "stable_by=1 min")
+    run = calibrated(tmp_path, "indexing_pulses", restless)
+    assert run.problems == []
+    results = read_json(run, "results.json")
+    assert results["verdict"] == "INCOMPLETE"
+    assert sum(flag.endswith(": unstable") for flag in results["units"][0]["flags"]) > 10
+
+
+def test_the_bench_must_say_what_1_g_is(tmp_path):
+    bench = full_bench(tmp_path, "indexing")
+    bench.write_text(bench.read_text("utf-8").replace("resistor: 1 kΩ, ", ""), "utf-8")
+    with pytest.raises(Exception, match=r"places\.a of the bench file has no nominal K1 and resistor"):
+        run_short(tmp_path / "runs", bench=bench, sequence="indexing_static")
+
+
+def test_the_files_say_the_same_bench():
+    volts, pulses = ((ROOT / "config" / f"{name}.yaml").read_text("utf-8") for name in ("indexing", "indexing_pulses"))
+    same = volts.partition("fixture:")[2].partition("places:")[0]
+    assert same == pulses.partition("fixture:")[2].partition("places:")[0]
