@@ -2,7 +2,8 @@
 
 A result is an `Estimate` over the readings of both sweeps and of the clocking. The errors of the head turn the input
 axis at every reading, whichever way it then lies: so an error that all positions share leaves what the clocking takes
-out of the bias again.
+out of the bias again. How well the head comes back to an angle is in the scatter of the sweeps; during the clocking it
+stands still, so that there it is one error of all.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from bench.analysis.propagation import Estimate
 from bench.analysis.rundata import BenchRecord, UnitUnderTest
 
 SCATTER = "readings: scatter"
+REPEATABILITY = "head: repeatability"
 
 
 @dataclass(frozen=True)
@@ -46,10 +48,12 @@ class IndexingBudget:
             for shape in (np.cos, np.sin)
         ]
         together = float(turned.sum())
+        clocked = float(sum(turned[index] for index, each in enumerate(self.readings) if each.kind == "clocking"))
         return {
             SCATTER: gain * self.sd,
             "head: zero": np.array([together * np.radians(head.zero_u_deg)]),
             "head: harmonics": np.array(harmonics),
+            REPEATABILITY: np.array([clocked * np.radians(head.repeatability_u_deg)]),
             "fixture: level": np.array([together * np.radians(self.bench.level_u_deg)]),
             **self._instrument(gain, values),
         }
@@ -75,7 +79,8 @@ class IndexingBudget:
     def _line(self, source: str, u: float) -> BudgetLine:
         if source == SCATTER:
             return BudgetLine(source, "A", u, self.dof or None)
-        return BudgetLine(source, "B", u, None, source.replace(": ", ".").replace(" ", "_"))
+        shared = None if source == REPEATABILITY else source.replace(": ", ".").replace(" ", "_")
+        return BudgetLine(source, "B", u, None, shared)
 
     def correlation(self, results: Sequence[Estimate]) -> tuple[tuple[float, ...], ...]:
         """How results go together, by all their sources."""

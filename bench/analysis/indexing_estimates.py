@@ -106,16 +106,18 @@ class IndexingEstimates:
 
     @cached_property
     def budget(self) -> IndexingBudget:
-        """What makes all of it uncertain; the few readings of the clocking scatter as those of the sweeps do."""
-        spread = {name: fit.reading_sd_v for name, fit in self.fits.items()}
+        """What makes all of it uncertain; during the clocking the head stands still, so that it adds no scatter."""
+        spread = {name: fit.repeats[0] for name, fit in self.fits.items()}
         pooled = float(np.sqrt(np.mean(np.square([*spread.values()])))) if spread else 0.0
         each = [np.full(len(self._used[name]), sd) for name, sd in spread.items()]
-        sd = np.concatenate([*each, np.full(len(self._clocked), pooled)])
-        dof = sum(len(fit.dwells) - 2 for fit in self.fits.values())
         scale = float(np.mean([fit.scale_v_per_g for fit in self.fits.values()])) if spread else 0.0
+        come_back = scale * float(np.radians(self._data.bench.head.repeatability_u_deg))
+        still = float(np.sqrt(max(pooled**2 - come_back**2, 0.0)))
+        sd = np.concatenate([*each, np.full(len(self._clocked), still)])
+        dof = sum(fit.repeats[1] for fit in self.fits.values())
         return IndexingBudget(self._unit, self._data.bench, self.rows, sd, dof, scale)
 
     @property
     def reading_sd_g(self) -> float:
         """Standard deviation of a reading of the sweeps, in g."""
-        return float(self.budget.sd[-1] / abs(self.budget.scale)) if self.fits else 0.0
+        return float(self.budget.sd[0] / abs(self.budget.scale)) if self.fits else 0.0

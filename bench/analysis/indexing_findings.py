@@ -131,7 +131,7 @@ class IndexingFindings:
 
     def _linearity(self, end: str, fit: EndFit) -> Finding:
         span = abs(fit.scale_v_per_g) * float(np.ptp(np.sin(fit.dwells.angle_rad)))
-        by_scatter, by_selection = largest_u(fit.residuals, fit.reading_sd_v)
+        by_scatter, by_selection = largest_u(fit.residuals, fit.repeats[0])
         lines = combined([
             BudgetLine(SCATTER, "A", by_scatter / span, self.estimates.budget.dof or None),
             BudgetLine(SELECTION, "A", by_selection / span),

@@ -28,6 +28,7 @@ from bench.analysis.residual_spectrum import SpectralLine, conspicuous_line
 from bench.analysis.thermometer import broken_at_rest
 
 LEAST_ANGLES = 3
+LEAST_REPEATS = 4
 SMOOTH_DEGREE = 5  # of the curve over the angle that a sensor may have
 SAME_ANGLE = 1e-3  # of the range: a table that is sent to one angle twice does not stop at exactly the same
 SAME_ANGLE_DEG = 5e-4  # 2 arcsec, at least
@@ -125,6 +126,19 @@ class EndFit:
     def u(self) -> Array:
         """Standard uncertainties (2,) of b and G, type A."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def repeats(self) -> tuple[float, int]:
+        """Standard deviation of readings at one angle about their mean, and its degrees of freedom.
+
+        It holds the hysteresis, not the nonlinearity. With too few repeats it is that of all residuals.
+        """
+        angle = _same_angle(self.dwells.angle_deg)
+        about_mean = self.residuals - _means(angle, self.residuals)[angle]
+        dof = len(angle) - len(np.unique(angle))
+        if dof < LEAST_REPEATS:
+            return self.reading_sd_v, len(angle) - len(self.gain)
+        return float(np.sqrt(np.sum(about_mean**2) / dof)), dof
 
     @property
     def linearity(self) -> float:
