@@ -146,4 +146,4 @@ def _compensations(both: BothEnds | None, unit: UnitUnderTest) -> tuple[Compensa
         return ()
     scale = Constant(both.scale.value, f"{unit.output_unit}/g")
     offset = Constant(both.corrected.value, unit.output_unit)
-    return (Compensation(unit.voltmeter or unit.channel, unit.output_unit, "g", scale=scale, offset=offset),)
+    return (Compensation(unit.measured_by, unit.output_unit, "g", scale=scale, offset=offset),)

@@ -58,9 +58,9 @@ class RampFindings:
         yield self._model("K1", f"{self.unit.output_unit}/g", self.scale.model, len(self.upright), left_out)
 
     def compensation(self) -> Compensation:
-        """How a rate becomes an acceleration; the bias has the misalignment at 0 g in it."""
+        """How an output becomes an acceleration; the bias has the misalignment at 0 g in it."""
         bias, scale = self.models(())
-        return Compensation(self.unit.channel, "pulse/s", "g", scale=scale, bias=bias)
+        return Compensation(self.unit.measured_by, self.unit.output_unit, "g", scale=scale, bias=bias)
 
     # The straight line and what departs from it
 

@@ -128,6 +128,11 @@ class UnitUnderTest:
     scale_a_per_g: float = math.nan
 
     @property
+    def measured_by(self) -> str:
+        """The channel of the counter, or the voltmeter."""
+        return self.channel if self.voltmeter is None else self.voltmeter
+
+    @property
     def output_unit(self) -> str:
         """What its output is in."""
         return "pulse/s" if self.voltmeter is None else "V"

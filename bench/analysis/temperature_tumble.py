@@ -95,12 +95,11 @@ class _Unit:
         )
 
     def _compensations(self) -> Iterator[Compensation]:
-        """How a rate becomes an acceleration, by the models of the highest degree."""
+        """How an output becomes an acceleration, by the models of the highest degree."""
         bias, scale = (self._models[quantity] for quantity in MODELLED)
         if bias is not None and scale is not None:
-            yield Compensation(
-                self._unit.channel, "pulse/s", "g", scale=self._model("K1", scale), bias=self._model("K0", bias)
-            )
+            unit, scale_model = self._unit, self._model("K1", scale)
+            yield Compensation(unit.measured_by, unit.output_unit, "g", scale=scale_model, bias=self._model("K0", bias))
 
     def _id(self, quantity: str, dwell: Dwell | None = None) -> str:
         tail = f"@{dwell.path}" if dwell is not None and dwell.path else ""

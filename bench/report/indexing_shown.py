@@ -14,6 +14,7 @@ from bench.report.languages import tr
 from bench.report.plots import Plot
 from bench.report.svg import new_figure, rendered
 from bench.report.tables import Sheet
+from bench.report.words import end_in_words
 
 UG_PER_G = 1e6
 PPM = 1e6
@@ -34,11 +35,6 @@ def indexing_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
         yield _ends(fits, detail.unit)
     if last.found.both is not None:
         yield _attempts(detail.attempts, detail.unit)
-
-
-def end_in_words(end: str) -> str:
-    """The end that a unit stands on."""
-    return tr("+Z up") if end == "up" else tr("+Z down")
 
 
 def _sweep(fits: dict[str, EndFit], detail: IndexingDetail, name: str) -> Plot:

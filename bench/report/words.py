@@ -206,6 +206,11 @@ def source_in_words(source: str) -> str:
     return f"{tr(what) if what in SOURCES else what}{colon}{tr(part)}" if colon else tr(source)
 
 
+def end_in_words(end: str) -> str:
+    """The end that a unit stands on: "up" or "down" as words."""
+    return tr("+Z up") if end == "up" else tr("+Z down")
+
+
 def leg_in_words(leg: str) -> str:
     """Which way the temperature went: "up" or "down" as words."""
     return tr("rising") if leg == "up" else tr("falling")
@@ -266,10 +271,7 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
         parts.append(tr("centre {at_c} °C", at_c=f"{at['temperature_c']:.1f}"))
     if "position_deg" in at:
         parts.append(tr("about {angle}°", angle=f"{at['position_deg']:g}"))
-    if "end" in at:
-        parts.append(tr("+Z up") if at["end"] == "up" else tr("+Z down"))
-    if "leg" in at:
-        parts.append(leg_in_words(at["leg"]))
+    parts += [told(at[key]) for key, told in (("end", end_in_words), ("leg", leg_in_words)) if key in at]
     if "repetitions" in at:
         parts.append(tr("{count} repetitions", count=at["repetitions"]))
     if "at_c" in at:

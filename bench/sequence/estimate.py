@@ -108,7 +108,12 @@ def estimate(plan: Plan, bench: BenchFile) -> Estimate:
 
 
 def _size_bytes(spans: tuple[Span, ...], total_s: float, bench: BenchFile) -> int:
-    counting_s = sum(span.duration_s * span.times for span in spans if isinstance(span.step.step, Acquire))
+    counters = set(bench.with_capability("pulse_counter"))
+    counting_s = sum(
+        span.duration_s * span.times
+        for span in spans
+        if isinstance(span.step.step, Acquire) and counters & set(bench.acquired_from(span.step.step.role))
+    )
     latch_s = min(
         (getattr(entry.options, "period", 1.0) for entry in bench.devices.values()
          if "pulse_counter" in entry.description.capabilities), default=1.0,
