@@ -253,18 +253,20 @@ def _levels_in_words(at: Mapping[str, Any]) -> Iterator[str]:
         yield tr(at["decision"])
 
 
-def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
-    """The conditions of a finding: "dwell 5, set point 70 °C, rising"; `dwells` are the numbers of the dwells."""
-    parts = list(_levels_in_words(at))
+def _dwells_in_words(at: Mapping[str, Any], dwells: Mapping[str, int]) -> Iterator[str]:
+    """Which dwells or cycle a finding is of."""
     if "dwell" in at:
-        parts.append(tr("dwell {number}", number=at["dwell"]))
+        yield tr("dwell {number}", number=at["dwell"])
     if "dwells" in at:
         numbers = [str(dwells.get(path, path)) for path in at["dwells"]]
-        parts.append(
-            tr("dwells {numbers}" if len(numbers) > 1 else "dwell {numbers}", numbers=tr(" and ").join(numbers))
-        )
-    elif "cycle" in at and "dwells" not in at:
-        parts.append(tr("cycle {number}", number=at["cycle"]))
+        yield tr("dwells {numbers}" if len(numbers) > 1 else "dwell {numbers}", numbers=tr(" and ").join(numbers))
+    elif "cycle" in at:
+        yield tr("cycle {number}", number=at["cycle"])
+
+
+def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
+    """The conditions of a finding: "dwell 5, set point 70 °C, rising"; `dwells` are the numbers of the dwells."""
+    parts = [*_levels_in_words(at), *_dwells_in_words(at, dwells)]
     if at.get("temperature_set_c") is not None:
         parts.append(tr("set point {set_c} °C", set_c=f"{at['temperature_set_c']:g}"))
     elif "temperature_c" in at:
