@@ -46,7 +46,7 @@ def _row(found: Repeated) -> tuple[str, ...]:
 
 
 def _plot(found: list[Repeated], name: str) -> Plot:
-    figure = new_figure(1.5 * len(found) + 0.6)
+    figure = new_figure(1.9 * len(found) + 0.6)
     panels = figure.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
     for axes, each in zip(panels, found, strict=True):
         factor, unit = SHOWN[f"{each.quantity}/sd"]

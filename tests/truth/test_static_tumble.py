@@ -8,6 +8,7 @@ from bench.analysis.limits import Limits
 from bench.analysis.temperature_tumble import reduce
 from bench.app.request import RunRequest
 from bench.report.stored import open_run
+from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE
 from tests.support.runs import SHORT
 from tests.truth import judge
 from tests.truth.campaign import compare, full_bench, perfect_bench, results_of, run_one
@@ -68,7 +69,8 @@ def test_a_bias_that_does_not_come_back_makes_every_verdict_marginal(perfect_run
     with open_run(perfect_runs[0]) as stored:
         data = stored.data("tumble")
     for limit_g, marginal in ((100e-6, False), (1e-9, True)):
-        (unit,) = reduce(data, {"degree": 4, "closure_limit_g": limit_g})
+        settings = TEMPERATURE_TUMBLE.settings.model_validate({}).model_dump() | {"closure_limit_g": limit_g}
+        (unit,) = reduce(data, settings)
         judged = [finding.judged(Limits(-1, 1)) for finding in unit.findings if finding.quantity == "K0"]
         assert [(finding.verdict, finding.marginal) for finding in judged] == [("PASS", marginal)] * 3
         assert ("not_closed" in unit.flags) == marginal
