@@ -154,7 +154,7 @@ BAD_SEQUENCES = [
     ("- wait: ${warm_up}", "- {wait: 5 s, settle: 1 s}"),
     ("output: on", "output: true"),
     ("output: on", "output: yes"),
-    ("    output: on\n", ""),
+    ("        output: on\n", ""),
     ("- set: supply", "- set: Supply"),
     ("approach: from_below", "approach: from_left"),
     ("settle: 5 s", "setle: 5 s"),
