@@ -1,11 +1,19 @@
-"""Repeatability against the truth: standard deviations beside those that unit and seat are simulated with."""
+"""Repeatability against the truth: standard deviations beside those that unit and seat are simulated with.
+
+`python -m tests.truth.repeatability --seeds 40` runs a campaign of six remountings each.
+"""
 
 from __future__ import annotations
 
+import argparse
 import json
+import math
+import sys
+import tempfile
 from pathlib import Path
 
-from tests.truth.campaign import Comparison, full_bench, results_of
+from bench.app.request import RunRequest
+from tests.truth.campaign import Comparison, campaign, full_bench, results_of
 
 TURN_ON_G, REMOUNT_ARCSEC = 40e-6, 30.0
 ARCSEC_RAD = 4.84814e-6
@@ -40,3 +48,34 @@ def true_closure_g(folder: Path) -> float:
     """By how much the bias really moved from the first repetition to the last."""
     first, *_, last = json.loads((folder / "truth.json").read_text("utf-8"))["dwells"].values()
     return float(last["K0"] - first["K0"])
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=40)
+    parser.add_argument("--processes", type=int, default=2)
+    options = parser.parse_args()
+    settings = ("repetitions=6", "steady_within=0.1 pulse/s", "gate=30 s")
+    with tempfile.TemporaryDirectory() as temporary:
+        bench = scattering_bench(Path(temporary) / "config")
+        requests = [
+            RunRequest("repeatability", bench=str(bench), seed=seed, settings=settings, runs=Path(temporary) / "runs")
+            for seed in range(1, options.seeds + 1)
+        ]
+        folders = campaign(requests, options.processes)
+        ratios = {"K0/sd": [], "misalignment/sd": [], "K0/closure": []}
+        for folder in folders:
+            for comparison in compare_repeatability(folder):
+                ratios[comparison.quantity].append(comparison.ratio)
+            (closure,) = [found for found in results_of(folder)["findings"] if found["quantity"] == "K0/closure"]
+            ratios["K0/closure"].append((closure["value"] - true_closure_g(folder)) / closure["u"])
+    rms = {quantity: math.sqrt(sum(each**2 for each in found) / len(found)) for quantity, found in ratios.items()}
+    for quantity, found in ratios.items():
+        print(f"{quantity:<16} n {len(found)}  rms(error/u) {rms[quantity]:.3f}  mean {sum(found) / len(found):+.3f}")
+    bad = [quantity for quantity, value in rms.items() if not 0.7 <= value <= 1.35]
+    print("truth: " + (f"FAILED for {', '.join(bad)}" if bad else "ok"))
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
