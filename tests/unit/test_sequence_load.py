@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 from bench.errors import InputError
 from bench.sequence import expand
 from bench.sequence.load import load_plan, load_sequence
+from bench.sequence.methods import known_methods
 from bench.sequence.plan import Plan
 from bench.sequence.values import in_words
+from drivers.suggest import did_you_mean
 from tests.support.sequences import BENCH, ROOT, TAIL, plan_of, problems_of, steps
 
 NAME = "expected a name: at most 32 lower-case letters, digits and _, a letter first"
@@ -409,7 +411,7 @@ def test_every_problem_is_told_at_once_the_wishes_first_then_in_the_order_of_the
         "13:10: 'ramp' needs a thermal_chamber, 'head' is a positioner",
         "14:25: to: '${c}': there is no name 'c'; expected p or b",
         "16:19: output: is 'offf', expected 'on' or 'off'",
-        "17:12: there is no method 'tumble'; expected temperature_ramp or temperature_tumble",
+        f"17:12: there is no method 'tumble'{did_you_mean('tumble', known_methods())}",
         "17:28: no step acquires with the label 'x'; none is known here",
         "20:9: the bench 'Simulated accelerometer bench' has no device 'suppl'; did you mean 'supply'?",
     ]
