@@ -65,7 +65,7 @@ def test_ids_of_the_shipped_tumble_are_unique_and_in_order():
     plan = load_plan(ROOT / "sequences/tumble_static.yaml", BENCH)
     assert len(set(ids(plan))) == len(plan) == 421
     assert ids(plan)[:5] == [
-        "setup/move", "setup/set", "setup/wait", "steps/cycle=1/temperature=20/ramp",
+        "setup/move", "setup/then/set", "setup/then/wait", "steps/cycle=1/temperature=20/ramp",
         "steps/cycle=1/temperature=20/soak",
     ]  # fmt: skip
     assert ids(plan)[-1] == "teardown/soak"
