@@ -74,6 +74,7 @@ class SimulatedAcutrol:
         self._tripped, self._inputs = SoftwareFault(0), InterlockInput(0)
         self._latched: Dynamics | None = None  # the status of before a fault
         self._seen = (0.0, 0.0)
+        self._known: dict[str, Handler] = {}  # commands as they have come, cut short or not
         self._commands: dict[str, Handler] = {
             "*IDN?": lambda _: self._identity,
             "UTILITY:LOCKOUT": lambda words: self._lock(Supervisor.LOCKOUT, words),
@@ -131,6 +132,11 @@ class SimulatedAcutrol:
 
     def _handler(self, header: str) -> Handler:
         """What carries out a command, each of whose words may be cut short; READ needs no question mark."""
+        if header not in self._known:
+            self._known[header] = self._looked_up(header)
+        return self._known[header]
+
+    def _looked_up(self, header: str) -> Handler:
         if "READ".startswith(header.partition(":")[0]):
             header = header.removesuffix("?") + "?"
         for spelled, handler in self._commands.items():

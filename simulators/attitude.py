@@ -57,6 +57,37 @@ class Fixture:
         return np.array([self.x, np.cross(self.z, self.x), self.z])
 
 
+def tilted(fixture: Fixture, base_deg: Vector, apart_deg: Sequence[tuple[float, float]]) -> Fixture:
+    """The table as it was put up: all of it turned by small angles about east, north and up.
+
+    `apart_deg` are by how much each axis after the first is turned against the axis that carries it, about two
+    directions square to it: those of `square_to`.
+    """
+    outer, *inner = (np.array(axis) for axis in fixture.axes)
+    moved = [outer]
+    for axis, angles_deg in zip(inner, apart_deg, strict=True):
+        small = sum(angle * across for angle, across in zip(np.radians(angles_deg), square_to(axis), strict=True))
+        moved.append(axis + np.cross(small, axis))
+    x, z = np.array(fixture.x), np.array(fixture.z)
+    base = np.linalg.multi_dot([_small(axis, angle) for axis, angle in zip((EAST, NORTH, UP), base_deg, strict=True)])
+    return Fixture(tuple(_unit(base @ axis) for axis in moved), _unit(base @ x), _unit(base @ z))
+
+
+def square_to(axis: Array) -> tuple[Array, Array]:
+    """Two directions square to a unit vector and to each other; with it they are right-handed."""
+    least = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    first = np.cross(axis, least) / np.linalg.norm(np.cross(axis, least))
+    return np.cross(first, axis), first
+
+
+def _small(axis: Vector, angle_deg: float) -> Array:
+    return np.asarray(turn(axis, np.array([angle_deg]))[0])
+
+
+def _unit(vector: Array) -> Vector:
+    return _vector(vector / np.linalg.norm(vector))
+
+
 @dataclass(frozen=True, slots=True)
 class Mount:
     """How units are fixed by hand, in degrees.

@@ -17,6 +17,7 @@ from drivers.dbc import Dbc
 from drivers.errors import LinkLost
 from drivers.frame_block import FrameBlock
 from simulators.faults import FaultPlan
+from simulators.imu import ImuChannel
 from simulators.unit_file import stream
 from simulators.uut import Integrator
 from simulators.world import SimulatedUnit, World
@@ -30,8 +31,8 @@ BOARD_C = 25.0
 class CounterSettings:
     """A counter as its bench file describes it.
 
-    `readings` gives the place that a temperature signal belongs to, by `Message.Signal`, and `boards` the place whose
-    converter it is at; `name` is the counter's role.
+    `readings` gives the place that a temperature signal belongs to, by `Message.Signal`, `boards` the place whose
+    converter it is at, and `imu_readings` the place and the sensors of an inertial unit; `name` is the counter's role.
     """
 
     name: str
@@ -40,6 +41,7 @@ class CounterSettings:
     period_s: float
     readings: Mapping[str, str] = field(default_factory=dict)
     boards: Mapping[str, str] = field(default_factory=dict)
+    imu_readings: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
 
 class SimulatedCounter:
@@ -58,9 +60,11 @@ class SimulatedCounter:
         self._boots = 0
         self._latch = self._shown = 0  # the number of the last latch, and that which the frames last showed
         self._origin_s = self._counted_s = world.now()  # true times of latch 0, and up to which pulses are counted
-        self._units: dict[str, SimulatedUnit] = {
+        self._units: dict[str, SimulatedUnit | ImuChannel] = {
             unit.settings.channel: unit for unit in world.units.values() if unit.settings.channel
         }
+        for imu in world.imus.values():
+            self._units.update(imu.channels)
         self._integrators = {
             channel: Integrator(float(draws.uniform(0, 1)), int(draws.integers(0, 1 << 20)), int(draws.integers(0, 99)))
             for channel in settings.form.channels
@@ -159,8 +163,11 @@ class SimulatedCounter:
 
     def _celsius(self, signal: str, at_s: Array) -> Array:
         place, board = self._settings.readings.get(signal), self._settings.boards.get(signal)
+        of_imu = self._settings.imu_readings.get(signal)
         if place is not None:
             return self._world.units[place].thermometer_c(at_s)
         if board is not None:
             return self._world.units[board].converter_thermometer_c(at_s)
+        if of_imu is not None:
+            return self._world.imus[of_imu[0]].thermometer_c(of_imu[1], at_s)
         return np.full(len(at_s), BOARD_C)

@@ -7,6 +7,9 @@ from typing import Literal
 
 FaultKind = Literal["silent", "cut", "frozen", "stuck", "restart", "dead", "open_thermometer", "current"]
 
+OPEN_C = 320.0  # what an open sensor reads
+BROKEN_DRAWS = 3.0  # times its current
+
 
 class FaultPlan:
     """The faults of one instrument, or of one unit: kind → seconds after the start from which it is active.

@@ -184,14 +184,15 @@ class Integrator:
 
     def count(self, pulses: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Cumulative + and - counts after each of the consecutive increments of charge, in pulses."""
-        one_way = len(pulses) > 0 and (pulses.min() >= 0 or pulses.max() <= 0)
+        if not len(pulses):
+            return np.empty(0, np.int64), np.empty(0, np.int64)
+        one_way = pulses.min() >= 0 or pulses.max() <= 0
         net = self._one_way(pulses) if one_way else self._both_ways(pulses)
         steps = net.copy()
         steps[1:] -= net[:-1]
         positive = self.positive + np.maximum(steps, 0).cumsum()
         negative = self.negative - np.minimum(steps, 0).cumsum()
-        if len(pulses):
-            self.positive, self.negative = int(positive[-1]), int(negative[-1])
+        self.positive, self.negative = int(positive[-1]), int(negative[-1])
         return positive, negative
 
     def _one_way(self, pulses: Array) -> NDArray[np.int64]:
@@ -201,16 +202,20 @@ class Integrator:
         return net.astype(np.int64)
 
     def _both_ways(self, pulses: Array) -> NDArray[np.int64]:
-        """Through zero the state of the thresholds matters at every step."""
-        net, total, residue = [], 0, self._residue
-        for step in pulses.tolist():
-            residue += step
-            fired = math.floor(residue) if residue >= 1 else math.ceil(residue) if residue <= -1 else 0
-            residue -= fired
-            total += fired
-            net.append(total)
-        self._residue = residue
-        return np.array(net, dtype=np.int64)
+        """Through zero the state of the thresholds matters.
+
+        A pulse is fired when the charge is a whole one away from what was fired: the net count is held between the
+        whole numbers below and above the charge. Only where these change can it change.
+        """
+        charge = self._residue + pulses.cumsum()
+        low, high = np.floor(charge), np.ceil(charge)
+        changes = np.flatnonzero((np.diff(low, prepend=np.nan) != 0) | (np.diff(high, prepend=np.nan) != 0))
+        net, held = [], 0.0
+        for below, above in zip(low[changes].tolist(), high[changes].tolist(), strict=True):
+            held = min(max(held, below), above)
+            net.append(held)
+        self._residue = float(charge[-1] - held)
+        return np.repeat(np.array(net), np.diff(changes, append=len(charge))).astype(np.int64)
 
 
 def _horner(coefficients: Polynomial, t: Array) -> Array:

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from simulators.attitude import Fixture, Mount, to_unit
 from simulators.corrections import Table
 from simulators.current_source import Feed
-from simulators.faults import FaultPlan
+from simulators.faults import BROKEN_DRAWS, OPEN_C, FaultPlan
+from simulators.imu import ImuPlace, SimulatedImu
 from simulators.motion import Axis, AxisErrors, Slew
 from simulators.thermal import ChamberPhysics, Thermal, UnitPhysics
 from simulators.unit_file import UnitFile, stream
@@ -27,8 +28,6 @@ from simulators.warmth import Board, Thermometer, Warmth
 
 Array = NDArray[np.float64]
 Input = Literal["accelerometer", "source"]  # what a converter is connected to
-OPEN_C = 320.0  # what an open sensor reads
-BROKEN_DRAWS = 3.0  # times its current
 LOOK_S = 0.02  # how finely a mean current follows the head
 
 
@@ -62,7 +61,8 @@ class WorldSettings:
     """The laboratory of one run: its seed, its own errors as drawn, and the units by place.
 
     `axes` are those of the table by the role of what drives them, outer first, as the fixture has them. `level_deg` is
-    how far its base is tilted, `mount` how the units are fixed in the beginning.
+    how far its base is tilted, `mount` how the units are fixed in the beginning. `fixture` is as it was meant, `built`
+    as it is; without it they are the same.
     """
 
     seed: int
@@ -79,6 +79,9 @@ class WorldSettings:
     thermometer_lag_s: float = 20.0
     thermometer_noise_c: float = 0.005
     places: Mapping[str, PlaceSettings] = field(default_factory=dict)
+    imus: Mapping[str, ImuPlace] = field(default_factory=dict)
+    latitude_deg: float = 0.0
+    built: Fixture | None = None
 
 
 class UnitState(NamedTuple):
@@ -232,16 +235,24 @@ class World:
         self.settings = settings
         self._host_s, self._origin_s = host_s, host_s()
         self.mount = settings.mount
+        self.fixture = settings.built or settings.fixture
         self.axes = {
             role: Axis(errors, settings.axis_acceleration_dps2, stream(settings.seed, *path, "repeatability"))
             for (role, errors), path in zip(settings.axes.items(), _streams(settings.axes), strict=True)
         }
-        self._at_rest: tuple[tuple[float, ...], Array] = (), np.empty((3, 1))
+        self._at_rest: tuple[tuple[float, ...], Array] = (), np.empty((1, 3, 3))
         names = sorted(settings.places)
         physics = tuple(self._physics(settings.places[name]) for name in names)
+        imus = sorted(settings.imus)
+        for name in imus:
+            physics += SimulatedImu.physics(settings.imus[name].unit, settings.thermometer_lag_s)
         phase = float(stream(settings.seed, "chamber", "limit cycle").uniform(0, 2 * np.pi))
         self.thermal = Thermal(settings.chamber, physics, phase)
         self.units = {name: SimulatedUnit(name, index, settings, self) for index, name in enumerate(names)}
+        self.imus = {
+            name: SimulatedImu(name, (first, first + 1), settings, self)
+            for first, name in zip(range(len(names), len(physics), 2), imus, strict=True)
+        }
         self.sources: dict[str, Feed] = {}
         self._integrators: list[Callable[[], None]] = []
 
@@ -260,17 +271,20 @@ class World:
 
     def upward(self, at_s: Array) -> Array:
         """Where up is in the fixture's frame at the times (n,), (3, n)."""
-        settings = self.settings
+        return np.broadcast_to(self.to_fixture(at_s)[:, :, 2].T, (3, len(at_s)))
+
+    def to_fixture(self, at_s: Array) -> Array:
+        """Level frame to fixture at the times (n,), (n, 3, 3); (1, 3, 3) while nothing turns."""
+        level_deg = self.settings.level_deg
         still_deg = tuple(
             angle_deg for axis in self.axes.values() if (angle_deg := axis.still_deg(float(at_s[0]))) is not None
         )
         if len(still_deg) < len(self.axes):
-            turning_deg = [axis.true_deg(at_s) for axis in self.axes.values()]
-            return np.asarray(settings.fixture.to_fixture(turning_deg, settings.level_deg)[:, :, 2].T)
+            return self.fixture.to_fixture([axis.true_deg(at_s) for axis in self.axes.values()], level_deg)
         if still_deg != self._at_rest[0]:
             at_deg = [np.array([angle_deg]) for angle_deg in still_deg]
-            self._at_rest = still_deg, settings.fixture.to_fixture(at_deg, settings.level_deg)[:, :, 2].T
-        return np.broadcast_to(self._at_rest[1], (3, len(at_s)))
+            self._at_rest = still_deg, self.fixture.to_fixture(at_deg, level_deg)
+        return self._at_rest[1]
 
     def now(self) -> float:
         """True seconds since the world began."""
@@ -339,6 +353,9 @@ class World:
             if unit.settings.supply == supply and on != (unit.powered_at_s is not None):
                 unit.power(now if on else None)
                 self.thermal.power(index, on)
+        for imu in self.imus.values():
+            if imu.settings.supply == supply:
+                imu.power(now, on)
 
     def fix_units(self, mount: Mount) -> None:
         """Somebody fixes all units, in another way or the same; each lies a little otherwise every time."""
@@ -364,11 +381,12 @@ class World:
 
     def load_a(self, supply: str) -> float:
         """What the units on a supply draw while its output is on."""
-        return sum(
+        drawn_a = sum(
             unit.truth.supply_a * (BROKEN_DRAWS if unit.faults.active("current") else 1.0)
             for unit in self.units.values()
             if unit.settings.supply == supply
         )
+        return drawn_a + sum(imu.drawn_a for imu in self.imus.values() if imu.settings.supply == supply)
 
 
 def _streams(roles: Iterable[str]) -> Iterator[tuple[str, ...]]:

@@ -69,6 +69,32 @@ class Voltages:
 
 
 @dataclass(frozen=True, slots=True)
+class Window:
+    """What is kept of the counts of one channel where only their mean is wanted.
+
+    The net rate in pulse/s over `span_s` of device time, which the host's clock took for `host_span_s`; `problems` make
+    it unusable.
+    """
+
+    net_pps: float
+    span_s: float
+    host_span_s: float
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Turned:
+    """A rotation meanwhile: of which axis, at which rate it was told, and where it stood when (bench time)."""
+
+    axis: str
+    command_dps: float
+    from_s: float
+    from_deg: float
+    to_s: float
+    to_deg: float
+
+
+@dataclass(frozen=True, slots=True)
 class Acquisition:
     """One acquisition: its step and the group of steps it belongs to, and what the bench did meanwhile.
 
@@ -76,9 +102,10 @@ class Acquisition:
     chamber's set point at the end, `set_from_c` at the beginning, not-a-number before the first ramp; `counts` by
     channel, `voltages` by voltmeter; `temperatures_c` the values of each named reading between `begin_s` and `end_s` of
     bench time, taken at `temperatures_at_s`. Where `input` is "source" the converter is fed by a current source;
-    `sources_a` is what those that are on were read back to give, by their roles.
-    bench time, taken at `temperatures_at_s`. One that was to become stable is read over its last `over_s`; `stable`
-    are the places of the units that did.
+    `sources_a` is what those that are on were read back to give, by their roles. One that was to become stable is read
+    over its last `over_s`; `stable` are the places of the units that did. `turned` is a rotation over whole turns
+    meanwhile. Where only means are wanted `windows` stand in place of `counts`, so that a long run is not in memory all
+    at once.
     """
 
     step: str
@@ -94,6 +121,8 @@ class Acquisition:
     temperatures_at_s: Mapping[str, Array]
     mount: Mount = Mount()
     voltages: Mapping[str, Voltages] = field(default_factory=dict)
+    turned: Turned | None = None
+    windows: Mapping[str, Window] = field(default_factory=dict)
     input: str = "accelerometer"
     sources_a: Mapping[str, float] = field(default_factory=dict)
     over_s: float | None = None
@@ -110,9 +139,9 @@ class UnitUnderTest:
     """One unit in its place; its output are the pulses on a `channel`, or the volts that a `voltmeter` reads.
 
     `until_s` is the bench time at which it was dropped from the run. `nominal_per_g` is what its output is made to
-    change by for 1 g, in `output_unit`; None where nobody says.
-    `converter` is the reading of the thermometer at its converter and `source` the current source that can feed that,
-    "" for none; `scale_a_per_g` is its nominal K1.
+    change by for 1 g, in `output_unit`; None where nobody says. `converter` is the reading of the thermometer at its
+    converter and `source` the current source that can feed that, "" for none; `scale_a_per_g` is its nominal K1. An
+    inertial unit has `channels` of the counter, by acc_x to gyro_z, and a thermometer at its gyros.
     """
 
     place: str
@@ -123,6 +152,8 @@ class UnitUnderTest:
     until_s: float = math.inf
     voltmeter: str | None = None
     nominal_per_g: float | None = None
+    channels: Mapping[str, str] = field(default_factory=dict)
+    gyro_temperature: str = ""
     converter: str = ""
     source: str = ""
     scale_a_per_g: float = math.nan
@@ -167,7 +198,8 @@ class BenchRecord:
     `axes` are those of the table, outer first; `x` and `z` are where those of the fixture point while all angles are 0.
     `level_deg` tilts the whole table about south. `thermometers_u` gives offset (°C) and gain (on the temperature in
     °C) by the name of the reading, `voltmeters_u` gain (of the reading) and offset (V) by voltmeter, `sources` the
-    current sources that have a certificate, by their roles.
+    current sources that have a certificate, by their roles. `orthogonality_u_deg` is of each axis against the one that
+    carries it, in two directions.
     """
 
     gravity_mps2: float
@@ -180,6 +212,9 @@ class BenchRecord:
     time_base_u: float
     thermometers_u: Mapping[str, tuple[float, float]]
     voltmeters_u: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    latitude_deg: float = 0.0
+    azimuth_u_deg: float = 0.0
+    orthogonality_u_deg: float = 0.0
     sources: Mapping[str, SourceRecord] = field(default_factory=dict)
 
     @property

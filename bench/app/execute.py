@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,6 +37,7 @@ from drivers.values import Reading
 from simulators.attitude import Mount
 from simulators.truth import DwellAsMeasured, LegAsMeasured, Lies, truth_record
 from simulators.truth_channel import LevelAsMeasured, levels_record
+from simulators.truth_imu import WindowAsMeasured, imu_record
 from simulators.truth_ladder import LadderAsMeasured, ladders_record
 
 CALLED = "called"  # the folder of sequences that the one of a run calls
@@ -192,6 +193,8 @@ def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: S
                 truth = truth_record(drawn.world, _dwells(stored), _legs(stored), drawn.voltmeters, _readings(stored))
                 truth |= ladders_record(drawn.world, _ladders(stored))
                 truth |= levels_record(drawn.world, _levels(stored))
+                if drawn.world.imus:
+                    truth |= imu_record(drawn.world, list(_windows(stored)))
                 directory.write_json("truth.json", truth)
                 record["hashes"]["truth.json"] = manifest.file_hash(path / "truth.json")
             directory.write_json("results.json", results.to_json())
@@ -255,6 +258,15 @@ def _lies(acquisition: Acquisition) -> Lies:
     mount = acquisition.mount
     angles_deg = tuple(acquisition.angles_deg.values()) or (0.0,)
     return Lies(angles_deg, Mount(mount.angle_deg, mount.roll_deg, mount.clock_deg))
+
+
+def _windows(stored: StoredRun) -> Iterator[WindowAsMeasured]:
+    """The windows of a run, each of each inertial unit."""
+    for data in stored.counted_at("windows"):
+        for unit in data.units:
+            for acquisition in data.acquisitions:
+                middle_s = (acquisition.begin_s + acquisition.end_s) / 2
+                yield WindowAsMeasured(f"{data.label}/{unit.place}@{acquisition.step}", unit.place, middle_s)
 
 
 def _readings(stored: StoredRun) -> list[LegAsMeasured]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from bench.analysis.rundata import AxisRecord
+from bench.analysis.rundata import AxisRecord, BenchRecord
 from bench.config.devices import DeviceEntry
 from bench.config.fixture import Mount
 from bench.config.load import load_file
@@ -32,12 +32,14 @@ from drivers.transport.wires import RealWires
 from simulators import attitude
 from simulators.acutronic_acl import SimulatedAcutrol
 from simulators.aerotech_ensemble import SimulatedEnsemble
-from simulators.attitude import SOUTH, Fixture
+from simulators.attitude import SOUTH, Fixture, tilted
 from simulators.can_counter import CounterSettings, SimulatedCounter
 from simulators.corrections import Table
 from simulators.current_source import CurrentErrors, Feed
 from simulators.faults import FaultPlan
 from simulators.fluke_5700a import SimulatedFluke
+from simulators.imu import SENSORS, ImuPlace
+from simulators.imu_file import ImuFile
 from simulators.keithley_6220 import SimulatedKeithley
 from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
 from simulators.motion import AxisErrors
@@ -63,16 +65,20 @@ class Laboratory:
     voltmeters: Mapping[str, VoltmeterSettings] = field(default_factory=dict)
 
 
-def unit_files(bench: BenchFile, override: Path | None) -> dict[str, UnitFile]:
+def unit_files(bench: BenchFile, override: Path | None) -> dict[str, UnitFile | ImuFile]:
     """The truth of the unit in each place; `override` takes the place of all of them. InputError."""
     missing = [name for name in bench.places if name not in bench.simulation.units and override is None]
     if missing:
         raise InputError(f"no simulated unit for place '{missing[0]}': add it to simulation.units of the bench file")
-    return {name: load_file(override or bench.simulation.units[name], UnitFile) for name in bench.places}
+    files: dict[str, UnitFile | ImuFile] = {}
+    for name, place in bench.places.items():
+        path = override or bench.simulation.units[name]
+        files[name] = load_file(path, UnitFile) if place.channels is None else load_file(path, ImuFile)
+    return files
 
 
 def make_laboratory(
-    bench: BenchFile, units: Mapping[str, UnitFile], seed: int, host_s: Callable[[], float]
+    bench: BenchFile, units: Mapping[str, UnitFile | ImuFile], seed: int, host_s: Callable[[], float]
 ) -> Laboratory:
     """The laboratory of one run."""
     world = World(world_settings(bench, units, seed), host_s)
@@ -93,31 +99,46 @@ def make_laboratory(
     return Laboratory(world, instruments, counters, voltmeters)
 
 
-def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -> WorldSettings:
+def world_settings(bench: BenchFile, units: Mapping[str, UnitFile | ImuFile], seed: int) -> WorldSettings:
     """The laboratory's errors as drawn for one run."""
     stated, simulation, corrections = bench_record(bench), bench.simulation, corrections_of(bench)
 
     def draw(sd: float, *path: str) -> float:
         return float(sd * stream(seed, "bench", *path).standard_normal())
 
-    def place(name: str, entry: PlaceEntry) -> PlaceSettings:
-        offset_u, gain_u = stated.thermometers_u.get(entry.temperature, (0.0, 0.0))
-        converter = entry.converter_temperature or ""
-        converter_offset_u, converter_gain_u = stated.thermometers_u.get(converter, (0.0, 0.0))
+    def thermometer(reading: str) -> tuple[float, float, Table]:
+        offset_u, gain_u = stated.thermometers_u.get(reading, (0.0, 0.0))
+        table = _columns(corrections.thermometers.get(reading))
+        return draw(offset_u, reading, "offset"), draw(gain_u, reading, "gain"), table
+
+    def place(name: str, unit: UnitFile, entry: PlaceEntry) -> PlaceSettings:
+        offset_c, gain, table = thermometer(entry.temperature)
+        converter_offset_c, converter_gain, converter_table = thermometer(entry.converter_temperature or "")
         return PlaceSettings(
-            unit=units[name],
+            unit=unit,
             channel=entry.channel,
             supply=entry.supply,
             mount_angle_deg=entry.mount_angle,
-            thermometer_offset_c=draw(offset_u, entry.temperature, "offset"),
-            thermometer_gain=draw(gain_u, entry.temperature, "gain"),
-            thermometer_table=_columns(corrections.thermometers.get(entry.temperature)),
+            thermometer_offset_c=offset_c,
+            thermometer_gain=gain,
+            thermometer_table=table,
             faults={fault.kind: fault.at for fault in simulation.faults if fault.unit == name},
             load_ohm=next((each.load for role, each in simulation.voltmeters.items() if role == entry.voltmeter), None),
-            converter_offset_c=draw(converter_offset_u, converter, "offset"),
-            converter_gain=draw(converter_gain_u, converter, "gain"),
-            converter_table=_columns(corrections.thermometers.get(converter)),
+            converter_offset_c=converter_offset_c,
+            converter_gain=converter_gain,
+            converter_table=converter_table,
             source=entry.source or "",
+        )
+
+    def imu(name: str, unit: ImuFile, entry: PlaceEntry) -> ImuPlace:
+        readings = (entry.temperature, entry.gyro_temperature or entry.temperature)
+        return ImuPlace(
+            unit=unit,
+            channels=entry.channels.model_dump() if entry.channels is not None else {},
+            supply=entry.supply,
+            mount_angle_deg=entry.mount_angle,
+            thermometers={sensor: thermometer(reading) for sensor, reading in zip(SENSORS, readings, strict=True)},
+            faults={fault.kind: fault.at for fault in simulation.faults if fault.unit == name},
         )
 
     def axis(role: str, path: tuple[str, ...]) -> AxisErrors:
@@ -135,6 +156,8 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -
             table=_columns(corrections.axes.get(role)),
         )
 
+    fixture = Fixture(tuple(bench.axes.values()) or (SOUTH,), bench.fixture.x, bench.fixture.z)
+    entries = [(name, units[name], entry) for name, entry in bench.places.items()]
     return WorldSettings(
         seed=seed,
         gravity_mps2=stated.gravity_mps2 + draw(stated.gravity_u_mps2, "gravity"),
@@ -144,7 +167,8 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -
         axis_acceleration_dps2=simulation.head.acceleration,
         mount=simulated_mount(bench.fixture.mount()),
         level_deg=stated.level_deg + draw(stated.level_u_deg, "level"),
-        fixture=Fixture(tuple(bench.axes.values()) or (SOUTH,), bench.fixture.x, bench.fixture.z),
+        fixture=fixture,
+        built=_built(fixture, stated, draw),
         chamber=ChamberPhysics(
             start_c=simulation.chamber.start,
             natural_period_s=simulation.chamber.natural_period,
@@ -155,8 +179,23 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile], seed: int) -
         remount_deg=simulation.remount / 3600,
         thermometer_lag_s=simulation.thermometer.lag,
         thermometer_noise_c=simulation.thermometer.noise,
-        places={name: place(name, entry) for name, entry in bench.places.items()},
+        places={name: place(name, unit, entry) for name, unit, entry in entries if isinstance(unit, UnitFile)},
+        imus={name: imu(name, unit, entry) for name, unit, entry in entries if isinstance(unit, ImuFile)},
+        latitude_deg=bench.site.latitude,
     )
+
+
+def _built(fixture: Fixture, stated: BenchRecord, draw: Callable[..., float]) -> Fixture:
+    """A table with several axes as it was put up: turned about the vertical, tilted eastwards, its axes not square."""
+    if len(fixture.axes) < 2:
+        return fixture
+    base_deg = (draw(stated.level_u_deg, "level", "east"), 0.0, draw(stated.azimuth_u_deg, "azimuth"))
+    apart = [
+        (draw(stated.orthogonality_u_deg, "orthogonality", str(number), "first"),
+         draw(stated.orthogonality_u_deg, "orthogonality", str(number), "second"))
+        for number in range(1, len(fixture.axes))
+    ]  # fmt: skip
+    return tilted(fixture, base_deg, apart)
 
 
 def _columns(table: CorrectionTable | None) -> Table:
@@ -173,17 +212,23 @@ def _counter_settings(bench: BenchFile, role: str, options: CounterOptions) -> C
     dbc = Dbc(options.dbc.read_text(encoding="utf-8", errors="replace"))
     channels = {name: channel.model_dump() for name, channel in options.channels.items()}
     form = counter_wire.counter_format(dbc, options.latch.model_dump(), options.latch.tick_period, channels)
-    readings = {
-        bench.readings[place.temperature].channel: name
-        for name, place in bench.places.items()
-        if bench.readings[place.temperature].device == role
-    }
+    readings: dict[str, str] = {}
+    imu_readings: dict[str, tuple[str, str]] = {}
+    for name, place in bench.places.items():
+        at = (place.temperature, place.gyro_temperature or place.temperature)
+        shown = [bench.readings[each] for each in at]
+        if place.channels is None and shown[0].device == role:
+            readings[shown[0].channel] = name
+        elif place.channels is not None:
+            imu_readings |= {
+                each.channel: (name, sensor) for each, sensor in zip(shown, SENSORS, strict=True) if each.device == role
+            }
     boards = {
         bench.readings[place.converter_temperature].channel: name
         for name, place in bench.places.items()
         if place.converter_temperature and bench.readings[place.converter_temperature].device == role
     }
-    return CounterSettings(role, dbc, form, options.period, readings, boards)
+    return CounterSettings(role, dbc, form, options.period, readings, boards, imu_readings)
 
 
 def _current_errors(bench: BenchFile, role: str, seed: int) -> CurrentErrors:

@@ -154,7 +154,8 @@ def _is_temperature(bench: BenchFile, reading: ReadingEntry) -> bool:
 def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
     where: Place = ("places", name)
     yield from _output(bench, name, place)
-    for key, reading in (("temperature", place.temperature), ("converter_temperature", place.converter_temperature)):
+    for key in ("temperature", "gyro_temperature", "converter_temperature"):
+        reading: str | None = getattr(place, key)
         if reading is not None and reading not in bench.readings:
             yield (*where, key), f"there is no reading '{reading}'{did_you_mean(reading, bench.readings)}"
         elif reading is not None and not _is_temperature(bench, bench.readings[reading]):
@@ -171,18 +172,22 @@ def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
 
 def _output(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
     """What measures a unit's output, and is not there or measures another place already."""
-    key, found = ("channel", place.channel) if place.voltmeter is None else ("voltmeter", place.voltmeter)
-    where: Place = ("places", name, key)
     devices = bench.devices.items()
-    if key == "channel":
-        counters = [entry.options for _, entry in devices if "pulse_counter" in entry.description.capabilities]
-        channels = [channel for options in counters for channel in getattr(options, "channels", {})]
-        if found not in channels:
+    counters = [entry.options for _, entry in devices if "pulse_counter" in entry.description.capabilities]
+    channels = [channel for options in counters for channel in getattr(options, "channels", {})]
+    meters = [role for role, entry in devices if "voltmeter" in entry.description.capabilities]
+    for key, found in place.measured_by.items():
+        where: Place = ("places", name, *key.split("."))
+        if key == "voltmeter":
+            if found not in meters:
+                yield where, f"'{found}' is not a voltmeter{did_you_mean(found, meters)}"
+        elif found not in channels:
             yield where, f"no counter has a channel '{found}'{did_you_mean(found, channels)}"
-    else:
-        meters = [role for role, entry in devices if "voltmeter" in entry.description.capabilities]
-        if found not in meters:
-            yield where, f"'{found}' is not a voltmeter{did_you_mean(found, meters)}"
-    first = next(other for other, entry in bench.places.items() if getattr(entry, key) == found)
-    if first != name:
-        yield where, f"'{found}' {'counts' if key == 'channel' else 'measures'} place '{first}' already"
+        first = next(
+            (other, by)
+            for other, entry in bench.places.items()
+            for by, measured in entry.measured_by.items()
+            if measured == found and (by == "voltmeter") == (key == "voltmeter")
+        )
+        if first != (name, key):
+            yield where, f"'{found}' {'measures' if key == 'voltmeter' else 'counts'} place '{first[0]}' already"

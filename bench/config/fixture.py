@@ -105,6 +105,22 @@ class Level(StrictModel):
     date: Date = Field(description="of the measurement")
 
 
+class Azimuth(StrictModel):
+    """How well north is known: how far the table is turned about the vertical against what the file says."""
+
+    U: Arcseconds = Field(description="expanded uncertainty")
+    k: CoverageFactor = Field(2.0, description="coverage factor of U")
+    date: Date = Field(description="of the measurement")
+
+
+class Orthogonality(StrictModel):
+    """How far from a right angle each axis of the table is to the one that carries it."""
+
+    U: Arcseconds = Field(description="expanded uncertainty, of each inner axis in two directions")
+    k: CoverageFactor = Field(2.0, description="coverage factor of U")
+    date: Date = Field(description="of the measurement")
+
+
 class AngleRange(Range):
     """Angles of the head from `min` to `max`, modulo a turn."""
 
@@ -120,6 +136,8 @@ class FixtureEntry(StrictModel):
     axes: tuple[TableAxis, ...] = Field((), description="of any other table, the outermost first; then say body too")
     body: Body | None = None
     level: Level
+    azimuth: Azimuth | None = None
+    orthogonality: Orthogonality | None = None
     mounts: Mapping[Name, Mount] = Field(
         {}, description="ways in which units can be fixed by hand; a run begins with the first"
     )

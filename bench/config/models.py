@@ -142,24 +142,44 @@ class Nominal(StrictModel):
     )
 
 
+class ImuChannels(StrictModel):
+    """The channels of the counter that count the pulses of an inertial unit."""
+
+    acc_x: str = Field(description="of accelerometer x")
+    acc_y: str = Field(description="of accelerometer y")
+    acc_z: str = Field(description="of accelerometer z")
+    gyro_x: str = Field(description="of gyro x")
+    gyro_y: str = Field(description="of gyro y")
+    gyro_z: str = Field(description="of gyro z")
+
+
 class PlaceEntry(StrictModel):
     """A place for a unit under test: how it lies, what measures its output, what warms and feeds it.
 
-    Its output are the pulses on a `channel`, or the volts that a `voltmeter` reads. `source` is the current source
-    that can be plugged into its converter in place of the accelerometer.
+    Its output are the pulses on a `channel`, or the volts that a `voltmeter` reads; an inertial unit has `channels`
+    and, beside the thermometer at its accelerometers, one at its gyros. `source` is the current source that can be
+    plugged into its converter in place of the accelerometer.
     """
 
-    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["channel"]}, {"required": ["voltmeter"]}]})
+    model_config = ConfigDict(
+        json_schema_extra={
+            "oneOf": [{"required": ["channel"]}, {"required": ["channels"]}, {"required": ["voltmeter"]}]
+        }
+    )
 
     channel: str = Field(
         default_factory=str, min_length=1, description="the channel of the counter that counts its pulses"
     )
+    channels: ImuChannels | None = None
     voltmeter: Name | None = Field(
         None, description="the voltmeter across the resistor that its current flows through, where none counts it"
     )
     type: Text = Field("accelerometer channel", description="what the unit is, for the report")
     mount_angle: Degrees = Field(0.0, description="how it is turned in the fixture; added to the head angle")
     temperature: Name = Field(description="the reading of the thermometer at the unit")
+    gyro_temperature: Name | None = Field(
+        None, description="the reading of the thermometer at the gyros of an inertial unit; as temperature unless given"
+    )
     supply: Name = Field(description="the device that feeds the unit")
     supply_current: CurrentWindow | None = None
     source: Name | None = None
@@ -170,10 +190,20 @@ class PlaceEntry(StrictModel):
 
     @model_validator(mode="after")
     def _has_one_output(self) -> PlaceEntry:
-        if bool(self.channel) == (self.voltmeter is not None):
-            found = "it has both" if self.channel else "it has none of them"
-            raise telling(f"needs channel or voltmeter, which measures the output of the unit; {found}")
+        found = [name for name in ("channel", "channels", "voltmeter") if getattr(self, name)]
+        if len(found) != 1:
+            has = f"it has {' and '.join(found)}" if found else "it has none of them"
+            raise telling(f"needs channel, channels or voltmeter, which measures the output of the unit; {has}")
+        if self.channels is None and self.gyro_temperature is not None:
+            raise telling("gyro_temperature is for a unit with channels")
         return self
+
+    @property
+    def measured_by(self) -> Mapping[str, str]:
+        """The voltmeter, or the channels of the counter, by their keys here, such as "channel" or "channels.acc_x"."""
+        if self.channels is not None:
+            return {f"channels.{name}": channel for name, channel in self.channels}
+        return {"channel": self.channel} if self.voltmeter is None else {"voltmeter": self.voltmeter}
 
     @property
     def output_unit(self) -> str:

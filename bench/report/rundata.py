@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.analysis.counts import window_of
 from bench.analysis.rundata import (
     Acquisition,
     AxisRecord,
@@ -17,6 +18,7 @@ from bench.analysis.rundata import (
     Mount,
     RunData,
     SourceRecord,
+    Turned,
     UnitUnderTest,
     Voltages,
 )
@@ -34,15 +36,27 @@ HOUR_S = 3600.0
 AS_READ = Corrections({}, {}, {}, {})
 
 
-def run_data(reader: RunReader, bench: BenchFile, serials: Mapping[str, str], label: str) -> RunData:
-    """The acquisitions under a label, of the units in their places; StoreError when the run does not hold them."""
+def run_data(
+    reader: RunReader, bench: BenchFile, serials: Mapping[str, str], label: str, *, windows: bool = False
+) -> RunData:
+    """The acquisitions under a label, of the units in their places; StoreError when the run does not hold them.
+
+    With `windows` they hold the mean rates of their counts and not the counts.
+    """
     dropped_s = {event.data["place"]: event.at_s for event in reader.events("unit_dropped")}
     units = tuple(
         _unit(place, serial, bench.places[place], dropped_s.get(place, math.inf)) for place, serial in serials.items()
     )
-    thermometers = [reading for unit in units for reading in (unit.temperature, unit.converter) if reading]
+    thermometers = [
+        name for unit in units for name in (unit.temperature, unit.gyro_temperature, unit.converter) if name
+    ]
     corrected = acquisitions(reader, bench, thermometers, label, corrections_of(bench))
-    return RunData(label, units, tuple(corrected), bench_record(bench))
+    return RunData(label, units, tuple(map(_thin, corrected) if windows else corrected), bench_record(bench))
+
+
+def _thin(acquisition: Acquisition) -> Acquisition:
+    windows = {channel: window_of(counts) for channel, counts in acquisition.counts.items()}
+    return replace(acquisition, counts={}, windows=windows)
 
 
 def acquisitions(
@@ -61,7 +75,7 @@ def acquisitions(
         for role, entry in bench.devices.items()
         if isinstance(entry.options, CounterOptions)
     }
-    temperatures = {name: corrections.temperatures(reader.series(name)) for name in thermometers}
+    temperatures = {name: corrections.temperatures(reader.series(name)) for name in dict.fromkeys(thermometers)}
     samples = reader.samples_by_step()
     for event, dwell, state in _acquired(reader, bench, label):
         frames = reader.frames_of(event.step)
@@ -80,6 +94,7 @@ def acquisitions(
 
 
 def _unit(place: str, serial: str, entry: PlaceEntry, until_s: float) -> UnitUnderTest:
+    at_gyros = entry.gyro_temperature or entry.temperature
     return UnitUnderTest(
         place=place,
         serial=serial,
@@ -89,6 +104,8 @@ def _unit(place: str, serial: str, entry: PlaceEntry, until_s: float) -> UnitUnd
         until_s=until_s,
         voltmeter=entry.voltmeter,
         nominal_per_g=entry.nominal_per_g,
+        channels=entry.channels.model_dump() if entry.channels is not None else {},
+        gyro_temperature=at_gyros if entry.channels is not None else "",
         converter=entry.converter_temperature or "",
         source=entry.source or "",
         scale_a_per_g=entry.nominal.K1 if entry.nominal is not None else math.nan,
@@ -103,6 +120,7 @@ class _InForce:
     mount: Mount
     set_c: float
     set_from_c: float = math.nan
+    rate_dps: float = math.nan
     input: str = "accelerometer"
     sources_a: Mapping[str, float] = field(default_factory=dict)
 
@@ -112,6 +130,8 @@ class _InForce:
         if "angle_deg" in data:
             device = data.get("device", next(iter(bench.axes), ""))
             now = replace(now, angles_deg={**now.angles_deg, device: float(data["angle_deg"])})
+        if "angles_deg" in data:
+            now = replace(now, angles_deg={**now.angles_deg, **data["angles_deg"]})
         if "mount" in data:
             now = replace(now, mount=_mount(bench, data["mount"]))
         now = replace(now, input=data.get("input", now.input), sources_a=_sources_on(now.sources_a, data))
@@ -154,7 +174,24 @@ def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple
             step = first_visit(event.step)
             found.pop(step, None)
             found[step] = (event, dwells.of(step), replace(state, set_from_c=begun_c[event.step]))
+        if "rate_dps" in event.data and "device" in event.data:  # a rotation is over after what was acquired meanwhile
+            inside = f"{first_visit(event.step)}/"
+            rate_dps = float(event.data["rate_dps"])
+            found |= {
+                step: (acquired, dwell, replace(then, rate_dps=rate_dps))
+                for step, (acquired, dwell, then) in found.items()
+                if step.startswith(inside)
+            }
     yield from found.values()
+
+
+def _turned(event: Event, command_dps: float) -> Turned | None:
+    """The rotation whose whole turns an acquisition lasted; None for any other."""
+    course = event.data.get("turned")
+    if course is None:
+        return None
+    ends = {key: float(course[key]) for key in ("from_s", "from_deg", "to_s", "to_deg")}
+    return Turned(axis=str(course["of"]), command_dps=command_dps, **ends)
 
 
 def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mapping[str, Series]) -> Acquisition:
@@ -171,6 +208,7 @@ def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mappin
         set_from_c=state.set_from_c,
         set_c=state.set_c,
         mount=state.mount,
+        turned=_turned(event, state.rate_dps),
         input=state.input,
         sources_a=state.sources_a,
         counts={},
@@ -185,6 +223,7 @@ def bench_record(bench: BenchFile) -> BenchRecord:
     """What the certificates and surveys of a bench file say, as standard uncertainties u = U / k."""
     counter = next((_uncertainties(bench, role) for role in bench.with_capability("pulse_counter")), {})
     gravity, level = bench.site.gravity, bench.fixture.level
+    azimuth, square = bench.fixture.azimuth, bench.fixture.orthogonality
     thermometers = {
         name: (reading.calibration.U.offset / reading.calibration.k, reading.calibration.U.gain / reading.calibration.k)
         for name, reading in bench.readings.items()
@@ -202,6 +241,9 @@ def bench_record(bench: BenchFile) -> BenchRecord:
         time_base_u=float(counter.get("time_base", 0.0)),
         thermometers_u=thermometers,
         voltmeters_u={name: (float(u.get("gain", 0)), float(u.get("offset", 0))) for name, u in meters.items()},
+        latitude_deg=bench.site.latitude,
+        azimuth_u_deg=azimuth.U / azimuth.k * ARCSEC_DEG if azimuth is not None else 0.0,
+        orthogonality_u_deg=square.U / square.k * ARCSEC_DEG if square is not None else 0.0,
         sources=dict(_sources(bench)),
     )
 

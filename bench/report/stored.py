@@ -43,11 +43,13 @@ class StoredRun:
     def data(self, label: str) -> RunData:
         """What was acquired under a label."""
         if label not in self._data:
-            self._data[label] = run_data(self.reader, self.bench, self.serials, label)
+            counted = {known_methods()[each.method].counts_at for each in self.sequence.results if each.data == label}
+            windows = counted == {"windows"}
+            self._data[label] = run_data(self.reader, self.bench, self.serials, label, windows=windows)
         return self._data[label]
 
-    def counted_at(self, what: Literal["dwells", "ramps", "steps", "levels", "records"]) -> list[RunData]:
-        """What was acquired for methods that count at dwells, on ramps, at steps, at levels, or in other records."""
+    def counted_at(self, what: Literal["dwells", "ramps", "steps", "levels", "windows", "records"]) -> list[RunData]:
+        """What was acquired for methods that count in one of these ways."""
         entries = [entry for entry in self.sequence.results if known_methods()[entry.method].counts_at == what]
         return [self.data(label) for label in dict.fromkeys(entry.data for entry in entries)]
 

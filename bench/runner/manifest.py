@@ -60,7 +60,7 @@ def _unit(bench: BenchFile, place: str, serial: str) -> dict[str, Any]:
         "place": place,
         "uut": serial,
         "type": entry.type,
-        "channel": entry.channel or entry.voltmeter,
+        "channel": ", ".join(entry.measured_by.values()),
         "mount_angle_deg": entry.mount_angle,
         "supply": entry.supply,
     }

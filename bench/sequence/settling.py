@@ -174,7 +174,11 @@ class Settling:
 
     def _places_at(self, name: str) -> Iterator[PlaceEntry]:
         source = self._source(name)
-        return (place for place in self._bench.places.values() if self._source(place.temperature) == source)
+        return (
+            place
+            for place in self._bench.places.values()
+            if source in map(self._source, (place.temperature, place.gyro_temperature or place.temperature))
+        )
 
     def _converters_at(self, name: str) -> Iterator[PlaceEntry]:
         source = self._source(name)

@@ -1,0 +1,269 @@
+"""An inertial unit in its place: what its six channels count, and what its two thermometers say.
+
+Its three accelerometers are worked out together, and so are its gyros: their constants are columns, (3, 1), and what
+acts on them has a row for each axis. The accelerometers are taken to be where the axes of the table meet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.attitude import to_unit
+from simulators.corrections import Table
+from simulators.faults import BROKEN_DRAWS, OPEN_C, FaultPlan
+from simulators.gyro import GyroNoise, GyroTruth, draw_gyro
+from simulators.imu_file import NAMES, ImuFile
+from simulators.thermal import UnitPhysics
+from simulators.unit_file import stream
+from simulators.uut import Hysteresis, Noise, UnitTruth, draw_unit
+from simulators.warmth import Thermometer
+
+if TYPE_CHECKING:  # which holds the units here
+    from simulators.world import World, WorldSettings
+
+Array = NDArray[np.float64]
+
+OF_EACH = ("thresholds_c", "jumps")  # what hysteresis is made of, which each accelerometer has for itself
+SENSORS = ("accelerometers", "gyros")
+CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("acc", "gyro") for axis in NAMES)
+EARTH_RATE_DPS = float(np.degrees(7.292115e-5))
+
+
+@dataclass(frozen=True, slots=True)
+class ImuPlace:
+    """An inertial unit in its place.
+
+    `channels` are those of the counter, by CHANNELS; `thermometers` are offset (°C), gain and corrections, by SENSORS;
+    `faults` are when it breaks (s), by how.
+    """
+
+    unit: ImuFile
+    channels: Mapping[str, str]
+    supply: str
+    mount_angle_deg: float
+    thermometers: Mapping[str, tuple[float, float, Table]]
+    faults: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ZeroDrift:
+    """How the zero of a gyro goes on with time: in °/s², and from power-on in °/s with a time constant in s."""
+
+    drift_dps2: float
+    warm_up_dps: float
+    warm_up_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ImuTruth:
+    """One unit as drawn for one run; accelerometers, gyros and how their zeros drift, x, y, z."""
+
+    accelerometers: tuple[UnitTruth, ...]
+    gyros: tuple[GyroTruth, ...]
+    gyro_drifts: tuple[ZeroDrift, ...]
+    supply_a: float
+
+
+class ImuState(NamedTuple):
+    """A unit at a true time: what hysteresis, drift and warm-up add to the zeros of x, y and z."""
+
+    true_s: float
+    accelerometers_g: tuple[float, ...]
+    gyros_dps: tuple[float, ...]
+
+
+class SimulatedImu:
+    """One inertial unit; `sensors` are the numbers of its accelerometers and its gyros in the world's temperatures."""
+
+    def __init__(self, place: str, sensors: tuple[int, int], settings: WorldSettings, world: World) -> None:
+        self.place, self.settings, self._world = place, settings.imus[place], world
+        self.truth = draw_imu(self.settings.unit, settings.seed, place)
+        self._sensors = sensors
+        self._accelerometers, self._gyros = stacked(self.truth.accelerometers), stacked(self.truth.gyros)
+        named = list(zip(NAMES, self.truth.accelerometers, self.truth.gyros, strict=True))
+        self._noise = [Noise(truth, settings.seed, f"{place}/acc_{axis}") for axis, truth, _ in named]
+        self._gyro_noise = [GyroNoise(truth, settings.seed, place, f"gyro_{axis}") for axis, _, truth in named]
+        self._gyro_drift = stacked(self.truth.gyro_drifts)
+        self._hysteresis = [Hysteresis(truth, settings.chamber.start_c) for _, truth, _ in named]
+        self._thermometers = [
+            Thermometer(
+                settings.chamber.start_c, offset_c, gain, settings.thermometer_noise_c,
+                stream(settings.seed, "noise", place, sensor, "thermometer"), table,
+            )
+            for sensor, (offset_c, gain, table) in self.settings.thermometers.items()
+        ]  # fmt: skip
+        self._last_c = np.full(2, settings.chamber.start_c)
+        self._counted: tuple[float, float, int] = (-1.0, -1.0, 0)
+        self._pulses: Array = np.empty((len(CHANNELS), 0))
+        self._at_rest: tuple[Any, Array] = None, np.empty((3, 3))
+        self.faults = FaultPlan(self.settings.faults, world.now)
+        self.powered_at_s: float | None = None
+        self.history: list[ImuState] = []
+
+    @staticmethod
+    def physics(unit: ImuFile, thermometer_s: float) -> tuple[UnitPhysics, UnitPhysics]:
+        """How its accelerometers and its gyros follow the air: one case, the same for both."""
+        model = unit.thermal
+        return (
+            UnitPhysics(model.case_time_constant, model.accelerometer_time_constant, model.self_heating, thermometer_s),
+            UnitPhysics(model.case_time_constant, model.gyro_time_constant, model.self_heating, thermometer_s),
+        )
+
+    @property
+    def channels(self) -> Mapping[str, ImuChannel]:
+        """What the counter's channels count, by their names there."""
+        return {channel: ImuChannel(self, CHANNELS.index(name)) for name, channel in self.settings.channels.items()}
+
+    def power(self, now_s: float, on: bool) -> None:
+        """Its supply goes on or off."""
+        if on != (self.powered_at_s is not None):
+            self.powered_at_s = now_s if on else None
+            for index in self._sensors:
+                self._world.thermal.power(index, on)
+
+    @property
+    def drawn_a(self) -> float:
+        """What it draws from its supply."""
+        return self.truth.supply_a * (BROKEN_DRAWS if self.faults.active("current") else 1.0)
+
+    def charge_pulses(self, edges_s: Array) -> Array:
+        """Pulses that each of CHANNELS is owed in each interval between the consecutive times `edges_s`, (6, n).
+
+        The world has been worked out up to the last edge, or by less than a latch beyond it. For the same times it is
+        the same.
+        """
+        asked = (float(edges_s[0]), float(edges_s[-1]), len(edges_s))
+        if asked != self._counted:
+            self._counted, self._pulses = asked, self._counted_anew(edges_s)
+        return self._pulses
+
+    def thermometer_c(self, sensor: str, at_s: Array) -> Array:
+        """Readings of one of its thermometers, of SENSORS, at times since the last call, with its errors and noise."""
+        if self.faults.active("open_thermometer"):
+            return np.full(len(at_s), OPEN_C)
+        number, thermal = SENSORS.index(sensor), self._world.thermal
+        return self._thermometers[number].readings_c(at_s, thermal.now_s, thermal.thermometer_c(self._sensors[number]))
+
+    def _counted_anew(self, edges_s: Array) -> Array:
+        middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, np.diff(edges_s)
+        now_c = np.array([self._world.thermal.sensor_c(index) for index in self._sensors])
+        passed = (middle - edges_s[0]) / (edges_s[-1] - edges_s[0])
+        accelerometer_c, gyro_c = (
+            before + passed * (now - before) for before, now in zip(self._last_c, now_c, strict=True)
+        )
+        self._last_c = now_c
+        hysteresis_g = np.array([play.bias_g(float(now_c[0])) for play in self._hysteresis])
+        state = self._state(float(edges_s[-1]), hysteresis_g)
+        self.history.append(state)
+        if self.powered_at_s is None or self.faults.active("dead"):
+            return np.zeros((len(CHANNELS), len(middle)))
+        force_g, rate_dps = self._stimulus(edges_s, middle)
+        moving_g = self._accelerometers.kd * self._world.thermal.sensor_rate_c_per_s(self._sensors[0])
+        drifting_g = np.array(state.accelerometers_g)[:, np.newaxis] + moving_g
+        drifting_g = drifting_g + np.stack([noise.mean_g(interval) for noise in self._noise])
+        drifting_dps = np.array(state.gyros_dps)[:, np.newaxis]
+        drifting_dps = drifting_dps + np.stack([noise.mean_dps(interval) for noise in self._gyro_noise])
+        current_a = self._accelerometers.current_a(_along(force_g), accelerometer_c, drifting_g)
+        gyro_pps = self._gyros.output_pps(_along(rate_dps), _along(force_g), gyro_c, drifting_dps)
+        gyro_pps = self._gyros.clipped_pps(gyro_pps)
+        return np.asarray(np.concatenate([self._accelerometers.rate_pps(current_a), gyro_pps]) * interval)
+
+    def _state(self, true_s: float, hysteresis_g: Array) -> ImuState:
+        """Drift and warm-up are slow: what they are at the end of an interval stands for all of it."""
+        accelerometers, gyros = self._accelerometers, self._gyro_drift
+        drift_g, drift_dps = accelerometers.drift_g_per_s * true_s, gyros.drift_dps2 * true_s
+        if self.powered_at_s is not None:
+            powered_s = true_s - self.powered_at_s
+            drift_g = drift_g + accelerometers.warm_up_g * np.exp(-powered_s / accelerometers.warm_up_s)
+            drift_dps = drift_dps + gyros.warm_up_dps * np.exp(-powered_s / gyros.warm_up_s)
+        drifted_g, drifted_dps = hysteresis_g + np.ravel(drift_g), np.ravel(drift_dps)
+        return ImuState(true_s, tuple(drifted_g.tolist()), tuple(drifted_dps.tolist()))
+
+    def _stimulus(self, edges_s: Array, middle_s: Array) -> tuple[Array, Array]:
+        """Specific force in g and rate in °/s along x, y and z, (3, n), or (3, 1) at rest."""
+        world = self._world
+        into_unit = to_unit(world.mount, self.settings.mount_angle_deg)
+        still_deg = tuple(axis.still_deg(float(edges_s[0])) for axis in world.axes.values())
+        if None not in still_deg:
+            key = (still_deg, world.mount)
+            if key != self._at_rest[0]:
+                self._at_rest = key, into_unit @ world.to_fixture(middle_s[:1])[0]
+            lies = self._at_rest[1]
+            return lies[:, 2:], lies @ self._earth_dps()
+        lies = into_unit @ world.to_fixture(middle_s)
+        angles_deg = [axis.true_deg(edges_s) for axis in world.axes.values()]
+        rates_dps = [np.diff(angle_deg) / np.diff(edges_s) for angle_deg in angles_deg]
+        middle_deg = [(angle_deg[1:] + angle_deg[:-1]) / 2 for angle_deg in angles_deg]
+        turning_dps = into_unit @ world.fixture.rate(middle_deg, rates_dps).T
+        return lies[:, :, 2].T, (lies @ self._earth_dps())[:, :, 0].T + turning_dps
+
+    def _earth_dps(self) -> Array:
+        latitude = np.radians(self._world.settings.latitude_deg)
+        return np.asarray(EARTH_RATE_DPS * np.array([[0.0], [np.cos(latitude)], [np.sin(latitude)]]))
+
+
+@dataclass(frozen=True, slots=True)
+class ImuChannel:
+    """One channel of a unit, as the counter sees it."""
+
+    imu: SimulatedImu
+    row: int
+
+    @property
+    def faults(self) -> FaultPlan:
+        """How the unit breaks."""
+        return self.imu.faults
+
+    def charge_pulses(self, edges_s: Array) -> Array:
+        """Pulses that it is owed in each interval between the consecutive times `edges_s`."""
+        return np.asarray(self.imu.charge_pulses(edges_s)[self.row])
+
+
+Truth = TypeVar("Truth", UnitTruth, GyroTruth, ZeroDrift)
+
+
+def _along(vectors: Array) -> tuple[Array, Array, Array]:
+    """Components along x, y and z (3, n) as what each axis and the two after it see, (3, n) each."""
+    return vectors, vectors[[1, 2, 0]], vectors[[2, 0, 1]]
+
+
+def draw_imu(unit: ImuFile, seed: int, place: str) -> ImuTruth:
+    """The unit of one run; each channel has streams of its own."""
+
+    def drift(axis: str) -> ZeroDrift:
+        model, path = unit.gyro(axis), (place, f"gyro_{axis}", "gyro")
+        return ZeroDrift(
+            drift_dps2=model.drift.value(stream(seed, "uut", *path, "drift")),
+            warm_up_dps=model.warm_up.amplitude.value(stream(seed, "uut", *path, "warm_up", "amplitude")),
+            warm_up_s=model.warm_up.time_constant,
+        )
+
+    return ImuTruth(
+        tuple(draw_unit(unit.accelerometer(axis), seed, f"{place}/acc_{axis}") for axis in NAMES),
+        tuple(draw_gyro(unit.gyro(axis), seed, place, f"gyro_{axis}") for axis in NAMES),
+        tuple(map(drift, NAMES)),
+        unit.supply.current,
+    )
+
+
+def stacked(truths: tuple[Truth, ...]) -> Truth:
+    """Three sensors as one whose numbers are columns (3, 1)."""
+    columns: dict[str, Any] = {}
+    for each in fields(truths[0]):
+        values = [getattr(truth, each.name) for truth in truths]
+        if each.name in OF_EACH:
+            columns[each.name] = ()
+        elif isinstance(values[0], tuple):
+            columns[each.name] = tuple(map(_column, zip(*values, strict=True)))
+        else:
+            columns[each.name] = None if values[0] is None else _column(values)
+    return type(truths[0])(**columns)
+
+
+def _column(values: Iterable[float]) -> Array:
+    return np.array([*values], np.float64)[:, np.newaxis]

@@ -1,0 +1,124 @@
+"""The truth of a simulated inertial unit as its file states it; only the simulators read it.
+
+The rules are those of a single channel (`unit_file`): each accelerometer with its converter is one.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from drivers.fields import Celsius, PositiveSeconds, StrictModel
+from simulators.gyro import GyroModel
+from simulators.unit_file import AccelerometerModel, ConverterModel, Draw, DrawIn, SupplyModel, ThermalModel, UnitFile
+
+NAMES = ("x", "y", "z")
+Angle = Annotated[Draw, DrawIn("rad")]
+
+
+class ImuAccelerometer(AccelerometerModel):
+    """An accelerometer of the three; its misalignments are those of the unit's matrix."""
+
+    converter: ConverterModel
+
+
+class Seen(StrictModel):
+    """How much an axis sees of the others; of itself it sees one."""
+
+    x: Angle = Draw(0)
+    y: Angle = Draw(0)
+    z: Angle = Draw(0)
+
+
+class Misalignment(StrictModel):
+    """A row for each axis."""
+
+    x: Seen = Seen()
+    y: Seen = Seen()
+    z: Seen = Seen()
+
+
+class Accelerometers(StrictModel):
+    """Three accelerometers with their converters."""
+
+    x: ImuAccelerometer
+    y: ImuAccelerometer
+    z: ImuAccelerometer
+    misalignment: Misalignment = Misalignment()
+
+
+class ZeroWarmUp(StrictModel):
+    """A zero that dies away from power-on."""
+
+    amplitude: Annotated[Draw, DrawIn("°/s")] = Draw(0)
+    time_constant: PositiveSeconds = 1200.0
+
+
+class ImuGyro(GyroModel):
+    """A gyro of the three; its misalignments are those of the unit's matrix."""
+
+    drift: Annotated[Draw, DrawIn("°/s²")] = Draw(0)
+    warm_up: ZeroWarmUp = ZeroWarmUp()
+
+
+class Gyros(StrictModel):
+    """Three gyros, which give pulses themselves."""
+
+    x: ImuGyro
+    y: ImuGyro
+    z: ImuGyro
+    misalignment: Misalignment = Misalignment()
+
+
+class ImuThermal(StrictModel):
+    """How the unit follows the chamber: one case, and the sensors in it."""
+
+    case_time_constant: PositiveSeconds = 900.0
+    accelerometer_time_constant: PositiveSeconds = 240.0
+    gyro_time_constant: PositiveSeconds = 240.0
+    self_heating: Celsius = 0.0
+
+
+class ImuFile(StrictModel):
+    """One `config/uut/*.yaml` with accelerometers and gyros."""
+
+    schema_: Literal["itb-uut/1"] = Field(alias="schema")
+    title: str
+    accelerometers: Accelerometers
+    gyros: Gyros
+    thermal: ImuThermal = ImuThermal()
+    supply: SupplyModel = SupplyModel()
+
+    def accelerometer(self, axis: str) -> UnitFile:
+        """One accelerometer with its converter, as a unit of its own."""
+        model: ImuAccelerometer = getattr(self.accelerometers, axis)
+        fields = {name: getattr(model, name) for name in AccelerometerModel.model_fields}
+        fields |= _turned(self.accelerometers.misalignment, axis)
+        return UnitFile.model_construct(
+            schema_=self.schema_,
+            title=f"{self.title}, accelerometer {axis}",
+            accelerometer=AccelerometerModel.model_construct(**fields),
+            converter=model.converter,
+            thermal=ThermalModel(),
+            supply=self.supply,
+        )
+
+    def gyro(self, axis: str) -> ImuGyro:
+        """One gyro, with its misalignments."""
+        model: ImuGyro = getattr(self.gyros, axis)
+        return model.model_copy(update=_turned(self.gyros.misalignment, axis))
+
+
+def _turned(matrix: Misalignment, axis: str) -> dict[str, Draw]:
+    """A row of a matrix as the misalignments of a single sensor, whose pendulous and output axes are the next two."""
+    row: Seen = getattr(matrix, axis)
+    pendulous, output = following(axis)
+    second: Draw = getattr(row, output)
+    return {"misalignment_o": getattr(row, pendulous), "misalignment_p": Draw(-second.mean, second.sd)}
+
+
+def following(axis: str) -> tuple[str, str]:
+    """The two axes after one: of x they are y and z."""
+    index = NAMES.index(axis)
+    return NAMES[(index + 1) % 3], NAMES[(index + 2) % 3]

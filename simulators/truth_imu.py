@@ -1,0 +1,107 @@
+"""What a perfect bench would have found of an inertial unit, for the file that no reduction reads.
+
+The constants are defined as the results are: the noiseless channels put through all 24 attitudes and through rates
+about each axis, at the temperature that was indicated and with the drift that the zeros then had.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from itertools import permutations, product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.imu import EARTH_RATE_DPS, ImuTruth
+from simulators.world import World
+
+Array = NDArray[np.float64]
+RATES_DPS = (1.0, -1.0, 3.0, -3.0, 5.0, -5.0)
+
+
+@dataclass(frozen=True, slots=True)
+class WindowAsMeasured:
+    """A window of a run: host time of its middle."""
+
+    key: str
+    place: str
+    at_s: float
+
+
+def imu_record(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, Any]:
+    """Each inertial unit as drawn, and what drifted in the zeros of x, y and z in the middle of each window."""
+    return {
+        "imus": {name: asdict(imu.truth) for name, imu in sorted(world.imus.items())},
+        "latitude_deg": world.settings.latitude_deg,
+        "windows": {window.key: _drifted(world, window) for window in windows if window.place in world.imus},
+    }
+
+
+def _drifted(world: World, window: WindowAsMeasured) -> dict[str, list[float]]:
+    history = world.imus[window.place].history
+    at_s = np.array([state.true_s for state in history])
+    nearest = history[int(np.argmin(np.abs(at_s - world.true_time(window.at_s))))]
+    return {"accelerometers_g": list(nearest.accelerometers_g), "gyros_dps": list(nearest.gyros_dps)}
+
+
+def accelerometer_constants(truth: ImuTruth, axis: int, temperature_c: float, drifted_g: float) -> dict[str, float]:
+    """True K0 (g, with K2 in it), K1 (pulse/s/g, with K3), K2 (g/g²) and misalignments (rad), as "misalignment x"."""
+    up = _attitudes()[:, :, 2]
+    ordered = [up[:, (axis + shift) % 3] for shift in range(3)]
+    channel, at_c = truth.accelerometers[axis], np.full(len(up), temperature_c)
+    force_g = (ordered[0], ordered[1], ordered[2])
+    pps = channel.rate_pps(channel.current_a(force_g, at_c, np.full(len(up), drifted_g)))
+    own = up[:, axis]
+    k1 = float((pps[own > 0.5].mean() - pps[own < -0.5].mean()) / 2)
+    fitted = _solved(np.column_stack([np.ones(len(up)), up, own**2]), pps)
+    found = {"K0": float(pps[np.abs(own) > 0.5].mean()) / k1, "K1": k1, "K2": fitted[4] / fitted[1 + axis]}
+    return found | {f"misalignment {n}": fitted[1 + i] / fitted[1 + axis] for i, n in enumerate("xyz") if i != axis}
+
+
+def gyro_constants(
+    truth: ImuTruth, axis: int, latitude_deg: float, temperature_c: float, drifted_dps: float
+) -> dict[str, float]:
+    """True D0 (°/s), KG (pulse/°), g-sensitivities (°/s/g) and misalignments (rad), by the axis that they are of."""
+    attitudes, latitude = _attitudes(), np.radians(latitude_deg)
+    earth_dps = EARTH_RATE_DPS * np.array([0.0, np.cos(latitude), np.sin(latitude)])
+    force_g, rate_dps = attitudes[:, :, 2], attitudes @ earth_dps
+
+    def output_pps(rate: Array, force: Array) -> Array:
+        rates, forces = (tuple(each[:, (axis + shift) % 3] for shift in range(3)) for each in (rate, force))
+        drifted = np.full(len(rate), drifted_dps)
+        return truth.gyros[axis].output_pps(rates, forces, temperature_c, drifted)  # type: ignore[arg-type]  # threes
+
+    at_rest = output_pps(rate_dps, force_g)
+    slopes = [_slope(output_pps, about, earth_dps[2]) for about in range(3)]
+    kg, vertical = slopes[axis], np.abs(force_g[:, axis]) > 0.5
+    fitted = _solved(np.column_stack([np.ones(len(force_g)), force_g, rate_dps]), at_rest)
+    found = {"D0": float(at_rest[vertical].mean()) / kg, "KG": kg}
+    found |= {f"g_sensitivity {name}": fitted[1 + i] / kg for i, name in enumerate("xyz")}
+    return found | {f"gyro_misalignment {name}": slopes[i] / kg for i, name in enumerate("xyz") if i != axis}
+
+
+def _slope(output_pps: Any, about: int, earth_up_dps: float) -> float:
+    """Of the output over the rate about an axis that points up."""
+    turned = np.zeros((len(RATES_DPS), 3))
+    turned[:, about] = np.array(RATES_DPS)
+    up = np.zeros_like(turned)
+    up[:, about] = 1.0
+    return _solved(np.column_stack([np.ones(len(turned)), RATES_DPS]), output_pps(turned + up * earth_up_dps, up))[1]
+
+
+def _solved(design: Array, values: Array) -> list[float]:
+    solution: list[float] = np.linalg.lstsq(design, values, rcond=None)[0].tolist()
+    return solution
+
+
+def _attitudes() -> Array:
+    """The rotations of a cube: rows are the axes of the unit in east, north and up, (24, 3, 3)."""
+    found = []
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            rows = np.eye(3)[list(order)] * np.array(signs)[:, np.newaxis]
+            if np.linalg.det(rows) > 0:
+                found.append(rows)
+    return np.array(found)
