@@ -6,22 +6,14 @@ points up reads +1 g. The frame is east, north, up; a letter W, S or D is the op
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
+from bench.analysis.attitude_names import ATTITUDES
 from bench.analysis.fit import Array
 
 AXES = ("x", "y", "z")
 HEADINGS = 4  # of an axis that points up, and of one that points down
 BLOCK = 2 * HEADINGS  # attitudes of one axis
-
-# Where the body axes x, y and z point.
-ATTITUDES: Mapping[str, str] = {
-    "Ax1": "UEN", "Ax2": "UNW", "Ax3": "UWS", "Ax4": "USE", "Ax5": "DNE", "Ax6": "DWN", "Ax7": "DSW", "Ax8": "DES",
-    "Ay1": "EUS", "Ay2": "SUW", "Ay3": "WUN", "Ay4": "NUE", "Ay5": "NDW", "Ay6": "EDN", "Ay7": "SDE", "Ay8": "WDS",
-    "Az1": "SEU", "Az2": "WSU", "Az3": "NWU", "Az4": "ENU", "Az5": "WND", "Az6": "NED", "Az7": "ESD", "Az8": "SWD",
-}  # fmt: skip
 NAMES = tuple(ATTITUDES)
 
 _EAST, _NORTH, _UP = np.eye(3)

@@ -13,10 +13,12 @@ from bench.config.models import BenchFile
 from bench.engine import measuring, recording, steadiness, waiting
 from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
+from bench.engine.orienting import orient, stop_axes
 from bench.engine.questions import Desk, Question
 from bench.rig import Rig
 from bench.sequence.custom import Custom, known_steps
 from bench.sequence.measuring import Acquire, Measure, Tare
+from bench.sequence.orienting import Orient
 from bench.sequence.step_fields import is_known
 from bench.sequence.steps import Step
 from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
@@ -50,6 +52,8 @@ async def perform(step: Step, step_id: str, bench: Bench) -> Found:  # noqa: C90
     match step:
         case Move():
             return await _move(step, bench)
+        case Orient():
+            return await orient(step, bench)
         case Rotate():
             return await _rotate(step, bench)
         case Oscillate():
@@ -93,6 +97,8 @@ async def leave(step: Step, bench: Bench) -> None:
     match step:
         case Move():
             await bench.rig.positioner(step.role).stop()
+        case Orient():
+            await stop_axes(bench)
         case Rotate() | Oscillate():
             await bench.rig.table(step.role).stop()
         case Ramp():

@@ -7,6 +7,7 @@ import math
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -125,7 +126,8 @@ class Monitor:
         if channel is None or not channel.values:
             return np.empty((0, 2))
         begin_s = channel.values[-1].at_s - span_s - 1e-6
-        return np.array([reading for reading in channel.values if reading.at_s >= begin_s])
+        newest_first = list(takewhile(lambda reading: reading.at_s >= begin_s, reversed(channel.values)))
+        return np.array(newest_first[::-1])
 
     async def _watch(self, role: str) -> None:
         every_s, device = period_s(role, self._bench), self._rig.devices[role]

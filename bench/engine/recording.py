@@ -29,7 +29,9 @@ TURN_LOOK_S = 0.02  # how closely the end of the last turn is looked for
 async def acquire(step: Acquire, step_id: str, bench: Bench) -> Mapping[str, Any]:
     """Records for the time or the turns asked, or until the steps inside are done: `during`."""
     if step.turns is not None and step.of is not None:
-        return await acquire_during(step, step_id, bench, _turned(bench.rig.table(step.of), step.turns))
+        course: dict[str, Any] = {"of": step.of}
+        found = await acquire_during(step, step_id, bench, _turned(bench.rig.table(step.of), step.turns, course))
+        return {**found, "turned": course}
     if step.until_stable is not None and step.give_up_after_s is not None:
         watched = Watched(step.until_stable, bench)
         found = await acquire_during(step, step_id, bench, watched.until_stable(step.give_up_after_s), watched)
@@ -148,8 +150,11 @@ def _blocks_of(blocks: Sequence[FrameBlock], span_s: float) -> int:
     return sum(1 for block in blocks if block.at_s[-1] >= begin_s)
 
 
-async def _turned(table: RateTable, turns: float) -> None:
-    """Returns when the table has turned so far; StepError when it does not turn."""
+async def _turned(table: RateTable, turns: float, course: dict[str, Any]) -> None:
+    """Returns when the table has turned so far; StepError when it does not turn.
+
+    `course` takes when it stood where in the beginning and at the end, bench time and angle.
+    """
     begin, rate = await table.angle(), await table.rate()
     if rate.value == 0:
         raise StepError("the table whose turns are counted does not turn; put this step into the 'during' of a rotate")
@@ -157,6 +162,7 @@ async def _turned(table: RateTable, turns: float) -> None:
         angle = await table.angle()
         left_deg = turns * TURN_DEG - abs(angle.value - begin.value)
         if left_deg <= 0:
+            course |= {"from_s": begin.at_s, "from_deg": begin.value, "to_s": angle.at_s, "to_deg": angle.value}
             return
         await asyncio.sleep(max(left_deg / abs(rate.value) / 2, TURN_LOOK_S))
 

@@ -36,6 +36,7 @@ class RunState:
 
     `held` are the reasons why no step begins. `left_out` are steps that were skipped, or failed and were passed over.
     `limits_failed` are measurements outside their limits, and those that could not be decided are `undecided`.
+    `mount` is how the units were last fixed by hand.
     `dropped` are units that take no further part, by place, and why.
     """
 
@@ -50,6 +51,7 @@ class RunState:
     dropped: Mapping[str, str] = field(default_factory=dict)
     problems: tuple[str, ...] = ()
     questions: tuple[str, ...] = ()
+    mount: str | None = None
 
 
 def replayed(entries: Iterable[Entry]) -> RunState:
@@ -98,6 +100,8 @@ def _ended(state: RunState, step: str, data: Mapping[str, Any]) -> RunState:
             unit = parse_unit(data["unit"])
             value = Quantity(float(value) * float(unit.factor), unit.dimension)
         state = replace(state, variables={**state.variables, str(data["as"]): value})
+    if "mount" in data:
+        state = replace(state, mount=str(data["mount"]))
     if "tare" in data:
         state = replace(state, tares={**state.tares, str(data["tare"]): float(data["value"])})
     if data.get("verdict") == "FAIL":

@@ -123,7 +123,7 @@ class Stepper:
             await begin_turning(step, self._bench)
             await body()
             await leave(step, self._bench)
-        return {}
+        return {"device": step.role, "rate_dps": step.rate_dps} if isinstance(step, Rotate) else {}
 
     async def _cut(self, planned: PlannedStep, step: Step, wish: Wish) -> None:
         """Brings to rest what was cut short."""

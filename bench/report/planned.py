@@ -12,6 +12,7 @@ from bench.report.timeline import output_unit
 from bench.sequence.estimate import Estimate, Span
 from bench.sequence.measuring import Acquire, Measure, Tare
 from bench.sequence.motion import rate_change_s
+from bench.sequence.orienting import Orient
 from bench.sequence.plan import Alternatives, Meanwhile, Nodes, Passes, Plan, PlannedStep, leaves, within
 from bench.sequence.steps import Step
 from bench.sequence.stimulus import TURN_DEG, Move, Oscillate, Ramp, Rotate, SetOutput
@@ -69,6 +70,10 @@ def planned(plan: Plan, expected: Estimate, bench: BenchFile) -> Planned:
             unit = output_unit(step.role, bench)
             level = span.state.outputs.get(step.role, 0.0) * (1000 if unit == "A" else 1)
             outputs[unit].go(step.role, span.begin_s, span.begin_s, level)
+        elif isinstance(step, Orient):
+            for role in bench.axes:
+                stands_deg = _within_turns(span.state.angles_deg.get(role, 0.0))
+                angle.go(role, span.begin_s, max(span.begin_s, span.end_s - step.settle_s), stands_deg)
         elif isinstance(step, (Move, Rotate, Oscillate)):
             _add_motion(step, span, angle, rate, bench)
     panels = [panel for panel in (temperature, angle, rate, *outputs.values()) if panel.lines or panel.swings]

@@ -10,6 +10,7 @@ from typing import Any, assert_never
 from bench.config.models import BenchFile
 from bench.report.shown import duration
 from bench.sequence.estimate import BenchState, Estimate, Span
+from bench.sequence.orienting import Orient
 from bench.sequence.plan import (
     Alternatives,
     Attempts,
@@ -32,7 +33,7 @@ def plan_table(plan: Plan, expected: Estimate, bench: BenchFile) -> Iterator[str
     The columns in the middle are the bench after the step, one for each device that the plan acts on.
     """
     rows = list(_Rows(plan, expected).rows)
-    columns = [_Column(role, bench) for role in acted_on(plan)]
+    columns = [_Column(role, bench) for role in acted_on(plan, bench)]
     widths = [
         max([len(column.role), *(len(column.cell(row.span.state)) for row in rows if row.span)]) for column in columns
     ]
@@ -45,15 +46,17 @@ def plan_table(plan: Plan, expected: Estimate, bench: BenchFile) -> Iterator[str
             yield _line(clock(row.span.begin_s), duration(row.span.duration_s), cells, widths, row.text)
 
 
-def acted_on(plan: Plan) -> list[str]:
+def acted_on(plan: Plan, bench: BenchFile) -> list[str]:
     """The roles that the steps of a plan act on: chambers, then axes, then outputs."""
-    chambers, axes, outputs = [], [], []
+    chambers, axes, outputs = [], list[str](), []
     for planned in plan:
         match planned.step:
             case Ramp(role=role):
                 chambers.append(role)
             case Move(role=role) | Rotate(role=role) | Oscillate(role=role):
                 axes.append(role)
+            case Orient():
+                axes += bench.axes
             case SetOutput(role=role):
                 outputs.append(role)
             case _:

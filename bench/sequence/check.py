@@ -60,7 +60,7 @@ def _steps(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
     told: set[tuple[Path, Place]] = set()
     needs = plan.sequence.needs
     seen: set[tuple[Place, int, float]] = set()  # the same step from the same angle is as right in every pass
-    for planned, from_deg in angles_before(plan):
+    for planned, from_deg in angles_before(plan, bench):
         if (once := (planned.place, id(planned.step), from_deg)) in seen:
             continue
         seen.add(once)

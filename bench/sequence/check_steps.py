@@ -17,6 +17,7 @@ from bench.sequence.checks_motion import resolution_problems
 from bench.sequence.custom import Custom, known_steps
 from bench.sequence.limits import unit_problems
 from bench.sequence.measuring import Acquire, Measure, Tare
+from bench.sequence.orienting import Orient
 from bench.sequence.readings import PULSE_RATE, is_pulse_rate, problem_with, problem_with_counting, unit_of
 from bench.sequence.step_fields import is_known
 from bench.sequence.steps import NEEDS, Step, verb_of
@@ -37,6 +38,9 @@ def role_problems(step: Step, needs: Mapping[str, str], bench: BenchFile | None)
     match step:
         case Wait() | Note() | Alarm() | Prompt():
             return
+        case Orient():
+            if bench is not None and (problem := _without_axes(bench)):
+                yield "orient", problem
         case WaitUntil() if step.steady is not None:
             if problem := problem_with_counting(step.reading, needs, bench):
                 yield "wait_until", problem
@@ -59,6 +63,16 @@ def _role(role: str, key: str, kinds: tuple[str, ...], needs: Mapping[str, str])
         yield key, f"'{role}' is not among the needs of the sequence{did_you_mean(role, needs)}"
     elif kind not in kinds:
         yield key, f"'{key}' needs a {' or '.join(kinds)}, '{role}' is a {kind}"
+
+
+def _without_axes(bench: BenchFile) -> str:
+    """Why nothing can be oriented on a bench; "" when something can."""
+    if not bench.axes:
+        return "the bench has no axes: its fixture names none, and there is no head"
+    for role in bench.axes:
+        if "positioner" not in bench.devices[role].description.capabilities:
+            return f"'{role}' turns at rates only; it cannot be sent to an angle"
+    return ""
 
 
 def _kind_of_level(step: SetOutput, kind: str | None) -> Found:
@@ -94,7 +108,7 @@ def is_there(step: Step, needs: Mapping[str, str], bench: BenchFile) -> bool:
         return step.reading.partition(".")[0] in bench.devices
     if isinstance(step, (WaitUntil, Measure, Tare)):
         return unit_of(step.reading, bench) is not None
-    if isinstance(step, (Wait, Note, Alarm, Prompt, Soak, Custom)) or needs[step.role] == OUTPUT:
+    if isinstance(step, (Wait, Note, Alarm, Prompt, Soak, Custom, Orient)) or needs[step.role] == OUTPUT:
         return True
     device = bench.devices.get(bench.members(step.role)[0])
     return device is not None and needs[step.role] in device.description.capabilities
@@ -137,7 +151,7 @@ def limit_problems(  # noqa: C901  one case for each kind of step
             yield from _one(step.reading, "tare", bench)
         case Custom():
             yield from _one(step.role or "", "custom", bench)
-        case Wait() | Note() | Alarm():
+        case Wait() | Note() | Alarm() | Orient():
             pass
         case Prompt():
             yield from _prompt(step, bench)

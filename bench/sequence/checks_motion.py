@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from bench.config.document import Place
 from bench.config.models import BenchFile
 from bench.sequence.measuring import Acquire
+from bench.sequence.orienting import Orient, Pose, Unreachable, targets_deg
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Found
 from bench.sequence.stimulus import TURN_DEG, Move
-from bench.sequence.travel import angles_before
+from bench.sequence.travel import poses_before
 from drivers.quantities import parse
 from drivers.units import NO_DIMENSION
 
@@ -19,19 +21,37 @@ G = parse("1 g")
 
 def forbidden_angle(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A move that ends in, or goes through, angles at which the fixture would touch something."""
-    for planned, from_deg in angles_before(plan) if bench.fixture.forbidden else ():
+    for planned, pose in poses_before(plan, bench) if bench.fixture.forbidden else ():
         step = planned.step
-        if not isinstance(step, Move):
+        if isinstance(step, Move):
+            from_deg = pose.angles_deg.get(step.role, 0.0)
+            target_deg = step.target_deg(from_deg)
+        elif isinstance(step, Orient):
+            from_deg, target_deg = _outermost(step, bench, pose)
+        else:
             continue
-        target_deg = step.target_deg(from_deg)
         for allowed in bench.fixture.forbidden:
             if _meet(from_deg, target_deg, allowed.min, allowed.max):
                 yield (
-                    (*planned.place, "to" if step.to_deg is not None else "by"),
+                    (*planned.place, _target_key(step)),
                     f"the move from {from_deg:g}° to {target_deg:g}° meets {allowed.min:g}° to {allowed.max:g}°, which "
                     "the fixture forbids",
                     "Go there the other way round with 'way', or choose another angle",
                 )
+
+
+def _target_key(step: Move | Orient) -> str:
+    return "orient" if isinstance(step, Orient) else "to" if step.to_deg is not None else "by"
+
+
+def _outermost(step: Orient, bench: BenchFile, pose: Pose) -> tuple[float, float]:
+    """From where to where the axis that carries all others goes; nowhere when the attitude is not reached."""
+    role = next(iter(bench.axes))
+    from_deg = pose.angles_deg.get(role, 0.0)
+    try:
+        return from_deg, targets_deg(step.attitude, bench, pose)[role]
+    except Unreachable:
+        return from_deg, math.nan
 
 
 def _meet(from_deg: float, to_deg: float, low_deg: float, high_deg: float) -> bool:
@@ -41,6 +61,26 @@ def _meet(from_deg: float, to_deg: float, low_deg: float, high_deg: float) -> bo
         return False
     turns = math.ceil((begin - high_deg) / TURN_DEG)
     return low_deg + turns * TURN_DEG <= end
+
+
+def unreachable_attitude(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """Attitudes that the axes of the table do not reach as the units are mounted then; all of one step together."""
+    why: dict[Place, dict[str, str]] = {}
+    for planned, pose in poses_before(plan, bench):
+        if isinstance(planned.step, Orient) and planned.waiting is None:
+            try:
+                targets_deg(planned.step.attitude, bench, pose)
+            except Unreachable as problem:
+                name = planned.step.attitude.name
+                told = str(problem).removeprefix(f"{name} ")
+                why.setdefault(planned.place, {}).setdefault(name, told)
+    for place, problems in why.items():
+        same = [name for name, told in problems.items() if told == next(iter(problems.values()))]
+        yield (
+            (*place, "orient"),
+            f"{', '.join(same)} {next(iter(problems.values()))}",
+            "Leave them out, or have the units mounted in another way first, by a prompt with expect: {mount: …}",
+        )
 
 
 def short_acquisition(plan: Plan, bench: BenchFile) -> Iterator[Found]:

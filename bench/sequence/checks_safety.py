@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from bench.config.models import BenchFile
+from bench.sequence.orienting import Orient
 from bench.sequence.plan import Plan, PlannedStep
 from bench.sequence.remarks import Found
 from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
@@ -32,13 +33,17 @@ def left_energised(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 def no_teardown(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A bench that something moves or heats, and nothing takes back."""
     for planned in plan if not plan.teardown else ():
-        if isinstance(planned.step, (Move, Rotate, Oscillate, Ramp)):
+        if isinstance(planned.step, (Move, Orient, Rotate, Oscillate, Ramp)):
             yield (
                 planned.place,
-                f"there is no teardown that takes '{planned.step.role}' back when the steps end, or one of them fails",
+                f"there is no teardown that takes {_named(planned.step)} back when the steps end, or one of them fails",
                 "Write a teardown that takes the head to 0° and the chamber to room temperature",
             )
             return
+
+
+def _named(step: Move | Orient | Rotate | Oscillate | Ramp) -> str:
+    return "the table" if isinstance(step, Orient) else f"'{step.role}'"
 
 
 def left_cold(plan: Plan, _bench: BenchFile) -> Iterator[Found]:

@@ -9,6 +9,7 @@ from bench.config.document import Document, Place
 from bench.config.models import BenchFile
 from bench.sequence.expressions import ValueProblem, names_in
 from bench.sequence.measuring import Acquire
+from bench.sequence.orienting import Orient
 from bench.sequence.plan import PHASES, Branches, Nodes, Plan, PlannedStep, leaves, within
 from bench.sequence.readings import is_pulse_rate
 from bench.sequence.remarks import Found
@@ -41,6 +42,8 @@ def _used(nodes: Nodes, bench: BenchFile) -> dict[str, PlannedStep]:
     """The devices that steps act on, each with the first step that does; readings are for everybody."""
     used: dict[str, PlannedStep] = {}
     for planned in leaves(nodes):
+        if isinstance(planned.step, Orient):
+            used = {**dict.fromkeys(bench.axes, planned), **used}
         for key in ("role", "of"):
             role = getattr(planned.step, key, None)
             if role is None:

@@ -12,7 +12,8 @@ from bench.config.channels import period_s
 from bench.config.models import BenchFile
 from bench.sequence.custom import Custom, known_steps
 from bench.sequence.measuring import Acquire, Measure, Tare
-from bench.sequence.motion import REST_S, move_s, oscillation_s, rate_change_s
+from bench.sequence.motion import REST_S, move_s, oscillation_s, rate_change_s, way_s
+from bench.sequence.orienting import Orient, Pose, Unreachable, targets_deg
 from bench.sequence.plan import (
     PHASES,
     Alternatives,
@@ -130,6 +131,7 @@ class _Course:
         self._bench = bench
         self._state = BenchState(bench.simulation.chamber.start)
         self._settling = Settling(bench)
+        self._mount: str | None = None
         self._times = 1
         self.spans: list[Span] = []
 
@@ -193,6 +195,8 @@ class _Course:
         match step:
             case Move():
                 return self._move_s(step)
+            case Orient():
+                return self._orient_s(step)
             case Rotate():
                 return self._rotate_s(step)
             case Oscillate():
@@ -215,6 +219,7 @@ class _Course:
             case Note() | Alarm():
                 return COMMAND_S
             case Prompt():
+                self._mount = step.expect.mount if step.expect and step.expect.mount else self._mount
                 return min(ANSWER_S, step.give_up_after_s)
             case Custom():
                 return _custom_s(step)
@@ -228,6 +233,20 @@ class _Course:
             return step.settle_s
         self._state = replace(self._state, angles_deg={**self._state.angles_deg, step.role: target_deg})
         return move_s(step, from_deg, target_deg, self._options(step.role))
+
+    def _orient_s(self, step: Orient) -> float:
+        """One axis after the other; an attitude that is not reached takes no time, and is told by the check."""
+        try:
+            targets = targets_deg(step.attitude, self._bench, Pose(self._state.angles_deg, self._mount))
+        except Unreachable:
+            return step.settle_s
+        taken_s = step.settle_s
+        for role, target_deg in targets.items():
+            from_deg = self._angle_deg(role)
+            if target_deg != from_deg:
+                taken_s += way_s(step.approach, from_deg, target_deg, self._options(role))
+        self._state = replace(self._state, angles_deg={**self._state.angles_deg, **targets})
+        return taken_s
 
     def _rotate_s(self, step: Rotate) -> float:
         """With steps inside, the time until the rate is reached."""

@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 from bench.sequence.stimulus import Move, Oscillate, Rotate
+from drivers.capabilities import Approach
 
 SEEN_AFTER_S = 0.1  # an axis has arrived, until that is seen
 USUAL_RATE_DPS, USUAL_ACCELERATION_DPS2 = 20.0, 40.0  # of an axis whose driver has no such options
@@ -22,15 +23,20 @@ def travel_s(way_deg: float, rate_dps: float, acceleration_dps2: float) -> float
 
 
 def move_s(step: Move, from_deg: float, target_deg: float, options: Any) -> float:
-    """How long a move takes on an axis with these driver options, with its settling.
+    """How long a move takes on an axis with these driver options, with its settling."""
+    return way_s(step.approach, from_deg, target_deg, options) + step.settle_s
+
+
+def way_s(approach: Approach, from_deg: float, target_deg: float, options: Any) -> float:
+    """How long an axis with these driver options takes until it stands at an angle.
 
     An approach goes beyond the angle first only where the axis does not come from that side already.
     """
-    side = _SIDES[step.approach]
+    side = _SIDES[approach]
     begin_deg = target_deg + side * getattr(options, "approach_distance", 0.0)
     corners_deg = [from_deg, begin_deg, target_deg] if (from_deg - begin_deg) * side < 0 else [from_deg, target_deg]
     legs_deg = [there - here for here, there in pairwise(corners_deg)]
-    return sum(_leg_s(leg_deg, options) for leg_deg in legs_deg) + _hold_s(options) + step.settle_s
+    return sum(_leg_s(leg_deg, options) for leg_deg in legs_deg) + _hold_s(options)
 
 
 def rate_change_s(step: Rotate, options: Any) -> float:

@@ -12,7 +12,7 @@ from bench.sequence.checks_method import (
     too_few_repetitions,
     too_few_temperatures,
 )
-from bench.sequence.checks_motion import forbidden_angle, short_acquisition
+from bench.sequence.checks_motion import forbidden_angle, short_acquisition, unreachable_attitude
 from bench.sequence.checks_names import unused_need, unused_parameter
 from bench.sequence.checks_safety import left_cold, left_energised, limit_below_window, no_teardown
 from bench.sequence.checks_structure import shared_device, unreachable
@@ -23,6 +23,7 @@ RULES = (
     Rule("left-energised", "error", "every output is off after the teardown", left_energised),
     Rule("shared-device", "error", "branches done at the same time have devices of their own", shared_device),
     Rule("forbidden-angle", "error", "the head keeps away from what the fixture forbids", forbidden_angle),
+    Rule("unreachable-attitude", "error", "the table reaches every attitude", unreachable_attitude),
     Rule("source-unplugged", "error", "a source is on only while it feeds the converter", source_unplugged),
     Rule("no-converter", "error", "a channel has a converter whose temperature is read", no_converter),
     Rule("too-few-angles", "error", "a tumble has the angles that its constants need", too_few_angles),

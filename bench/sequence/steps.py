@@ -9,6 +9,7 @@ from __future__ import annotations
 from bench.sequence.blocks import Block, Call, ForEach, Group, If, Parallel, Repeat, Retry, While
 from bench.sequence.custom import Custom
 from bench.sequence.measuring import Acquire, Measure, Tare
+from bench.sequence.orienting import Orient
 from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.talk import Alarm, Note, Prompt
 from bench.sequence.waits import Soak, Wait, WaitUntil
@@ -18,13 +19,13 @@ from drivers.units import quoted
 from drivers.wording import expected, telling
 
 Step = (
-    Move | Rotate | Oscillate | SetOutput | Ramp | Soak | Wait | WaitUntil | Acquire | Measure | Tare | Prompt | Note
-    | Alarm | Custom
+    Move | Orient | Rotate | Oscillate | SetOutput | Ramp | Soak | Wait | WaitUntil | Acquire | Measure | Tare | Prompt
+    | Note | Alarm | Custom
 )  # fmt: skip
 STEPS: dict[str, type[Step]] = {
-    "move": Move, "rotate": Rotate, "oscillate": Oscillate, "set": SetOutput, "ramp": Ramp, "soak": Soak, "wait": Wait,
-    "wait_until": WaitUntil, "acquire": Acquire, "measure": Measure, "tare": Tare, "prompt": Prompt, "note": Note,
-    "alarm": Alarm, "custom": Custom,
+    "move": Move, "orient": Orient, "rotate": Rotate, "oscillate": Oscillate, "set": SetOutput, "ramp": Ramp,
+    "soak": Soak, "wait": Wait, "wait_until": WaitUntil, "acquire": Acquire, "measure": Measure, "tare": Tare,
+    "prompt": Prompt, "note": Note, "alarm": Alarm, "custom": Custom,
 }  # fmt: skip
 BLOCKS: dict[str, type[Step | Block]] = {
     **STEPS, "for_each": ForEach, "repeat": Repeat, "group": Group, "if": If, "while": While, "parallel": Parallel,

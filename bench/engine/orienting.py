@@ -1,0 +1,44 @@
+"""Turns the axes of a table until the units point as a step says."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from bench.errors import StepError
+from bench.sequence.orienting import Orient, Pose, Unreachable, targets_deg
+
+if TYPE_CHECKING:  # which calls the functions here
+    from bench.engine.actions import Bench
+
+
+async def orient(step: Orient, bench: Bench) -> Mapping[str, Any]:
+    """One axis after the other, the outer first; an axis that stands there already is not moved."""
+    pose = Pose({role: await _angle_deg(role, bench) for role in bench.file.axes}, bench.journal.state.mount)
+    try:
+        targets = targets_deg(step.attitude, bench.file, pose)
+    except Unreachable as problem:
+        raise StepError(f"{problem}. Nothing was sent.") from None
+    stands_deg: dict[str, float] = {}
+    for role, target_deg in targets.items():
+        if target_deg == pose.angles_deg[role]:
+            continue
+        bench.angles_deg.pop(role, None)
+        reading = await bench.rig.positioner(role).move_to(target_deg, approach=step.approach, settle_s=0.0)
+        bench.angles_deg[role], stands_deg[role] = target_deg, reading.value
+    await asyncio.sleep(step.settle_s)
+    return {"attitude": str(step.attitude), "angles_deg": stands_deg}
+
+
+async def stop_axes(bench: Bench) -> None:
+    """Brings every axis of the table to rest."""
+    for role in bench.file.axes:
+        await bench.rig.positioner(role).stop()
+
+
+async def _angle_deg(role: str, bench: Bench) -> float:
+    """Where the last move went, or, when that is not known, where the axis stands."""
+    if role not in bench.angles_deg:
+        return (await bench.rig.positioner(role).angle()).value
+    return bench.angles_deg[role]
