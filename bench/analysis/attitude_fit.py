@@ -48,8 +48,8 @@ class AccelerometerFit:
         return np.where(np.arange(3) == self.axis, 0.0, self.fit.coefficients[1:4] / self._k1)
 
     @property
-    def u(self) -> Array:
-        """Standard uncertainties, type A, of K0, K1, K2, and the misalignments x, y and z: (6,)."""
+    def weights(self) -> Array:
+        """What K0, K1, K2 and the misalignments x, y and z change by for a change of each reading used: (6, n)."""
         own = 1 + self.axis
         ratios = (0, 4, 1, 2, 3)
         jacobian = np.zeros((6, 5))
@@ -58,7 +58,12 @@ class AccelerometerFit:
             jacobian[row, own] -= self.fit.coefficients[column] / self._k1**2
         jacobian[2 + own] = 0  # an axis has no misalignment against itself
         jacobian[1, own] = 1
-        return np.asarray(self.fit.residual_sd * np.linalg.norm(jacobian @ self.fit.gain, axis=-1))
+        return np.asarray(jacobian @ self.fit.gain)
+
+    @property
+    def u(self) -> Array:
+        """Standard uncertainties, type A, of K0, K1, K2, and the misalignments x, y and z: (6,)."""
+        return np.asarray(self.fit.residual_sd * np.linalg.norm(self.weights, axis=-1))
 
     @property
     def _k1(self) -> np.float64:
@@ -67,12 +72,16 @@ class AccelerometerFit:
 
 @dataclass(frozen=True, slots=True)
 class GyroFit:
-    """Zero in pulse/s and sensitivity to x, y and z in pulse/s/g (3,), NaN where it is not determined; u is type A."""
+    """Zero in pulse/s and sensitivity to x, y and z in pulse/s/g (3,), NaN where it is not determined; u is type A.
+
+    `weights` (4, n) are what zero and sensitivities change by for a change of each reading used.
+    """
 
     d0_pps: float
     g_sensitivity_pps_per_g: Array
     u_d0_pps: float
     u_g_sensitivity_pps_per_g: Array
+    weights: Array
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -125,7 +134,7 @@ def _gyro(fit: LinearFit, known: list[bool]) -> GyroFit:
     """The first four coefficients; sensitivities that are not `known` are NaN."""
     u = fit.residual_sd * np.linalg.norm(fit.gain, axis=-1)
     sensitivity, u_sensitivity = (np.where(known, values[1:4], math.nan) for values in (fit.coefficients, u))
-    return GyroFit(float(fit.coefficients[0]), sensitivity, float(u[0]), u_sensitivity)
+    return GyroFit(float(fit.coefficients[0]), sensitivity, float(u[0]), u_sensitivity, fit.gain[:4])
 
 
 def _g_sensitivities() -> list[str]:

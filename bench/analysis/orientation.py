@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -31,6 +32,13 @@ def turned_axes(
 
     `x` and `z` are where those of the fixture point while all angles are 0; the unit is raised by `own_deg` in it.
     """
+    return _turned_axes(tuple(turns), x, z, mount, own_deg, level_deg).copy()
+
+
+@lru_cache(maxsize=512)  # a table goes to the same angles again and again
+def _turned_axes(
+    turns: tuple[tuple[Vector, float], ...], x: Vector, z: Vector, mount: Mount, own_deg: float, level_deg: float
+) -> Array:
     turned = Rotation.from_rotvec(math.radians(level_deg) * SOUTH)
     for points, angle_deg in turns:
         turned *= Rotation.from_rotvec(math.radians(angle_deg) * np.array(points))

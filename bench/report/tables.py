@@ -97,8 +97,8 @@ def at_dwells(unit: UnitResult) -> dict[int, dict[str, Finding]]:
 
 
 def over_run(unit: UnitResult) -> list[Finding]:
-    """The findings that are not those of one dwell."""
-    return [finding for finding in unit.findings if "dwell" not in finding.at]
+    """The findings that are not those of one dwell, or of one visit of a set point, which its method shows itself."""
+    return [finding for finding in unit.findings if not {"dwell", "visit"} & finding.at.keys()]
 
 
 def dwell_numbers(unit: UnitResult) -> dict[str, int]:

@@ -44,7 +44,11 @@ SOURCES = (
     "asymmetry of the converter", "read-outs", "points", "accelerometer", "source",
     "lag behind the thermometer, and the unit's response to the rate",
 )  # fmt: skip
-CONTENTS = {"contains:K3": "contains K3", "contains:asymmetry": "contains the asymmetry of converter or voltmeter"}
+CONTENTS = {
+    "contains:K2": "contains K2",
+    "contains:K3": "contains K3",
+    "contains:asymmetry": "contains the asymmetry of converter or voltmeter",
+}
 
 _READINGS = {
     "too_few_latches": "fewer than half of its counter readings came",
@@ -57,6 +61,7 @@ _READINGS = {
     "too_few_voltages": "fewer than two readings of the voltmeter",
     "no_temperature": "no temperature of the unit",
     "thermometer": "a temperature that a working thermometer cannot say",
+    "no_attitude": "the unit stood in none of the 24 attitudes, or was turned about none of its axes",
     "missing": "a counter or a thermometer gave nothing",
     "saturated": "as many pulses as the converter can give: its input is beyond its range",
     "stuck": "no pulse for much longer than the other rates let expect",
@@ -145,6 +150,14 @@ _PARTS = {
     "not_zero": "the source gave nothing, and the channel counted: is the accelerometer still connected?",
     "another_angle": "left out: the part has legs at another angle, and the method is of one.",
 }
+_ATTITUDES = {
+    "missing_position": "Set point {set_c} °C: attitude {what} has no usable reading; its axis is left out there.",
+    "missing_rate": "Set point {set_c} °C: rates about {what} are missing; the axis is left out there.",
+    "attitude_inconsistent": (
+        "Set point {set_c} °C: in attitude {what} the unit seems to have stood otherwise; its axis is left out there."
+    ),
+}
+_ATTITUDE = re.compile(r"T=(\S+?):(\w+):(\w+)")
 _SAMPLES = re.compile(r"(?:(.+): )?(\d+) samples(?:: (\w+))")
 _LEFT = re.compile(r"(\d+) readings: (\w+)")
 _DIFFER = re.compile(r"ends_differ_after:(\d+)")
@@ -155,6 +168,9 @@ def flag_in_words(flag: str) -> str:
     """A flag of a unit as a sentence; one that is not known here as it stands."""
     if flag in _UNITS:
         return tr(_UNITS[flag])
+    attitude = _ATTITUDE.fullmatch(flag)
+    if attitude and attitude[2] in _ATTITUDES:
+        return tr(_ATTITUDES[attitude[2]], set_c=attitude[1], what=attitude[3])
     incomplete = _INCOMPLETE.fullmatch(flag)
     if incomplete:
         number, missing = incomplete.groups()
@@ -267,6 +283,8 @@ def _dwells_in_words(at: Mapping[str, Any], dwells: Mapping[str, int]) -> Iterat
 def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
     """The conditions of a finding: "dwell 5, set point 70 °C, rising"; `dwells` are the numbers of the dwells."""
     parts = [*_levels_in_words(at), *_dwells_in_words(at, dwells)]
+    if "axis" in at:
+        parts.insert(0, tr("axis {axis}", axis=at["axis"] + at.get("toward", "")))
     if at.get("temperature_set_c") is not None:
         parts.append(tr("set point {set_c} °C", set_c=f"{at['temperature_set_c']:g}"))
     elif "temperature_c" in at:

@@ -1,0 +1,344 @@
+"""What is found of one axis of an inertial unit at one visit of a set point, each with its budget (methods.md 4.4)."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.analysis.attitude_errors import TableErrors, table_errors
+from bench.analysis.attitude_fit import AttitudeFits
+from bench.analysis.attitudes import AXES, EARTH_RATE_DPS, SPECIFIC_FORCE_G, block
+from bench.analysis.finding import BudgetLine, Finding, combined
+from bench.analysis.fit import NotDetermined, least_squares
+from bench.analysis.imu_calibration import AxisCalibration
+from bench.analysis.imu_windows import Turning, Visit
+from bench.analysis.rundata import Acquisition, Array, BenchRecord, UnitUnderTest
+
+READINGS = "readings: scatter pooled over the run"
+UP = np.array([0.0, 0.0, 1.0])
+UNITS = {
+    "K0": "g", "K1": "pulse/s/g", "K1_si": "pulse/s/(m/s²)", "D0": "°/s", "KG": "pulse/°", "K2": "g/g²",
+    "misalignment": "rad", "gyro_misalignment": "rad", "g_sensitivity": "°/s/g",
+}  # fmt: skip
+NAMES = {
+    "K0": "bias of the accelerometer, from the attitudes in which its axis is vertical",
+    "K1": "scale factor of the accelerometer, per local g",
+    "K1_si": "scale factor of the accelerometer, per m/s²",
+    "D0": "zero of the gyro",
+    "KG": "scale factor of the gyro",
+    "K2": "second-order nonlinearity of the accelerometer, and the converter's asymmetry in it",
+    "misalignment": "how much the accelerometer sees of another axis",
+    "gyro_misalignment": "how much the gyro sees of a rate about another axis",
+    "g_sensitivity": "what specific force along an axis adds to the gyro's rate",
+}
+CONTAINS = {
+    "K0": ("contains:K2",), "K1": ("contains:K3",), "K1_si": ("contains:K3",), "K2": ("contains:asymmetry",),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """The scatter of one reading in pulse/s about its fit, pooled over the run, and its degrees of freedom."""
+
+    accelerometer: tuple[float, int]
+    gyro_at_rest: tuple[float, int]
+    gyro_turning: tuple[float, int]
+
+
+@dataclass(frozen=True, slots=True)
+class AxisAtVisit:
+    """One axis at one visit, and all that its budgets need.
+
+    `slopes` are those of K0, K1, D0 and KG over temperature, in their units, NaN where they are not known; `used` (24,)
+    are the attitudes that the fit over all of them has of the accelerometer. `accelerometer_c` and `gyro_c` (24,) are
+    the temperatures in each attitude, which is not quite that of the findings: that is a mean over rates too. `errors`
+    are those of the table in all attitudes, of those that are missing any.
+    """
+
+    label: str
+    unit: UnitUnderTest
+    bench: BenchRecord
+    visit: Visit
+    axis: int
+    calibration: AxisCalibration
+    fits: AttitudeFits
+    noise: Noise
+    slopes: Mapping[str, float]
+    used: NDArray[np.bool_]
+    accelerometer_c: Array
+    gyro_c: Array
+    errors: TableErrors
+
+    def findings(self) -> Iterator[Finding]:
+        """All of them."""
+        yield from self._accelerometer()
+        yield from self._gyro()
+        yield from self._over_attitudes()
+        yield from self._turned_about_others()
+
+    # The means over the own block
+
+    def _accelerometer(self) -> Iterator[Finding]:
+        one, k1 = self.calibration, self.calibration.k1_pps_per_g
+        errors = self.errors.of(self._own)
+        seen = [k1 * each for each in errors.seen(UP, self.axis)]
+        gain = one.accelerometer.gain
+        bias = gain[0] / k1 - one.k0_pps / k1**2 * gain[1]
+
+        def table(weights: Array) -> list[BudgetLine]:
+            return [_shared(name, u) for name, u in errors.propagated(seen, weights).items()]
+
+        scatter = self.noise.accelerometer
+        yield self._finding(
+            "K0", one.k0_pps / k1, [_scatter(scatter, bias), *table(bias), self._thermometer("K0", one.accelerometer_c),
+            self._warming(bias @ self._moved_pps(self._own)),
+            BudgetLine("K2 of the accelerometer: contained, inseparable in these attitudes", "alias", 0)],
+        )  # fmt: skip
+        clock = _shared("counter: time base", abs(k1) * self.bench.time_base_u)
+        thermometer = self._thermometer("K1", one.accelerometer_c)
+        warming = self._warming(gain[1] @ self._moved_pps(self._own))
+        scale = self._finding("K1", k1, [_scatter(scatter, gain[1]), *table(gain[1]), clock, thermometer, warming])
+        yield scale
+        g, u_g = self.bench.gravity_mps2, self.bench.gravity_u_mps2
+        lines = [BudgetLine("K1", "B", scale.u / g, scale.dof, scale.id), _shared("site: gravity", k1 / g * u_g / g)]
+        yield self._finding("K1_si", k1 / g, lines)
+
+    def _gyro(self) -> Iterator[Finding]:
+        one, kg = self.calibration, self.calibration.kg_pulse_per_deg
+        errors = self.errors.of(self._own)
+        seen = errors.seen(self._earth(), self.axis)
+        zero_dps = one.d0_pps / kg
+        gain = one.gyro_at_rest.gain[0]
+        turning = one.gyro_turning.gain[1]
+        lines = [
+            _scatter(self.noise.gyro_at_rest, gain / kg),
+            _scatter(self.noise.gyro_turning, turning * zero_dps / kg, "readings of the rates: scatter"),
+            *(_shared(name, u) for name, u in errors.propagated(seen, gain).items()),
+            _shared("counter: time base", abs(zero_dps) * self.bench.time_base_u),
+            self._thermometer("D0", one.gyro_c),
+            self._warming(self._slope("D0") * (np.mean(self.gyro_c[self._own]) - one.gyro_c)),
+        ]
+        yield self._finding("D0", zero_dps, lines)
+        rates = self.visit.turned(self.axis)
+        yield self._finding(
+            "KG", kg, [
+                _scatter(self.noise.gyro_turning, turning),
+                *(_shared(name, abs(kg) * u) for name, u in self._table_rates(rates).items()),
+                _shared("earth rate in partial turns", abs(kg) * self._leakage(rates)),
+                self._thermometer("KG", one.gyro_c),
+                self._warming(self._slope("KG") * (self._turned_c(rates) - one.gyro_c)),
+            ],
+        )  # fmt: skip
+
+    def _table_rates(self, rates: list[Turning]) -> dict[str, float]:
+        """What the harmonics of the encoder leave in the scale factor, relative: nothing over exactly whole turns."""
+        weights, found = self._rate_weights(rates), {}
+        for role, axis in self.bench.axes.items():
+            parts = [
+                u_deg * sum(weight * _change(each, role, order) for weight, each in zip(weights, rates, strict=True))
+                for order, u_deg in enumerate(axis.harmonics_u_deg, start=1)
+            ]
+            found[f"{role}: harmonics"] = float(np.linalg.norm(parts))  # of cosines and sines together
+        return found
+
+    def _leakage(self, rates: list[Turning]) -> float:
+        """What earth rate across a misaligned gyro leaves, relative; it is gone over whole turns (methods.md 4.3)."""
+        across_dps = EARTH_RATE_DPS * math.cos(math.radians(self.bench.latitude_deg))
+        total = 0.0
+        for weight, each in zip(self._rate_weights(rates), rates, strict=True):
+            turned = each.acquisition.turned
+            half = math.radians(turned.to_deg - turned.from_deg) / 2 if turned is not None else math.pi
+            total += (weight * across_dps * self._gyro_misalignment_rad() * math.sin(half) / half) ** 2
+        return math.sqrt(total)
+
+    def _rate_weights(self, rates: list[Turning]) -> Array:
+        """What the scale factor changes by, relative, for an error of each rate in °/s."""
+        rate_dps = np.array([each.rate_dps for each in rates])
+        away = rate_dps - rate_dps.mean()
+        return np.asarray(away / np.sum(away**2))
+
+    def _gyro_misalignment_rad(self) -> float:
+        """The largest that the rates about other axes show; 1 mrad where they show none."""
+        found = [abs(value) for other in self._others if (value := self._cross(other)[0]) is not None]
+        return max(found, default=1e-3)
+
+    # All 24 attitudes
+
+    def _over_attitudes(self) -> Iterator[Finding]:
+        accelerometer, gyro = self.fits.accelerometers[self.axis], self.fits.gyros[self.axis]
+        if accelerometer is not None:
+            errors = self.errors.of(np.flatnonzero(self.used).tolist())
+            seen = [accelerometer.k1_pps_per_g * each for each in errors.seen(UP, self.axis)]
+
+            def table(weights: Array) -> list[BudgetLine]:
+                return [_shared(name, u) for name, u in errors.propagated(seen, weights).items()]
+
+            scatter, weights = self.noise.accelerometer, accelerometer.weights
+            moved_pps = self._moved_pps(np.flatnonzero(self.used).tolist())
+            yield self._finding(
+                "K2", accelerometer.k2_g_per_g2, [_scatter(scatter, weights[2]), *table(weights[2]),
+                self._warming(weights[2] @ moved_pps),
+                BudgetLine("asymmetry of the converter: contained, inseparable", "alias", 0)],
+            )  # fmt: skip
+            for other in self._others:
+                value, row = float(accelerometer.misalignment_rad[other]), weights[3 + other]
+                lines = [_scatter(scatter, row), *table(row), self._warming(row @ moved_pps)]
+                yield self._finding("misalignment", value, lines, toward=other)
+        if gyro is not None:
+            kg = self.calibration.kg_pulse_per_deg
+            for other in range(len(AXES)):
+                value = float(gyro.g_sensitivity_pps_per_g[other]) / kg
+                if math.isfinite(value):
+                    line = _scatter(self.noise.gyro_at_rest, gyro.weights[1 + other] / kg)
+                    yield self._finding("g_sensitivity", value, [line], toward=other)
+
+    # Rates about other axes
+
+    def _turned_about_others(self) -> Iterator[Finding]:
+        for other in self._others:
+            value, gain = self._cross(other)
+            if value is None or gain is None:
+                continue
+            rates = self.visit.turned(other)
+            errors = table_errors([rates[0].acquisition], self.unit, self.bench)
+            lines = [
+                _shared(source.name, abs(float(effect[0])) * source.u_rad)
+                for source, effect in zip(errors.sources, errors.seen(UP, self.axis), strict=True)
+                if not source.name.startswith("fixture: level")  # the axis of the table is tilted with it
+            ]
+            yield self._finding(
+                "gyro_misalignment", value, [_scatter(self.noise.gyro_turning, gain), *_merged(lines)], toward=other
+            )
+
+    def _cross(self, other: int) -> tuple[float | None, Array | None]:
+        """The slope of this gyro over the rates about another axis, over its scale; and what readings do to it."""
+        rates = self.visit.turned(other)
+        channel = self.unit.channels[f"gyro_{AXES[self.axis]}"]
+        rate_dps = np.array([each.rate_dps for each in rates])
+        pps = np.array([each.acquisition.windows[channel].net_pps for each in rates])
+        good = np.isfinite(pps) & np.isfinite(rate_dps)
+        try:
+            fit = least_squares(np.stack([np.ones(good.sum()), rate_dps[good]], axis=-1), pps[good])
+        except NotDetermined:
+            return None, None
+        kg = self.calibration.kg_pulse_per_deg
+        return float(fit.coefficients[1] / kg), fit.gain[1] / kg
+
+    # Parts of findings
+
+    def _windows(self, attitudes: Iterable[int]) -> list[Acquisition]:
+        """The windows of attitudes that there are."""
+        return [window for index in attitudes if (window := self.visit.window_of(index)) is not None]
+
+    @property
+    def _own(self) -> range:
+        own = block(self.axis)
+        return range(own.start, own.stop)
+
+    @property
+    def _others(self) -> list[int]:
+        return [other for other in range(len(AXES)) if other != self.axis]
+
+    def _earth(self) -> Array:
+        latitude = math.radians(self.bench.latitude_deg)
+        return EARTH_RATE_DPS * np.array([0.0, math.cos(latitude), math.sin(latitude)])
+
+    def _thermometer(self, quantity: str, temperature_c: float) -> BudgetLine:
+        name = self.unit.temperature if quantity in ("K0", "K1") else self.unit.gyro_temperature
+        slope = self.slopes.get(quantity, math.nan)
+        u = 0.0 if math.isnan(slope) else abs(slope) * self.temperature_u_c(name, temperature_c)
+        return BudgetLine(f"{name}: offset, gain", "B", u, None, name)
+
+    def _slope(self, quantity: str) -> float:
+        """Over temperature; 0 where it is not known."""
+        slope = self.slopes.get(quantity, math.nan)
+        return 0.0 if math.isnan(slope) else slope
+
+    def _moved_pps(self, attitudes: Sequence[int]) -> Array:
+        """What the accelerometer's readings in attitudes are off because it was not yet as warm as in the mean."""
+        away_c = self.accelerometer_c[attitudes] - self.calibration.accelerometer_c
+        force_g, k1 = SPECIFIC_FORCE_G[attitudes, self.axis], self.calibration.k1_pps_per_g
+        bias_g = self.calibration.k0_pps / k1
+        moved = away_c * (k1 * self._slope("K0") + (force_g + bias_g) * self._slope("K1"))
+        return np.where(np.isfinite(moved), moved, 0.0)
+
+    def _turned_c(self, rates: list[Turning]) -> float:
+        """The temperature of the gyro while it was turned."""
+        name = self.unit.gyro_temperature
+        return float(np.mean([each.acquisition.temperatures_c[name].mean() for each in rates]))
+
+    def _warming(self, moved: float | np.floating) -> BudgetLine:
+        """What the change of temperature during a visit does, which is not corrected."""
+        return BudgetLine("temperature: changes during the visit", "B", abs(float(moved)))
+
+    def temperature_u_c(self, name: str, temperature_c: float) -> float:
+        """The standard uncertainty of a thermometer at a temperature."""
+        offset_c, gain = self.bench.thermometers_u.get(name, (0.0, 0.0))
+        return math.hypot(offset_c, gain * temperature_c)
+
+    def _finding(self, quantity: str, value: float, lines: list[BudgetLine], toward: int | None = None) -> Finding:
+        of_gyro = quantity in ("D0", "KG", "g_sensitivity", "gyro_misalignment")
+        name = self.unit.gyro_temperature if of_gyro else self.unit.temperature
+        temperature_c = self.calibration.gyro_c if of_gyro else self.calibration.accelerometer_c
+        path = f"{AXES[self.axis]}{'' if toward is None else AXES[toward]}/{quantity}"
+        return Finding(
+            id=f"{self.label}/{self.unit.place}/{path}" + (f"@{self.visit.path}" if self.visit.path else ""),
+            uut=self.unit.serial,
+            quantity=quantity,
+            name=NAMES[quantity],
+            at={
+                "visit": self.visit.number,
+                "axis": AXES[self.axis],
+                **({"toward": AXES[toward]} if toward is not None else {}),
+                "temperature_set_c": None if math.isnan(self.visit.set_c) else self.visit.set_c,
+                "temperature_c": temperature_c,
+                "temperature_u_c": self.temperature_u_c(name, temperature_c),
+            },
+            value=value,
+            unit=UNITS[quantity],
+            budget=combined(lines),
+            steps=self._steps(of_gyro, toward),
+            flags=CONTAINS.get(quantity, ()),
+        )
+
+    def _steps(self, of_gyro: bool, toward: int | None) -> tuple[str, ...]:
+        if toward is not None and of_gyro:
+            return tuple(each.acquisition.step for each in self.visit.turned(toward))
+        return tuple(window.step for window in self._windows(self._own))
+
+
+def _scatter(noise: tuple[float, int], gain: Array, name: str = READINGS) -> BudgetLine:
+    sd_pps, dof = noise
+    return BudgetLine(name, "A", sd_pps * float(np.linalg.norm(gain)), dof)
+
+
+def _shared(name: str, u: float | np.floating) -> BudgetLine:
+    """A type B line; what is drawn anew for each attitude is common to nothing."""
+    shared = None if name.endswith("repeatability") else name.replace(": ", ".")
+    return BudgetLine(name, "B", float(u), None, shared)
+
+
+def _merged(lines: list[BudgetLine]) -> list[BudgetLine]:
+    """Lines of one name as one."""
+    squares: dict[str, float] = {}
+    for line in lines:
+        squares[line.source] = squares.get(line.source, 0.0) + line.u**2
+    return [_shared(name, math.sqrt(square)) for name, square in squares.items()]
+
+
+def _change(turning: Turning, role: str, order: int) -> complex:
+    """What a harmonic of an axis's error changes the mean rate of a rotation by, for amplitudes of 1° each; °/s.
+
+    The real part is that of its cosine, the imaginary part that of its sine.
+    """
+    turned = turning.acquisition.turned
+    if turned is None or turned.axis != role:
+        return 0.0
+    ends = (cmath.exp(1j * order * math.radians(angle_deg)) for angle_deg in (turned.from_deg, turned.to_deg))
+    begin, end = ends
+    return (end - begin) / (turned.to_s - turned.from_s)
