@@ -39,8 +39,7 @@ def role_problems(step: Step, needs: Mapping[str, str], bench: BenchFile | None)
         case Wait() | Note() | Alarm() | Prompt():
             return
         case Orient():
-            if bench is not None and (problem := _without_axes(bench)):
-                yield "orient", problem
+            yield from _without_axes(bench)
         case WaitUntil() if step.steady is not None:
             if problem := problem_with_counting(step.reading, needs, bench):
                 yield "wait_until", problem
@@ -65,14 +64,13 @@ def _role(role: str, key: str, kinds: tuple[str, ...], needs: Mapping[str, str])
         yield key, f"'{key}' needs a {' or '.join(kinds)}, '{role}' is a {kind}"
 
 
-def _without_axes(bench: BenchFile) -> str:
-    """Why nothing can be oriented on a bench; "" when something can."""
-    if not bench.axes:
-        return "the bench has no axes: its fixture names none, and there is no head"
-    for role in bench.axes:
+def _without_axes(bench: BenchFile | None) -> Found:
+    """Why nothing can be oriented on a bench."""
+    if bench is not None and not bench.axes:
+        yield "orient", "the bench has no axes: its fixture names none, and there is no head"
+    for role in bench.axes if bench is not None else ():
         if "positioner" not in bench.devices[role].description.capabilities:
-            return f"'{role}' turns at rates only; it cannot be sent to an angle"
-    return ""
+            yield "orient", f"'{role}' turns at rates only; it cannot be sent to an angle"
 
 
 def _kind_of_level(step: SetOutput, kind: str | None) -> Found:

@@ -76,7 +76,7 @@ def _attitude(raw: Any, info: Any) -> Attitude:
     letters = ATTITUDES.get(raw, raw.upper())
     if len(letters) == len(AXES) and all(letter in _LETTERS for letter in letters):
         return Attitude(_right_handed(tuple(_LETTERS[letter] for letter in letters)))
-    raise telling(f"there is no attitude {quoted(raw)}{did_you_mean(raw, ATTITUDES)}; write {{x: up, y: east}} or UEN")
+    raise telling(f"there is no attitude {quoted(raw)}, write {{x: up, y: east}} or UEN{did_you_mean(raw, ATTITUDES)}")
 
 
 def _of_axes(raw: Mapping[str, Any]) -> Rows:

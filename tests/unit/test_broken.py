@@ -18,10 +18,16 @@ from tests.support.sequences import BENCH, ROOT
 FOLDER = ROOT / "tests/broken"
 _FORBIDDEN = (AngleRange(min="40°", max="50°"),)
 CHANNEL = load_bench(ROOT / "config/channel.yaml").bench
+TWO_AXES = load_bench(ROOT / "config/imu_two_axis.yaml").bench
 FORBIDS = BENCH.model_copy(update={"fixture": BENCH.fixture.model_copy(update={"forbidden": _FORBIDDEN})})
 _UNKNOWN = {name: place.model_copy(update={"nominal": None}) for name, place in BENCH.places.items()}
 WITHOUT_NOMINAL = BENCH.model_copy(update={"places": _UNKNOWN})
-BENCHES = {"forbidden": FORBIDS, "without_nominal": WITHOUT_NOMINAL, "unsuited_ramp": CHANNEL}  # by part of a name
+BENCHES = {  # by part of a name
+    "forbidden": FORBIDS,
+    "without_nominal": WITHOUT_NOMINAL,
+    "unsuited_ramp": CHANNEL,
+    "unreachable_attitude": TWO_AXES,
+}
 BROKEN = sorted([*FOLDER.glob("*.yaml"), *FOLDER.glob("calls/call_*.yaml")])
 GOOD = sorted((FOLDER / "good").glob("*.yaml"))
 SHIPPED = sorted((ROOT / "sequences").glob("*.yaml"))
@@ -29,6 +35,8 @@ SHIPPED = sorted((ROOT / "sequences").glob("*.yaml"))
 
 ELSEWHERE = {  # on benches of their own
     "indexing_static": ("indexing", "indexing_pulses"),
+    "imu_24_position": ("imu",),
+    "imu_two_mountings": ("imu_two_axis",),
     **dict.fromkeys(("channel_full", "channel_gravity", "channel_skew", "channel_source"), ("channel",)),
 }
 
@@ -50,16 +58,19 @@ def found_in(path, bench=BENCH, **wishes):
     return [line.removeprefix(f"{path}:").replace(f"{path.parent}/", "") for line in told]
 
 
+def bench_of(path):
+    return BENCHES.get(next((part for part in BENCHES if part in path.stem), ""), BENCH)
+
+
 @pytest.mark.parametrize("path", BROKEN, ids=lambda path: path.stem)
 def test_a_broken_sequence_is_told_its_one_fault_at_its_place(path):
     (expected,) = expected_of(path)
-    bench = BENCHES.get(next((part for part in BENCHES if part in path.stem), ""), BENCH)
-    assert found_in(path, bench) == [expected]
+    assert found_in(path, bench_of(path)) == [expected]
 
 
 @pytest.mark.parametrize("path", GOOD, ids=lambda path: path.stem)
 def test_a_good_sequence_is_told_nothing(path):
-    assert found_in(path) == []
+    assert found_in(path, bench_of(path)) == []
 
 
 def test_there_are_sequences_for_every_rule():
