@@ -66,9 +66,11 @@ def _role(role: str, key: str, kinds: tuple[str, ...], needs: Mapping[str, str])
 
 def _without_axes(bench: BenchFile | None) -> Found:
     """Why nothing can be oriented on a bench."""
-    if bench is not None and not bench.axes:
+    if bench is None:
+        return
+    if not bench.axes:
         yield "orient", "the bench has no axes: its fixture names none, and there is no head"
-    for role in bench.axes if bench is not None else ():
+    for role in bench.axes:
         if "positioner" not in bench.devices[role].description.capabilities:
             yield "orient", f"'{role}' turns at rates only; it cannot be sent to an angle"
 
