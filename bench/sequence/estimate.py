@@ -109,11 +109,11 @@ def estimate(plan: Plan, bench: BenchFile) -> Estimate:
 
 
 def _size_bytes(spans: tuple[Span, ...], total_s: float, bench: BenchFile) -> int:
-    counters = set(bench.with_capability("pulse_counter"))
+    meters = set(bench.with_capability("voltmeter"))
     counting_s = sum(
         span.duration_s * span.times
         for span in spans
-        if isinstance(span.step.step, Acquire) and counters & set(bench.acquired_from(span.step.step.role))
+        if isinstance(span.step.step, Acquire) and not meters & set(bench.acquired_from(span.step.step.role))
     )
     latch_s = min(
         (getattr(entry.options, "period", 1.0) for entry in bench.devices.values()
