@@ -31,3 +31,4 @@ class AxisUncertainty(StrictModel):
     zero: Arcseconds = Field(0.0, description="of the angle 0°")
     harmonics: tuple[Arcseconds, ...] = Field((), description="1, 2, … of the error over a turn")
     repeatability: Arcseconds = Field(0.0, description="of coming to the same angle again")
+    wobble: Arcseconds = Field(0.0, description="by how much the axis tilts to and fro once a turn")

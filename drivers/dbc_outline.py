@@ -9,7 +9,9 @@ from collections.abc import Iterator
 # replaced when the file is read.
 UNITS = {"degC": "°C", "DegC": "°C", "deg C": "°C", "\N{REPLACEMENT CHARACTER}C": "°C"}
 _MESSAGE = re.compile(r"^\s*BO_\s+\d+\s+(\w+)\s*:", re.ASCII)
+_FRAME = re.compile(r"^\s*BO_\s+(\d{1,10})\s+(\w+)\s*:\s*(\d{1,2})\b", re.ASCII)
 _SIGNAL = re.compile(r'^\s*SG_\s+(\w+)\s*:([^"]*)"([^"]*)"', re.ASCII)
+EXTENDED = 1 << 31  # in the id of a message whose identifier has 29 bits
 _LENGTH = re.compile(r"\|(\d{1,2})@", re.ASCII)
 
 
@@ -21,6 +23,20 @@ def outline(text: str) -> dict[str, str]:
 def lengths_bits(text: str) -> dict[str, int]:
     """`Message.Signal` → length in bits, as far as the text tells it."""
     return {name: int(found[1]) for name, layout, _ in _signals(text) if (found := _LENGTH.search(layout))}
+
+
+def frames_bits(text: str) -> dict[str, int]:
+    """The bits that a frame of each message takes on the bus at most, stuffed ones and the gap after it included.
+
+    R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien, Controller Area Network (CAN) schedulability analysis, Real-Time
+    Systems 35 (2007) 239, equation (1): g + 8 s + 13 + (g + 8 s - 1) // 4 for s bytes, g = 34, or 54 with 29-bit ids.
+    """
+    found = {}
+    for line in text.splitlines():
+        if match := _FRAME.match(line):
+            stuffed = (54 if int(match[1]) & EXTENDED else 34) + 8 * int(match[3])
+            found[match[2]] = stuffed + 13 + (stuffed - 1) // 4
+    return found
 
 
 def _signals(text: str) -> Iterator[tuple[str, str, str]]:

@@ -19,7 +19,7 @@ from drivers.acutronic_acl.wire import (
     Supervisor,
 )
 from simulators.faults import FaultPlan
-from simulators.motion import Slew
+from simulators.profiles import Slew
 from simulators.world import World
 
 BRAKE_DPS2 = 400.0  # how the table slows down when its drive drops out

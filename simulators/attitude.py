@@ -33,12 +33,12 @@ class Fixture:
     x: Vector = EAST
     z: Vector = UP
 
-    def to_fixture(self, angles_deg: Sequence[Array], level_deg: float = 0.0) -> Array:
+    def to_fixture(self, angles_deg: Sequence[Array], level_deg: Array | float = 0.0) -> Array:
         """Level frame to fixture, (n, 3, 3), for the angles (n,) of each axis.
 
-        `level_deg` is how far the base is tilted about south.
+        `level_deg` is how far the base is tilted about south, one or (n,).
         """
-        turned = turn(SOUTH, np.array([level_deg]))
+        turned = turn(SOUTH, np.atleast_1d(np.asarray(level_deg, np.float64)))
         for axis, angle_deg in zip(self.axes, angles_deg, strict=True):
             turned = turned @ turn(axis, angle_deg)
         return np.asarray(self._body() @ turned.transpose(0, 2, 1))
@@ -51,6 +51,24 @@ class Fixture:
             total += (turned @ np.array(axis)) * rate_dps[:, np.newaxis]
             turned = turned @ turn(axis, angle_deg)
         return np.asarray(np.einsum("ij,nkj,nk->ni", self._body(), turned, total))
+
+    def turning(
+        self, angles_deg: Sequence[Array], rates_dps: Sequence[Array], changes_dps2: Sequence[Array]
+    ) -> tuple[Array, Array]:
+        """The fixture's angular velocity in rad/s and its rate of change in rad/s², in the fixture's frame, (n, 3).
+
+        An axis that others carry changes its direction while they turn.
+        """
+        velocity = np.zeros((len(angles_deg[0]), 3))
+        change, turned = np.zeros_like(velocity), np.broadcast_to(np.eye(3), (len(velocity), 3, 3))
+        for axis, angle_deg, rate_dps, change_dps2 in zip(self.axes, angles_deg, rates_dps, changes_dps2, strict=True):
+            along = turned @ np.array(axis)
+            own = along * np.radians(rate_dps)[:, np.newaxis]
+            change = change + along * np.radians(change_dps2)[:, np.newaxis] + np.cross(velocity, own)
+            velocity = velocity + own
+            turned = turned @ turn(axis, angle_deg)
+        to_fixture = self._body() @ turned.transpose(0, 2, 1)
+        return (to_fixture @ velocity[..., np.newaxis])[..., 0], (to_fixture @ change[..., np.newaxis])[..., 0]
 
     def _body(self) -> Array:
         """Rows are the axes of the fixture in the level frame while all angles are 0."""

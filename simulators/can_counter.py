@@ -17,6 +17,7 @@ from drivers.dbc import Dbc
 from drivers.errors import LinkLost
 from drivers.frame_block import FrameBlock
 from simulators.faults import FaultPlan
+from simulators.gyro_unit import SimulatedGyro
 from simulators.imu import ImuChannel
 from simulators.unit_file import stream
 from simulators.uut import Integrator
@@ -33,6 +34,7 @@ class CounterSettings:
 
     `readings` gives the place that a temperature signal belongs to, by `Message.Signal`, `boards` the place whose
     converter it is at, and `imu_readings` the place and the sensors of an inertial unit; `name` is the counter's role.
+    `encoders` are the counts in a degree of the axes whose encoders it latches.
     """
 
     name: str
@@ -42,6 +44,7 @@ class CounterSettings:
     readings: Mapping[str, str] = field(default_factory=dict)
     boards: Mapping[str, str] = field(default_factory=dict)
     imu_readings: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    encoders: Mapping[str, float] = field(default_factory=dict)
 
 
 class SimulatedCounter:
@@ -60,8 +63,8 @@ class SimulatedCounter:
         self._boots = 0
         self._latch = self._shown = 0  # the number of the last latch, and that which the frames last showed
         self._origin_s = self._counted_s = world.now()  # true times of latch 0, and up to which pulses are counted
-        self._units: dict[str, SimulatedUnit | ImuChannel] = {
-            unit.settings.channel: unit for unit in world.units.values() if unit.settings.channel
+        self._units: dict[str, SimulatedUnit | SimulatedGyro | ImuChannel] = {
+            unit.settings.channel: unit for unit in world.counted.values() if unit.settings.channel
         }
         for imu in world.imus.values():
             self._units.update(imu.channels)
@@ -135,6 +138,9 @@ class SimulatedCounter:
             put(channel.positive, positive)
             put(channel.negative, negative)
             put(channel.sequence, self._sequence0 + shown)
+        for name, encoder in form.positions.items():
+            put(encoder.position, self._positions(name, np.full_like(at_s, at_s[0]) if frozen else at_s))
+            put(encoder.sequence, self._sequence0 + shown)
         host_s = self._world.host_time(at_s)
         frames = FrameBlock.joined([encode_frames(self._settings.dbc, host_s, values), self._warmth(numbers, at_s)])
         order = np.argsort(frames.at_s, kind="stable")
@@ -147,9 +153,14 @@ class SimulatedCounter:
             pulses[0] += self._owed[channel]
             self._owed[channel] = 0.0
             if not frozen:
-                return integrator.count(pulses)
+                return integrator.count_through_turns(pulses) if unit.swings else integrator.count(pulses)
         latches = len(edges_s) - 1
         return np.full(latches, integrator.positive), np.full(latches, integrator.negative)
+
+    def _positions(self, role: str, at_s: Array) -> NDArray[np.int64]:
+        """What the encoder of an axis reads at the times, in counts."""
+        angle_deg = self._world.axis_of(role).encoder_angles_deg(at_s + self._world.settings.encoder_skew_s)
+        return np.floor(angle_deg * self._settings.encoders[role]).astype(np.int64)
 
     def _warmth(self, numbers: NDArray[np.int64], at_s: Array) -> FrameBlock:
         """One frame of each temperature message a second; a signal without a unit shows the converter's board."""
@@ -165,7 +176,7 @@ class SimulatedCounter:
         place, board = self._settings.readings.get(signal), self._settings.boards.get(signal)
         of_imu = self._settings.imu_readings.get(signal)
         if place is not None:
-            return self._world.units[place].thermometer_c(at_s)
+            return self._world.counted[place].thermometer_c(at_s)
         if board is not None:
             return self._world.units[board].converter_thermometer_c(at_s)
         if of_imu is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Literal
 
+OPEN_C = 320.0  # what an open thermometer reads
 FaultKind = Literal["silent", "cut", "frozen", "stuck", "restart", "dead", "open_thermometer", "current"]
 
 OPEN_C = 320.0  # what an open sensor reads

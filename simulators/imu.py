@@ -192,10 +192,10 @@ class SimulatedImu:
         if None not in still_deg:
             key = (still_deg, world.mount)
             if key != self._at_rest[0]:
-                self._at_rest = key, into_unit @ world.to_fixture(middle_s[:1])[0]
+                self._at_rest = key, into_unit @ world.carried.attitude(middle_s[:1])[0]
             lies = self._at_rest[1]
             return lies[:, 2:], lies @ self._earth_dps()
-        lies = into_unit @ world.to_fixture(middle_s)
+        lies = into_unit @ world.carried.attitude(middle_s)
         angles_deg = [axis.true_deg(edges_s) for axis in world.axes.values()]
         rates_dps = [np.diff(angle_deg) / np.diff(edges_s) for angle_deg in angles_deg]
         middle_deg = [(angle_deg[1:] + angle_deg[:-1]) / 2 for angle_deg in angles_deg]
@@ -218,6 +218,11 @@ class ImuChannel:
     def faults(self) -> FaultPlan:
         """How the unit breaks."""
         return self.imu.faults
+
+    @property
+    def swings(self) -> bool:
+        """Whether what it senses may turn round between two latches: an inertial unit stands, or turns evenly."""
+        return False
 
     def charge_pulses(self, edges_s: Array) -> Array:
         """Pulses that it is owed in each interval between the consecutive times `edges_s`."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from simulators.corrections import Table, lacking_deg
+from simulators.profiles import Move, Profile, Slew, Swing, Turn
+from simulators.table import Loop, Ripple
 
 Angles = NDArray[np.float64]
 
@@ -39,183 +39,22 @@ class AxisErrors:
         return error_deg + lacking_deg(angle_deg, self.table) if self.table[0] else error_deg
 
 
-class Profile(Protocol):
-    """What an axis was told to do: its angle and rate as exact functions of time."""
-
-    @property
-    def start_s(self) -> float:
-        """When it was told."""
-
-    @property
-    def duration_s(self) -> float:
-        """Until it is done: at rest, at its rate, or at the amplitude and frequency of its sine."""
-
-    @property
-    def endless(self) -> bool:
-        """Whether it goes on when it is done."""
-
-    def angle_deg(self, at_s: Angles) -> Angles:
-        """The angle at the times `at_s`."""
-
-    def angle_at(self, at_s: float) -> float:
-        """The angle at one time."""
-
-    def rate_at(self, at_s: float) -> float:
-        """The rate at one time, °/s."""
-
-
-@dataclass(frozen=True, slots=True)
-class Move:
-    """A trapezoid of rate from rest to rest, beginning at `start_s`."""
-
-    start_s: float
-    origin_deg: float
-    distance_deg: float
-    rate_dps: float
-    acceleration_dps2: float
-
-    endless = False
-
-    @property
-    def _ramp_s(self) -> float:
-        triangle = math.sqrt(abs(self.distance_deg) / self.acceleration_dps2)
-        return min(self.rate_dps / self.acceleration_dps2, triangle)
-
-    @property
-    def duration_s(self) -> float:
-        """From start to rest."""
-        if self.distance_deg == 0:
-            return 0.0
-        ramp = self._ramp_s
-        return abs(self.distance_deg) / (ramp * self.acceleration_dps2) + ramp
-
-    def angle_deg(self, at_s: Angles) -> Angles:
-        """The angle at the times `at_s`."""
-        total, ramp = self.duration_s, self._ramp_s
-        if total == 0:
-            return np.full_like(at_s, self.origin_deg)
-        t = np.clip(at_s - self.start_s, 0, total)
-        peak = ramp * self.acceleration_dps2
-        speeding = 0.5 * self.acceleration_dps2 * np.minimum(t, ramp) ** 2
-        cruising = peak * np.clip(t - ramp, 0, total - 2 * ramp)
-        left = np.clip(t - (total - ramp), 0, ramp)
-        braking = peak * left - 0.5 * self.acceleration_dps2 * left**2
-        return self.origin_deg + math.copysign(1.0, self.distance_deg) * (speeding + cruising + braking)
-
-    def angle_at(self, at_s: float) -> float:
-        """The angle at one time."""
-        if at_s >= self.start_s + self.duration_s:
-            return self.origin_deg + self.distance_deg
-        return float(self.angle_deg(np.array([at_s]))[0])
-
-    def rate_at(self, at_s: float) -> float:
-        """The rate at one time, °/s."""
-        total, t = self.duration_s, at_s - self.start_s
-        ramping_s = max(0.0, min(t, total - t, self._ramp_s))
-        return math.copysign(ramping_s * self.acceleration_dps2, self.distance_deg)
-
-
-@dataclass(frozen=True, slots=True)
-class Slew:
-    """A quantity that goes from one value to another at a constant speed, and stays there."""
-
-    begin: float
-    end: float
-    speed: float
-
-    @property
-    def duration_s(self) -> float:
-        """From one value to the other."""
-        return abs(self.end - self.begin) / self.speed
-
-    def value(self, t_s: Angles) -> Angles:
-        """The quantity `t_s` after it began."""
-        return self.begin + math.copysign(self.speed, self.end - self.begin) * np.minimum(t_s, self.duration_s)
-
-    def integral(self, t_s: Angles) -> Angles:
-        """Its integral over the first `t_s`."""
-        slewing_s = np.minimum(t_s, self.duration_s)
-        slewed = (self.begin + 0.5 * math.copysign(self.speed, self.end - self.begin) * slewing_s) * slewing_s
-        return slewed + self.end * (t_s - slewing_s)
-
-
-@dataclass(frozen=True, slots=True)
-class Turn:
-    """A change of rate at a constant acceleration, and then turning on; a change to rate zero ends at rest."""
-
-    start_s: float
-    origin_deg: float
-    rate_dps: Slew
-
-    @property
-    def duration_s(self) -> float:
-        """Until the rate is reached."""
-        return self.rate_dps.duration_s
-
-    @property
-    def endless(self) -> bool:
-        """Whether it turns on."""
-        return self.rate_dps.end != 0
-
-    def angle_deg(self, at_s: Angles) -> Angles:
-        """The angle at the times `at_s`."""
-        return self.origin_deg + self.rate_dps.integral(np.maximum(at_s - self.start_s, 0))
-
-    def angle_at(self, at_s: float) -> float:
-        """The angle at one time."""
-        return float(self.angle_deg(np.array([at_s]))[0])
-
-    def rate_at(self, at_s: float) -> float:
-        """The rate at one time, °/s."""
-        return float(self.rate_dps.value(np.array([max(at_s - self.start_s, 0.0)]))[0])
-
-
-@dataclass(frozen=True, slots=True)
-class Swing:
-    """A sine about an angle; its amplitude and its frequency grow from nothing."""
-
-    start_s: float
-    centre_deg: float
-    amplitude_deg: Slew
-    frequency_hz: Slew
-    phase_deg: float = 0.0
-
-    endless = True
-
-    @property
-    def duration_s(self) -> float:
-        """Until amplitude and frequency are reached."""
-        return max(self.amplitude_deg.duration_s, self.frequency_hz.duration_s)
-
-    def angle_deg(self, at_s: Angles) -> Angles:
-        """The angle at the times `at_s`."""
-        t = np.maximum(at_s - self.start_s, 0)
-        return self.centre_deg + self.amplitude_deg.value(t) * np.sin(self._phase(t))
-
-    def angle_at(self, at_s: float) -> float:
-        """The angle at one time."""
-        return float(self.angle_deg(np.array([at_s]))[0])
-
-    def rate_at(self, at_s: float) -> float:
-        """The rate at one time, °/s."""
-        t = np.array([max(at_s - self.start_s, 0.0)])
-        growing_dps = self.amplitude_deg.speed if t[0] < self.amplitude_deg.duration_s else 0.0
-        swinging = self.amplitude_deg.value(t) * 2 * math.pi * self.frequency_hz.value(t) * np.cos(self._phase(t))
-        return float((growing_dps * np.sin(self._phase(t)) + swinging)[0])
-
-    def _phase(self, t_s: Angles) -> Angles:
-        """In radians."""
-        return 2 * math.pi * self.frequency_hz.integral(t_s) + math.radians(self.phase_deg)
-
-
 class Axis:
     """An axis that moves, turns and swings; times are true seconds of the world.
 
     Moves and swings begin from rest: one commanded while the axis is under way starts from where it then is.
     """
 
-    def __init__(self, errors: AxisErrors, acceleration_dps2: float, draws: np.random.Generator) -> None:
+    def __init__(
+        self,
+        errors: AxisErrors,
+        acceleration_dps2: float,
+        draws: np.random.Generator,
+        loop: Loop | None = None,
+        ripple: Ripple | None = None,
+    ) -> None:
         self._errors = errors
+        self._loop, self._ripple = loop, ripple
         self._acceleration = acceleration_dps2
         self._draws = draws
         self._profile: Profile = Move(0.0, 0.0, 0.0, 1.0, acceleration_dps2)
@@ -234,13 +73,14 @@ class Axis:
     def turn(self, at_s: float, rate_dps: float, acceleration_dps2: float) -> None:
         """Changes the rate to `rate_dps`, from what it is now."""
         rate = Slew(self._profile.rate_at(at_s), rate_dps, acceleration_dps2)
-        self._begin(Turn(at_s, self._profile.angle_at(at_s), rate))
+        self._begin(Turn(at_s, self._profile.angle_at(at_s), rate, self._ripple))
         if turning := rate.end or rate.begin:
             self._from_above = turning < 0
 
     def swing(self, at_s: float, amplitude_deg: Slew, frequency_hz: Slew, phase_deg: float) -> None:
         """Begins to swing about where it is now."""
-        self._begin(Swing(at_s, self._profile.angle_at(at_s), amplitude_deg, frequency_hz, phase_deg))
+        centre_deg = self._profile.angle_at(at_s)
+        self._begin(Swing(at_s, centre_deg, amplitude_deg, frequency_hz, phase_deg, self._loop))
 
     def stop(self, at_s: float) -> None:
         """Stands still where it is now."""
@@ -257,6 +97,10 @@ class Axis:
     def encoder_deg(self, at_s: float) -> float:
         """What the axis reports."""
         return self._profile.angle_at(at_s)
+
+    def encoder_angles_deg(self, at_s: Angles) -> Angles:
+        """What the encoder reads at the times `at_s`."""
+        return self._profile.angle_deg(at_s)
 
     def rate_dps(self, at_s: float) -> float:
         """How fast it turns."""
@@ -286,6 +130,20 @@ class Axis:
     def lasting_deg(self, angle_deg: Angles) -> Angles:
         """Where it stands, as often as it comes from below to where it reports these angles, but for scatter."""
         return angle_deg + self._errors.with_map(np.full_like(angle_deg, self._errors.zero_deg), angle_deg)
+
+    def true_rates(self, at_s: Angles) -> tuple[Angles, Angles]:
+        """How fast it really turns, °/s, and how fast that changes, °/s²."""
+        if self.still_deg(float(at_s[0])) is not None:
+            return np.zeros_like(at_s), np.zeros_like(at_s)
+        rate_dps, change_dps2 = self._profile.rates_dps(at_s), self._profile.accelerations_dps2(at_s)
+        slope, bend_per_deg = np.ones_like(at_s), np.zeros_like(at_s)
+        angle = np.radians(self._profile.angle_deg(at_s))
+        for order, (cosine, sine) in enumerate(zip(self._errors.cosines, self._errors.sines, strict=True), start=1):
+            per_deg = np.radians(order)
+            wave, turned = np.cos(order * angle), np.sin(order * angle)
+            slope += per_deg * (sine * wave - cosine * turned)
+            bend_per_deg -= per_deg**2 * (cosine * wave + sine * turned)
+        return rate_dps * slope, change_dps2 * slope + rate_dps**2 * bend_per_deg
 
     def _begin(self, profile: Profile) -> None:
         self._profile, self._rest_deg = profile, None

@@ -85,12 +85,13 @@ def truth_record(
                 }
                 for name, place in sorted(settings.places.items())
             },
+            **_table(world),
             **({"voltmeters": {role: asdict(meter) for role, meter in voltmeters.items()}} if voltmeters else {}),
         },
-        "units": {name: asdict(unit.truth) for name, unit in sorted(world.units.items())},
+        "units": {name: asdict(unit.truth) for name, unit in world.counted.items()},
         **_seats(world),
-        "dwells": {dwell.key: _dwell(world, dwell) for dwell in dwells},
-        "legs": {leg.key: _leg(world, leg) for leg in legs},
+        "dwells": {dwell.key: _dwell(world, dwell) for dwell in dwells if dwell.place in world.units},
+        "legs": {leg.key: _leg(world, leg) for leg in legs if leg.place in world.units},
         **({"outputs": {each.key: _output(world, each) for each in readings}} if readings else {}),
     }
 
@@ -99,6 +100,18 @@ def _seats(world: World) -> dict[str, Any]:
     """How each unit lay since it was fixed by hand: true time and angle; nothing where none was."""
     seats = {name: unit.seats_deg for name, unit in sorted(world.units.items()) if unit.seats_deg}
     return {"seats_deg": seats} if seats else {}
+
+
+def _table(world: World) -> dict[str, Any]:
+    """What a rate table does that it is not told, and the arms of the units on it; nothing without one."""
+    settings = world.settings
+    if settings.table.loop is None:
+        return {}
+    arms_m = {name: place.arm_m for name, place in sorted(settings.places.items())}
+    return {
+        "table": asdict(settings.table), "encoder_skew_s": settings.encoder_skew_s, "arms_m": arms_m,
+        "latitude_deg": settings.latitude_deg,
+    }  # fmt: skip
 
 
 def _dwell(world: World, dwell: DwellAsMeasured) -> dict[str, Any]:

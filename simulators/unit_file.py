@@ -15,7 +15,16 @@ import numpy as np
 from pydantic import Field, GetCoreSchemaHandler, model_validator
 from pydantic_core import CoreSchema, core_schema
 
-from drivers.fields import Celsius, Flag, InUnit, PositiveAmperes, PositiveCelsius, PositiveSeconds, StrictModel
+from drivers.fields import (
+    Celsius,
+    Flag,
+    InUnit,
+    PositiveAmperes,
+    PositiveCelsius,
+    PositiveSeconds,
+    Seconds,
+    StrictModel,
+)
 
 CUT_SD = 2.5
 
@@ -107,7 +116,7 @@ class NoiseModel(StrictModel):
 
 
 class AccelerometerModel(StrictModel):
-    """The accelerometer of methods.md 8.4."""
+    """The accelerometer of methods.md 8.4. One without a damping follows at once, whatever its bandwidth."""
 
     range: Annotated[float, InUnit("g", above=0)] = 20.0
     reference_temperature: Celsius = 20.0
@@ -127,6 +136,8 @@ class AccelerometerModel(StrictModel):
     turn_on: Annotated[Draw, DrawIn("g")] = Draw(0)  # standard deviation of the bias step at each power-on
     noise: NoiseModel = NoiseModel()
     bandwidth: Annotated[float, InUnit("Hz", above=0)] = 300.0  # far above what a dwell at rest contains
+    damping: Annotated[float, InUnit("", above=0, at_most=0.99)] | None = None
+    delay: Seconds = 0.0
 
 
 class ConverterModel(StrictModel):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from simulators.dynamics import Dynamics
 from simulators.unit_file import Draw, Polynomial, UnitFile, stream
 
 Array = NDArray[np.float64]
@@ -53,6 +54,14 @@ class UnitTruth:
     turn_on_g: float = 0.0  # standard deviation of the step of the bias at each power-on
     jumps: tuple[tuple[float, float], ...] = ()  # the temperature in °C and the size in g of each
     alpha2: float = 0.0
+    bandwidth_hz: float = 300.0
+    damping: float | None = None
+    delay_s: float = 0.0
+
+    @property
+    def dynamics(self) -> Dynamics | None:
+        """How it follows; None for at once."""
+        return None if self.damping is None else Dynamics(self.bandwidth_hz, self.damping, self.delay_s)
 
     def current_a(self, force_g: tuple[Array, Array, Array], temperature_c: Array, extra_bias_g: Array) -> Array:
         """The accelerometer's output; `force_g` along input, pendulous and output axes, `extra_bias_g` what drifts."""
@@ -129,6 +138,9 @@ def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:
         jumps=tuple(
             (jump.at, value(jump.size, "accelerometer", "jumps", str(number))) for number, jump in enumerate(a.jumps)
         ),
+        bandwidth_hz=a.bandwidth,
+        damping=a.damping,
+        delay_s=a.delay,
     )
 
 
@@ -194,6 +206,26 @@ class Integrator:
         negative = self.negative - np.minimum(steps, 0).cumsum()
         self.positive, self.negative = int(positive[-1]), int(negative[-1])
         return positive, negative
+
+    def count_through_turns(self, pulses: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The same of increments in equal times between which the charge may turn round: it goes to its extreme first.
+
+        That is where the parabola through three latches has it.
+        """
+        before, after = pulses[:-1], pulses[1:]
+        turns = np.flatnonzero(before * after < 0)
+        slope, bend = (before[turns] + after[turns]) / 2, (after[turns] - before[turns]) / 2
+        later = slope * bend < 0  # whether the extreme is after the latch in the middle
+        extreme = -(slope**2) / (4 * bend)
+        into = turns + later
+        first = np.where(later, extreme, before[turns] + extreme)
+        single = np.flatnonzero(np.diff(into, prepend=-1) > 0)
+        into, first = into[single], first[single]
+        rest = pulses.copy()
+        rest[into] -= first
+        latches = np.arange(len(pulses)) + np.searchsorted(into, np.arange(len(pulses)), side="right")
+        positive, negative = self.count(np.insert(rest, into, first))
+        return positive[latches], negative[latches]
 
     def _one_way(self, pulses: Array) -> NDArray[np.int64]:
         charge = self._residue + pulses.cumsum()

@@ -15,12 +15,16 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.attitude import Fixture, Mount, to_unit
+from simulators.attitude import Fixture, Mount, Vector, to_unit
+from simulators.carried import NOWHERE, Carried, TableErrors
 from simulators.corrections import Table
 from simulators.current_source import Feed
+from simulators.dynamics import POINTS, Follower, look_at_s
 from simulators.faults import BROKEN_DRAWS, OPEN_C, FaultPlan
+from simulators.gyro_unit import GyroFile, SimulatedGyro
 from simulators.imu import ImuPlace, SimulatedImu
-from simulators.motion import Axis, AxisErrors, Slew
+from simulators.motion import Axis, AxisErrors
+from simulators.profiles import Slew
 from simulators.thermal import ChamberPhysics, Thermal, UnitPhysics
 from simulators.unit_file import UnitFile, stream
 from simulators.uut import Hysteresis, Noise, UnitTruth, draw_unit
@@ -38,10 +42,10 @@ class PlaceSettings:
     They come on top of those that its `thermometer_table` corrects, °C to be added at readings in °C.
     Its output are pulses on a `channel`, or the volts across `load_ohm`. `faults` are kinds, each with the time from
     which it is there. The errors of `converter_` are for the thermometer at its converter; `source` is the device that
-    may feed that.
+    may feed that. `arm_m` is where it truly is from where the axes of the table meet, in the fixture's frame.
     """
 
-    unit: UnitFile
+    unit: UnitFile | GyroFile
     channel: str
     supply: str
     mount_angle_deg: float = 0.0
@@ -54,6 +58,7 @@ class PlaceSettings:
     converter_gain: float = 0.0
     converter_table: Table = ((), ())
     source: str = ""
+    arm_m: Vector = NOWHERE
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +74,12 @@ class WorldSettings:
     gravity_mps2: float
     host_clock: float = 0.0  # relative error of the host's clock against the true second
     device_clock: float = 0.0  # relative error of the counter's time base
+    encoder_skew_s: float = 0.0  # by which the counter latches an encoder later than the pulses
     axes: Mapping[str, AxisErrors] = field(default_factory=lambda: {"head": AxisErrors()})
     axis_acceleration_dps2: float = 40.0
     level_deg: float = 0.0
+    latitude_deg: float = 0.0
+    table: TableErrors = field(default_factory=TableErrors)
     mount: Mount = field(default_factory=Mount)
     remount_deg: float = 0.0  # standard deviation of how a unit lies each time that it is fixed by hand
     fixture: Fixture = field(default_factory=Fixture)
@@ -80,7 +88,6 @@ class WorldSettings:
     thermometer_noise_c: float = 0.005
     places: Mapping[str, PlaceSettings] = field(default_factory=dict)
     imus: Mapping[str, ImuPlace] = field(default_factory=dict)
-    latitude_deg: float = 0.0
     built: Fixture | None = None
 
 
@@ -100,10 +107,11 @@ class UnitState(NamedTuple):
 class SimulatedUnit:
     """One unit in its place: what its converter counts, and what the thermometer at it says."""
 
-    def __init__(self, place: str, index: int, settings: WorldSettings, world: World) -> None:
+    def __init__(self, place: str, file: UnitFile, index: int, settings: WorldSettings, world: World) -> None:
         self.place = place
         self.settings = settings.places[place]
-        self.truth: UnitTruth = draw_unit(self.settings.unit, settings.seed, place)
+        self.truth: UnitTruth = draw_unit(file, settings.seed, place)
+        self._follower = Follower(self.truth.dynamics) if self.truth.dynamics is not None else None
         self.faults = FaultPlan(self.settings.faults, world.now)
         self._index, self._world = index, world
         self.seats_deg: list[tuple[float, float]] = []  # true time of each fixing by hand, and how askew it is since
@@ -112,7 +120,7 @@ class SimulatedUnit:
         self._noise = Noise(self.truth, settings.seed, place)
         self._hysteresis = Hysteresis(self.truth, settings.chamber.start_c)
         start_c = settings.chamber.start_c
-        self.warmth = Warmth(world.thermal, index, self.settings.unit, start_c, settings.thermometer_lag_s)
+        self.warmth = Warmth(world.thermal, index, file, start_c, settings.thermometer_lag_s)
         self._thermometer, self._board_thermometer = self._thermometers(settings)
         self.board = Board(self.warmth, start_c)
         self._last_c = start_c
@@ -151,6 +159,11 @@ class SimulatedUnit:
             draw = stream(self._world.settings.seed, "remount", self.place, str(len(self.seats_deg)))
             self.seats_deg.append((at_s, sd_deg * float(draw.standard_normal())))
 
+    @property
+    def swings(self) -> bool:
+        """Whether what it senses may turn round between two latches."""
+        return self._follower is not None
+
     def charge_pulses(self, edges_s: Array) -> Array:
         """Pulses that the converter is owed in each interval between the consecutive times `edges_s`.
 
@@ -166,7 +179,14 @@ class SimulatedUnit:
         board_c = self.board.followed_c(edges_s, middle, self.history[-1].drifted_g)
         if self.powered_at_s is None:
             return np.zeros_like(middle)
-        current = self._current_a(middle, temperature, hysteresis_g, self._noise.mean_g(interval))
+        noise_g = self._noise.mean_g(interval)
+        if self._follower is None:
+            current = self._current_a(middle, temperature, hysteresis_g, noise_g)
+        else:
+            look_s = look_at_s(edges_s, self.truth.delay_s)
+            temperature, noise_g = (np.repeat(values, len(POINTS)) for values in (temperature, noise_g))
+            looked_at = self._current_a(look_s.ravel(), temperature, hysteresis_g, noise_g)
+            current = self._follower.mean(looked_at.reshape(look_s.shape), interval)
         if self.input == "source":
             current = self._world.source_a(self.settings.source, middle)
         if self.faults.active("dead"):
@@ -212,7 +232,8 @@ class SimulatedUnit:
     def force_g(self, at_s: Array) -> tuple[Array, Array, Array]:
         """Specific force along the input, pendulous and output axes, in local g."""
         seat_deg = self.seats_deg[-1][1] if self.seats_deg else 0.0
-        x, y, z = to_unit(self._world.mount, self.settings.mount_angle_deg + seat_deg) @ self._world.upward(at_s)
+        force = self._world.carried.force_g(at_s, self.settings.arm_m)
+        x, y, z = to_unit(self._world.mount, self.settings.mount_angle_deg + seat_deg) @ force
         return x, z, y
 
     def thermometer_c(self, at_s: Array) -> Array:
@@ -237,10 +258,16 @@ class World:
         self.mount = settings.mount
         self.fixture = settings.built or settings.fixture
         self.axes = {
-            role: Axis(errors, settings.axis_acceleration_dps2, stream(settings.seed, *path, "repeatability"))
+            role: Axis(
+                errors, settings.axis_acceleration_dps2, stream(settings.seed, *path, "repeatability"),
+                settings.table.loop, settings.table.ripple,
+            )
             for (role, errors), path in zip(settings.axes.items(), _streams(settings.axes), strict=True)
-        }
-        self._at_rest: tuple[tuple[float, ...], Array] = (), np.empty((1, 3, 3))
+        }  # fmt: skip
+        self.carried = Carried(
+            self.fixture, self.axes, level_deg=settings.level_deg, table=settings.table,
+            gravity_mps2=settings.gravity_mps2, latitude_deg=settings.latitude_deg,
+        )  # fmt: skip
         names = sorted(settings.places)
         physics = tuple(self._physics(settings.places[name]) for name in names)
         imus = sorted(settings.imus)
@@ -248,17 +275,28 @@ class World:
             physics += SimulatedImu.physics(settings.imus[name].unit, settings.thermometer_lag_s)
         phase = float(stream(settings.seed, "chamber", "limit cycle").uniform(0, 2 * np.pi))
         self.thermal = Thermal(settings.chamber, physics, phase)
-        self.units = {name: SimulatedUnit(name, index, settings, self) for index, name in enumerate(names)}
+        self.units: dict[str, SimulatedUnit] = {}
+        self.gyros: dict[str, SimulatedGyro] = {}
+        for index, name in enumerate(names):
+            match settings.places[name].unit:
+                case GyroFile() as file:
+                    self.gyros[name] = SimulatedGyro(name, file, index, settings, self)
+                case file:
+                    self.units[name] = SimulatedUnit(name, file, index, settings, self)
         self.imus = {
             name: SimulatedImu(name, (first, first + 1), settings, self)
             for first, name in zip(range(len(names), len(physics), 2), imus, strict=True)
         }
+        self.counted: dict[str, SimulatedUnit | SimulatedGyro] = dict(
+            sorted([*self.units.items(), *self.gyros.items()])
+        )
         self.sources: dict[str, Feed] = {}
         self._integrators: list[Callable[[], None]] = []
 
     def _physics(self, place: PlaceSettings) -> UnitPhysics:
         model = place.unit.thermal
-        board_s = place.unit.converter.time_constant if place.unit.converter.in_chamber else None
+        converter = None if isinstance(place.unit, GyroFile) else place.unit.converter
+        board_s = converter.time_constant if converter is not None and converter.in_chamber else None
         return UnitPhysics(
             model.case_time_constant, model.sensor_time_constant, model.self_heating, self.settings.thermometer_lag_s,
             board_s,
@@ -268,23 +306,6 @@ class World:
     def axis(self) -> Axis:
         """The axis of the head, the outermost of a table with several."""
         return next(iter(self.axes.values()))
-
-    def upward(self, at_s: Array) -> Array:
-        """Where up is in the fixture's frame at the times (n,), (3, n)."""
-        return np.broadcast_to(self.to_fixture(at_s)[:, :, 2].T, (3, len(at_s)))
-
-    def to_fixture(self, at_s: Array) -> Array:
-        """Level frame to fixture at the times (n,), (n, 3, 3); (1, 3, 3) while nothing turns."""
-        level_deg = self.settings.level_deg
-        still_deg = tuple(
-            angle_deg for axis in self.axes.values() if (angle_deg := axis.still_deg(float(at_s[0]))) is not None
-        )
-        if len(still_deg) < len(self.axes):
-            return self.fixture.to_fixture([axis.true_deg(at_s) for axis in self.axes.values()], level_deg)
-        if still_deg != self._at_rest[0]:
-            at_deg = [np.array([angle_deg]) for angle_deg in still_deg]
-            self._at_rest = still_deg, self.fixture.to_fixture(at_deg, level_deg)
-        return self._at_rest[1]
 
     def now(self) -> float:
         """True seconds since the world began."""
@@ -349,7 +370,7 @@ class World:
     def power(self, supply: str, on: bool) -> None:
         """A supply's output goes on or off, and with it the units on it."""
         now = self.before_change()
-        for unit, index in zip(self.units.values(), range(len(self.units)), strict=True):
+        for index, unit in enumerate(self.counted.values()):
             if unit.settings.supply == supply and on != (unit.powered_at_s is not None):
                 unit.power(now if on else None)
                 self.thermal.power(index, on)
@@ -383,7 +404,7 @@ class World:
         """What the units on a supply draw while its output is on."""
         drawn_a = sum(
             unit.truth.supply_a * (BROKEN_DRAWS if unit.faults.active("current") else 1.0)
-            for unit in self.units.values()
+            for unit in self.counted.values()
             if unit.settings.supply == supply
         )
         return drawn_a + sum(imu.drawn_a for imu in self.imus.values() if imu.settings.supply == supply)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from itertools import compress
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.analysis.fit import Array, NotDetermined
 from bench.analysis.sine_fit import SineFit, find_frequency, fit_sine
@@ -39,12 +40,16 @@ class Swing:
 
 @dataclass(frozen=True, slots=True)
 class SweepPoint:
-    """The response of the sensor, a complex number, at one frequency; `nominal_hz` is what the record calls it."""
+    """The response of the sensor, a complex number, at one frequency; `nominal_hz` is what the record calls it.
+
+    `u_gain` is the uncertainty of its gain, `u_output` what the readings of the sensor have in that.
+    """
 
     nominal_hz: float
     swing: Swing
     response: complex
     u_gain: float
+    u_output: float = 0.0
 
 
 @dataclass(slots=True)
@@ -104,15 +109,34 @@ def gyro_response(record: TableRecord, *, settle_s: float = 0.0, to_lowest: bool
     """
     remarks, points = Remarks(), []
     for nominal_hz, block in cut_into_blocks(record, remarks.excluded, settle_s=settle_s).items():
-        swing = swing_of_angle(block, nominal_hz, remarks)
-        gyro = fit_output(block, swing, remarks) if swing else None
-        if not swing or not gyro:
+        point = gyro_point(block, nominal_hz, remarks)
+        if point:
+            points.append(point)
+        else:
             remarks.flags.append(f"{nominal_hz:g} Hz invalid")
-            continue
-        response = complex(gyro.phasors[0] / swing.rate)
-        u_gain = float(np.hypot(gyro.u[0] / abs(swing.rate), abs(response) * swing.u_relative))
-        points.append(SweepPoint(nominal_hz, swing, response, u_gain))
     return frequency_response(points, remarks, to_lowest=to_lowest)
+
+
+def gyro_point(block: Block, nominal_hz: float, remarks: Remarks, *, averaged_s: float = 0.0) -> SweepPoint | None:
+    """The response at one frequency, None where the block tells none; angles in degrees, outputs in deg/s.
+
+    An output is that at its time, or the mean over the `averaged_s` before.
+    """
+    swing = swing_of_angle(block, nominal_hz, remarks)
+    gyro = fit_output(block, swing, remarks) if swing else None
+    if not swing or not gyro:
+        return None
+    kept = complex(averaging(np.array([swing.frequency_hz]), averaged_s)[0])
+    response = complex(gyro.phasors[0] / kept / swing.rate)
+    u_output = float(gyro.u[0] / abs(kept) / abs(swing.rate))
+    u_gain = float(np.hypot(u_output, abs(response) * swing.u_relative))
+    return SweepPoint(nominal_hz, swing, response, u_gain, u_output)
+
+
+def averaging(frequency_hz: Array, interval_s: float) -> NDArray[np.complex128]:
+    """What the mean over the preceding interval leaves of a phasor at each frequency (m,)."""
+    turns = frequency_hz * interval_s
+    return np.asarray(np.sinc(turns) * np.exp(-1j * np.pi * turns))
 
 
 def swing_of_angle(block: Block, nominal_hz: float, remarks: Remarks) -> Swing | None:

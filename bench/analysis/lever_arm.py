@@ -9,14 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bench.analysis.fit import Array
 from bench.analysis.frequency_response import (
     FrequencyResponse,
     Remarks,
     SweepPoint,
     Swing,
+    averaging,
     fit_output,
     fit_table,
     frequency_response,
@@ -30,12 +29,17 @@ SHORT_ARM_M = 0.005
 
 @dataclass(frozen=True, slots=True)
 class LeverArm:
-    """Where the accelerometer sits in the frame of the table, its input axis along X, with standard uncertainties."""
+    """Where the accelerometer sits in the frame of the table, its input axis along X, with standard uncertainties.
+
+    `swing` is that of the table meanwhile; `u_sensed_m` is what the readings of the sensor have in the uncertainties.
+    """
 
     x_m: float
     y_m: float
     u_x_m: float
     u_y_m: float
+    swing: Swing
+    u_sensed_m: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +65,7 @@ def accelerometer_response(record: TableRecord, sweep: AccelerometerSweep) -> tu
     remarks, points = Remarks(), []
     blocks = cut_into_blocks(record, remarks.excluded, settle_s=sweep.settle_s)
     levers = [nominal_hz for nominal_hz in blocks if np.isclose(nominal_hz, sweep.lever_hz, rtol=1e-6)]
-    arm = _lever_arm(blocks.pop(levers[0]), sweep, remarks) if levers else None
+    arm = lever_arm(blocks.pop(levers[0]), sweep, remarks) if levers else None
     if not arm:
         remarks.flags.append(f"{sweep.lever_hz:g} Hz invalid")
     elif abs(arm.y_m) < SHORT_ARM_M:
@@ -69,7 +73,7 @@ def accelerometer_response(record: TableRecord, sweep: AccelerometerSweep) -> tu
     if not arm or max(abs(arm.x_m), abs(arm.y_m)) < SHORT_ARM_M:
         return arm, frequency_response([], remarks)
     for nominal_hz, block in blocks.items():
-        point = _point(block, nominal_hz, arm, sweep, remarks)
+        point = accelerometer_point(block, nominal_hz, arm, sweep, remarks)
         if point:
             points.append(point)
         else:
@@ -77,8 +81,11 @@ def accelerometer_response(record: TableRecord, sweep: AccelerometerSweep) -> tu
     return arm, frequency_response(points, remarks)
 
 
-def _lever_arm(block: Block, sweep: AccelerometerSweep, remarks: Remarks) -> LeverArm | None:
-    """The arms as magnitudes with the sign of the real part: a small lag of the channel turns them, not shortens."""
+def lever_arm(block: Block, sweep: AccelerometerSweep, remarks: Remarks) -> LeverArm | None:
+    """The arms from a block at the lever frequency, None where it tells none.
+
+    They are magnitudes with the sign of the real part: a small lag of the channel turns them, not shortens.
+    """
     swing = swing_of_increments(block, sweep.lever_hz, sweep.interval_s, remarks)
     sensed = fit_output(block, swing, remarks, harmonics=2) if swing else None
     if not swing or not sensed:
@@ -87,18 +94,22 @@ def _lever_arm(block: Block, sweep: AccelerometerSweep, remarks: Remarks) -> Lev
     averaged = averaging(np.array([f_hz, 2 * f_hz]), sweep.interval_s)
     at_f, at_2f = sensed.phasors / averaged * sweep.local_g_mps2
     u_at_f, u_at_2f = sensed.u / np.abs(averaged) * sweep.local_g_mps2
+    u_sensed_m = float(2 * u_at_2f / abs(rate) ** 2), float(u_at_f / (2 * np.pi * f_hz * abs(rate)))
     y, x = -at_f / (2j * np.pi * f_hz * rate), -2 * at_2f / rate**2
     return LeverArm(
         x_m=float(np.copysign(abs(x), x.real)),
         y_m=float(np.copysign(abs(y), y.real)),
-        u_x_m=float(np.hypot(2 * u_at_2f / abs(rate) ** 2, 2 * abs(x) * swing.u_relative)),
-        u_y_m=float(np.hypot(u_at_f / (2 * np.pi * f_hz * abs(rate)), abs(y) * swing.u_relative)),
+        u_x_m=float(np.hypot(u_sensed_m[0], 2 * abs(x) * swing.u_relative)),
+        u_y_m=float(np.hypot(u_sensed_m[1], abs(y) * swing.u_relative)),
+        swing=swing,
+        u_sensed_m=u_sensed_m,
     )
 
 
-def _point(
+def accelerometer_point(
     block: Block, nominal_hz: float, arm: LeverArm, sweep: AccelerometerSweep, remarks: Remarks
 ) -> SweepPoint | None:
+    """The response at one frequency over that at the lever frequency, None where the block tells none."""
     swing = swing_of_increments(block, nominal_hz, sweep.interval_s, remarks)
     if not swing:
         return None
@@ -110,8 +121,8 @@ def _point(
     expected_g = -2j * np.pi * swing.frequency_hz * swing.rate * RAD_PER_DEG * arm.y_m / sweep.local_g_mps2 * averaged
     response = complex(sensed.phasors[0] / expected_g)
     u_relative = np.hypot(swing.u_relative, arm.u_y_m / abs(arm.y_m))
-    u_gain = np.hypot(sensed.u[0] / abs(expected_g), abs(response) * u_relative)
-    return SweepPoint(nominal_hz, swing, response, float(u_gain))
+    u_output = float(sensed.u[0] / abs(expected_g))
+    return SweepPoint(nominal_hz, swing, response, float(np.hypot(u_output, abs(response) * u_relative)), u_output)
 
 
 def swing_of_increments(block: Block, nominal_hz: float, interval_s: float, remarks: Remarks) -> Swing | None:
@@ -130,9 +141,3 @@ def swing_of_increments(block: Block, nominal_hz: float, interval_s: float, rema
     u_random = float(fit.u_random[0]) / abs(fit.phasors[0])
     u_relative = float(np.hypot(u_random, u_repeating))
     return Swing(fit.frequency_hz, float(block.time_s[0]), rate, u_relative, bool(u_repeating > u_random))
-
-
-def averaging(frequency_hz: Array, interval_s: float) -> NDArray[np.complex128]:
-    """What the mean over the preceding interval leaves of a phasor at each frequency (m,)."""
-    turns = frequency_hz * interval_s
-    return np.asarray(np.sinc(turns) * np.exp(-1j * np.pi * turns))

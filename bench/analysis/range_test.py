@@ -116,7 +116,7 @@ def accelerometer_range(
     phases = np.unique(record.block).tolist()
     blocks = _Blocks(record, {BIAS, *_matching(phases, "low"), *_matching(phases, "run")}, clip_g)
     bias, low = blocks.steady.get(BIAS), [turning for _, turning in blocks.numbered("low") if turning.rate_dps]
-    arm = _Arm(bias, low, local_g_mps2) if bias and low else None
+    arm = Arm(bias, low, local_g_mps2) if bias and low else None
     if len(low) < LEAST_LOW_RATES:
         blocks.flags.append("too_few_low_rates")
     elif arm and arm.u_radius_m > LARGEST_U_RADIUS * abs(arm.radius_m):
@@ -152,13 +152,14 @@ class _Blocks:
         return [(phase, self.steady[phase]) for phase in sorted(_matching(self.steady, kind), key=_order)]
 
 
-class _Arm:
+class Arm:
     """The radius that fits a = ω²r/g at low rates, weighted by ω⁴; the bias of the sensor is common to all readings.
 
     All figures are linear in the readings a_i and the bias: r = Σ c_i (a_i - bias).
     """
 
     def __init__(self, bias: Steady, low: Iterable[Steady], local_g_mps2: float) -> None:
+        """Begins with the reading at rest and those at low rates, which are not 0."""
         self._bias, self._g = bias, local_g_mps2
         self._low = list(low)
         squares = np.array([np.radians(turning.rate_dps) ** 2 for turning in self._low])
@@ -169,25 +170,40 @@ class _Arm:
         shares = squares**2 / np.sum(squares**2)
         rates = np.array([turning.u_rate_dps / turning.rate_dps for turning in self._low])
         outputs = np.array([turning.u_output for turning in self._low])
-        self._u_own_m = _root_sum(*(self._weights * outputs), *(2 * self.radius_m * shares * rates))
+        self.u_own_m = _root_sum(*(self._weights * outputs), *(2 * self.radius_m * shares * rates))
+
+    @property
+    def u_bias_m(self) -> float:
+        """What the bias does to the radius."""
+        return abs(float(np.sum(self._weights))) * self._bias.u_output
 
     @property
     def u_radius_m(self) -> float:
-        return _root_sum(self._u_own_m, float(np.sum(self._weights)) * self._bias.u_output)
+        """Standard uncertainty of the radius, from the readings alone."""
+        return _root_sum(self.u_own_m, self.u_bias_m)
 
     def acceleration_g(self, turning: Steady) -> float:
+        """What the sensor should read at a rate, less its bias."""
         return self._per_radius(turning) * self.radius_m
 
     def error_g(self, turning: Steady) -> float:
+        """What it reads beyond that."""
         return turning.output - self._bias.output - self.acceleration_g(turning)
 
     def u_error_g(self, turning: Steady) -> float:
-        """An error of the bias changes the reading and, by way of the radius, what is true."""
+        """Standard uncertainty of the error, from the readings alone."""
+        return _root_sum(*self.u_parts_g(turning))
+
+    def u_parts_g(self, turning: Steady) -> tuple[float, float, float, float]:
+        """That of the error by the reading, its bias, the low readings by way of the radius, and its table rate.
+
+        An error of the bias changes the reading and, by way of the radius, what is true.
+        """
         by_bias = 1 - self._per_radius(turning) * float(np.sum(self._weights))
         by_rate = 2 * self.acceleration_g(turning) / turning.rate_dps if turning.rate_dps else 0.0
-        return _root_sum(
-            turning.u_output, by_bias * self._bias.u_output, self._per_radius(turning) * self._u_own_m,
-            by_rate * turning.u_rate_dps,
+        return (
+            turning.u_output, abs(by_bias) * self._bias.u_output, self._per_radius(turning) * self.u_own_m,
+            abs(by_rate) * turning.u_rate_dps,
         )  # fmt: skip
 
     def _per_radius(self, turning: Steady) -> float:

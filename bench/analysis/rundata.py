@@ -48,6 +48,36 @@ class Counts:
 
 
 @dataclass(frozen=True, slots=True)
+class Positions:
+    """The encoder of an axis during one acquisition, a row for each latch that came whole; all (N,) and raw.
+
+    `sequence` numbers the latches as those of the counts of the same counter. `position` is in counts of
+    `resolution_deg`, wraps at 2**position_bits and may be signed.
+    """
+
+    sequence: Integers
+    tick: Integers
+    position: Integers
+    tick_bits: int
+    position_bits: int
+    tick_period_s: float
+    resolution_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What a table was told to do while something was acquired, and did fully when that began.
+
+    It turned at `rate_dps`, or swung by ± `amplitude_deg` at `frequency_hz`; the other is None.
+    """
+
+    device: str
+    rate_dps: float | None = None
+    amplitude_deg: float | None = None
+    frequency_hz: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Mount:
     """How the units are fixed, in degrees.
 
@@ -105,7 +135,8 @@ class Acquisition:
     `sources_a` is what those that are on were read back to give, by their roles. One that was to become stable is read
     over its last `over_s`; `stable` are the places of the units that did. `turned` is a rotation over whole turns
     meanwhile. Where only means are wanted `windows` stand in place of `counts`, so that a long run is not in memory all
-    at once.
+    at once. `positions` are those of the encoders that a counter latches, by the devices that drive the axes, `motion`
+    is None where no table turned or swung.
     """
 
     step: str
@@ -127,6 +158,8 @@ class Acquisition:
     sources_a: Mapping[str, float] = field(default_factory=dict)
     over_s: float | None = None
     stable: frozenset[str] | None = None
+    positions: Mapping[str, Positions] = field(default_factory=dict)
+    motion: Motion | None = None
 
     @property
     def angle_deg(self) -> float:
@@ -141,7 +174,8 @@ class UnitUnderTest:
     `until_s` is the bench time at which it was dropped from the run. `nominal_per_g` is what its output is made to
     change by for 1 g, in `output_unit`; None where nobody says. `converter` is the reading of the thermometer at its
     converter and `source` the current source that can feed that, "" for none; `scale_a_per_g` is its nominal K1. An
-    inertial unit has `channels` of the counter, by acc_x to gyro_z, and a thermometer at its gyros.
+    inertial unit has `channels` of the counter, by acc_x to gyro_z, and a thermometer at its gyros. `arm_m` is where
+    the bench file says that it is from the axis that turns it, with its standard uncertainty.
     """
 
     place: str
@@ -157,6 +191,8 @@ class UnitUnderTest:
     converter: str = ""
     source: str = ""
     scale_a_per_g: float = math.nan
+    arm_m: Vector | None = None
+    arm_u_m: float = 0.0
 
     @property
     def measured_by(self) -> str:
@@ -173,13 +209,15 @@ class UnitUnderTest:
 class AxisRecord:
     """An axis of the table: where its positive end points while all angles are 0 (east, north, up), and its errors.
 
-    `harmonics_u_deg` are those of the cosine and of the sine amplitude of harmonics 1, 2, … of its error.
+    `harmonics_u_deg` are those of the cosine and of the sine amplitude of harmonics 1, 2, … of its error,
+    `wobble_u_deg` those of how far it tilts to and fro once a turn.
     """
 
     points: Vector = (0.0, -1.0, 0.0)
     zero_u_deg: float = 0.0
     harmonics_u_deg: tuple[float, ...] = ()
     repeatability_u_deg: float = 0.0
+    wobble_u_deg: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +237,7 @@ class BenchRecord:
     `level_deg` tilts the whole table about south. `thermometers_u` gives offset (°C) and gain (on the temperature in
     °C) by the name of the reading, `voltmeters_u` gain (of the reading) and offset (V) by voltmeter, `sources` the
     current sources that have a certificate, by their roles. `orthogonality_u_deg` is of each axis against the one that
-    carries it, in two directions.
+    carries it, in two directions. `encoder_skew_u_s` is that of the time between an encoder's latch and the pulses'.
     """
 
     gravity_mps2: float
@@ -216,6 +254,7 @@ class BenchRecord:
     azimuth_u_deg: float = 0.0
     orthogonality_u_deg: float = 0.0
     sources: Mapping[str, SourceRecord] = field(default_factory=dict)
+    encoder_skew_u_s: float = 0.0
 
     @property
     def head(self) -> AxisRecord:

@@ -7,6 +7,8 @@ rest as the bench file's `simulation:` says. Each draw has a stream of its own.
 from __future__ import annotations
 
 import asyncio
+import cmath
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,9 +16,10 @@ from typing import Any, TypeVar
 
 from bench.analysis.rundata import AxisRecord, BenchRecord
 from bench.config.devices import DeviceEntry
+from bench.config.document import read_document
 from bench.config.fixture import Mount
-from bench.config.load import load_file
-from bench.config.models import BenchFile, PlaceEntry, SourceSimulation
+from bench.config.load import load
+from bench.config.models import BenchFile, PlaceEntry, SourceSimulation, TableSimulation
 from bench.errors import InputError
 from bench.loop import BenchLoop
 from bench.report.corrections import Table as CorrectionTable
@@ -32,12 +35,14 @@ from drivers.transport.wires import RealWires
 from simulators import attitude
 from simulators.acutronic_acl import SimulatedAcutrol
 from simulators.aerotech_ensemble import SimulatedEnsemble
-from simulators.attitude import SOUTH, Fixture, tilted
+from simulators.attitude import SOUTH, Fixture, Vector, tilted
 from simulators.can_counter import CounterSettings, SimulatedCounter
+from simulators.carried import NOWHERE, TableErrors
 from simulators.corrections import Table
 from simulators.current_source import CurrentErrors, Feed
 from simulators.faults import FaultPlan
 from simulators.fluke_5700a import SimulatedFluke
+from simulators.gyro_unit import GyroFile
 from simulators.imu import SENSORS, ImuPlace
 from simulators.imu_file import ImuFile
 from simulators.keithley_6220 import SimulatedKeithley
@@ -45,6 +50,7 @@ from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
 from simulators.motion import AxisErrors
 from simulators.scpi_supply import SimulatedSupply
 from simulators.serve import Instrument, protocol_factory
+from simulators.table import Loop, Ripple
 from simulators.thermal import ChamberPhysics
 from simulators.unit_file import UnitFile, stream
 from simulators.watlow_f4t import SimulatedF4T
@@ -53,6 +59,7 @@ from simulators.world import PlaceSettings, World, WorldSettings
 P = TypeVar("P", bound=asyncio.Protocol)
 TCP = Line(latency_s=0.002)
 SERIAL_LATENCY_S = 0.004
+ARCSEC_PER_DEG = 3600
 
 
 @dataclass(frozen=True)
@@ -65,20 +72,31 @@ class Laboratory:
     voltmeters: Mapping[str, VoltmeterSettings] = field(default_factory=dict)
 
 
-def unit_files(bench: BenchFile, override: Path | None) -> dict[str, UnitFile | ImuFile]:
+AnyUnitFile = UnitFile | GyroFile | ImuFile
+
+
+def unit_files(bench: BenchFile, override: Path | None) -> dict[str, AnyUnitFile]:
     """The truth of the unit in each place; `override` takes the place of all of them. InputError."""
     missing = [name for name in bench.places if name not in bench.simulation.units and override is None]
     if missing:
         raise InputError(f"no simulated unit for place '{missing[0]}': add it to simulation.units of the bench file")
-    files: dict[str, UnitFile | ImuFile] = {}
-    for name, place in bench.places.items():
-        path = override or bench.simulation.units[name]
-        files[name] = load_file(path, UnitFile) if place.channels is None else load_file(path, ImuFile)
-    return files
+    return {
+        name: _unit_file(override or bench.simulation.units[name], is_inertial=place.channels is not None)
+        for name, place in bench.places.items()
+    }
+
+
+def _unit_file(path: Path, *, is_inertial: bool) -> AnyUnitFile:
+    """An inertial unit, or a unit with an accelerometer, or with a gyro where the file has one."""
+    document = read_document(path)
+    if is_inertial:
+        return load(document, ImuFile)
+    has_gyro = isinstance(document.value, dict) and "gyro" in document.value
+    return load(document, GyroFile) if has_gyro else load(document, UnitFile)
 
 
 def make_laboratory(
-    bench: BenchFile, units: Mapping[str, UnitFile | ImuFile], seed: int, host_s: Callable[[], float]
+    bench: BenchFile, units: Mapping[str, AnyUnitFile], seed: int, host_s: Callable[[], float]
 ) -> Laboratory:
     """The laboratory of one run."""
     world = World(world_settings(bench, units, seed), host_s)
@@ -99,9 +117,10 @@ def make_laboratory(
     return Laboratory(world, instruments, counters, voltmeters)
 
 
-def world_settings(bench: BenchFile, units: Mapping[str, UnitFile | ImuFile], seed: int) -> WorldSettings:
+def world_settings(bench: BenchFile, units: Mapping[str, AnyUnitFile], seed: int) -> WorldSettings:
     """The laboratory's errors as drawn for one run."""
     stated, simulation, corrections = bench_record(bench), bench.simulation, corrections_of(bench)
+    table = simulation.table
 
     def draw(sd: float, *path: str) -> float:
         return float(sd * stream(seed, "bench", *path).standard_normal())
@@ -111,7 +130,7 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile | ImuFile], se
         table = _columns(corrections.thermometers.get(reading))
         return draw(offset_u, reading, "offset"), draw(gain_u, reading, "gain"), table
 
-    def place(name: str, unit: UnitFile, entry: PlaceEntry) -> PlaceSettings:
+    def place(name: str, unit: UnitFile | GyroFile, entry: PlaceEntry) -> PlaceSettings:
         offset_c, gain, table = thermometer(entry.temperature)
         converter_offset_c, converter_gain, converter_table = thermometer(entry.converter_temperature or "")
         return PlaceSettings(
@@ -128,6 +147,7 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile | ImuFile], se
             converter_gain=converter_gain,
             converter_table=converter_table,
             source=entry.source or "",
+            arm_m=_arm_m(name, entry, draw),
         )
 
     def imu(name: str, unit: ImuFile, entry: PlaceEntry) -> ImuPlace:
@@ -151,7 +171,7 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile | ImuFile], se
             zero_deg=draw(known.zero_u_deg, "head", *path, "zero"),
             cosines=tuple(cosine for cosine, _ in amplitudes),
             sines=tuple(sine for _, sine in amplitudes),
-            backlash_deg=simulation.head.backlash / 3600,
+            backlash_deg=simulation.head.backlash / ARCSEC_PER_DEG,
             repeatability_deg=known.repeatability_u_deg,
             table=_columns(corrections.axes.get(role)),
         )
@@ -163,10 +183,13 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile | ImuFile], se
         gravity_mps2=stated.gravity_mps2 + draw(stated.gravity_u_mps2, "gravity"),
         host_clock=draw(simulation.host_clock, "host clock"),
         device_clock=draw(stated.time_base_u, "counter", "time base") - next(iter(corrections.clocks.values()), 0.0),
+        encoder_skew_s=draw(stated.encoder_skew_u_s, "counter", "encoder skew"),
         axes={role: axis(role, () if number == 0 else (role,)) for number, role in enumerate(bench.axes or ["head"])},
         axis_acceleration_dps2=simulation.head.acceleration,
         mount=simulated_mount(bench.fixture.mount()),
         level_deg=stated.level_deg + draw(stated.level_u_deg, "level"),
+        latitude_deg=bench.site.latitude,
+        table=TableErrors() if table is None else _table_errors(table, stated, seed, draw),
         fixture=fixture,
         built=_built(fixture, stated, draw),
         chamber=ChamberPhysics(
@@ -179,9 +202,8 @@ def world_settings(bench: BenchFile, units: Mapping[str, UnitFile | ImuFile], se
         remount_deg=simulation.remount / 3600,
         thermometer_lag_s=simulation.thermometer.lag,
         thermometer_noise_c=simulation.thermometer.noise,
-        places={name: place(name, unit, entry) for name, unit, entry in entries if isinstance(unit, UnitFile)},
+        places={name: place(name, unit, entry) for name, unit, entry in entries if not isinstance(unit, ImuFile)},
         imus={name: imu(name, unit, entry) for name, unit, entry in entries if isinstance(unit, ImuFile)},
-        latitude_deg=bench.site.latitude,
     )
 
 
@@ -203,6 +225,28 @@ def _columns(table: CorrectionTable | None) -> Table:
     return (tuple(table.at.tolist()), tuple(table.add.tolist())) if table is not None else ((), ())
 
 
+def _arm_m(place: str, entry: PlaceEntry, draw: Callable[..., float]) -> Vector:
+    """Where the sensor truly is: as the bench file says, with the errors that it admits."""
+    if entry.arm is None:
+        return NOWHERE
+    u_m = entry.arm.U / entry.arm.k
+    x_m, y_m, z_m = (at_m + draw(u_m, place, "arm", axis) for at_m, axis in zip(entry.arm.vector_m, "xyz", strict=True))
+    return x_m, y_m, z_m
+
+
+def _table_errors(table: TableSimulation, stated: BenchRecord, seed: int, draw: Callable[..., float]) -> TableErrors:
+    """What the table does that it is not told; a base that is level within u about one axis is so about the other."""
+    phases = stream(seed, "bench", "table", "ripple").uniform(0, 2 * math.pi, 3)
+    wobble = complex(*(draw(stated.head.wobble_u_deg, "table", "wobble", shape) for shape in ("cosine", "sine")))
+    return TableErrors(
+        loop=Loop(table.loop, table.damping, math.degrees(table.torque / table.inertia)),
+        ripple=Ripple(table.ripple, (1, 2, 2 * table.pole_pairs), tuple(phases.tolist())),
+        across_deg=draw(stated.level_u_deg, "level", "across"),
+        wobble_deg=abs(wobble),
+        wobble_phase_rad=-cmath.phase(wobble),
+    )
+
+
 def simulated_mount(mount: Mount) -> attitude.Mount:
     """A mount as the simulated world knows it."""
     return attitude.Mount(mount.angle, mount.roll, mount.clock)
@@ -211,7 +255,6 @@ def simulated_mount(mount: Mount) -> attitude.Mount:
 def _counter_settings(bench: BenchFile, role: str, options: CounterOptions) -> CounterSettings:
     dbc = Dbc(options.dbc.read_text(encoding="utf-8", errors="replace"))
     channels = {name: channel.model_dump() for name, channel in options.channels.items()}
-    form = counter_wire.counter_format(dbc, options.latch.model_dump(), options.latch.tick_period, channels)
     readings: dict[str, str] = {}
     imu_readings: dict[str, tuple[str, str]] = {}
     for name, place in bench.places.items():
@@ -223,12 +266,16 @@ def _counter_settings(bench: BenchFile, role: str, options: CounterOptions) -> C
             imu_readings |= {
                 each.channel: (name, sensor) for each, sensor in zip(shown, SENSORS, strict=True) if each.device == role
             }
+    positions = {name: encoder.model_dump() for name, encoder in options.positions.items()}
+    latch = options.latch
+    form = counter_wire.counter_format(dbc, latch.model_dump(), latch.tick_period, channels, positions)
     boards = {
         bench.readings[place.converter_temperature].channel: name
         for name, place in bench.places.items()
         if place.converter_temperature and bench.readings[place.converter_temperature].device == role
     }
-    return CounterSettings(role, dbc, form, options.period, readings, boards, imu_readings)
+    encoders = {name: ARCSEC_PER_DEG / encoder.resolution for name, encoder in options.positions.items()}
+    return CounterSettings(role, dbc, form, options.period, readings, boards, imu_readings, encoders)
 
 
 def _current_errors(bench: BenchFile, role: str, seed: int) -> CurrentErrors:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench.config.checks_counters import counter_misfits
 from bench.config.checks_interlocks import interlock_misfits
 from bench.config.document import Document, Place, Problem, read_document
 from bench.config.load import load
@@ -46,6 +47,7 @@ def misfits(bench: BenchFile) -> Iterator[Problem]:
     yield from interlock_misfits(bench.interlocks, bench)
     for name, place in bench.places.items():
         yield from _place(bench, name, place)
+    yield from counter_misfits(bench)
     yield from _axes(bench)
     yield from _simulation(bench)
 

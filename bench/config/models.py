@@ -21,6 +21,7 @@ from drivers.fields import (
     Celsius,
     Degrees,
     FileBeside,
+    Hertz,
     Instant,
     InUnit,
     Name,
@@ -153,6 +154,21 @@ class ImuChannels(StrictModel):
     gyro_z: str = Field(description="of gyro z")
 
 
+class Arm(StrictModel):
+    """Where the sensor of a place is, from the axis that turns it, in the frame of the fixture."""
+
+    x: Annotated[float, InUnit("m")] = Field(0.0, description="along the x of the fixture")
+    y: Annotated[float, InUnit("m")] = Field(0.0, description="along the y of the fixture")
+    z: Annotated[float, InUnit("m")] = Field(0.0, description="along the z of the fixture")
+    U: Annotated[float, InUnit("m", at_least=0)] = Field(0.0, description="expanded uncertainty of each")
+    k: CoverageFactor = Field(2.0, description="coverage factor of U")
+
+    @property
+    def vector_m(self) -> Vector:
+        """All three."""
+        return self.x, self.y, self.z
+
+
 class PlaceEntry(StrictModel):
     """A place for a unit under test: how it lies, what measures its output, what warms and feeds it.
 
@@ -187,6 +203,7 @@ class PlaceEntry(StrictModel):
         None, description="the reading of the thermometer at its converter, where that is in the chamber"
     )
     nominal: Nominal | None = None
+    arm: Arm | None = None
 
     @model_validator(mode="after")
     def _has_one_output(self) -> PlaceEntry:
@@ -251,6 +268,19 @@ class HeadSimulation(StrictModel):
     acceleration: Annotated[float, InUnit("°/s²", above=0)] = Field(40.0, description="of every move")
 
 
+class TableSimulation(StrictModel):
+    """What a simulated rate table makes of what it is told."""
+
+    loop: Hertz = Field(150.0, description="natural frequency of its control loop")
+    damping: Annotated[Ratio, InUnit("", above=0, at_most=5)] = Field(0.7, description="of its control loop")
+    torque: Annotated[float, InUnit("N·m", above=0)] = Field(640.0, description="the most that its motor gives")
+    inertia: Annotated[float, InUnit("kg·m²", above=0)] = Field(0.3, description="of the table and its load")
+    ripple: Annotated[Ratio, InUnit("", at_least=0)] = Field(
+        1e-4, description="of its rate, over a turn: once, twice, and twice for each pair of poles"
+    )
+    pole_pairs: Annotated[WholeNumber, Field(ge=1, le=100)] = Field(12, description="of its motor")
+
+
 class ThermometerSimulation(StrictModel):
     """How the simulated thermometers at the units behave."""
 
@@ -312,6 +342,7 @@ class Simulation(StrictModel):
     ambient: Celsius = Field(22.0, description="temperature of the room")
     chamber: ChamberSimulation = ChamberSimulation()
     head: HeadSimulation = HeadSimulation()
+    table: TableSimulation | None = None
     thermometer: ThermometerSimulation = ThermometerSimulation()
     remount: Arcseconds = Field(
         0.0,

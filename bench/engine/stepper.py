@@ -121,6 +121,7 @@ class Stepper:
             return await acquire_during(step, planned.id, self._bench, body())
         if isinstance(step, (Rotate, Oscillate)):
             await begin_turning(step, self._bench)
+            self._journal.write("turning", planned.id, **_told(step))
             await body()
             await leave(step, self._bench)
         return {"device": step.role, "rate_dps": step.rate_dps} if isinstance(step, Rotate) else {}
@@ -176,3 +177,10 @@ class Stepper:
             return problem
         text = f"{self._plan.where(planned.place)}: step {planned.id}: {problem}"
         return StepFailed(text, problem.code)
+
+
+def _told(step: Rotate | Oscillate) -> Found:
+    """What the table does fully from now on, until the step ends."""
+    if isinstance(step, Rotate):
+        return {"device": step.role, "rate_dps": step.rate_dps}
+    return {"device": step.role, "amplitude_deg": step.amplitude_deg, "frequency_hz": step.highest_hz}

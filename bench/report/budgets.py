@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from bench.analysis.finding import COVERAGE, BudgetLine, Finding, UnitResult
+from bench.report.languages import tr
 from bench.report.shown import SHOWN, decimals
 from bench.report.words import name_of, quantity_of, source_in_words, unit_shown, where
 
@@ -38,8 +39,12 @@ class Budget:
 
 @dataclass(frozen=True)
 class BudgetsOfDwells:
-    """The budgets of a quantity at all dwells: for each the u by source, the combined u, and its dof."""
+    """The budgets of a quantity at all dwells or points: for each the u by source, the combined u, and its dof.
 
+    `head` says what the first column tells.
+    """
+
+    head: str
     title: str
     unit: str
     sources: tuple[str, ...]
@@ -89,15 +94,25 @@ def _dof(dof: int | None) -> str:
 def budgets_of_dwells(unit: UnitResult, quantity: str) -> BudgetsOfDwells:
     """The budgets of one quantity side by side."""
     found = [finding for finding in unit.findings if finding.quantity == quantity and "dwell" in finding.at]
+    return _side_by_side(found, tr("Dwell"), [str(finding.at["dwell"]) for finding in found])
+
+
+def budgets_of_points(found: Sequence[Finding]) -> BudgetsOfDwells:
+    """The budgets of one quantity at the points of a range or a sweep, side by side."""
+    return _side_by_side(found, tr("Point"), [where(finding.at, {}) for finding in found])
+
+
+def _side_by_side(found: Sequence[Finding], head: str, names: Sequence[str]) -> BudgetsOfDwells:
+    quantity = found[0].quantity
     factor = SHOWN.get(quantity, (1.0, ""))[0]
     digits = decimals(min(finding.u for finding in found) * factor) + 1
     sources = tuple(dict.fromkeys(line.source for each in found for line in each.budget if line.type != "alias"))
     rows = []
-    for finding in found:
+    for finding, name in zip(found, names, strict=True):
         of_source = {line.source: _small(line.u * factor, digits) for line in finding.budget}
         cells = tuple(of_source.get(source, "–") for source in sources)
-        rows.append((str(finding.at["dwell"]), cells, f"{finding.u * factor:.{digits}f}", _dof(finding.dof)))
+        rows.append((name, cells, f"{finding.u * factor:.{digits}f}", _dof(finding.dof)))
     return BudgetsOfDwells(
-        quantity_of(found[0]), unit_shown(quantity, found[0].unit), tuple(map(source_in_words, sources)),
+        head, quantity_of(found[0]), unit_shown(quantity, found[0].unit), tuple(map(source_in_words, sources)),
         tuple(rows),
     )  # fmt: skip

@@ -14,7 +14,7 @@ from bench.analysis.limits import Limits
 from bench.analysis.models import TemperatureModel
 from bench.analysis.rundata import RunData
 from bench.report import page, tables
-from bench.report.budgets import Budget, BudgetsOfDwells, budget, budgets_of_dwells
+from bench.report.budgets import Budget, BudgetsOfDwells, budget, budgets_of_dwells, budgets_of_points
 from bench.report.course import course_of, course_plot
 from bench.report.findings import Results
 from bench.report.head import head, report_number
@@ -133,7 +133,10 @@ def _section(unit: UnitResult, name: str, limits: Mapping[str, Limits], method: 
             tables.model_sheet(model) for model in unit.models if not isinstance(model, TemperatureModel)
         ),
         budgets=tuple(budget(each, numbers) for each in [*first.values(), *tables.over_run(unit)] if each.budget),
-        budgets_of_dwells=tuple(budgets_of_dwells(unit, quantity) for quantity in first) if len(dwells) > 1 else (),
+        budgets_of_dwells=(
+            *(tuple(budgets_of_dwells(unit, quantity) for quantity in first) if len(dwells) > 1 else ()),
+            *(budgets_of_points(found) for found in tables.at_points(unit).values()),
+        ),
     )
 
 

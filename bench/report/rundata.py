@@ -15,7 +15,9 @@ from bench.analysis.rundata import (
     AxisRecord,
     BenchRecord,
     Counts,
+    Motion,
     Mount,
+    Positions,
     RunData,
     SourceRecord,
     Turned,
@@ -81,14 +83,17 @@ def acquisitions(
         frames = reader.frames_of(event.step)
         acquired = _acquisition(event, dwell, state, temperatures)
         counts: dict[str, Counts] = {}
+        positions: dict[str, Positions] = {}
         for role, decoder in decoders.items():
             decoded = decoder.counts(frames.get(role, FrameBlock.empty()))
             counts |= {channel: corrections.counts(role, each) for channel, each in decoded.items()}
+            positions |= decoder.positions(frames.get(role, FrameBlock.empty()))
         read = samples.get(event.step, {})
         yield replace(
             acquired,
             angles_deg={role: corrections.angle_deg(role, at_deg) for role, at_deg in state.angles_deg.items()},
             counts=counts,
+            positions=positions,
             voltages={role: corrections.voltages(role, Voltages(*each.T)) for role, each in read.items()},
         )
 
@@ -109,6 +114,8 @@ def _unit(place: str, serial: str, entry: PlaceEntry, until_s: float) -> UnitUnd
         converter=entry.converter_temperature or "",
         source=entry.source or "",
         scale_a_per_g=entry.nominal.K1 if entry.nominal is not None else math.nan,
+        arm_m=entry.arm.vector_m if entry.arm is not None else None,
+        arm_u_m=entry.arm.U / entry.arm.k if entry.arm is not None else 0.0,
     )
 
 
@@ -123,6 +130,7 @@ class _InForce:
     rate_dps: float = math.nan
     input: str = "accelerometer"
     sources_a: Mapping[str, float] = field(default_factory=dict)
+    motion: Motion | None = None
 
     def after(self, event: Event, bench: BenchFile) -> _InForce:
         """What it stands at when a step has ended."""
@@ -163,7 +171,11 @@ def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple
     dwells = DwellNames()
     found: dict[str, tuple[Event, str, _InForce]] = {}
     begun_c: dict[str, float] = {}
-    for event in reader.events("step_begins", "step_ended"):
+    turning: dict[str, Motion] = {}
+    for event in reader.events("step_begins", "turning", "step_ended"):
+        if event.kind == "turning":
+            turning[first_visit(event.step)] = Motion(**event.data)
+            continue
         if event.kind == "step_begins":
             begun_c[event.step] = state.set_c
             continue
@@ -173,7 +185,8 @@ def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple
         if event.data.get("label") == label:
             step = first_visit(event.step)
             found.pop(step, None)
-            found[step] = (event, dwells.of(step), replace(state, set_from_c=begun_c[event.step]))
+            motion = next((told for outer, told in turning.items() if step.startswith(f"{outer}/")), None)
+            found[step] = (event, dwells.of(step), replace(state, set_from_c=begun_c[event.step], motion=motion))
         if "rate_dps" in event.data and "device" in event.data:  # a rotation is over after what was acquired meanwhile
             inside = f"{first_visit(event.step)}/"
             rate_dps = float(event.data["rate_dps"])
@@ -212,6 +225,7 @@ def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mappin
         input=state.input,
         sources_a=state.sources_a,
         counts={},
+        motion=state.motion,
         temperatures_c={name: series.values for name, series in meanwhile.items()},
         temperatures_at_s={name: series.at_s for name, series in meanwhile.items()},
         over_s=event.data.get("over_s"),
@@ -239,6 +253,7 @@ def bench_record(bench: BenchFile) -> BenchRecord:
         level_deg=level.value * ARCSEC_DEG,
         level_u_deg=level.U / level.k * ARCSEC_DEG,
         time_base_u=float(counter.get("time_base", 0.0)),
+        encoder_skew_u_s=float(counter.get("encoder_skew", 0.0)),
         thermometers_u=thermometers,
         voltmeters_u={name: (float(u.get("gain", 0)), float(u.get("offset", 0))) for name, u in meters.items()},
         latitude_deg=bench.site.latitude,
@@ -263,6 +278,7 @@ def _axis(bench: BenchFile, role: str, points: Vector) -> AxisRecord:
         zero_u_deg=float(known.get("zero", 0.0)) * ARCSEC_DEG,
         harmonics_u_deg=tuple(np.array(known.get("harmonics", ())) * ARCSEC_DEG),
         repeatability_u_deg=float(known.get("repeatability", 0.0)) * ARCSEC_DEG,
+        wobble_u_deg=float(known.get("wobble", 0.0)) * ARCSEC_DEG,
     )
 
 

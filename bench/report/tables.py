@@ -97,8 +97,17 @@ def at_dwells(unit: UnitResult) -> dict[int, dict[str, Finding]]:
 
 
 def over_run(unit: UnitResult) -> list[Finding]:
-    """The findings that are not those of one dwell, or of one visit of a set point, which its method shows itself."""
-    return [finding for finding in unit.findings if not {"dwell", "visit"} & finding.at.keys()]
+    """The findings that are not those of one dwell, of a visit of a set point, or of a point of a range or sweep."""
+    return [finding for finding in unit.findings if not {"dwell", "visit", "point"} & finding.at.keys()]
+
+
+def at_points(unit: UnitResult) -> dict[str, list[Finding]]:
+    """The findings at points of a range or a sweep, by quantity."""
+    found: dict[str, list[Finding]] = {}
+    for finding in unit.findings:
+        if "point" in finding.at:
+            found.setdefault(finding.quantity, []).append(finding)
+    return found
 
 
 def dwell_numbers(unit: UnitResult) -> dict[str, int]:
@@ -143,7 +152,7 @@ def _remark(found: Sequence[Finding]) -> str:
         tr("{count} marginal", count=marginal) if marginal else "",
     ]
     worst = "worst of {count}; {told}"
-    for what in ("dwell", "end"):
+    for what in ("dwell", "end", "point"):
         worst = f"worst of {{count}} {what}s; {{told}}" if what in found[0].at else worst
     return tr(worst, count=len(found), told=", ".join(filter(None, told)) or tr("all passed"))
 

@@ -60,8 +60,10 @@ def _dwell_table(unit: UnitResult) -> Iterator[str]:
 
 
 def _summary_table(unit: UnitResult) -> Iterator[str]:
-    """What is judged at the dwells, the worst of each; then what is found over temperature."""
-    at_dwells = {found.quantity: found.limits for found in unit.findings if "dwell" in found.at and found.limits}
+    """What is judged at the dwells or points, the worst of each; then what is found over all of them."""
+    at_dwells = {
+        found.quantity: found.limits for found in unit.findings if {"dwell", "point"} & set(found.at) and found.limits
+    }
     for row in [*verdict_rows(unit, at_dwells), *over_run_rows(unit)]:
         verdict = row.verdict + (" marginal" if row.marginal else "")
         told = "; ".join(filter(None, (row.where, row.limits, row.bands, row.remark)))

@@ -44,6 +44,7 @@ SOURCES = (
     "asymmetry of the converter", "read-outs", "points", "accelerometer", "source",
     "lag behind the thermometer, and the unit's response to the rate",
 )  # fmt: skip
+ON_A_TABLE = {"acceleration_g": "g", "rate_dps": "°/s", "frequency_hz": "Hz"}  # conditions of a point, and their units
 CONTENTS = {
     "contains:K2": "contains K2",
     "contains:K3": "contains K3",
@@ -296,4 +297,5 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
         parts.append(tr("{count} repetitions", count=at["repetitions"]))
     if "at_c" in at:
         parts.append(tr("at {at_c} °C", at_c=f"{at['at_c']:.1f}"))
+    parts += [f"{at[key]:.5g} {unit}" for key, unit in ON_A_TABLE.items() if key in at]
     return ", ".join(parts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bench.analysis.rundata import Counts
+from bench.analysis.rundata import Counts, Positions
 from bench.errors import StoreError
 from drivers.can_counter import wire
 from drivers.can_counter.description import CounterOptions
@@ -20,8 +20,11 @@ class CountDecoder:
         path = folder / options.dbc.name
         try:
             channels = {name: channel.model_dump() for name, channel in options.channels.items()}
+            positions = {name: encoder.model_dump() for name, encoder in options.positions.items()}
             dbc = Dbc(path.read_text(encoding="utf-8", errors="replace"))
-            self._format = wire.counter_format(dbc, options.latch.model_dump(), options.latch.tick_period, channels)
+            self._format = wire.counter_format(
+                dbc, options.latch.model_dump(), options.latch.tick_period, channels, positions
+            )
         except (OSError, DbcError) as problem:
             raise StoreError(f"{path}: the frames of this run cannot be decoded ({problem})") from problem
 
@@ -42,5 +45,21 @@ class CountDecoder:
                 max_rate_pps=self._options.max_rate,
                 lost=raw.lost,
                 restarts=raw.restarts,
+            )
+        return found
+
+    def positions(self, block: FrameBlock) -> dict[str, Positions]:
+        """What the encoders read in these frames, by the devices that drive their axes."""
+        found = {}
+        for name, encoder in self._options.positions.items():
+            raw = wire.decode_positions(self._format, name, block)
+            found[name] = Positions(
+                sequence=raw.sequence,
+                tick=raw.tick,
+                position=raw.position,
+                tick_bits=raw.tick_bits,
+                position_bits=raw.position_bits,
+                tick_period_s=self._options.latch.tick_period,
+                resolution_deg=encoder.resolution / 3600,
             )
         return found

@@ -10,9 +10,9 @@ from pydantic import Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
 from drivers.corrections import ClockCorrections
-from drivers.dbc_outline import lengths_bits, outline
+from drivers.dbc_outline import frames_bits, lengths_bits, outline
 from drivers.description import DriverDescription
-from drivers.fields import NOT_EMPTY, FileBeside, Hertz, InUnit, PositiveSeconds, Ratio, StrictModel, TextLike
+from drivers.fields import NOT_EMPTY, FileBeside, Hertz, InUnit, PositiveSeconds, Ratio, Seconds, StrictModel, TextLike
 from drivers.suggest import did_you_mean
 from drivers.wording import problem_at
 
@@ -38,6 +38,14 @@ class ChannelOptions(StrictModel):
     sequence: SignalName = Field(description="the number of the latch that they belong to")
 
 
+class PositionOptions(StrictModel):
+    """The signals of a table's encoder, which is latched with the counters; so angle and pulses have one clock."""
+
+    position: SignalName = Field(description="the counts of the encoder; they wrap")
+    sequence: SignalName = Field(description="the number of the latch that they belong to")
+    resolution: Annotated[float, InUnit("arcsec", above=0)] = Field(description="one count")
+
+
 class CounterOptions(StrictModel):
     """Where in the frames the counters are; names are Message.Signal of the DBC."""
 
@@ -46,6 +54,9 @@ class CounterOptions(StrictModel):
     max_rate: Hertz = Field(description="of the pulses; bounds the gap over which a counter stays unambiguous")
     latch: LatchOptions
     channels: Annotated[dict[str, ChannelOptions], NOT_EMPTY]
+    positions: dict[str, PositionOptions] = Field(
+        {}, description="encoders that are latched as well, by the devices that drive their axes"
+    )
 
     @model_validator(mode="after")
     def _signals_are_in_the_dbc(self) -> Self:
@@ -59,6 +70,8 @@ class CounterOptions(StrictModel):
         }
         for channel, signals in self.channels.items():
             named.update({("channels", channel, key): name for key, name in signals})
+        for device, encoder in self.positions.items():
+            named.update({("positions", device, key): getattr(encoder, key) for key in ("position", "sequence")})
         problems = [
             problem_at(place, f"{self.dbc.name} has no signal '{name}'{did_you_mean(name, known)}")
             for place, name in named.items()
@@ -87,11 +100,26 @@ class CounterUncertainty(StrictModel):
     """What a certificate states of the counter, expanded."""
 
     time_base: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of its clock, such as 1 ppm")
+    encoder_skew: Seconds = Field(0.0, description="of the time between the latch of an encoder and that of the pulses")
 
 
 def signals_of(dbc: Path) -> Mapping[str, str]:
     """The signals of a DBC file: `Message.Signal` → unit."""
     return outline(_text_of(dbc))
+
+
+def bus_bits_per_latch(options: CounterOptions) -> int:
+    """What the frames that come with every latch take on the bus at most, as far as the DBC tells it."""
+    signals = [options.latch.tick, options.latch.sequence]
+    signals += [name for channel in options.channels.values() for _, name in channel]
+    signals += [name for each in options.positions.values() for name in (each.position, each.sequence)]
+    bits = frames_bits(_text_of(options.dbc))
+    return sum(bits.get(message, 0) for message in {signal.partition(".")[0] for signal in signals})
+
+
+def position_bits(options: CounterOptions, device: str) -> int | None:
+    """How many bits the position of an axis has; None when the DBC does not tell."""
+    return lengths_bits(_text_of(options.dbc)).get(options.positions[device].position)
 
 
 def _text_of(dbc: Path) -> str:

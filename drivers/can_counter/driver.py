@@ -110,8 +110,11 @@ class CanCounter:
         options = self._options
         text = options.dbc.read_text(encoding="utf-8", errors="replace")
         channels = {name: channel.model_dump() for name, channel in options.channels.items()}
+        positions = {name: encoder.model_dump() for name, encoder in options.positions.items()}
         try:
-            form = wire.counter_format(Dbc(text), options.latch.model_dump(), options.latch.tick_period, channels)
+            form = wire.counter_format(
+                Dbc(text), options.latch.model_dump(), options.latch.tick_period, channels, positions
+            )
         except DbcError as problem:
             raise BadAnswer(self.name, f"{options.dbc.name}: {problem}", remedy="Correct the bench file.") from problem
         return form, hashlib.sha256(text.encode()).hexdigest()

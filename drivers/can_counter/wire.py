@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +37,16 @@ class ChannelFormat:
 
 
 @dataclass(frozen=True, slots=True)
+class PositionFormat:
+    """The encoder of an axis."""
+
+    position: Field
+    sequence: Field
+
+
+@dataclass(frozen=True, slots=True)
 class CounterFormat:
-    """A counter's frames: the latch, the channels by name, and the readings in °C by `Message.Signal`."""
+    """A counter's frames: the latch, channels and encoders by name, and the readings in °C by `Message.Signal`."""
 
     tick: Field
     tick_period_s: float
@@ -45,6 +54,7 @@ class CounterFormat:
     boot_count: Field | None
     channels: Mapping[str, ChannelFormat]
     temperatures: Mapping[str, Field]
+    positions: Mapping[str, PositionFormat]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +78,25 @@ class Counts:
     restarts: int
 
 
+@dataclass(frozen=True, slots=True)
+class Positions:
+    """One encoder as the wire gave it, a row for each latch whose frames all came, as in Counts; `position` wraps."""
+
+    sequence: Integers
+    tick: Integers
+    position: Integers
+    tick_bits: int
+    position_bits: int
+    lost: int
+    restarts: int
+
+
 def counter_format(
-    dbc: Dbc, latch: Mapping[str, str | None], tick_period_s: float, channels: Mapping[str, Mapping[str, str]]
+    dbc: Dbc,
+    latch: Mapping[str, str | None],
+    tick_period_s: float,
+    channels: Mapping[str, Mapping[str, str]],
+    positions: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> CounterFormat:
     """Binds names to the DBC; DbcError names what it does not have."""
 
@@ -94,33 +121,78 @@ def counter_format(
         boot_count=field(boot) if boot else None,
         channels=bound,
         temperatures=temperatures,
+        positions={
+            name: PositionFormat(field(entry["position"]), field(entry["sequence"]))
+            for name, entry in (positions or {}).items()
+        },
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Paired:
+    """Frames of one message and the latches that they belong to: their data (N, 8), and what did not fit."""
+
+    sequence: Integers
+    latch: NDArray[np.uint8]
+    other: NDArray[np.uint8]
+    host_s: NDArray[np.float64]
+    lost: int
+    dropped: int
+    restarts: int
 
 
 def decode_counts(form: CounterFormat, channel: str, block: FrameBlock) -> Counts:
     """The counts of one channel in a block, paired with their latches."""
     pair = form.channels[channel]
+    found = _paired(form, pair.sequence, block)
+    return Counts(
+        sequence=found.sequence,
+        tick=form.tick.signal.raw(found.latch),
+        positive=pair.positive.signal.raw(found.other),
+        negative=pair.negative.signal.raw(found.other),
+        host_s=found.host_s,
+        tick_bits=form.tick.signal.length,
+        counter_bits=pair.positive.signal.length,
+        lost=found.lost,
+        dropped=found.dropped,
+        restarts=found.restarts,
+    )
+
+
+def decode_positions(form: CounterFormat, name: str, block: FrameBlock) -> Positions:
+    """What one encoder read, paired with the latches; rows with one sequence number belong to those of the counts."""
+    encoder = form.positions[name]
+    found = _paired(form, encoder.sequence, block)
+    return Positions(
+        sequence=found.sequence,
+        tick=form.tick.signal.raw(found.latch),
+        position=encoder.position.signal.raw(found.other),
+        tick_bits=form.tick.signal.length,
+        position_bits=encoder.position.signal.length,
+        lost=found.lost,
+        restarts=found.restarts,
+    )
+
+
+def _paired(form: CounterFormat, other: Field, block: FrameBlock) -> _Paired:
+    """The frames with a sequence number `other` and their latches."""
     latch_rows, latch_raw = _numbers(form.sequence, block)
     latch_numbers = _unwrapped(latch_raw, form.sequence.signal.length)
-    axis_rows, axis_raw = _numbers(pair.sequence, block)
+    axis_rows, axis_raw = _numbers(other, block)
     before = np.searchsorted(latch_rows, axis_rows) - 1  # the last latch that came before
     near = latch_numbers[np.maximum(before, 0)] if len(latch_rows) else np.zeros_like(axis_raw)
-    axis_numbers = near + _shortest(axis_raw - near, pair.sequence.signal.length)
+    axis_numbers = near + _shortest(axis_raw - near, other.signal.length)
     fresh_latch, fresh_axis = _ascending(latch_numbers), _ascending(axis_numbers)
     sequence, of_latch, of_axis = np.intersect1d(
         latch_numbers[fresh_latch], axis_numbers[fresh_axis], assume_unique=True, return_indices=True
     )
-    latch, axis = block.data[latch_rows[fresh_latch][of_latch]], block.data[axis_rows[fresh_axis][of_axis]]
     boots = form.boot_count.signal.raw(block.data[latch_rows]) if form.boot_count else np.empty(0, np.int64)
     expected = int(latch_numbers.max() - latch_numbers[0]) + 1 if len(latch_rows) else 0
-    return Counts(
+    return _Paired(
         sequence=sequence,
-        tick=form.tick.signal.raw(latch),
-        positive=pair.positive.signal.raw(axis),
-        negative=pair.negative.signal.raw(axis),
+        latch=block.data[latch_rows[fresh_latch][of_latch]],
+        other=block.data[axis_rows[fresh_axis][of_axis]],
         host_s=block.at_s[latch_rows[fresh_latch][of_latch]],
-        tick_bits=form.tick.signal.length,
-        counter_bits=pair.positive.signal.length,
         lost=expected - len(sequence),
         dropped=int(np.count_nonzero(~fresh_latch) + np.count_nonzero(~fresh_axis)),
         restarts=int(np.count_nonzero(np.diff(boots))),

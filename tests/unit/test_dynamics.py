@@ -13,10 +13,11 @@ def averaged(dynamics, edges_s, frequency_hz):
     return np.real(np.diff(whole)) / np.diff(edges_s)
 
 
+KINDS = (Dynamics(60, 0.7), Dynamics(60, 0.65, 2e-3), Dynamics(300, 0.7), Dynamics(20, 0.3))
+
+
 @pytest.mark.parametrize("frequency_hz", [0.5, 10.13, 60.0, 120.0])
-@pytest.mark.parametrize(
-    "dynamics", [Dynamics(60, 0.7), Dynamics(60, 0.65, 2e-3), Dynamics(300, 0.7), Dynamics(20, 0.3)]
-)
+@pytest.mark.parametrize("dynamics", KINDS)
 def test_a_sine_comes_out_as_the_transfer_function_says(dynamics, frequency_hz):
     uneven_s = 5e-4 + 5e-4 * np.random.default_rng(1).random(40)
     edges_s = np.cumsum(np.concatenate(([0.0], uneven_s, np.full(3000, 1e-3))))

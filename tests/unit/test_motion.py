@@ -3,9 +3,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulators.motion import Axis, AxisErrors, Move, Slew, Swing, Turn
+from simulators.motion import Axis, AxisErrors
+from simulators.profiles import Move, Slew, Swing, Turn
+from simulators.table import Loop, Ripple
 
 ARCSEC = 1 / 3600
+RIPPLE = Ripple(1e-2, (1, 2, 24), (0.3, 1.0, 2.0))
 
 
 def axis(seed: int = 1, **errors) -> Axis:
@@ -207,12 +210,17 @@ def test_the_rate_that_is_told_is_that_of_the_angle(
     for profile in (
         Move(0.0, 10.0, begin_dps, 50.0, acceleration_dps2),
         Turn(0.0, 10.0, Slew(begin_dps, end_dps, acceleration_dps2)),
+        Turn(0.0, 10.0, Slew(begin_dps, end_dps, acceleration_dps2), RIPPLE),
         Swing(0.0, 10.0, amplitude, frequency),
     ):
         times_s, half_s = np.linspace(0.001, 2 * profile.duration_s + 1, 57), 1e-6
         times_s = times_s[np.abs(times_s - profile.duration_s) > 2 * half_s]  # the amplitude stops growing at once
         rates_dps = (profile.angle_deg(times_s + half_s) - profile.angle_deg(times_s - half_s)) / (2 * half_s)
         assert rates_dps == pytest.approx([profile.rate_at(float(at_s)) for at_s in times_s], abs=0.01)
+        assert profile.rates_dps(times_s) == pytest.approx([profile.rate_at(float(at_s)) for at_s in times_s])
+        changes = (profile.rates_dps(times_s + half_s) - profile.rates_dps(times_s - half_s)) / (2 * half_s)
+        even = np.abs(changes - profile.accelerations_dps2(times_s)) < 1e-3 * (1 + np.abs(changes).max())
+        assert np.count_nonzero(~even) <= 2, "where a move changes from one acceleration to another"
 
 
 def test_an_axis_turns_from_what_it_does_and_comes_to_rest() -> None:
@@ -255,3 +263,40 @@ def test_backlash_shows_while_it_turns_down_and_stays_when_nothing_turns() -> No
         assert (true_at(table, at_s + 50) - table.encoder_deg(at_s + 50)) / ARCSEC == pytest.approx(
             error_arcsec, abs=1e-6
         )
+
+
+# What a table makes of it
+
+
+def test_a_table_lags_behind_a_sine_and_cannot_do_more_than_its_motor() -> None:
+    slow = Loop(natural_hz=150.0, damping=0.7)
+    gain, phase = slow.follows(np.array([0.1, 0.1]), np.array([1e-3, 150.0]))
+    assert gain == pytest.approx([1, 1 / 1.4])
+    assert phase == pytest.approx([0, -np.pi / 2], abs=1e-4)
+    weak = Loop(natural_hz=150.0, damping=0.7, most_dps2=100.0)
+    gain, _ = weak.follows(np.array([1.0, 1.0]), np.array([1.0, 10.0]))
+    assert gain == pytest.approx([1, 100 / (20 * np.pi) ** 2], rel=1e-4)
+    swing = Swing(0.0, 40.0, Slew(0.0, 3.0, 1.5), Slew(0.0, 50.0, 25.0), 0.0, slow)
+    gain, phase = slow.follows(np.array([3.0]), np.array([50.0]))
+    times = np.linspace(2, 2.1, 401)
+    expected = 3 * gain * np.sin(2 * np.pi * 50 * (times - 2) + phase)
+    assert swing.angle_deg(times) == pytest.approx(40 + expected, abs=1e-9)
+
+
+def test_a_table_that_turns_unevenly_is_where_its_mean_rate_takes_it() -> None:
+    turn = Turn(0.0, 10.0, Slew(0.0, 360.0, 1e6), Ripple(1e-4, (1, 2), (0.5, 1.5)))
+    seconds = turn.angle_deg(np.array([1.0, 2.0, 3.0]))
+    assert np.diff(seconds) == pytest.approx([360, 360], abs=1e-9)
+    assert turn.rates_dps(np.linspace(1, 2, 1001)).max() == pytest.approx(360 * (1 + 1.9e-4), rel=2e-5)
+
+
+def test_the_true_rate_holds_the_slope_of_the_error_map() -> None:
+    table = axis(cosines=(0.1, 0.05), sines=(0.02, 0.03))
+    table.swing(0.0, Slew(0.0, 20.0, 10.0), Slew(0.0, 0.5, 0.25), 0.0)
+    times_s, half_s = np.linspace(3, 9, 57), 1e-5
+    rates_dps, changes_dps2 = table.true_rates(times_s)
+    steps = table.true_deg(times_s + half_s) - table.true_deg(times_s - half_s)
+    assert rates_dps == pytest.approx(steps / (2 * half_s), abs=1e-6)
+    steps = table.true_rates(times_s + half_s)[0] - table.true_rates(times_s - half_s)[0]
+    assert changes_dps2 == pytest.approx(steps / (2 * half_s), abs=1e-5)
+    assert np.abs(rates_dps / table._profile.rates_dps(times_s) - 1).max() > 1e-4

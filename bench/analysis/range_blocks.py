@@ -1,0 +1,95 @@
+"""The acquisitions of a range test: those at rest, those at a rate, and what cannot be used of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
+from bench.analysis.rest import Rest, RestReading, fit_rest
+from bench.analysis.rundata import AxisRecord, RunData, UnitUnderTest
+from bench.analysis.steady_turning import Steady
+from bench.analysis.table_samples import harmonics_u_dps, steady, table_samples
+
+AT_REST_DPS = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Turning:
+    """One rate: what the table was told, what it and the unit did, the change of the bias since its middle taken off.
+
+    `u_harmonics_dps` is what the encoder's errors over a turn do to the table's rate.
+    """
+
+    step: str
+    command_dps: float
+    steady: Steady
+    u_harmonics_dps: float
+
+
+@dataclass(slots=True)
+class RangeBlocks:
+    """What a unit read in a range test. `left_out` are the paths of what cannot be used, `flags` say why."""
+
+    rest: Rest | None = None
+    rest_steps: list[str] = field(default_factory=list)
+    turning: list[Turning] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    flags: list[str] = field(default_factory=list)
+
+    @property
+    def bias(self) -> Steady:
+        """The reading at rest."""
+        if self.rest is None:
+            raise ValueError("nothing was read at rest")
+        return Steady(self.rest.value, self.rest.u, 0.0, 0.0, saturated=False)
+
+    def leave_out(self, step: str, problems: Sequence[str]) -> None:
+        """An acquisition that cannot be used."""
+        path = step.partition("/")[2]
+        self.left_out.append(path)
+        self.flags += [f"{step}: {problem}" for problem in problems]
+
+
+def range_blocks(
+    data: RunData, unit: UnitUnderTest, per_pulse: float, clip: float, *, has_dead_band: bool = False
+) -> RangeBlocks:
+    """The blocks of a unit in the order of the run; an output is the pulses of a second times `per_pulse`.
+
+    A converter with a dead band tells nothing at rest when it is silent.
+    """
+    found = RangeBlocks()
+    at_rest: list[RestReading] = []
+    turning: list[tuple[float, Turning]] = []
+    for acquisition in data.acquisitions:
+        samples, motion = table_samples(acquisition, unit), acquisition.motion
+        problems = list(samples.problems)
+        if motion is None and has_dead_band and "dead_band" in mean_rate(acquisition.counts[unit.channel]).problems:
+            problems.append("dead_band")
+        if problems:
+            found.leave_out(acquisition.step, problems)
+            continue
+        read = steady(samples, per_pulse, clip)
+        middle_s = (acquisition.begin_s + acquisition.end_s) / 2
+        if motion is not None and motion.rate_dps is not None:
+            u_dps = harmonics_u_dps(samples, data.bench.axes.get(motion.device, AxisRecord()).harmonics_u_deg)
+            turning.append((middle_s, Turning(acquisition.step, motion.rate_dps, read, u_dps)))
+        elif motion is None and abs(read.rate_dps) < AT_REST_DPS:
+            u = RESOLUTION_COUNTS / (acquisition.end_s - acquisition.begin_s) * per_pulse  # readings tell their scatter
+            at_rest.append(RestReading(middle_s, acquisition.angle_deg, read.output, u))
+            found.rest_steps.append(acquisition.step)
+        else:
+            found.leave_out(acquisition.step, ["not_at_rest"])
+    if at_rest:
+        found.rest = fit_rest(at_rest)
+        found.turning = list(_without_drift(turning, found.rest))
+    else:
+        found.flags.append("rest_missing")
+        found.left_out += [each.step.partition("/")[2] for _, each in turning]
+    return found
+
+
+def _without_drift(turning: Sequence[tuple[float, Turning]], rest: Rest) -> Iterator[Turning]:
+    for at_s, each in turning:
+        output = each.steady.output - rest.change(at_s)
+        yield replace(each, steady=replace(each.steady, output=output))

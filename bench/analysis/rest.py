@@ -1,0 +1,81 @@
+"""What a unit reads while the table stands, as a straight line over time and a first harmonic over its angles.
+
+A tilt of the axis is in a reading at rest and cancels over whole turns; fitted beside the bias it is not in that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.analysis.fit import Array, NotDetermined, least_squares
+
+OPPOSITE = 0.02  # rad from half a turn: a pair of angles whose mean is free of the first harmonic
+
+
+@dataclass(frozen=True, slots=True)
+class RestReading:
+    """One reading: when, at which angle of the table, and the output with its standard uncertainty."""
+
+    at_s: float
+    angle_deg: float
+    output: float
+    u: float
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """The bias over time, in the unit of the output; `dof` of the scatter.
+
+    `of_one_angle`: all readings are at one angle, and a tilt of the axis is in the bias.
+    """
+
+    value: float
+    u: float
+    drift_per_s: float
+    middle_s: float
+    dof: int
+    of_one_angle: bool
+
+    def change(self, at_s: float) -> float:
+        """By how much the bias differs at a time from its value in the middle."""
+        return self.drift_per_s * (at_s - self.middle_s)
+
+
+def fit_rest(readings: Sequence[RestReading]) -> Rest:
+    """The bias that readings tell, at least one.
+
+    Their scatter is that of the readings themselves, or that about the fit where it is larger.
+    """
+    at_s = np.array([reading.at_s for reading in readings])
+    angle_deg = np.array([reading.angle_deg % 360 for reading in readings])
+    output = np.array([reading.output for reading in readings])
+    own = float(np.sqrt(np.mean([reading.u**2 for reading in readings])))
+    middle_s = float(np.mean(at_s))
+    for columns in _designs(at_s - middle_s, np.radians(angle_deg)):
+        try:
+            fit = least_squares(np.column_stack(list(columns.values())), output, names=list(columns))
+        except NotDetermined:
+            continue
+        sd = max(own, fit.residual_sd) if fit.dof else own
+        names = list(columns)
+        drift = float(fit.coefficients[names.index("drift")]) / _span_s(at_s) if "drift" in names else 0.0
+        u = sd * float(np.sqrt(fit.unscaled_covariance[0, 0]))
+        return Rest(float(fit.coefficients[0]), u, drift, middle_s, max(fit.dof, 1), "cosine" not in names)
+    raise ValueError("no reading at rest")
+
+
+def _designs(since_s: Array, angle_rad: Array) -> list[dict[str, Array]]:
+    """What is fitted, from the most to the least that readings may tell."""
+    one = {"bias": np.ones_like(since_s)}
+    over_time = {"drift": since_s / _span_s(since_s)}
+    over_angle = {"cosine": np.cos(angle_rad), "sine": np.sin(angle_rad)}
+    if np.max(np.abs(np.sin(angle_rad - angle_rad[0]))) < OPPOSITE:
+        over_angle = {"cosine": np.cos(angle_rad - angle_rad[0])}
+    return [one | over_time | over_angle, one | over_angle, one | over_time, one]
+
+
+def _span_s(at_s: Array) -> float:
+    return float(np.ptp(at_s)) or 1.0

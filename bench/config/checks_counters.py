@@ -1,0 +1,61 @@
+"""Counters against the rest of a bench file: their bus, and the encoders that they latch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from bench.config.devices import DeviceEntry
+from bench.config.document import Place, Problem
+from bench.config.models import BenchFile
+from drivers.can_counter.description import CounterOptions, bus_bits_per_latch, position_bits
+from drivers.suggest import did_you_mean
+from drivers.transport.address import Address
+
+MOST_LOAD = 0.8  # of a bus; what is left is for the other frames on it, and for those that are sent again
+
+
+def counter_misfits(bench: BenchFile) -> Iterator[Problem]:
+    """What is wrong with the counters of a bench, each with its place."""
+    for role, entry in bench.devices.items():
+        options = entry.options
+        if isinstance(options, CounterOptions) and options.dbc.is_file():
+            yield from _bus(role, entry.connection, options)
+            for device in options.positions:
+                yield from _encoder(bench, role, options, device)
+
+
+def _bus(role: str, connection: Address, options: CounterOptions) -> Iterator[Problem]:
+    """More frames than the bus can carry."""
+    bitrate = connection.option("bitrate", 0)
+    needed = bus_bits_per_latch(options) / options.period
+    if bitrate and needed > MOST_LOAD * bitrate:
+        share = f"{100 * needed / bitrate:.0f} %"
+        place: Place = ("devices", role, "options", "period")
+        yield (
+            place,
+            f"the frames of a latch every {options.period:g} s take up to {needed:.6g} bit/s, {share} of the bus and "
+            f"more than {100 * MOST_LOAD:.0f} %: lengthen the period, or raise the bitrate of the connection",
+        )
+
+
+def _encoder(bench: BenchFile, role: str, options: CounterOptions, device: str) -> Iterator[Problem]:
+    """An encoder of nothing that turns, or one that comes half round between two latches."""
+    where: Place = ("devices", role, "options", "positions", device)
+    if device not in bench.axes:
+        yield where, f"'{device}' drives no axis of the fixture{did_you_mean(device, bench.axes)}"
+        return
+    bits, fastest_dps = position_bits(options, device), _fastest_dps(bench.devices[device])
+    counts = fastest_dps * options.period * 3600 / options.positions[device].resolution
+    if bits is not None and counts >= 2 ** (bits - 1):
+        yield (
+            where,
+            f"its signal has {bits} bits; at {fastest_dps:g} °/s it goes {counts:.6g} counts in a period, half round "
+            "or more: shorten the period, or use a longer signal",
+        )
+
+
+def _fastest_dps(device: DeviceEntry) -> float:
+    limits: Any = device.limits
+    fastest: float = getattr(getattr(limits, "rate", None), "max", 0.0)
+    return fastest

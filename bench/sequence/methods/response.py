@@ -1,0 +1,122 @@
+"""The methods on a rate table as a sequence sees them: range and frequency response (method M3)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from bench.sequence.methods import MethodDescription
+from drivers.fields import Hertz, InUnit, Ratio, StrictModel
+
+Tolerance = Annotated[Ratio, InUnit("", at_least=0, at_most=0.5)]
+Basis = Literal["reading", "full_scale"]
+PositiveG = Annotated[float, InUnit("g", above=0)]
+PositiveRate = Annotated[float, InUnit("°/s", above=0)]
+
+
+class GyroScale(StrictModel):
+    """What turns the pulses of a gyro into a rate."""
+
+    scale_ppd: Annotated[float, InUnit("pulse/°", above=0)] = Field(
+        alias="scale", description="scale factor as stated; errors and gains are against it"
+    )
+
+
+class AccelerometerScale(StrictModel):
+    """What turns the pulses of an accelerometer into an acceleration."""
+
+    scale_pps_per_g: Annotated[float, InUnit("pulse/s/g", above=0)] = Field(
+        alias="scale", description="scale factor as it was calibrated"
+    )
+    scale_u: Tolerance = Field(1e-4, description="its standard uncertainty, relative")
+
+
+class RangeSettings(StrictModel):
+    """How errors over a range are judged."""
+
+    linearity_basis: Basis = Field("reading", description="what errors are relative to")
+    rate_tolerance: Tolerance = Field(1e-3, description="how far the table may be from its rate, relative")
+
+
+class GyroRangeSettings(GyroScale, RangeSettings):
+    """Settings of the range of a gyro."""
+
+    full_scale_dps: PositiveRate = Field(alias="full_scale", description="the end of the range")
+    clip_dps: PositiveRate = Field(alias="clip", description="where the output stays when the rate goes on")
+
+
+class AccelerometerRangeSettings(AccelerometerScale, RangeSettings):
+    """Settings of the range of an accelerometer."""
+
+    linearity_basis: Basis = Field("full_scale", description="what errors are relative to")
+    full_scale_g: PositiveG = Field(alias="full_scale", description="the end of the range")
+    clip_g: PositiveG = Field(alias="clip", description="where the output stays when the acceleration goes on")
+    radius_up_to_g: PositiveG = Field(
+        1.0, alias="radius_up_to", description="the radius is found at rates that give no more than this"
+    )
+
+
+class ResponseSettings(StrictModel):
+    """How counts of a swing are read."""
+
+    play_pulses: Annotated[float, InUnit("pulse", at_least=0)] = Field(
+        1.0, alias="play", description="what a converter must go back at a reversal beyond what it goes for a pulse"
+    )
+
+
+class GyroResponseSettings(GyroScale, ResponseSettings):
+    """Settings of the frequency response of a gyro."""
+
+    gain_reference: Literal["absolute", "lowest"] = Field(
+        "absolute", description="gains against the stated scale factor, or over that at the lowest frequency"
+    )
+
+
+class AccelerometerResponseSettings(AccelerometerScale, ResponseSettings):
+    """Settings of the frequency response of an accelerometer."""
+
+    lever_hz: Hertz = Field(0.5, alias="lever_frequency", description="at which the arms are found; gains are over it")
+
+
+GYRO_RANGE = MethodDescription(
+    name="gyro_range",
+    title="Range of a gyro (method M3a)",
+    target="bench.analysis.range_method:reduce_gyro",
+    settings=GyroRangeSettings,
+    quantities={"rest_rate": "°/s", "rate_error": "°/s", "rate_error/relative": "1", "saturated_points": "1"},
+    counts_at="records",
+    drawn_by="bench.report.range_plots:range_plots",
+)
+GYRO_RESPONSE = MethodDescription(
+    name="gyro_response",
+    title="Frequency response of a gyro (method M3b)",
+    target="bench.analysis.response_method:reduce_gyro",
+    settings=GyroResponseSettings,
+    quantities={"gain": "1", "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°"},
+    counts_at="records",
+    drawn_by="bench.report.response_plots:response_plots",
+)
+ACCELEROMETER_RANGE = MethodDescription(
+    name="accelerometer_range",
+    title="Range of an accelerometer on a centrifuge (method M3c)",
+    target="bench.analysis.range_method:reduce_accelerometer",
+    settings=AccelerometerRangeSettings,
+    quantities={
+        "rest_output": "g", "radius": "m", "acceleration_error": "g", "acceleration_error/relative": "1",
+        "saturated_points": "1",
+    },
+    counts_at="records",
+    drawn_by="bench.report.range_plots:range_plots",
+)  # fmt: skip
+ACCELEROMETER_RESPONSE = MethodDescription(
+    name="accelerometer_response",
+    title="Frequency response of an accelerometer (method M3d)",
+    target="bench.analysis.response_method:reduce_accelerometer",
+    settings=AccelerometerResponseSettings,
+    quantities={
+        "gain": "1", "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°", "lever_arm/x": "m", "lever_arm/y": "m",
+    },
+    counts_at="records",
+    drawn_by="bench.report.response_plots:response_plots",
+)  # fmt: skip

@@ -1,0 +1,101 @@
+"""What the table carries its fixture through: where up is there, how it turns, and what that makes a place sense.
+
+f = up + (w x (w x r) + dw/dt x r) / g          in local g, in the frame of the fixture (methods.md 8.1)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.attitude import Fixture, Vector, turn
+from simulators.motion import Axis
+from simulators.table import Loop, Ripple
+
+Array = NDArray[np.float64]
+EAST: Vector = (1.0, 0.0, 0.0)
+EARTH_DPS = math.degrees(7.292115e-5)  # methods.md 1.1
+NOWHERE: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class TableErrors:
+    """What a table does that it is not told.
+
+    Its base is tilted by `across_deg` about east, beside the level about south, and its axis by `wobble_deg` more about
+    south, which comes and goes once a turn.
+    """
+
+    loop: Loop | None = None
+    ripple: Ripple | None = None
+    across_deg: float = 0.0
+    wobble_deg: float = 0.0
+    wobble_phase_rad: float = 0.0
+
+
+class Carried:
+    """The fixture on its axes; vectors are (3, n) by the times asked for."""
+
+    def __init__(
+        self,
+        fixture: Fixture,
+        axes: Mapping[str, Axis],
+        *,
+        level_deg: float,
+        table: TableErrors,
+        gravity_mps2: float,
+        latitude_deg: float,
+    ) -> None:
+        self._fixture, self._axes, self._table = fixture, list(axes.values()), table
+        self._level_deg, self._gravity_mps2 = level_deg, gravity_mps2
+        latitude = math.radians(latitude_deg)
+        self._earth_dps = EARTH_DPS * np.array([0.0, math.cos(latitude), math.sin(latitude)])
+        self._at_rest: tuple[tuple[float, ...], Array] = (), np.empty((1, 3, 3))
+
+    def at_rest(self, at_s: Array) -> bool:
+        """Whether no axis moves."""
+        return all(axis.still_deg(float(at_s[0])) is not None for axis in self._axes)
+
+    def attitude(self, at_s: Array) -> Array:
+        """Level frame to fixture, (n, 3, 3); (1, 3, 3) at rest."""
+        still_deg = tuple(angle for axis in self._axes if (angle := axis.still_deg(float(at_s[0]))) is not None)
+        if len(still_deg) < len(self._axes):
+            return self._turned([axis.true_deg(at_s) for axis in self._axes])
+        if still_deg != self._at_rest[0]:
+            self._at_rest = still_deg, self._turned([np.array([angle_deg]) for angle_deg in still_deg])
+        return self._at_rest[1]
+
+    def upward(self, at_s: Array) -> Array:
+        """Where up is."""
+        return np.broadcast_to(self.attitude(at_s)[:, :, 2].T, (3, len(at_s)))
+
+    def force_g(self, at_s: Array, arm_m: Vector) -> Array:
+        """Specific force in local g at a place, whose arm is from where the axes meet."""
+        up = self.upward(at_s)
+        if arm_m == NOWHERE or self.at_rest(at_s):
+            return up
+        velocity, change = self._turning(at_s)
+        pull = np.cross(velocity, np.cross(velocity, arm_m)) + np.cross(change, arm_m)
+        return np.asarray(up + pull.T / self._gravity_mps2)
+
+    def rate_dps(self, at_s: Array) -> Array:
+        """How fast it turns against the stars."""
+        by_earth = np.broadcast_to((self.attitude(at_s) @ self._earth_dps).T, (3, len(at_s)))
+        return by_earth if self.at_rest(at_s) else by_earth + np.degrees(self._turning(at_s)[0]).T
+
+    def _turning(self, at_s: Array) -> tuple[Array, Array]:
+        rates = [axis.true_rates(at_s) for axis in self._axes]
+        angles_deg = [axis.true_deg(at_s) for axis in self._axes]
+        return self._fixture.turning(angles_deg, [rate for rate, _ in rates], [change for _, change in rates])
+
+    def _turned(self, angles_deg: list[Array]) -> Array:
+        """Level frame to fixture, with the tilts of the base and of the outer axis."""
+        table, level_deg = self._table, np.array([self._level_deg])
+        if table.wobble_deg:
+            level_deg = level_deg + table.wobble_deg * np.cos(np.radians(angles_deg[0]) + table.wobble_phase_rad)
+        turned = self._fixture.to_fixture(angles_deg, level_deg)
+        return turned @ turn(EAST, np.array([-table.across_deg])) if table.across_deg else turned

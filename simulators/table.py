@@ -1,0 +1,63 @@
+"""What a rate table makes of what it is told: a control loop that lags behind a sine, a motor that turns unevenly."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """A control loop of second order, and the most that the motor can accelerate the table and its load.
+
+    It matters for sines. At a constant rate a loop lags by a constant angle, which nobody sees: the encoder tells where
+    the table is, not where it should be.
+    """
+
+    natural_hz: float
+    damping: float
+    most_dps2: float = math.inf
+
+    def follows(self, amplitude_deg: Array, frequency_hz: Array) -> tuple[Array, Array]:
+        """Gain and phase in rad of the table against the sine it was told, of these amplitudes and frequencies."""
+        x = frequency_hz / self.natural_hz
+        response = 1 / (1 - x**2 + 2j * self.damping * x)
+        asked_dps2 = amplitude_deg * np.abs(response) * (2 * np.pi * frequency_hz) ** 2
+        held = 1.0 if math.isinf(self.most_dps2) else self.most_dps2 / np.maximum(asked_dps2, self.most_dps2)
+        return np.abs(response) * held, np.angle(response)
+
+
+@dataclass(frozen=True, slots=True)
+class Ripple:
+    """By what part of itself a rate changes over a turn: `relative` at each of the orders, with its phase in rad."""
+
+    relative: float
+    orders: tuple[int, ...]
+    phases: tuple[float, ...]
+
+    def angle_deg(self, even_deg: Array, origin_deg: float) -> Array:
+        """Where the table is that was at an origin and should be at these angles (n,)."""
+        return even_deg + self._ahead_deg(even_deg) - self._ahead_deg(np.array(origin_deg))
+
+    def slope(self, even_deg: Array) -> Array:
+        """How much faster it is there, relative."""
+        return sum((np.cos(at) for _, at in self._waves(even_deg)), np.zeros_like(even_deg)) * self.relative
+
+    def bend_per_deg(self, even_deg: Array) -> Array:
+        """How that changes, per °."""
+        bends = (-order * math.pi / 180 * np.sin(at) for order, at in self._waves(even_deg))
+        return sum(bends, np.zeros_like(even_deg)) * self.relative
+
+    def _ahead_deg(self, even_deg: Array) -> Array:
+        parts = (180 / math.pi / order * np.sin(at) for order, at in self._waves(even_deg))
+        return sum(parts, np.zeros_like(even_deg)) * self.relative
+
+    def _waves(self, even_deg: Array) -> list[tuple[int, Array]]:
+        """Each order and its angle in rad."""
+        turn = np.radians(even_deg)
+        return [(order, order * turn + phase) for order, phase in zip(self.orders, self.phases, strict=True)]

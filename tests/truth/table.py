@@ -1,0 +1,208 @@
+"""The tests on a rate table against the truth: what a perfect bench would find of the units as drawn (methods.md 8.8).
+
+    python -m tests.truth.table --seeds 10
+
+runs all four sequences on perfect and on full benches, and holds every figure against its truth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import brentq
+
+from bench.app.request import RunRequest
+from simulators.gyro import GyroTruth
+from simulators.uut import UnitTruth
+from tests.truth.campaign import Comparison, campaign, full_bench, perfect_bench, results_of
+
+EARTH_DPS = np.degrees(7.292115e-5)
+BENCHES = {
+    "gyro_range": "gyro", "gyro_response": "gyro", "accel_range": "centrifuge", "accel_response": "response",
+}  # fmt: skip
+UNITS = ("rate_gyro", "response_60hz")
+COLD = ("self_heating: 5 °C", "self_heating: 0 °C")  # so that the units are at the temperature of the room at once
+START_C = 22.0
+SHORT = {
+    "gyro_range": ("warm_up=0 s", "rates=[50 °/s, 200 °/s, 400 °/s]", "record=5 s", "rest=5 s"),
+    "gyro_response": ("warm_up=0 s", "frequencies=[10.13 Hz, 30.13 Hz, 57.13 Hz, 61.13 Hz, 90.13 Hz]", "record=4 s"),
+    "accel_range": ("warm_up=0 s", "accelerations=[0.5 g, 1 g, 10 g, 20 g]", "record=5 s", "rest=5 s"),
+    "accel_response": (
+        "warm_up=0 s", "frequencies=[10.13 Hz, 30.13 Hz, 57.13 Hz, 61.13 Hz, 90.13 Hz]", "record=4 s",
+        "lever_record=20 s",
+    ),
+}  # fmt: skip
+Truth = Callable[[dict], float]
+
+
+def table_bench(folder: Path, name: str, *, perfect: bool = False) -> Path:
+    """A bench with a rate table in a folder of its own, its units cold."""
+    path = perfect_bench(folder, name) if perfect else full_bench(folder, name)
+    for unit in UNITS:
+        file = folder / "uut" / f"{unit}.yaml"
+        text = file.read_text("utf-8")
+        file.write_text(text.replace(*COLD), "utf-8")
+    return path
+
+
+def compare_table(folder: Path) -> list[Comparison]:
+    """Every figure of a run with a truth beside it; those of one kind by the number of their point."""
+    truth, results = json.loads((folder / "truth.json").read_text("utf-8")), results_of(folder)
+    true = truths(truth, results)
+    return [
+        Comparison(
+            truth["seed"], found["at"].get("point", 0), found["quantity"], found["value"],
+            true[found["quantity"]](found["at"]), found["u"],
+        )
+        for found in results["findings"]
+        if found["quantity"] in true
+    ]  # fmt: skip
+
+
+def truths(truth: dict, results: dict) -> dict[str, Truth]:
+    """By quantity: what is true under the conditions of a finding."""
+    unit = {key: tuple(value) if isinstance(value, list) else value for key, value in truth["units"]["a"].items()}
+    quantities = {found["quantity"] for found in results["findings"]}
+    if "scale_ppd" in unit:
+        gyro = GyroTruth(**unit)
+        return gyro_range(gyro, truth) if "rate_error" in quantities else gyro_response(gyro)
+    accelerometer = UnitTruth(**unit)
+    if "acceleration_error" in quantities:
+        return accelerometer_range(accelerometer, truth, results)
+    return accelerometer_response(accelerometer, truth)
+
+
+def gyro_range(gyro: GyroTruth, truth: dict, scale_ppd: float = 4000.0) -> dict[str, Truth]:
+    bench = truth["bench"]
+    x_m, y_m, _ = bench["arms_m"]["a"]
+    earth_dps = EARTH_DPS * np.sin(np.radians(bench["latitude_deg"]))
+
+    def output_dps(rate_dps: float) -> float:
+        pull_g = np.radians(rate_dps) ** 2 / bench["gravity_mps2"]
+        force_g = tuple(np.array([each]) for each in (1.0, pull_g * x_m, -pull_g * y_m))
+        rates_dps = tuple(np.array([each]) for each in (rate_dps + earth_dps, 0.0, 0.0))
+        pps = gyro.output_pps(rates_dps, force_g, START_C, np.zeros(1))
+        return float(gyro.clipped_pps(pps)[0]) / scale_ppd
+
+    def error_dps(at: dict) -> float:
+        return output_dps(at["rate_dps"]) - output_dps(0.0) - at["rate_dps"]
+
+    return {
+        "rest_rate": lambda _: output_dps(0.0),
+        "rate_error": error_dps,
+        "rate_error/relative": lambda at: error_dps(at) / abs(at["rate_dps"]),
+    }
+
+
+def gyro_response(gyro: GyroTruth, scale_ppd: float = 4000.0) -> dict[str, Truth]:
+    def response(hz: float) -> complex:
+        return complex(gyro.dynamics.response(np.array([hz]))[0]) * gyro.scale_ppd / scale_ppd
+
+    return _response(response)
+
+
+def accelerometer_response(unit: UnitTruth, truth: dict, lever_hz: float = 0.5) -> dict[str, Truth]:
+    def response(hz: float) -> complex:
+        at, low = unit.dynamics.response(np.array([hz, lever_hz]))
+        return complex(at / abs(low))
+
+    x_m, y_m, _ = truth["bench"]["arms_m"]["a"]
+    return _response(response) | {
+        "lever_arm/x": lambda _: x_m - unit.misalignment_p * y_m,
+        "lever_arm/y": lambda _: y_m + unit.misalignment_p * x_m,
+    }
+
+
+def _response(response: Callable[[float], complex]) -> dict[str, Truth]:
+    bandwidth_hz = brentq(lambda hz: abs(response(hz)) - np.sqrt(0.5), 20.0, 200.0)
+
+    def phase_deg(hz: float) -> float:
+        return float(np.degrees(np.unwrap(np.angle([response(step) for step in np.linspace(1.0, hz, 200)]))[-1]))
+
+    return {
+        "gain": lambda at: abs(response(at["frequency_hz"])),
+        "phase": lambda at: phase_deg(at["frequency_hz"]),
+        "bandwidth": lambda _: bandwidth_hz,
+        "phase_at_bandwidth": lambda _: phase_deg(bandwidth_hz),
+    }
+
+
+def accelerometer_range(unit: UnitTruth, truth: dict, results: dict, scale_pps_per_g: float = 11300.0) -> dict:
+    """The definition of the error put through the noiseless channel: at the rates that the run went to."""
+    bench = truth["bench"]
+    x_m, y_m, _ = bench["arms_m"]["a"]
+
+    def output_g(rate_dps: float) -> float:
+        pull_g = np.radians(rate_dps) ** 2 / bench["gravity_mps2"]
+        force_g = tuple(np.array([each]) for each in (-pull_g * x_m, 1.0, -pull_g * y_m))
+        current_a = unit.current_a(force_g, np.array([START_C]), np.zeros(1))
+        return float(unit.rate_pps(current_a)[0]) / scale_pps_per_g
+
+    low_dps = [np.degrees(np.sqrt(g * 9.8 / 0.5)) for g in _low_g(results)]
+    squares = np.radians(low_dps) ** 2
+    per_square = float(squares @ [output_g(rate) - output_g(0.0) for rate in low_dps]) / float(squares @ squares)
+
+    def error_g(at: dict) -> float:
+        rate_dps = abs(at["rate_dps"])
+        return output_g(rate_dps) - output_g(0.0) - np.radians(rate_dps) ** 2 * per_square
+
+    return {
+        "rest_output": lambda _: output_g(0.0),
+        "radius": lambda _: -(x_m - unit.misalignment_p * y_m),
+        "acceleration_error": error_g,
+        "acceleration_error/relative": lambda at: error_g(at) / 20.0,
+    }
+
+
+def _low_g(results: dict) -> Iterator[float]:
+    """The accelerations asked for at the low rates, from the steps that the radius is made of."""
+    radius = next(found for found in results["findings"] if found["quantity"] == "radius")
+    for step in radius["steps"]:
+        part = next(part for part in step.split("/") if part.startswith("acceleration="))
+        yield float(part.partition("=")[2])
+
+
+def table(comparisons: list[Comparison]) -> Iterator[str]:
+    """A line for each quantity: rms of error over u, share within k = 3, mean u."""
+    for quantity in dict.fromkeys(each.quantity for each in comparisons):
+        chosen = [each for each in comparisons if each.quantity == quantity]
+        ratios = np.array([each.ratio for each in chosen])
+        yield (
+            f"{quantity:<28} n {len(chosen):>4}  rms(error/u) {np.sqrt(np.mean(ratios**2)):6.3f}  mean "
+            f"{np.mean(ratios):+.3f}  k=3 {np.mean(np.abs(ratios) <= 3):.1%}  u {np.mean([c.u for c in chosen]):.3g}"
+        )
+
+
+def main() -> int:
+    """Prints how errors compare with their uncertainties; 1 when those of a kind do not fit."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--only", choices=sorted(BENCHES), action="append")
+    options = parser.parse_args()
+    bad = []
+    with tempfile.TemporaryDirectory() as temporary:
+        for kind in ("perfect", "full"):
+            for sequence in options.only or BENCHES:
+                folder = Path(temporary) / kind / sequence
+                bench = table_bench(folder / "config", BENCHES[sequence], perfect=kind == "perfect")
+                requests = [
+                    RunRequest(sequence, bench=str(bench), seed=seed, settings=SHORT[sequence], runs=folder)
+                    for seed in range(1, options.seeds + 1)
+                ]
+                found = [each for run in campaign(requests, options.processes) for each in compare_table(run)]
+                print(f"\n{sequence} on a {kind} bench, {options.seeds} seeds")
+                print("\n".join(table(found)), flush=True)
+                bad += [f"{kind} {sequence}: {each}" for each in found if abs(each.ratio) > 5]
+    print("\n".join(map(str, bad)))
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
