@@ -18,7 +18,7 @@ from bench.analysis.range_test import LARGEST_U_RADIUS, LEAST_LOW_RATES, Arm
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.table_samples import PARTS_DOF
 
-NOISE = "reading: noise and steps of counting"
+NOISE = "sensor: noise and steps of counting"
 BIAS = "readings at rest"
 RESOLUTION = "encoder: resolution"
 HARMONICS = "encoder: errors over part of a turn"
@@ -108,7 +108,7 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
         lines = [
             form.noise(turning),
             form.of_rest(blocks, by_bias / blocks.bias.u_output if blocks.bias.u_output else 0.0),
-            BudgetLine("low rates, by way of the radius", "A", by_radius, None, form.id("radius")),
+            BudgetLine("low rates: by way of the radius", "A", by_radius, None, form.id("radius")),
             BudgetLine(RESOLUTION, "B", by_rate),
             BudgetLine(HARMONICS, "B", abs(2 * true_g / turning.steady.rate_dps) * turning.u_harmonics_dps),
             BudgetLine("stretch of the arm: contained", "alias", 0.0),
@@ -176,7 +176,7 @@ class _Form:
 
     def at_rest(self, blocks: RangeBlocks, quantity: str, name: str) -> Finding:
         """The bias."""
-        lines = [BudgetLine("readings: scatter, noise and steps of counting", "A", blocks.bias.u_output)]
+        lines = [BudgetLine("readings at rest", "A", blocks.bias.u_output)]
         if self.symbol == "g" and blocks.rest is not None and blocks.rest.of_one_angle:
             lines.append(BudgetLine(TILT, "B", float(np.radians(self.data.bench.level_u_deg)), None, "fixture.level"))
         return self.finding(quantity, name, blocks.bias.output, self.symbol, lines, {}, tuple(blocks.rest_steps))

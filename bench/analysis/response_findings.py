@@ -19,7 +19,7 @@ from bench.analysis.frequency_response import HALF_POWER, FrequencyResponse, Res
 from bench.analysis.lever_arm import LeverArm
 from bench.analysis.rundata import AxisRecord, RunData, UnitUnderTest
 
-SENSOR = "reading of the sensor: noise and steps of counting"
+SENSOR = "sensor: noise and steps of counting"
 ENCODER = "encoder: noise and resolution"
 SLOPE = "encoder: errors over a turn"
 CHORD = "straight line between two frequencies, which the curve is not"
@@ -84,7 +84,7 @@ class ResponseFindings:
             first = self.points[0]
             lines = [] if own is first else lines
             lines += [] if own is first else [
-                BudgetLine("lowest frequency: reading of the sensor", "A", first.u_output / abs(first.response), None,
+                BudgetLine("lowest frequency: sensor", "A", first.u_output / abs(first.response), None,
                            self._id("lowest")),
                 BudgetLine("lowest frequency: encoder", "A", first.swing.u_relative, None, self._id("lowest")),
             ]  # fmt: skip
@@ -96,11 +96,11 @@ class ResponseFindings:
         """What the arm has in a gain over that at the lever frequency."""
         y_m = abs(arm.y_m)
         shared = self._id("lever_arm/y")
-        yield BudgetLine("lever arm: reading of the sensor", "A", arm.u_sensed_m[1] / y_m, None, shared)
+        yield BudgetLine("lever arm: sensor", "A", arm.u_sensed_m[1] / y_m, None, shared)
         yield BudgetLine("lever arm: encoder", "A", arm.swing.u_relative, None, shared)
         leak_m = self._leak_m(arm.swing)
-        yield BudgetLine("lever arm: axis level", "B", leak_m * self._level_u_rad / y_m, None, SHARED_LEVEL)
-        yield BudgetLine("lever arm: wobble of the axis", "B", leak_m * self._wobble_u_rad / y_m, None, SHARED_WOBBLE)
+        yield BudgetLine("lever arm: level", "B", leak_m * self._level_u_rad / y_m, None, SHARED_LEVEL)
+        yield BudgetLine("lever arm: wobble", "B", leak_m * self._wobble_u_rad / y_m, None, SHARED_WOBBLE)
         yield BudgetLine(SLOPE, "B", _slope_u(self._table, swing, arm.swing), None, SHARED_SLOPE)
 
     def _of_phase(self, point: ResponsePoint) -> list[BudgetLine]:

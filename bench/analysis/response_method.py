@@ -148,7 +148,7 @@ class _Sweep:
 
     def result(self, points: list[SweepPoint], found: FrequencyResponse, findings: ResponseFindings) -> UnitResult:
         """All of the unit."""
-        flags = [*self.remarks.flags]
+        flags = ["no_response" if flag == "invalid" else flag for flag in self.remarks.flags]
         if found.bandwidth.status in ("not_reached", "below_at_start"):
             flags.append(f"bandwidth_{found.bandwidth.status}")
         if not points:

@@ -83,7 +83,7 @@ def course_of(run: StoredRun, data: Sequence[RunData]) -> Course:
             begins.setdefault(_phase(event), event.at_s)
     edges_s = [*begins.values(), ended_s]
     spans = {part.label: _legs for part in run.counted_at("ramps")}
-    spans |= {part.label: _each for part in run.counted_at("levels")}
+    spans |= {part.label: _each for part in (*run.counted_at("levels"), *run.counted_at("table"))}
     spans |= {part.label: _ladders for part in run.counted_at("steps")}
     return Course(
         began_s=began_s,

@@ -48,7 +48,9 @@ class StoredRun:
             self._data[label] = run_data(self.reader, self.bench, self.serials, label, windows=windows)
         return self._data[label]
 
-    def counted_at(self, what: Literal["dwells", "ramps", "steps", "levels", "windows", "records"]) -> list[RunData]:
+    def counted_at(
+        self, what: Literal["dwells", "ramps", "steps", "levels", "windows", "table", "records"]
+    ) -> list[RunData]:
         """What was acquired for methods that count in one of these ways."""
         entries = [entry for entry in self.sequence.results if known_methods()[entry.method].counts_at == what]
         return [self.data(label) for label in dict.fromkeys(entry.data for entry in entries)]

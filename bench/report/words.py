@@ -8,6 +8,7 @@ from typing import Any
 
 from bench.analysis.finding import LOWER_BOUND, Finding
 from bench.analysis.limits import GUARD_BANDS_MEET, IN_GUARD_BAND, U_UNKNOWN, Limits
+from bench.report import table_words
 from bench.report.languages import tr
 from bench.report.shown import SHOWN
 
@@ -24,6 +25,7 @@ ENDINGS = {
 }
 QUANTITIES = {"K1": "K1 per local g", "K1_si": "K1 per m/s²", "K2": "K2 + asymmetry"}
 REASONS = {
+    **table_words.REASONS,
     IN_GUARD_BAND: "inside its limits, but within their guard band",
     GUARD_BANDS_MEET: "its uncertainty is so large that no value could pass the guard band",
     U_UNKNOWN: "its uncertainty is not known, and the guard band needs it",
@@ -41,7 +43,8 @@ REASONS = {
 # What sources of uncertainty are of, besides the names of readings.
 SOURCES = (
     "head", "fixture", "platform", "counter", "site", "readings", "samples", "bias", "K1", "ladder",
-    "asymmetry of the converter", "read-outs", "points", "accelerometer", "source",
+    "asymmetry of the converter", "read-outs", "points", "accelerometer", "source", "sensor", "encoder", "axis", "low rates", "lever arm",
+    "lowest frequency",
     "lag behind the thermometer, and the unit's response to the rate",
 )  # fmt: skip
 ON_A_TABLE = {"acceleration_g": "g", "rate_dps": "°/s", "frequency_hz": "Hz"}  # conditions of a point, and their units
@@ -52,6 +55,7 @@ CONTENTS = {
 }
 
 _READINGS = {
+    **table_words.READINGS,
     "too_few_latches": "fewer than half of its counter readings came",
     "counter_restarted": "the counter began anew",
     "irregular_clock": "its clock and its reading numbers do not go together, as when the counter begins anew",
@@ -70,6 +74,7 @@ _READINGS = {
     "accelerometer_temperature": "the accelerometer was not at its temperature",
 }
 _UNITS = {
+    **table_words.UNITS,
     "not_closed": (
         "Back at its first temperature the bias was further from where it began than the method's closure_limit "
         "allows: every verdict is marginal."
@@ -144,6 +149,7 @@ _QUANTITIES = {
     "temperature_slope_unknown": "how it changes with temperature is not known, so the thermometer has no part in U.",
 }
 _PARTS = {
+    **table_words.PARTS,
     "part_missing": "part: there is no leg at this input, without which nothing can be determined.",
     "leg_incomplete": "more than half of its samples could not be used.",
     "no_steps": "left out: it has no step between two readings at the position.",
@@ -159,6 +165,8 @@ _ATTITUDES = {
     ),
 }
 _ATTITUDE = re.compile(r"T=(\S+?):(\w+):(\w+)")
+_FREQUENCIES = table_words.FREQUENCIES
+_AT_FREQUENCY = re.compile(r"([\d.e+-]+ Hz) (\w+)")
 _SAMPLES = re.compile(r"(?:(.+): )?(\d+) samples(?:: (\w+))")
 _LEFT = re.compile(r"(\d+) readings: (\w+)")
 _DIFFER = re.compile(r"ends_differ_after:(\d+)")
@@ -172,6 +180,9 @@ def flag_in_words(flag: str) -> str:
     attitude = _ATTITUDE.fullmatch(flag)
     if attitude and attitude[2] in _ATTITUDES:
         return tr(_ATTITUDES[attitude[2]], set_c=attitude[1], what=attitude[3])
+    at_frequency = _AT_FREQUENCY.fullmatch(flag)
+    if at_frequency and at_frequency[2] in _FREQUENCIES:
+        return f"{at_frequency[1]}: {tr(_FREQUENCIES[at_frequency[2]])}"
     incomplete = _INCOMPLETE.fullmatch(flag)
     if incomplete:
         number, missing = incomplete.groups()
@@ -297,5 +308,5 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
         parts.append(tr("{count} repetitions", count=at["repetitions"]))
     if "at_c" in at:
         parts.append(tr("at {at_c} °C", at_c=f"{at['at_c']:.1f}"))
-    parts += [f"{at[key]:.5g} {unit}" for key, unit in ON_A_TABLE.items() if key in at]
+    parts += [f"{at[key]:.5g} {unit}" for key, unit in table_words.CONDITIONS.items() if key in at]
     return ", ".join(parts)

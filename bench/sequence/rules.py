@@ -16,6 +16,7 @@ from bench.sequence.checks_motion import forbidden_angle, short_acquisition, unr
 from bench.sequence.checks_names import unused_need, unused_parameter
 from bench.sequence.checks_safety import left_cold, left_energised, limit_below_window, no_teardown
 from bench.sequence.checks_structure import shared_device, unreachable
+from bench.sequence.checks_table import commensurate_swing, incomplete_table_test, no_encoder, too_few_pulses
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Remark, Rule
 
@@ -29,9 +30,13 @@ RULES = (
     Rule("too-few-angles", "error", "a tumble has the angles that its constants need", too_few_angles),
     Rule("no-nominal", "error", "what a step lets expect is known", no_nominal),
     Rule("incomplete-ladder", "error", "a ladder has steps of both senses, between readings", incomplete_ladder),
+    Rule("no-encoder", "error", "a test on a table has its encoder", no_encoder),
+    Rule("incomplete-table-test", "error", "a test on a table has all its parts", incomplete_table_test),
+    Rule("too-few-pulses", "error", "an accelerometer pulses to and fro on a swing", too_few_pulses),
     Rule("too-few-temperatures", "warning", "a model over temperature has the degree asked for", too_few_temperatures),
     Rule("too-few-repetitions", "error", "a scatter has values enough", too_few_repetitions),
     Rule("unsuited-ramp", "warning", "a ramp for a channel is long and slow enough", unsuited_ramp),
+    Rule("commensurate-swing", "warning", "samples see all phases of a swing", commensurate_swing),
     Rule("short-acquisition", "warning", "counting resolves what is asked for", short_acquisition),
     Rule("step-below-band", "warning", "the head can make the steps of a ladder", step_below_band),
     Rule("ladder-below-limit", "warning", "a ladder reaches beyond its limits", ladder_below_limit),

@@ -31,10 +31,10 @@ COLD = ("self_heating: 5 °C", "self_heating: 0 °C")  # so that the units are a
 START_C = 22.0
 SHORT = {
     "gyro_range": ("warm_up=0 s", "rates=[50 °/s, 200 °/s, 400 °/s]", "record=5 s", "rest=5 s"),
-    "gyro_response": ("warm_up=0 s", "frequencies=[10.13 Hz, 30.13 Hz, 57.13 Hz, 61.13 Hz, 90.13 Hz]", "record=4 s"),
+    "gyro_response": ("warm_up=0 s", "frequencies=[10.37 Hz, 30.37 Hz, 57.37 Hz, 61.37 Hz, 90.37 Hz]", "record=4 s"),
     "accel_range": ("warm_up=0 s", "accelerations=[0.5 g, 1 g, 10 g, 20 g]", "record=5 s", "rest=5 s"),
     "accel_response": (
-        "warm_up=0 s", "frequencies=[10.13 Hz, 30.13 Hz, 57.13 Hz, 61.13 Hz, 90.13 Hz]", "record=4 s",
+        "warm_up=0 s", "frequencies=[10.37 Hz, 30.37 Hz, 57.37 Hz, 61.37 Hz, 90.37 Hz]", "record=4 s",
         "lever_record=20 s",
     ),
 }  # fmt: skip

@@ -81,6 +81,7 @@ def texts_in_tables():
         words._UNITS,
         words._QUANTITIES,
         words._LEFT_OUT,
+        words._FREQUENCIES,
     )
     for table in (*tables, words._PARTS):
         yield from table.values()

@@ -33,10 +33,10 @@ class MethodDescription:
     `settings` validates its settings; `quantities` are the results that limits may name, with their units, in which
     OUTPUT stands for that of the units' output. `target` is "module:function", which turns a run's data into findings.
     `counts_at` says what its acquisitions are: readings at dwells, each a leg of a temperature ramp, steps of a ladder,
-    each at one input level, each a window of which only the means are wanted, or each a record of its own. `drawn_by`
-    is "module:function", which turns a unit's results into what a report shows of them beside the tables that all
-    methods have. `after` names the standards that it is made after (methods.md 7), which is no claim of conformity.
-    `meaning` says what its results contain.
+    each at one input level, each a window of which only the means are wanted, each on a table at rest or in motion, or
+    each a record of its own. `drawn_by` is "module:function", which turns a unit's results into what a report shows of
+    them beside the tables that all methods have. `after` names the standards that it is made after (methods.md 7),
+    which is no claim of conformity. `meaning` says what its results contain.
     """
 
     name: str
@@ -44,7 +44,7 @@ class MethodDescription:
     target: str
     settings: type[BaseModel]
     quantities: Mapping[str, str]
-    counts_at: Literal["dwells", "ramps", "steps", "levels", "windows", "records"] = "dwells"
+    counts_at: Literal["dwells", "ramps", "steps", "levels", "windows", "table", "records"] = "dwells"
     drawn_by: str = ""
     after: tuple[str, ...] = ()
     meaning: str = CHANNEL

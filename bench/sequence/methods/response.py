@@ -79,14 +79,28 @@ class AccelerometerResponseSettings(AccelerometerScale, ResponseSettings):
     lever_hz: Hertz = Field(0.5, alias="lever_frequency", description="at which the arms are found; gains are over it")
 
 
+OF_A_GYRO = (
+    "The gyro is measured together with its converter, against the encoder of the table, with which it has one clock. "
+)
+OF_AN_ACCELEROMETER = (
+    "The accelerometer is measured together with its converter, in units of local g by the scale factor stated in the "
+    "sequence. "
+)
+
 GYRO_RANGE = MethodDescription(
     name="gyro_range",
     title="Range of a gyro (method M3a)",
     target="bench.analysis.range_method:reduce_gyro",
     settings=GyroRangeSettings,
     quantities={"rest_rate": "°/s", "rate_error": "°/s", "rate_error/relative": "1", "saturated_points": "1"},
-    counts_at="records",
+    counts_at="table",
     drawn_by="bench.report.range_plots:range_plots",
+    after=("IEEE Std 952", "IEEE Std 292", "IEEE Std 1554"),
+    meaning=OF_A_GYRO
+    + (
+        "The rate at rest contains the part of earth's rate along the axis of the table. Errors are against the scale "
+        "factor stated in the sequence; the bias is taken off, and with it earth's rate."
+    ),
 )
 GYRO_RESPONSE = MethodDescription(
     name="gyro_response",
@@ -94,8 +108,14 @@ GYRO_RESPONSE = MethodDescription(
     target="bench.analysis.response_method:reduce_gyro",
     settings=GyroResponseSettings,
     quantities={"gain": "1", "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°"},
-    counts_at="records",
+    counts_at="table",
     drawn_by="bench.report.response_plots:response_plots",
+    after=("IEEE Std 292", "IEEE Std 1057", "IEEE Std 1554"),
+    meaning=OF_A_GYRO
+    + (
+        "Gains are amplitudes over those of the table, phases are negative where the gyro lags. The play of the "
+        "converter at each reversal is taken out."
+    ),
 )
 ACCELEROMETER_RANGE = MethodDescription(
     name="accelerometer_range",
@@ -106,8 +126,14 @@ ACCELEROMETER_RANGE = MethodDescription(
         "rest_output": "g", "radius": "m", "acceleration_error": "g", "acceleration_error/relative": "1",
         "saturated_points": "1",
     },
-    counts_at="records",
+    counts_at="table",
     drawn_by="bench.report.range_plots:range_plots",
+    after=("IEEE Std 836", "IEEE Std 1554"),
+    meaning=OF_AN_ACCELEROMETER
+    + (
+        "What is wrong with the scale factor is in the radius, as the accelerometer finds it at low rates: the errors "
+        "over the range are those of linearity. A stretch of the arm is in them."
+    ),
 )  # fmt: skip
 ACCELEROMETER_RESPONSE = MethodDescription(
     name="accelerometer_response",
@@ -117,6 +143,13 @@ ACCELEROMETER_RESPONSE = MethodDescription(
     quantities={
         "gain": "1", "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°", "lever_arm/x": "m", "lever_arm/y": "m",
     },
-    counts_at="records",
+    counts_at="table",
     drawn_by="bench.report.response_plots:response_plots",
+    after=("IEEE Std 836", "IEEE Std 1057", "IEEE Std 1554"),
+    meaning=OF_AN_ACCELEROMETER
+    + (
+        "Gains are over that of the slow swing at which the accelerometer found its arms, phases are against the table "
+        "and negative where it lags. The play of the converter at each reversal is taken out. The arms contain the "
+        "misalignment of the input axis."
+    ),
 )  # fmt: skip
