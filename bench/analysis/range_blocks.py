@@ -25,6 +25,7 @@ class Turning:
     command_dps: float
     steady: Steady
     u_harmonics_dps: float
+    temperature_c: float
 
 
 @dataclass(slots=True)
@@ -73,7 +74,7 @@ def range_blocks(
         middle_s = (acquisition.begin_s + acquisition.end_s) / 2
         if motion is not None and motion.rate_dps is not None:
             u_dps = harmonics_u_dps(samples, data.bench.axes.get(motion.device, AxisRecord()).harmonics_u_deg)
-            turning.append((middle_s, Turning(acquisition.step, motion.rate_dps, read, u_dps)))
+            turning.append((middle_s, Turning(acquisition.step, motion.rate_dps, read, u_dps, samples.temperature_c)))
         elif motion is None and abs(read.rate_dps) < AT_REST_DPS:
             u = RESOLUTION_COUNTS / (acquisition.end_s - acquisition.begin_s) * per_pulse  # readings tell their scatter
             at_rest.append(RestReading(middle_s, acquisition.angle_deg, read.output, u))

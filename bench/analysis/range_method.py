@@ -23,6 +23,7 @@ BIAS = "readings at rest"
 RESOLUTION = "encoder: resolution"
 HARMONICS = "encoder: errors over part of a turn"
 TILT = "axis: level, in readings at rest at one angle"
+WARMER = "scale factor: temperature against that at the low rates"
 TOUCH_G = 1.02  # of the highest acceleration that the radius is found at: a rate meant for it may turn a little fast
 
 
@@ -111,6 +112,7 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
             BudgetLine("low rates: by way of the radius", "A", by_radius, None, form.id("radius")),
             BudgetLine(RESOLUTION, "B", by_rate),
             BudgetLine(HARMONICS, "B", abs(2 * true_g / turning.steady.rate_dps) * turning.u_harmonics_dps),
+            BudgetLine(WARMER, "B", abs(true_g) * form.settings["scale_per_c_u"] * _warmer_c(turning, usable)),
             BudgetLine("stretch of the arm: contained", "alias", 0.0),
         ]
         at = {"point": number, "rate_dps": turning.command_dps, "acceleration_g": true_g}
@@ -118,6 +120,12 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
         points.append(form.curve_point(turning, true_g, error_g, lines))
     findings.append(form.saturated(blocks))
     return form.result(blocks, findings, RangeCurve("acceleration", tuple(points), form.over))
+
+
+def _warmer_c(turning: Turning, low: Sequence[Turning]) -> float:
+    """How much the unit's temperature differs from that at the low rates; 0 where it is not known."""
+    difference_c = abs(turning.temperature_c - float(np.mean([each.temperature_c for each in low])))
+    return float(np.nan_to_num(difference_c))
 
 
 def _radius(form: _Form, blocks: RangeBlocks, low: Sequence[Turning], arm: Arm) -> Finding:

@@ -8,7 +8,7 @@ the encoder over a turn change the amplitude of a swing by their slope, less for
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from bench.analysis.rundata import AxisRecord, RunData, UnitUnderTest
 SENSOR = "sensor: noise and steps of counting"
 ENCODER = "encoder: noise and resolution"
 SLOPE = "encoder: errors over a turn"
+WARMER = "scale factor: temperature against that at the lever frequency"
 CHORD = "straight line between two frequencies, which the curve is not"
 SKEW = "encoder: time to the latch of the pulses"
 SHARED_SLOPE, SHARED_SKEW, SHARED_LEVEL, SHARED_WOBBLE = (
@@ -34,7 +35,10 @@ Relative = dict[str, BudgetLine]  # by source, relative to a gain
 
 @dataclass(frozen=True)
 class ResponseFindings:
-    """What was found of one unit: its points, their response, and the arms where it has them."""
+    """What was found of one unit: its points, their response, and the arms where it has them.
+
+    `warmer` is by what part of itself the scale factor may differ from that at the lever frequency, by frequency.
+    """
 
     data: RunData
     unit: UnitUnderTest
@@ -43,6 +47,7 @@ class ResponseFindings:
     found: FrequencyResponse
     arm: LeverArm | None = None
     scale_u: float = 0.0
+    warmer: Mapping[float, float] = field(default_factory=dict)
     to_lowest: bool = False
 
     @property
@@ -80,6 +85,7 @@ class ResponseFindings:
         ]
         if self.arm is not None:
             lines += self._relative_to_arm(self.arm, own.swing)
+            lines.append(BudgetLine(WARMER, "B", self.warmer.get(own.nominal_hz, 0.0)))
         elif self.to_lowest:
             first = self.points[0]
             lines = [] if own is first else lines

@@ -79,8 +79,19 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
 
         points = sweep.points(swings, point_of)
     found = frequency_response(points, sweep.remarks)
-    findings = ResponseFindings(data, unit, sweep.steps, points, found, arm=arm, scale_u=settings["scale_u"])
+    findings = ResponseFindings(
+        data, unit, sweep.steps, points, found, arm=arm, scale_u=settings["scale_u"],
+        warmer=_warmer(sweep, levers, settings["scale_per_c_u"]),
+    )  # fmt: skip
     return sweep.result(points, found, findings)
+
+
+def _warmer(sweep: _Sweep, levers: list[float], per_c: float) -> dict[float, float]:
+    """By what part of itself the scale factor may differ from that at the lever frequency, as the unit has warmed."""
+    if not levers:
+        return {}
+    lever_c = sweep.swings[levers[0]].temperature_c
+    return {hz: float(np.nan_to_num(abs(each.temperature_c - lever_c))) * per_c for hz, each in sweep.swings.items()}
 
 
 def _what(data: RunData, samples: TableSamples, lever_hz: float) -> AccelerometerSweep:

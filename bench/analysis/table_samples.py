@@ -32,12 +32,14 @@ TURN_DEG = 360.0
 class TableSamples:
     """Latches of one acquisition, (n,) by time since the first, and what is cumulative at each.
 
-    `pulses` are net, `angle_deg` is that of the encoder over whole turns; `interval_s` is the time between two latches,
-    `problems` make the acquisition unusable.
+    `temperature_c` is the mean of the thermometer at the unit, not-a-number where it said nothing. `pulses` are net,
+    `angle_deg` is that of the encoder over whole turns; `interval_s` is the time between two latches, `problems` make
+    the acquisition unusable.
     """
 
     step: str
     motion: Motion | None
+    temperature_c: float
     time_s: Array
     pulses: Array
     angle_deg: Array
@@ -67,6 +69,7 @@ def table_samples(acquisition: Acquisition, unit: UnitUnderTest) -> TableSamples
     Problems are those of `mean_rate` but a dead band, which a swing goes through, and no_encoder.
     """
     counts, motion = acquisition.counts[unit.channel], acquisition.motion
+    warm_c = acquisition.temperatures_c[unit.temperature]
     encoder = acquisition.positions.get(motion.device if motion else next(iter(acquisition.positions), ""))
     problems = [problem for problem in mean_rate(counts).problems if problem != "dead_band"]
     if encoder is None:
@@ -85,6 +88,7 @@ def table_samples(acquisition: Acquisition, unit: UnitUnderTest) -> TableSamples
     return TableSamples(
         step=acquisition.step,
         motion=motion,
+        temperature_c=float(np.mean(warm_c)) if len(warm_c) else np.nan,
         time_s=time_s,
         pulses=np.asarray(positive - negative, np.float64),
         angle_deg=np.asarray(turned * encoder.resolution_deg, np.float64),

@@ -43,7 +43,8 @@ REASONS = {
 # What sources of uncertainty are of, besides the names of readings.
 SOURCES = (
     "head", "fixture", "platform", "counter", "site", "readings", "samples", "bias", "K1", "ladder",
-    "asymmetry of the converter", "read-outs", "points", "accelerometer", "source", "sensor", "encoder", "axis", "low rates", "lever arm",
+    "asymmetry of the converter", "read-outs", "points", "accelerometer", "source", "sensor", "encoder", "axis",
+    "low rates", "lever arm", "scale factor",
     "lowest frequency",
     "lag behind the thermometer, and the unit's response to the rate",
 )  # fmt: skip

@@ -30,6 +30,11 @@ class AccelerometerScale(StrictModel):
         alias="scale", description="scale factor as it was calibrated"
     )
     scale_u: Tolerance = Field(1e-4, description="its standard uncertainty, relative")
+    scale_per_c_u: Annotated[float, InUnit("1/°C", at_least=0)] = Field(
+        6e-5,
+        alias="scale_per_degree_u",
+        description="by how much of itself it may change with 1 °C; it is not corrected for that",
+    )
 
 
 class RangeSettings(StrictModel):
