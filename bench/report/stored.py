@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from bench.analysis.rundata import RunData
 from bench.config.bench import load_kept_bench
@@ -17,7 +17,7 @@ from bench.report.findings import Results, evaluate
 from bench.report.measured import on_the_way
 from bench.report.rundata import run_data
 from bench.sequence.load import load_sequence
-from bench.sequence.methods import known_methods
+from bench.sequence.methods import CountsAt, known_methods
 from bench.store.reader import RunReader
 from bench.store.runs import summary
 
@@ -48,9 +48,7 @@ class StoredRun:
             self._data[label] = run_data(self.reader, self.bench, self.serials, label, windows=windows)
         return self._data[label]
 
-    def counted_at(
-        self, what: Literal["dwells", "ramps", "steps", "levels", "windows", "table", "records"]
-    ) -> list[RunData]:
+    def counted_at(self, what: CountsAt) -> list[RunData]:
         """What was acquired for methods that count in one of these ways."""
         entries = [entry for entry in self.sequence.results if known_methods()[entry.method].counts_at == what]
         return [self.data(label) for label in dict.fromkeys(entry.data for entry in entries)]

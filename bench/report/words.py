@@ -174,16 +174,23 @@ _DIFFER = re.compile(r"ends_differ_after:(\d+)")
 _INCOMPLETE = re.compile(r"dwell (\d+) incomplete: (.+)")
 
 
-def flag_in_words(flag: str) -> str:
-    """A flag of a unit as a sentence; one that is not known here as it stands."""
-    if flag in _UNITS:
-        return tr(_UNITS[flag])
+def _of_one_point(flag: str) -> str:
+    """A flag of an attitude or of a frequency in words; empty for any other."""
     attitude = _ATTITUDE.fullmatch(flag)
     if attitude and attitude[2] in _ATTITUDES:
         return tr(_ATTITUDES[attitude[2]], set_c=attitude[1], what=attitude[3])
     at_frequency = _AT_FREQUENCY.fullmatch(flag)
     if at_frequency and at_frequency[2] in _FREQUENCIES:
         return f"{at_frequency[1]}: {tr(_FREQUENCIES[at_frequency[2]])}"
+    return ""
+
+
+def flag_in_words(flag: str) -> str:
+    """A flag of a unit as a sentence; one that is not known here as it stands."""
+    if flag in _UNITS:
+        return tr(_UNITS[flag])
+    if found := _of_one_point(flag):
+        return found
     incomplete = _INCOMPLETE.fullmatch(flag)
     if incomplete:
         number, missing = incomplete.groups()

@@ -26,6 +26,9 @@ CHANNEL = (
 )
 
 
+CountsAt = Literal["dwells", "ramps", "steps", "levels", "windows", "table", "records"]
+
+
 @dataclass(frozen=True)
 class MethodDescription:
     """A method as a sequence sees it.
@@ -44,7 +47,7 @@ class MethodDescription:
     target: str
     settings: type[BaseModel]
     quantities: Mapping[str, str]
-    counts_at: Literal["dwells", "ramps", "steps", "levels", "windows", "table", "records"] = "dwells"
+    counts_at: CountsAt = "dwells"
     drawn_by: str = ""
     after: tuple[str, ...] = ()
     meaning: str = CHANNEL
