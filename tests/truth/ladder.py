@@ -1,4 +1,6 @@
-"""Thresholds against the truth, over seeds: `python -m tests.truth.ladder`. Each seed turns the head's zero elsewhere.
+"""Thresholds against the truth, over seeds: `python -m tests.truth.ladder`.
+
+Each seed draws another dead band, and turns the head's zero elsewhere.
 
 A unit follows a step once it has left the dead band, in the sense that has to cross most of it.
 """
@@ -56,8 +58,12 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=20)
     problems, ratios = [], []
     with tempfile.TemporaryDirectory() as temporary:
+        drawn = Path(temporary) / "drawn.yaml"
+        fixed = DEAD_BAND.read_text("utf-8")
+        drawn.write_text(fixed.replace("dead_band: 100 nA", "dead_band: {mean: 110 nA, sd: 30 nA}"), "utf-8")
+        assert drawn.read_text("utf-8") != fixed
         for seed in range(1, parser.parse_args().seeds + 1):
-            run = ladder_run(Path(temporary) / str(seed), seed, settings=("repeats=2", "warm_up=1 h"))
+            run = ladder_run(Path(temporary) / str(seed), seed, drawn, ("repeats=2", "warm_up=1 h"))
             for each, low_g, high_g in compare_ladders(run):
                 told = f"{low_g * 1e6:.1f} to {high_g * 1e6:.1f} µg, true {each.truth * 1e6:.1f} µg"
                 print(f"seed {seed:>3} {each.quantity:<11} {told}, error/u {each.ratio:+.2f}")
