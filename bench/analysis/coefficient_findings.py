@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from math import sqrt
+
+from scipy.special import fdtr
 
 from bench.analysis.finding import BudgetLine, Finding, combined
 from bench.analysis.fit import Array, PolynomialFit
 from bench.analysis.temperature_coefficients import bias_coefficients, scale_coefficients
 
+SIGNIFICANT = 0.95  # of the distribution of F under which the fit leaves no more than the readings' scatter
 TERMS = ("linear", "quadratic")
 
 
@@ -31,7 +35,8 @@ class Origin:
 def coefficient_findings(quantity: str, model: PolynomialFit, reference_c: float, origin: Origin) -> Iterator[Finding]:
     """T1 and T2 of K0 in g, or of K1 relative to it, about a reference temperature; a straight line has no T2.
 
-    Type A is what the fit leaves, the readings' own scatter where it leaves nothing to judge by.
+    Type A is what the fit leaves, such as hysteresis. Where that is no more than the readings scatter anyway, both tell
+    the same, and the few residuals of a fit alone would tell it badly: then their variances are pooled.
     """
     of_bias = quantity == "K0"
     found = (bias_coefficients if of_bias else scale_coefficients)(model, reference_c)
@@ -39,7 +44,7 @@ def coefficient_findings(quantity: str, model: PolynomialFit, reference_c: float
     for index, value in enumerate((found.t1, found.t2)[: model.degree]):
         fit = BudgetLine("fit", "A", float(found.u[index]), model.dof)
         lines = [
-            fit if model.dof else origin.scatter(found.gain[index]),
+            _pooled(fit, origin.scatter(found.gain[index])),
             BudgetLine(f"{origin.thermometer}: gain", "B", float(by_gain[index]), None, origin.thermometer),
             BudgetLine(f"{origin.thermometer}: offset", "B", float(by_offset[index]), None, origin.thermometer),
         ]
@@ -55,3 +60,14 @@ def coefficient_findings(quantity: str, model: PolynomialFit, reference_c: float
             steps=origin.steps,
             flags=("extrapolated",) if found.extrapolated else (),
         )
+
+
+def _pooled(fit: BudgetLine, readings: BudgetLine) -> BudgetLine:
+    """What scatter gives: of the fit, if it is significantly more than that of the readings, else of both together."""
+    if not fit.dof:
+        return readings
+    if not readings.dof or not readings.u or fdtr(fit.dof, readings.dof, (fit.u / readings.u) ** 2) > SIGNIFICANT:
+        return fit
+    dof = fit.dof + readings.dof
+    u = sqrt((fit.dof * fit.u**2 + readings.dof * readings.u**2) / dof)
+    return BudgetLine("fit and readings: scatter, pooled", "A", u, dof)

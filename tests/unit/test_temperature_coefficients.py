@@ -118,3 +118,20 @@ def test_they_become_findings_with_a_budget_each():
     (line,) = coefficient_findings("K1", fit_polynomial(SET_C[:2], scale_pps_per_g(SET_C[:2]), 1), 25.0, origin)
     assert (line.quantity, line.unit, line.flags) == ("K1T1", "1/°C", ("extrapolated",))
     assert line.budget[0].source == "readings", "two values leave no residuals to judge by"
+
+
+@pytest.mark.parametrize(
+    ("readings_u", "source"),
+    [(1e-8, "fit"), (1e-6, "fit and readings: scatter, pooled")],
+    ids=["the fit leaves more", "the readings scatter as much"],
+)
+def test_few_residuals_are_pooled_with_the_readings_unless_they_tell_more(readings_u, source):
+    values = bias_g(SET_C) + 3e-6 * np.random.default_rng(3).standard_normal(23)
+    origin = Origin("", "S1", (), "unit", (0.0, 0.0), lambda _: BudgetLine("readings", "A", readings_u, 100))
+    found, _ = coefficient_findings("K0", fit_polynomial(SET_C, values, 4), REFERENCE_C, origin)
+    (line,) = found.budget
+    assert line.source == source
+    if source != "fit":
+        fit_u = bias_coefficients(fit_polynomial(SET_C, values, 4), REFERENCE_C).u[0]
+        assert line.dof == 118
+        assert line.u == pytest.approx(np.sqrt((18 * fit_u**2 + 100 * readings_u**2) / 118))
