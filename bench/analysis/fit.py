@@ -247,12 +247,19 @@ class GatedFit:
 
 
 def reject_outliers(
-    design: Array, y: Array, *, sigmas: float = OUTLIER_SIGMAS, resolution: Array | float = 0.0
+    design: Array,
+    y: Array,
+    *,
+    sigmas: float = OUTLIER_SIGMAS,
+    resolution: Array | float = 0.0,
+    harmless: Array | float = 0.0,
 ) -> GatedFit:
     """Fits, drops readings more than `sigmas` robust standard deviations from the median residual, until none is left.
 
     Then those that are near after all come back, once. `resolution` is the standard deviation of each y that comes of
-    its being counted: where most readings are the same count, the robust one is 0. Raises NotDetermined as
+    its being counted: where most readings are the same count, the robust one is 0. `harmless` (p,) times the
+    coefficients is the deviation that does not matter to the result: where the readings have hardly any noise, their
+    residuals are roundings of different sizes, in which the larger ones are no outliers. Raises NotDetermined as
     `least_squares` does.
     """
     kept = np.ones(len(y), dtype=np.bool_)
@@ -262,7 +269,8 @@ def reject_outliers(
         rounding = 64 * np.finfo(np.float64).eps * float(np.max(np.abs(y[kept]), initial=0.0))
         away = np.abs(y - design @ fit.coefficients - np.median(fit.residuals))
         sigma = np.maximum(SIGMA_PER_MAD * float(np.median(away[kept])), resolution)
-        near = away <= np.maximum(sigmas * sigma, rounding)
+        no_matter = float(np.linalg.norm(harmless * fit.coefficients))
+        near = away <= np.maximum(sigmas * sigma, max(rounding, no_matter))
         if not near[kept].all():
             kept &= near
         elif back or near.sum() == kept.sum():

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.analysis.fit import Array, LinearFit, NotDetermined, least_squares, reject_outliers
+from bench.analysis.fit import Array, GatedFit, LinearFit, NotDetermined, least_squares, reject_outliers
 from bench.analysis.table_blocks import coarseness
 
 Phasors = NDArray[np.complex128]
@@ -22,6 +22,7 @@ REACH_PERIODS = (2, 50)  # but at least and at most so many periods more or less
 NEIGHBOURS = 24  # frequencies around a line that tell the noise under it,
 NEIGHBOURS_REACH = 32  # among so many on either side
 GRID_PER_PERIOD = 3  # frequencies tried, per period more or less over the record
+HARMLESS = 1e-4  # of the amplitude; what deviates less moves it by less, and that is below any encoder's figure
 PHASE_BINS = 1009  # prime, so that phases at whole fractions of a turn do not fall on edges
 MANY_PHASES = 500
 TURNS = 20
@@ -64,7 +65,7 @@ def fit_sine(time_s: Array, value: Array, frequency_hz: float, *, harmonics: int
     if not resolved(time_s, harmonics * frequency_hz):
         raise NotDetermined([f"harmonic {harmonics}"], rank=harmonics - 1, of=harmonics, condition=np.inf)
     design = _design(time_s, frequency_hz, harmonics, origin_s)
-    gated = reject_outliers(design, value, resolution=coarseness(value))
+    gated = _without_outliers(design, value)
     lines_hz: Array = frequency_hz * np.arange(1.0, harmonics + 1)
     used_s, fit = time_s[gated.kept], gated.fit
     pairs = fit.coefficients[2:].reshape(-1, 2)
@@ -88,7 +89,7 @@ def find_frequency(time_s: Array, value: Array, near_hz: float) -> float:
     """
     if not resolved(time_s, near_hz):
         raise NotDetermined(["frequency"], rank=0, of=1, condition=np.inf)
-    kept = reject_outliers(_design(time_s, near_hz, 1, 0.0), value, resolution=coarseness(value)).kept
+    kept = _without_outliers(_design(time_s, near_hz, 1, 0.0), value).kept
     time_s, value = time_s[kept], value[kept]
     span_s = float(np.ptp(time_s))
     least_hz, most_hz = (periods / span_s for periods in REACH_PERIODS)
@@ -131,6 +132,12 @@ def _design(time_s: Array, frequency_hz: float, harmonics: int, origin_s: float)
     angle = 2 * np.pi * frequency_hz * (time_s - origin_s)
     waves = [wave(k * angle) for k in range(1, harmonics + 1) for wave in (np.cos, np.sin)]
     return np.column_stack([np.ones_like(time_s), time_s - np.mean(time_s), *waves])
+
+
+def _without_outliers(design: Array, value: Array) -> GatedFit:
+    """The fit of a `_design` without the samples that are far from it."""
+    waves = np.array([0.0, 0.0, *np.ones(design.shape[1] - 2)])
+    return reject_outliers(design, value, resolution=coarseness(value), harmless=HARMLESS * waves)
 
 
 def _spectrum(time_s: Array, value: Array, middle_hz: float, step_hz: float, reach: int) -> tuple[Array, Phasors]:
