@@ -199,16 +199,40 @@ def _without_outliers(dwells: SweepRecord, outlier_k: float) -> NDArray[np.bool_
     """Which dwells (n,) are no outliers beside a bent line for each direction.
 
     Hysteresis would else make two clusters of residuals, whose robust standard deviation may be that of one of them.
+    Where the table turns back there is no hysteresis yet: a dwell there that the bent lines reject is judged by the
+    plain line, and left free in the bent ones.
     """
     sine, direction = np.sin(dwells.angle_rad), np.where(dwells.direction == "fwd", 1.0, -1.0)
     shapes = [np.ones_like(sine), sine, sine**2]
     both_ways = [*shapes, direction, direction * sine]
-    for columns in (both_ways, shapes, shapes[:2]):
+    kept = _kept((both_ways, shapes, shapes[:2]), dwells, outlier_k)
+    turning = _turning_points(dwells)
+    if kept[turning].all():
+        return kept
+    free = [(np.arange(len(sine)) == row).astype(np.float64) for row in np.flatnonzero(turning)]
+    kept = _kept(([*both_ways, *free], [*shapes, *free], [*shapes[:2], *free]), dwells, outlier_k)
+    plain = _kept((shapes[:2],), dwells, outlier_k)
+    return np.where(turning, plain, kept)
+
+
+def _kept(choices: Sequence[Sequence[Array]], dwells: SweepRecord, outlier_k: float) -> NDArray[np.bool_]:
+    """Which dwells (n,) are no outliers beside the first of several sets of columns that they determine."""
+    for columns in choices:
         try:
             return reject_outliers(np.stack(columns, axis=-1), dwells.output_v, sigmas=outlier_k).kept
         except NotDetermined:
             continue
     return np.ones(len(dwells), dtype=np.bool_)
+
+
+def _turning_points(dwells: SweepRecord) -> NDArray[np.bool_]:
+    """Which dwells (n,), in the order of time, are at the angle where one direction gives way to the other."""
+    changes = np.flatnonzero(dwells.direction[1:] != dwells.direction[:-1])
+    angle = _same_angle(dwells.angle_deg)
+    turning = np.zeros(len(angle), dtype=np.bool_)
+    for last in changes[angle[changes] == angle[changes + 1]]:
+        turning[last : last + 2] = True
+    return turning
 
 
 def fit_line(dwells: SweepRecord, *, drift_from: float | None = None) -> EndFit:

@@ -76,12 +76,18 @@ def _sweep(table: Table) -> SweepRecord:
     return SweepRecord(
         end=table.words("end", ("up", "down")),
         direction=table.words("pass", ("fwd", "rev")),
-        sequence=table.numbers("seq"),
+        sequence=_sequence(table),
         angle_deg=table.numbers("theta_deg"),
         output_v=table.numbers("V_mean"),
         stable=table.truths("stable"),
         temperature_c=table.numbers("T_C"),
     )
+
+
+def _sequence(table: Table) -> Array:
+    """The order of the dwells; that of the file where the column says nothing at all."""
+    given = table.numbers("seq")
+    return given if np.isfinite(given).any() else np.arange(float(len(given)))
 
 
 def _clocking(table: Table | None) -> tuple[Array, Array] | None:

@@ -449,6 +449,27 @@ def test_one_extreme_value_is_left_out(tmp_path, rng, extreme):
     assert result["ends"]["up"]["n"] == 41
 
 
+@pytest.mark.parametrize("noise_v", [0.0, 1e-7, NOISE_V])
+def test_where_the_table_turns_back_there_is_no_hysteresis_yet(tmp_path, rng, noise_v):
+    rows = sweep(Unit(), rng, noise_v=noise_v)
+    for row in rows:
+        row["V_mean"] += 1e-4 * (row["pass"] == "rev" and row["theta_deg"] < 9.9)
+    result = reduced(tmp_path, sweep=rows)
+    assert result["rejected"]["outlier"] == 0
+    assert result["ends"]["up"]["hysteresis_max_V"] == pytest.approx(1e-4, abs=8 * noise_v + 1e-12)
+    rows[20]["V_mean"] += 2e-3  # at the turning point
+    rows[33]["V_mean"] += 2e-3
+    assert reduced(tmp_path, sweep=rows)["rejected"]["outlier"] == 2
+
+
+def test_without_sequence_numbers_the_order_is_that_of_the_file(tmp_path, rng):
+    rows = sweep(Unit(), rng, noise_v=NOISE_V, drift_v=2e-6)
+    numbered = reduced(tmp_path, sweep=rows)
+    blank = reduced(tmp_path, sweep=[row | {"seq": None} for row in rows])
+    assert blank == numbered
+    assert blank["model"]["params"]["seq"] == pytest.approx(2e-6, abs=0.1e-6)
+
+
 @pytest.mark.parametrize("column", ["V_mean", "theta_deg", "seq"])
 @pytest.mark.parametrize("factor", [1e300, 1e-300, 0.0])
 def test_a_column_of_extreme_values_gives_no_nonsense(tmp_path, rng, column, factor):
