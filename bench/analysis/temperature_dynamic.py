@@ -90,7 +90,7 @@ class DynamicCharacteristic:
     jumps: tuple[RampJump, ...]
     lag: LagModel | None
     is_lag: bool
-    verdict: str
+    verdict: str | None
     flags: tuple[str, ...]
     excluded: dict[str, int]
 
@@ -119,8 +119,8 @@ def reduce_ramp(record: RampRecord, limits: RampLimits) -> DynamicCharacteristic
     """Residuals, hysteresis, repeatability, jumps, lag model and verdict.
 
     All usable samples take part in all figures: a jump counts in the residual and in the loop as well. The verdict is
-    "pass", "fail", or "invalid" when a leg has lost more than half of its samples. Flags: `ill_conditioned` when there
-    is no lag model, `invalid`.
+    "pass", "fail", "invalid" when a leg has lost more than half of its samples, or None when every leg is too short for
+    a jump to be seen. Flags: `ill_conditioned` when there is no lag model; `invalid`, with either of the latter two.
 
     Raises NotDetermined without two different temperatures.
     """
@@ -131,9 +131,10 @@ def reduce_ramp(record: RampRecord, limits: RampLimits) -> DynamicCharacteristic
     loops, changes = _loops(at_degrees), _changes(at_degrees)
     jumps = tuple(_jumps(legs, residuals_ug, limits))
     lag, loops_left = _lag_model(legs)
+    lost, judged = not all(leg.complete for leg in legs), _long_enough(legs, limits.jump_window)
     flags = {
         "ill_conditioned": lag is None,
-        "invalid": not all(leg.complete for leg in legs),
+        "invalid": lost or not judged,
     }
     failed = (
         bool(jumps)
@@ -149,10 +150,15 @@ def reduce_ramp(record: RampRecord, limits: RampLimits) -> DynamicCharacteristic
         jumps=jumps,
         lag=lag,
         is_lag=bool(loops_left) and _mean(loops_left) < LEFT_BY_LAG * _mean(loops),
-        verdict="invalid" if flags["invalid"] else "fail" if failed else "pass",
+        verdict=("invalid" if lost else "fail" if failed else "pass") if judged else None,
         flags=tuple(flag for flag, raised in flags.items() if raised),
         excluded=excluded,
     )
+
+
+def _long_enough(legs: Sequence[Leg], jump_window: int) -> bool:
+    """Whether a jump could be seen in any leg."""
+    return any(len(leg.time_s) >= 2 * jump_window for leg in legs)
 
 
 def _joined(parts: Iterable[Array]) -> Array:

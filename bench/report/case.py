@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from bench.analysis.fit import NotDetermined
-from bench.analysis.ramp import RampRecord
+from bench.analysis.ramp import RampRecord, cut_into_legs
 from bench.analysis.temperature_dynamic import RampLimits, reduce_ramp
 from bench.analysis.temperature_static import Characteristic, Dwell, TumbleRecord, reduce_static
 from bench.analysis.tilt import compare_tilt
@@ -23,6 +23,9 @@ from bench.report import case_channel, case_imu, case_indexing, case_response
 from bench.report.case_file import Case, Limit, Scale, Settings, read_case
 
 LEGS = ("up", "down")
+RAMP_FIGURES = (
+    "B0_V", "B1_V_per_C", "max_resid_ug", "rms_resid_ug", "hysteresis_max_ug", "repeatability_max_ug",
+)  # fmt: skip
 
 
 class StaticSettings(Settings):
@@ -137,7 +140,10 @@ def _dynamic(case: Case) -> dict[str, Any]:
         residual_ug=settings.resid_limit_ug,
         repeatability_ug=settings.repeat_limit_ug,
     )
-    found, scale_v_per_g = reduce_ramp(record, limits), settings.scale_v_per_g
+    try:
+        found, scale_v_per_g = reduce_ramp(record, limits), settings.scale_v_per_g
+    except NotDetermined as problem:
+        return _no_ramp(record, problem)
     bias_v, slope_v_per_c = found.line.powers * scale_v_per_g
     return {
         "B0_V": bias_v,
@@ -161,6 +167,18 @@ def _dynamic(case: Case) -> dict[str, Any]:
         "notes": ["the loop is a lag behind the thermometer, not hysteresis"] if found.is_lag else [],
         "rejected": found.excluded,
     }  # fmt: skip
+
+
+def _no_ramp(record: RampRecord, problem: NotDetermined) -> dict[str, Any]:
+    """Of a record without two temperatures: nothing is known, and nothing judged."""
+    return dict.fromkeys(RAMP_FIGURES) | {
+        "jumps": [],
+        "lag_model": None,
+        "verdict": None,
+        "flags": ["invalid"],
+        "notes": [f"the record does not suffice: {problem}"],
+        "rejected": cut_into_legs(record)[1],
+    }
 
 
 def _tilt(case: Case) -> dict[str, Any]:
