@@ -91,8 +91,7 @@ class FrequencyResponse:
     """Points by frequency, and what was found about them.
 
     Flags: `<f> Hz invalid`, `<f> Hz droop` for a frequency that is left out, `<f> Hz phase_step` where the phase
-    changed too much since the point before to be unwrapped with certainty, `several_crossings`, `invalid` when there
-    is no point at all.
+    changed too much since the point before to be unwrapped with certainty, `invalid` when there is no point at all.
     """
 
     points: tuple[ResponsePoint, ...]
@@ -189,7 +188,7 @@ def frequency_response(points: Sequence[SweepPoint], remarks: Remarks, *, to_low
         remarks.flags.append(f"{points[i + 1].nominal_hz:g} Hz phase_step")
     found = bandwidth(np.array([point.swing.frequency_hz for point in points]), gain, phase_deg)
     if found.crossings > 1:
-        remarks.flags.append("several_crossings")
+        remarks.notes.append(f"the gain falls through 1/√2 {found.crossings} times; the bandwidth is the first")
     remarks.notes.extend(note for point in points for note in _notes(point))
     rows = zip(points, gain, _decibel(gain), phase_deg, u_gain, strict=True)
     return FrequencyResponse(

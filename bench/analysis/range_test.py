@@ -61,14 +61,15 @@ class RangePoint:
 class RangeTest:
     """Points by number. `passed` is None in a test that is invalid; `excluded` counts samples by reason.
 
-    Flags: `<phase> invalid` for a block that cannot be used, `<phase> marginal` for an error within twice its
-    uncertainty of the limit, `too_few_low_rates`, `radius_not_determined`, `invalid`.
+    Flags: `<phase> invalid` for a block that cannot be used, `too_few_low_rates`, `radius_not_determined`, `invalid`.
+    `notes` name the points whose error is within twice its uncertainty of the limit: those are marginal.
     """
 
     bias: float | None
     points: tuple[RangePoint, ...]
     passed: bool | None
     flags: tuple[str, ...]
+    notes: tuple[str, ...]
     excluded: dict[str, int]
     radius_m: float | None = None
     u_radius_m: float | None = None
@@ -218,13 +219,17 @@ def _judged(point: RangePoint, linearity: Linearity) -> RangePoint:
 
 
 def _test(bias: Steady | None, points: list[RangePoint], blocks: _Blocks) -> RangeTest:
-    flags = blocks.flags + [f"{point.phase} marginal" for point in points if point.marginal]
     invalid = bool(blocks.flags) or not points or any(point.passed is None for point in points)
     return RangeTest(
         bias=bias.output if bias else None,
         points=tuple(points),
         passed=None if invalid else all(point.passed for point in points),
-        flags=(*flags, "invalid") if invalid else tuple(flags),
+        flags=(*blocks.flags, "invalid") if invalid else (),
+        notes=tuple(
+            f"{point.phase} is marginal: its error is within twice its uncertainty of the limit"
+            for point in points
+            if point.marginal
+        ),
         excluded=dict(blocks.excluded),
     )
 

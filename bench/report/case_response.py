@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field
 
 from bench.analysis.fit import Array
 from bench.analysis.frequency_response import FrequencyResponse, ResponsePoint, gyro_response
+from bench.analysis.gravity import normal_gravity_mps2
 from bench.analysis.lever_arm import AccelerometerSweep, accelerometer_response
 from bench.analysis.range_test import BIAS, Linearity, RangePoint, RangeTest, accelerometer_range, gyro_range
 from bench.analysis.table_blocks import TableRecord
@@ -47,11 +48,18 @@ class GyroRangeSettings(Settings):
 class AccelerometerRangeSettings(Settings):
     """Of `acc_range`."""
 
-    local_g_mps2: Positive = Field(alias="g_mps2")
+    local_g_mps2: Positive | None = Field(None, alias="g_mps2")
     range_g: Positive
     fraction: Limit = Field(alias="k_m")
     basis: Basis = Field("full_scale", alias="linearity_basis")
     clip_g: Positive | None = None
+
+
+class ResponseSite(Settings):
+    """Where the table stands; it tells gravity where the settings do not."""
+
+    latitude_deg: float | None = Field(None, alias="lat_deg", ge=-90, le=90)
+    height_m: float | None = Field(None, alias="h_m", ge=-1000, le=10000)
 
 
 class GyroSweepSettings(Settings):
@@ -64,7 +72,7 @@ class GyroSweepSettings(Settings):
 class AccelerometerSweepSettings(Settings):
     """Of `acc_freq`."""
 
-    local_g_mps2: Positive = Field(alias="g_mps2")
+    local_g_mps2: Positive | None = Field(None, alias="g_mps2")
     interval_s: Positive = Field(alias="Ts_s")
     lever_hz: Positive = Field(0.5, alias="lever_f_Hz")
     settle_s: Limit = 0.0
@@ -98,9 +106,10 @@ def _gyro_range(case: Case) -> dict[str, Any]:
 
 def _acc_range(case: Case) -> dict[str, Any]:
     settings = case.settings(AccelerometerRangeSettings)
+    local_g_mps2, gravity_notes = _local_g_mps2(case, settings.local_g_mps2)
     found = accelerometer_range(
         _range_record(case.record("range", "phase,t_s,enc_deg,acc_g"), "acc_g", ("low", "run")),
-        settings.local_g_mps2,
+        local_g_mps2,
         Linearity(settings.fraction, settings.range_g if settings.basis == "full_scale" else None),
         clip_g=settings.clip_g,
     )
@@ -108,8 +117,19 @@ def _acc_range(case: Case) -> dict[str, Any]:
         "bias_g": found.bias,
         "radius_m": found.radius_m,
         "u_radius_m": found.u_radius_m,
-        **_range_result(found, lambda point: _accelerometer_point(point, found.bias)),
+        **_range_result(found, lambda point: _accelerometer_point(point, found.bias), gravity_notes),
     }
+
+
+def _local_g_mps2(case: Case, given_mps2: float | None) -> tuple[float, tuple[str, ...]]:
+    """Gravity as the settings give it, or normal gravity at the site and the note that it is."""
+    if given_mps2 is not None:
+        return given_mps2, ()
+    site = case.site(ResponseSite)
+    if site.latitude_deg is None or site.height_m is None:
+        raise InputError(f"{case.name}: settings.g_mps2: is missing; give it, or the site's lat_deg and h_m")
+    normal_mps2 = normal_gravity_mps2(site.latitude_deg, site.height_m)
+    return normal_mps2, (f"g_mps2 is not given; normal gravity at the site is taken, {normal_mps2:.6f} m/s²",)
 
 
 def _range_record(table: Table, output: str, kinds: Iterable[str]) -> TableRecord:
@@ -124,11 +144,14 @@ def _range_record(table: Table, output: str, kinds: Iterable[str]) -> TableRecor
     )
 
 
-def _range_result(found: RangeTest, point: Callable[[RangePoint], dict[str, Any]]) -> dict[str, Any]:
+def _range_result(
+    found: RangeTest, point: Callable[[RangePoint], dict[str, Any]], notes: Iterable[str] = ()
+) -> dict[str, Any]:
     return {
         "points": [point(each) for each in found.points],
         "passed": found.passed,
         "flags": found.flags,
+        "notes": [*notes, *found.notes],
         "rejected": found.excluded,
     }
 
@@ -141,6 +164,7 @@ def _gyro_point(point: RangePoint) -> dict[str, Any]:
         "error_dps": point.error,
         "rel_error": point.relative_error,
         "passed": point.passed,
+        "marginal": point.marginal,
         "saturated": point.saturated,
         "stable": point.stable,
     }
@@ -154,6 +178,7 @@ def _accelerometer_point(point: RangePoint, bias_g: float | None) -> dict[str, A
         "rate_dps": point.rate_dps,
         "rel_error": point.relative_error,
         "passed": point.passed,
+        "marginal": point.marginal,
         "saturated": point.saturated,
     }
 
@@ -170,9 +195,10 @@ def _gyro_freq(case: Case) -> dict[str, Any]:
 
 def _acc_freq(case: Case) -> dict[str, Any]:
     settings = case.settings(AccelerometerSweepSettings)
+    local_g_mps2, gravity_notes = _local_g_mps2(case, settings.local_g_mps2)
     arm, found = accelerometer_response(
         _sweep_record(case.record("sweep", "f_Hz,t_s,dtheta_rad,acc_g"), "dtheta_rad", "acc_g"),
-        AccelerometerSweep(settings.local_g_mps2, settings.interval_s, settings.lever_hz, settings.settle_s),
+        AccelerometerSweep(local_g_mps2, settings.interval_s, settings.lever_hz, settings.settle_s),
     )
     lever = {
         "rxx_m": arm and arm.x_m,
@@ -180,14 +206,14 @@ def _acc_freq(case: Case) -> dict[str, Any]:
         "u_rxx_m": arm and arm.u_x_m,
         "u_rxy_m": arm and arm.u_y_m,
     }
-    return {"lever": lever, **_response(found)}
+    return {"lever": lever, **_response(found, gravity_notes)}
 
 
 def _sweep_record(table: Table, angle: str, output: str) -> TableRecord:
     return TableRecord(table.numbers("f_Hz"), table.numbers("t_s"), table.numbers(angle), table.numbers(output))
 
 
-def _response(found: FrequencyResponse) -> dict[str, Any]:
+def _response(found: FrequencyResponse, notes: Iterable[str] = ()) -> dict[str, Any]:
     return {
         "points": [_response_point(point) for point in found.points],
         "bandwidth_Hz": found.bandwidth.frequency_hz,
@@ -195,7 +221,7 @@ def _response(found: FrequencyResponse) -> dict[str, Any]:
         "bandwidth_crossings": found.bandwidth.crossings,
         "phase_at_bandwidth_deg": found.bandwidth.phase_deg,
         "flags": found.flags,
-        "notes": found.notes,
+        "notes": [*notes, *found.notes],
         "rejected": found.excluded,
     }
 
