@@ -145,8 +145,8 @@ def _references(case: Case, settings: ChannelSettings) -> dict[str, str]:
 def _record(table: Table) -> ChannelRecord:
     return ChannelRecord(
         time_s=table.numbers("t_s"),
-        positive=table.whole_numbers("cum_pos"),
-        negative=table.whole_numbers("cum_neg"),
+        positive=table.numbers("cum_pos"),
+        negative=table.numbers("cum_neg"),
         converter_c=table.numbers("T_conv_C"),
         accelerometer_c=table.numbers("T_acc_C"),
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from bench.errors import InputError
 from bench.report.table import Table, read_table, read_text
@@ -25,14 +25,24 @@ def not_zero(value: float) -> float:
     return value
 
 
+def without_nulls(content: Any) -> Any:
+    """A mapping without the keys that are null: what is null is not given. Anything else as it is."""
+    return {key: value for key, value in content.items() if value is not None} if isinstance(content, dict) else content
+
+
 Scale = Annotated[float, AfterValidator(not_zero)]
 Limit = Annotated[float, Field(ge=0)]
 
 
 class Settings(BaseModel):
-    """Settings that a reduction does not know are for somebody else and passed over."""
+    """Settings that a reduction does not know are for somebody else and passed over; null is as if not given."""
 
     model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _null_is_absent(cls, content: Any) -> Any:
+        return without_nulls(content)
 
 
 class CaseFile(Settings):
@@ -43,7 +53,7 @@ class CaseFile(Settings):
     sub: str = ""
     site: dict[str, Any] = Field(default_factory=dict)
     settings: dict[str, Any] = Field(default_factory=dict)
-    records: dict[str, Annotated[Path, FileBeside()]]
+    records: Annotated[dict[str, Annotated[Path, FileBeside()]], BeforeValidator(without_nulls)]
 
 
 @dataclass(frozen=True, slots=True)

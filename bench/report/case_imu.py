@@ -6,6 +6,7 @@ Beside the published keys stand `u`, which repeats `table` and `ls24` with stand
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple
 from typing import Any
@@ -32,6 +33,7 @@ CALIBRATED = ("K0_pps", "K1_pps_per_g", "D0_pps", "D0_dph", "KG_p_per_deg")
 COMPENSATED = {"acc": ("K0_pps", "K1_pps_per_g"), "gyro": ("D0_pps", "KG_p_per_deg")}
 SAME_SET_POINT_C = 1e-6
 MOST_SET_POINTS = 1000
+NAMES_SHOWN = 5  # of unknown positions
 
 
 class ImuSettings(Settings):
@@ -52,7 +54,8 @@ class ImuSite(Settings):
 
 def _imu(case: Case) -> dict[str, Any]:
     settings, site = case.settings(ImuSettings), case.site(ImuSite)
-    positions, rates = _positions(case.record("positions", POSITIONS)), _rates(case.record("rates", RATES))
+    at_rest = case.record("positions", POSITIONS)
+    positions, rates = _positions(at_rest), _rates(_rate_rows(case))
     different = len(np.unique(np.concatenate([positions.set_c, rates.set_c])))
     if different > MOST_SET_POINTS:
         raise InputError(
@@ -61,7 +64,7 @@ def _imu(case: Case) -> dict[str, Any]:
         )
     readings = arrange(positions, rates, rate_tolerance=settings.rate_tolerance)
     found = calibrate(readings, settings.attitude_tolerance_g, site.latitude_deg)
-    fits = _fits(case, settings.least_squares_set_c, site.latitude_deg, readings, found)
+    fits, no_fits = _fits(case, settings.least_squares_set_c, site.latitude_deg, readings, found)
     tables = {name: _temperature_table(found, *name.split("_")) for name in CHANNELS}
     applied, beyond = _apply(case, settings, tables)
     return {
@@ -74,7 +77,7 @@ def _imu(case: Case) -> dict[str, Any]:
         },
         "model_check": {name: _model_check(name.split("_")[0], table) for name, table in tables.items()},
         "flags": [*found.flags, *(["ill_conditioned"] if fits and fits.notes else [])],
-        "notes": [*found.notes, *(fits.notes if fits else ()), *beyond],
+        "notes": [*found.notes, *(fits.notes if fits else no_fits), *beyond, *_unknown_positions(at_rest)],
         "rejected": found.excluded,
     }
 
@@ -82,7 +85,7 @@ def _imu(case: Case) -> dict[str, Any]:
 def _positions(table: Table) -> PositionRecord:
     return PositionRecord(
         set_c=table.numbers("T_set_C"),
-        attitude=_which(table, "pos", NAMES),
+        attitude=_numbers([text.strip().lower() for text in table.columns["pos"]], NAMES),
         dwell_s=table.numbers("dwell_s"),
         accelerometer_counts=_triple(table, "N"),
         gyro_counts=_triple(table, "W"),
@@ -104,10 +107,31 @@ def _rates(table: Table) -> RateRecord:
     )
 
 
+def _rate_rows(case: Case) -> Table:
+    """The record `rates`; without rows where the case has none."""
+    columns = RATES.split(",")
+    return case.record("rates", RATES) if "rates" in case.content.records else Table("", dict.fromkeys(columns, ()), "")
+
+
+def _unknown_positions(table: Table) -> list[str]:
+    """What is to be said of rows whose position is none of the 24; they count as missing."""
+    known = {"", *(name.lower() for name in NAMES)}
+    strangers = Counter(text.strip()[:40] for text in table.columns["pos"] if text.strip().lower() not in known)
+    named = ", ".join(f"'{name}'" for name in list(strangers)[:NAMES_SHOWN])
+    more = f" and {len(strangers) - NAMES_SHOWN} more" if len(strangers) > NAMES_SHOWN else ""
+    rows = strangers.total()
+    return [f"{table.file}: {rows} rows with unknown positions passed over: {named}{more}"] if rows else []
+
+
 def _which(table: Table, column: str, known: Sequence[str]) -> NDArray[np.int_]:
     """The words of a column (n,) as their numbers in `known`, -1 for a blank."""
+    return _numbers(table.words(column, [name.lower() for name in known]).tolist(), known)
+
+
+def _numbers(words: Sequence[str], known: Sequence[str]) -> NDArray[np.int_]:
+    """Words (n,) as their numbers in `known`, -1 for what is not there."""
     number = {name.lower(): i for i, name in enumerate(known)}
-    return np.array([number.get(word, -1) for word in table.words(column, list(number)).tolist()], dtype=np.int_)
+    return np.array([number.get(word, -1) for word in words], dtype=np.int_)
 
 
 def _triple(table: Table, name: str) -> Array:
@@ -139,24 +163,25 @@ def _u_calibrated(axis: AxisCalibration, scatter: Scatter) -> dict[str, float]:
 
 def _fits(
     case: Case, set_c: float | None, latitude_deg: float | None, readings: ImuReadings, found: ImuCalibration
-) -> AttitudeFits | None:
-    """The least squares over the attitudes of the set point `set_c`, without doubtful ones; None without it."""
+) -> tuple[AttitudeFits | None, tuple[str, ...]]:
+    """The least squares over the attitudes of the set point `set_c`, without doubtful ones; None and why without it."""
     if set_c is None:
-        return None
+        return None, ()
     if latitude_deg is None:
         raise InputError(f"{case.name}: site.lat_deg: is missing; ls24 needs the earth rate")
     near = np.flatnonzero(np.abs(readings.set_c - set_c) < SAME_SET_POINT_C)
     if not len(near):
         known = ", ".join(f"{known_c:.10g}" for known_c in readings.set_c) or "none"
-        raise InputError(f"{case.name}: settings.ls24_T_set_C: there is no set point {set_c:.10g}; there are: {known}")
+        return None, (f"ls24_T_set_C: there is no set point {set_c:.10g}; there are: {known}",)
     point = found.points[near[0]]
     doubted = point.doubted[:, np.newaxis]
-    return fit_attitudes(
+    fits = fit_attitudes(
         np.where(doubted, np.nan, readings.accelerometer_pps[near[0]]),
         np.where(doubted, np.nan, readings.gyro_pps[near[0]]),
         latitude_deg,
         np.array([axis.kg_pulse_per_deg if axis else np.nan for axis in point.axes]),
     )
+    return fits, ()
 
 
 def _by_axis(

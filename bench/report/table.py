@@ -17,7 +17,7 @@ from bench.errors import InputError
 from drivers.suggest import did_you_mean
 
 SIZE_LIMIT_BYTES = 256 * 2**20
-TRUTHS = {"1": True, "true": True, "0": False, "false": False, "": False}
+TRUTHS = {"1": True, "1.0": True, "true": True, "0": False, "0.0": False, "false": False, "": False}
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class Table:
         return np.array(words, dtype=np.str_)
 
     def truths(self, column: str) -> NDArray[np.bool_]:
-        """A column (n,) of 1 or true, 0 or false; a blank is false."""
+        """A column (n,) of 1 or true, 0 or false, also with the decimals of a spreadsheet; a blank is false."""
         words = [text.strip().lower() for text in self.columns[column]]
         for row, word in enumerate(words):
             if word not in TRUTHS:

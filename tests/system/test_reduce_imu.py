@@ -16,10 +16,10 @@ def test_a_unit_over_temperature_is_reduced_to_result_json(tmp_path, bench_comma
     assert result["apply"][0]["comp_pps"] == pytest.approx(11_468)
 
 
-def test_a_case_without_its_rates_is_refused_in_words(tmp_path, bench_command):
+def test_a_case_without_its_positions_is_refused_in_words(tmp_path, bench_command):
     made = records(Unit(), [25])
-    made.rates = None
+    made.positions = None
     refused = bench_command("reduce", write_case(tmp_path, made), "--out", tmp_path / "out")
     assert refused.returncode == 2
-    assert "case.json: records: 'rates' is missing; M2 needs it" in refused.stderr
+    assert "case.json: records: 'positions' is missing; M2 needs it" in refused.stderr
     assert not (tmp_path / "out" / "result.json").exists()

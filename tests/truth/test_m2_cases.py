@@ -487,7 +487,6 @@ def test_dead_and_absurd_channels_do_no_harm_to_others(tmp_path):
     ("spoil", "message"),
     [
         ({"T_nominal_C": None}, "case.json: settings.T_nominal_C: is missing; the record 'apply' needs it"),
-        ({"ls24_T_set_C": 26}, "case.json: settings.ls24_T_set_C: there is no set point 26; there are: 55, 25, 0"),
         ({"site": {}}, "case.json: site.lat_deg: is missing; ls24 needs the earth rate"),
         ({"site": {"lat_deg": 91}}, "case.json: site.lat_deg: is 91, expected at most 90"),
         ({"extrapolation": "cubic"}, "case.json: settings.extrapolation: is 'cubic', expected 'hold', 'linear' or"),
@@ -505,10 +504,6 @@ def test_a_case_that_cannot_be_reduced_is_refused(tmp_path, spoil, message):
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (
-            lambda made: made.positions[1].update(pos="Ax9"),
-            "positions.csv: line 3, column pos: 'Ax9' is not ax1 or ax2",
-        ),
         (lambda made: made.positions[2].update(Nz="12,5"), "positions.csv: line 4: 16 cells, but the header has 15"),
         (lambda made: made.rates[0].update(axis="w"), "rates.csv: line 2, column axis: 'w' is not x or y or z"),
         (lambda made: made.rates[3].update(Tgx="warm"), "rates.csv: line 5, column Tgx: 'warm' is not a number"),
@@ -534,11 +529,31 @@ def test_measured_temperatures_are_no_set_points(tmp_path):
         reduced(tmp_path, made)
 
 
-def test_a_record_is_missing(tmp_path):
-    made = records(Unit(), FEW_C)
+def test_a_case_without_rates_is_one_with_an_empty_record_of_them(tmp_path):
+    made = records(Unit(), [25])
     made.rates = None
-    with pytest.raises(InputError, match=r"^case\.json: records: 'rates' is missing; M2 needs it$"):
-        reduced(tmp_path, made)
+    result = reduced(tmp_path, made)
+    assert result["flags"] == [f"T=25:missing_rate:{axis}" for axis in "xyz"]
+    assert result["table"] == [{"T_set_C": 25, "x": None, "y": None, "z": None}]
+
+
+def test_rows_of_unknown_positions_are_passed_over_and_named(tmp_path):
+    made = records(Unit(), FEW_C)
+    clean = reduced(tmp_path, made)
+    made.positions += [made.positions[0] | {"pos": f"Q{i}"} for i in (*range(1, 8), 1)]
+    result = reduced(tmp_path, made)
+    assert result["notes"][-1] == (
+        "positions.csv: 8 rows with unknown positions passed over: 'Q1', 'Q2', 'Q3', 'Q4', 'Q5' and 2 more"
+    )
+    assert result["rejected"] == clean["rejected"] | {"missing": 8}
+    assert (result["table"], result["flags"]) == (clean["table"], clean["flags"])
+
+
+def test_a_set_point_for_the_least_squares_that_was_not_visited_gives_none(tmp_path):
+    result = reduced(tmp_path, records(Unit(), FEW_C), ls24_T_set_C=26)
+    assert (result["ls24"], result["flags"]) == (None, [])
+    assert result["notes"] == ["ls24_T_set_C: there is no set point 26; there are: 55, 25, 0"]
+    assert len(result["table"]) == 3
 
 
 @pytest.mark.parametrize("rows", [0, 1])

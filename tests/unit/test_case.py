@@ -100,10 +100,45 @@ def test_a_record_without_a_usable_row(tmp_path):
     path = case(tmp_path, sub="static", record="tumble", csv=TUMBLE_HEADER, settings={})
     assert reduce_case(path)["flags"] == ["K0:too_few_temperatures", "K1:too_few_temperatures"]
     path = case(tmp_path, sub="dynamic", record="ramp", csv=RAMP_HEADER + "\n1,up,,,\n", settings={"K1_V_per_g": 1})
-    assert refusal(path) == (
-        "case.json: the record does not suffice (data.csv): power 0 and power 1 are not determined by these readings "
-        "(rank 0 of 2, condition number inf)"
+    assert reduce_case(path) == {
+        "method": "M4", "sub": "dynamic", "B0_V": None, "B1_V_per_C": None, "max_resid_ug": None, "rms_resid_ug": None,
+        "hysteresis_max_ug": None, "repeatability_max_ug": None, "jumps": [], "lag_model": None, "verdict": None,
+        "flags": ["invalid"],
+        "notes": ["the record does not suffice: power 0 and power 1 are not determined by these readings "
+                  "(rank 0 of 2, condition number inf)"],
+        "rejected": {"missing": 1, "duplicate": 0, "thermometer": 0},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("rows", "verdict", "flags"),
+    [(5, None, ["ill_conditioned", "invalid"]), (16, "pass", ["ill_conditioned"])],
+)
+def test_a_ramp_too_short_for_a_jump_is_not_judged(tmp_path, rows, verdict, flags):
+    csv = "\n".join([RAMP_HEADER, *(f"1,up,{10 * i},{20 + i / 2},{1e-5 * i}" for i in range(rows))])
+    path = case(tmp_path, sub="dynamic", record="ramp", csv=csv, settings={"K1_V_per_g": 1, "resid_limit_ug": 1})
+    result = reduce_case(path)
+    assert result["B1_V_per_C"] == pytest.approx(2e-5)
+    assert (result["verdict"], result["flags"]) == (verdict, flags)
+
+
+def test_a_setting_that_is_null_is_as_if_not_given(tmp_path):
+    rows = [f"1,{leg},{i + 100 * n},{20 + i * s},{1e-5 * i}" for n, (leg, s) in enumerate(LEGS) for i in range(50)]
+    csv = "\n".join([RAMP_HEADER, *rows])
+    bare, nulls = (
+        reduce_case(case(tmp_path, sub="dynamic", record="ramp", csv=csv, settings={"K1_V_per_g": 1} | more))
+        for more in ({}, {"jump_window": None, "jump_threshold_ug": None, "resid_limit_ug": None})
     )
+    assert nulls == bare
+    path = case(
+        tmp_path,
+        sub="dynamic",
+        csv=csv,
+        settings={"K1_V_per_g": None},
+        site=None,
+        records={"ramp": "data.csv", "clock": None},
+    )
+    assert refusal(path) == "case.json: settings.K1_V_per_g: is missing"
 
 
 def test_a_dwell_with_most_readings_missing_is_invalid(tmp_path):
@@ -187,11 +222,11 @@ def test_a_bad_cell_of_a_tumble_is_refused(tmp_path, row, message):
 
 
 def test_words_may_be_written_large_and_truths_in_words(tmp_path):
-    csv = "a,b\nUP, True\n,false\nDown,\n 1 ,\n"
+    csv = "a,b\nUP, True\n,false\nDown,\n 1 ,\nup,1.0\nup,0.0\n"
     (tmp_path / "t.csv").write_text(csv)
     columns = read_table(tmp_path / "t.csv", ["a", "b"])
-    assert columns.truths("b").tolist() == [True, False, False, False]
-    assert columns.words("a", ("up", "down", "1")).tolist() == ["up", "", "down", "1"]
+    assert columns.truths("b").tolist() == [True, False, False, False, True, False]
+    assert columns.words("a", ("up", "down", "1")).tolist() == ["up", "", "down", "1", "up", "up"]
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,7 @@ def refusal(folder, sub, settings, row=None, columns=None):
             "settings.full_scale_dps: is missing; the linearity_basis 'full_scale' needs it",
         ),
         ("acc_range", ACC | {"g_mps2": 0}, "settings.g_mps2: is 0"),
-        ("acc_range", {"k_m": 1}, "settings.g_mps2: is missing; range_g: is missing"),
+        ("acc_range", {"k_m": 1}, "settings.range_g: is missing"),
         ("gyro_freq", {"settle_s": -1}, "settings.settle_s: is -1"),
         ("gyro_freq", {"gain_reference": "first"}, "settings.gain_reference: is 'first', expected"),
         ("acc_freq", SWEEP | {"Ts_s": 0}, "settings.Ts_s: is 0"),

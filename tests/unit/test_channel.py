@@ -156,7 +156,7 @@ def test_a_record_without_a_row_is_reduced_to_nothing(tmp_path):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"threshold": None}, "threshold: is empty, expected a number"),
+        ({"threshold": None}, "threshold: is missing"),
         ({"threshold": -0.1}, "threshold: is -0.1, expected at least 0"),
         ({"counter_bits": 0}, "counter_bits: is 0, expected at least 1"),
         ({"counter_bits": 64}, "counter_bits: is 64, expected at most 53"),
@@ -194,12 +194,22 @@ def test_one_level_in_two_ways_is_one_level():
 
 def test_a_bad_cell_is_refused_where_it_is_bad(tmp_path):
     path = write_case(tmp_path, {})
-    (tmp_path / "channel.csv").write_text("run,t_s,cum_pos,cum_neg,T_conv_C,T_acc_C\nup_1g,0,1.5,0,20,65\n")
-    with pytest.raises(InputError, match=r"channel.csv: line 2, column cum_pos: '1.5' is not a whole number"):
+    (tmp_path / "channel.csv").write_text("run,t_s,cum_pos,cum_neg,T_conv_C,T_acc_C\nup_1g,0,1;5,0,20,65\n")
+    with pytest.raises(InputError, match=r"channel.csv: line 2, column cum_pos: '1;5' is not a number"):
         reduce_case(path)
     (tmp_path / "channel.csv").write_text("run,t_s,cum_pos,cum_neg,T_conv\n")
     with pytest.raises(InputError, match=r"channel.csv: line 1: there is no column 'T_conv_C'; did you mean 'T_conv'"):
         reduce_case(path)
+
+
+def test_counts_need_not_be_whole(tmp_path):
+    header, rows = "run,t_s,cum_pos,cum_neg,T_conv_C,T_acc_C", range(100)
+    path = write_case(tmp_path, {})
+    (tmp_path / "channel.csv").write_text(
+        "\n".join([header, *(f"up_1g,{i},{i * 10.25},0,{20 + i / 10},65" for i in rows)])
+    )
+    run = reduce_case(path)["runs"]["up_1g"]
+    assert (run["D_ref_pps"], run["n_used"]) == (pytest.approx(10.25), 99)
 
 
 def test_many_unknown_runs_are_named_in_part(tmp_path):
