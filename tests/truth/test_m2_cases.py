@@ -543,7 +543,7 @@ def test_rows_of_unknown_positions_are_passed_over_and_named(tmp_path):
     made.positions += [made.positions[0] | {"pos": f"Q{i}"} for i in (*range(1, 8), 1)]
     result = reduced(tmp_path, made)
     assert result["notes"][-1] == (
-        "positions.csv: 8 rows with unknown positions passed over: 'Q1', 'Q2', 'Q3', 'Q4', 'Q5' and 2 more"
+        "positions.csv: rows of unknown positions are passed over, 8: 'Q1', 'Q2', 'Q3', 'Q4', 'Q5' and 2 more"
     )
     assert result["rejected"] == clean["rejected"] | {"missing": 8}
     assert (result["table"], result["flags"]) == (clean["table"], clean["flags"])
