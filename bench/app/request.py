@@ -135,9 +135,11 @@ def _past_due(plan: Plan, loaded: LoadedBench) -> Iterator[Remark]:
 
 def _begins(loaded: LoadedBench) -> datetime:
     """When a run that is asked for now begins, in bench time."""
+    if loaded.bench.is_simulated:
+        return loaded.bench.simulation.start
     from bench.clock import wall_utc  # asyncio with it, which other checks do not need
 
-    return loaded.bench.simulation.start if loaded.bench.is_simulated else wall_utc()
+    return wall_utc()
 
 
 def _little_disk_space(expected: Estimate, runs: Path) -> Iterator[Remark]:
