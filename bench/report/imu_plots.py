@@ -39,7 +39,8 @@ def imu_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
             heads = [(quantity_in_words(each), unit_shown(each, "")) for each in quantities]
             yield Sheet(
                 tr(TITLES[sensor]),
-                tr("With expanded uncertainties, k = {k}. Set points in the order of the run.", k=COVERAGE),
+                tr("With expanded uncertainties, k = {k}. Set points in the order of the run.", k=COVERAGE)
+                + (" " + tr("K0 contains K2, K1 contains K3.") if "K0" in quantities else ""),
                 ((tr("set point"), "°C"), (tr("temperature"), "°C"), (tr("axis"), ""), *heads),
                 tuple(rows),
             )

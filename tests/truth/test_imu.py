@@ -1,0 +1,72 @@
+"""Calibrations of an inertial unit against the truth: a short run here, more by `python -m tests.truth.imu`."""
+
+import dataclasses
+from unittest import mock
+
+import numpy as np
+import pytest
+
+from bench.analysis import imu_windows
+from bench.app.request import RunRequest
+from bench.report.stored import open_run
+from tests.support.runs import read_json
+from tests.truth.campaign import run_one
+from tests.truth.imu import QUANTITIES, bench_file, compare_imu, rms_of
+
+SHORT = (
+    "temperatures=[20 °C, 30 °C]", "warm_up=30 min", "soak=30 min", "dwell=10 s", "settle=1 s", "rate_dwell=3 s",
+    "ramp_rate=3 °C/min", "rates=[20 °/s, -20 °/s, 30 °/s, -30 °/s, 40 °/s, -40 °/s]",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("imu")
+    bench = bench_file(folder / "config", "imu", perfect=False)
+    return run_one(RunRequest("imu_24_position", bench=str(bench), seed=3, settings=SHORT, runs=folder))
+
+
+def reduced(run):
+    with open_run(run) as stored:
+        return stored.evaluate().to_json()
+
+
+def test_every_finding_is_within_its_uncertainty(run):
+    comparisons = compare_imu(run)
+    assert {each.quantity for each in comparisons} == set(QUANTITIES)
+    assert max(abs(each.ratio) for each in comparisons) < 4.5
+    assert all(rms < 3 for rms in rms_of(comparisons).values())
+
+
+def test_uncertainties_are_worth_stating(run):
+    most = {"K0": 3e-6, "K1": 0.15, "D0": 4e-5, "KG": 0.08, "misalignment": 30e-6, "gyro_misalignment": 40e-6}
+    found = {(each.quantity, each.u) for each in compare_imu(run) if each.quantity in most}
+    assert [(quantity, u) for quantity, u in found if u > most[quantity]] == []
+
+
+def _wrong_sense(turning):
+    return dataclasses.replace(turning, rate_dps=-turning.rate_dps, command_dps=-turning.command_dps)
+
+
+def test_a_planted_error_is_seen(run):
+    """The wrong sense of rotation, and attitudes that are mirrored."""
+    honest = imu_windows._turning
+    senses = mock.patch.object(imu_windows, "_turning", lambda *of: (found := honest(*of)) and _wrong_sense(found))
+    mirrored = mock.patch.object(imu_windows, "BODY_AXES", imu_windows.BODY_AXES @ np.diag([-1, -1, 1]))
+    for plant, quantity in ((senses, "KG"), (mirrored, "misalignment")):
+        with plant:
+            found = [each for each in compare_imu(run, reduced(run)) if each.quantity == quantity]
+        assert max((abs(each.ratio) for each in found), default=99) > 10, quantity
+
+
+def test_the_run_gives_tables_that_compensate(run):
+    calibration = read_json(type("Run", (), {"path": run}), "calibration_a.json")
+    channels = {channel["channel"]: channel for channel in calibration["channels"]}
+    assert set(channels) == {f"{sensor}_{axis}" for sensor in ("acc", "gyro") for axis in "xyz"}
+    assert len(channels["acc_x"]["scale"]["knots_c"]) == 2
+
+
+def test_the_report_tells_it_in_words(run):
+    page = (run / "report.html").read_text("utf-8")
+    for words in ("Misalignment of the gyros", "without compensation", "K0 contains K2", "Course of the run"):
+        assert words in page
