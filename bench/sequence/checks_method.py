@@ -9,6 +9,7 @@ from bench.config.document import Place
 from bench.config.models import BenchFile
 from bench.sequence.dwells import DwellNames
 from bench.sequence.measuring import Acquire
+from bench.sequence.methods import known_methods
 from bench.sequence.methods.repeatability import REPEATABILITY
 from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE, TemperatureTumbleSettings
 from bench.sequence.model import ResultEntry
@@ -44,6 +45,21 @@ def soak_never_stable(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                 f"{step.until_stable.band_c:g} °C is never held",
                 f"Give a band above {span_c:g} °C, or lower simulation.thermometer.noise of the bench file",
             )
+
+
+def unsuited_unit(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A method for inertial units where a place has one channel, or the other way round."""
+    for index, entry in enumerate(plan.sequence.results):
+        wanted = known_methods()[entry.method].measures
+        for name, place in bench.places.items():
+            found = "channel" if place.channels is None else "inertial unit"
+            if found != wanted:
+                kinds = {"channel": "units with one channel", "inertial unit": "inertial units"}
+                yield (
+                    ("results", index, "method"),
+                    f"{entry.method} is for {kinds[wanted]}, place '{name}' is for {kinds[found]}",
+                    "Choose another method, or a bench with the units that it is for",
+                )
 
 
 def too_few_angles(plan: Plan, bench: BenchFile) -> Iterator[Found]:

@@ -11,6 +11,7 @@ from bench.sequence.checks_method import (
     too_few_angles,
     too_few_repetitions,
     too_few_temperatures,
+    unsuited_unit,
 )
 from bench.sequence.checks_motion import forbidden_angle, short_acquisition, unreachable_attitude
 from bench.sequence.checks_names import unused_need, unused_parameter
@@ -27,6 +28,7 @@ RULES = (
     Rule("unreachable-attitude", "error", "the table reaches every attitude", unreachable_attitude),
     Rule("source-unplugged", "error", "a source is on only while it feeds the converter", source_unplugged),
     Rule("no-converter", "error", "a channel has a converter whose temperature is read", no_converter),
+    Rule("unsuited-unit", "error", "a method is for the units in the places", unsuited_unit),
     Rule("too-few-angles", "error", "a tumble has the angles that its constants need", too_few_angles),
     Rule("no-nominal", "error", "what a step lets expect is known", no_nominal),
     Rule("incomplete-ladder", "error", "a ladder has steps of both senses, between readings", incomplete_ladder),

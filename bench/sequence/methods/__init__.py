@@ -39,7 +39,7 @@ class MethodDescription:
     each at one input level, each a window of which only the means are wanted, each on a table at rest or in motion, or
     each a record of its own. `drawn_by` is "module:function", which turns a unit's results into what a report shows of
     them beside the tables that all methods have. `after` names the standards that it is made after (methods.md 7),
-    which is no claim of conformity. `meaning` says what its results contain.
+    which is no claim of conformity. `meaning` says what its results contain, `measures` what kind of unit it is for.
     """
 
     name: str
@@ -51,6 +51,7 @@ class MethodDescription:
     drawn_by: str = ""
     after: tuple[str, ...] = ()
     meaning: str = CHANNEL
+    measures: Literal["channel", "inertial unit"] = "channel"
 
     def units(self, output_unit: str) -> Mapping[str, str]:
         """The units of the quantities for units whose output is in `output_unit`."""

@@ -9,6 +9,13 @@ from pydantic import Field
 from bench.sequence.methods import MethodDescription
 from drivers.fields import InUnit, Ratio, StrictModel
 
+MEANING = (
+    "Each accelerometer is measured together with its converter. K0, in units of local g, contains K2 and the "
+    "converter's zero, for it is the mean over attitudes in which the axis points up and down; K1 contains K3. D0 is "
+    "the mean over the same attitudes, in which earth rate and g-sensitivity along the axis cancel. Misalignments are "
+    "those against the axes of the table, and contain how the unit sits in its fixture."
+)
+
 
 class ImuCalibrationSettings(StrictModel):
     """Settings of the calibration of an inertial unit."""
@@ -45,5 +52,7 @@ IMU_CALIBRATION = MethodDescription(
         },
     },
     counts_at="windows",
+    measures="inertial unit",
+    meaning=MEANING,
     drawn_by="bench.report.imu_plots:imu_plots",
 )
