@@ -116,20 +116,25 @@ def gyro_response(record: TableRecord, *, settle_s: float = 0.0, to_lowest: bool
     return frequency_response(points, remarks, to_lowest=to_lowest)
 
 
-def gyro_point(block: Block, nominal_hz: float, remarks: Remarks, *, averaged_s: float = 0.0) -> SweepPoint | None:
-    """The response at one frequency, None where the block tells none; angles in degrees, outputs in deg/s.
+def gyro_point(block: Block, nominal_hz: float, remarks: Remarks, *, integrated: bool = False) -> SweepPoint | None:
+    """The response at one frequency, None where the block tells none; angles in degrees.
 
-    An output is that at its time, or the mean over the `averaged_s` before.
+    An output is that at its time in deg/s, or, `integrated`, what it has summed up to by then in degrees.
     """
     swing = swing_of_angle(block, nominal_hz, remarks)
     gyro = fit_output(block, swing, remarks) if swing else None
     if not swing or not gyro:
         return None
-    kept = complex(averaging(np.array([swing.frequency_hz]), averaged_s)[0])
+    kept = complex(integration(np.array([swing.frequency_hz]))[0]) if integrated else 1.0
     response = complex(gyro.phasors[0] / kept / swing.rate)
     u_output = float(gyro.u[0] / abs(kept) / abs(swing.rate))
     u_gain = float(np.hypot(u_output, abs(response) * swing.u_relative))
     return SweepPoint(nominal_hz, swing, response, u_gain, u_output)
+
+
+def integration(frequency_hz: Array) -> NDArray[np.complex128]:
+    """What an integral makes of a phasor at each frequency (m,)."""
+    return np.asarray(1 / (2j * np.pi * frequency_hz))
 
 
 def averaging(frequency_hz: Array, interval_s: float) -> NDArray[np.complex128]:

@@ -9,7 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from bench.analysis.fit import Array
 from bench.analysis.frequency_response import (
     FrequencyResponse,
     Remarks,
@@ -19,6 +21,8 @@ from bench.analysis.frequency_response import (
     fit_output,
     fit_table,
     frequency_response,
+    integration,
+    swing_of_angle,
 )
 from bench.analysis.sine_fit import resolved
 from bench.analysis.table_blocks import Block, TableRecord, cut_into_blocks
@@ -47,11 +51,12 @@ class AccelerometerSweep:
     """What the samples of a sweep are.
 
     Row k of the record holds the increment of the table angle in rad and the mean acceleration in g over the
-    `interval_s` before its time. At `lever_hz` the arms are found.
+    `interval_s` before its time; without that, the table angle in degrees and what the acceleration has summed up to in
+    g s. At `lever_hz` the arms are found.
     """
 
     local_g_mps2: float
-    interval_s: float
+    interval_s: float | None
     lever_hz: float
     settle_s: float = 0.0
 
@@ -86,14 +91,14 @@ def lever_arm(block: Block, sweep: AccelerometerSweep, remarks: Remarks) -> Leve
 
     They are magnitudes with the sign of the real part: a small lag of the channel turns them, not shortens.
     """
-    swing = swing_of_increments(block, sweep.lever_hz, sweep.interval_s, remarks)
+    swing = _swing(block, sweep.lever_hz, sweep, remarks)
     sensed = fit_output(block, swing, remarks, harmonics=2) if swing else None
     if not swing or not sensed:
         return None
     f_hz, rate = swing.frequency_hz, swing.rate * RAD_PER_DEG
-    averaged = averaging(np.array([f_hz, 2 * f_hz]), sweep.interval_s)
-    at_f, at_2f = sensed.phasors / averaged * sweep.local_g_mps2
-    u_at_f, u_at_2f = sensed.u / np.abs(averaged) * sweep.local_g_mps2
+    kept = _kept(np.array([f_hz, 2 * f_hz]), sweep)
+    at_f, at_2f = sensed.phasors / kept * sweep.local_g_mps2
+    u_at_f, u_at_2f = sensed.u / np.abs(kept) * sweep.local_g_mps2
     u_sensed_m = float(2 * u_at_2f / abs(rate) ** 2), float(u_at_f / (2 * np.pi * f_hz * abs(rate)))
     y, x = -at_f / (2j * np.pi * f_hz * rate), -2 * at_2f / rate**2
     return LeverArm(
@@ -110,19 +115,30 @@ def accelerometer_point(
     block: Block, nominal_hz: float, arm: LeverArm, sweep: AccelerometerSweep, remarks: Remarks
 ) -> SweepPoint | None:
     """The response at one frequency over that at the lever frequency, None where the block tells none."""
-    swing = swing_of_increments(block, nominal_hz, sweep.interval_s, remarks)
+    swing = _swing(block, nominal_hz, sweep, remarks)
     if not swing:
         return None
     two = resolved(block.time_s, 2 * swing.frequency_hz)
     sensed = fit_output(block, swing, remarks, harmonics=2 if two else 1)
     if not sensed:
         return None
-    averaged = complex(averaging(np.array([swing.frequency_hz]), sweep.interval_s)[0])
-    expected_g = -2j * np.pi * swing.frequency_hz * swing.rate * RAD_PER_DEG * arm.y_m / sweep.local_g_mps2 * averaged
+    kept = complex(_kept(np.array([swing.frequency_hz]), sweep)[0])
+    expected_g = -2j * np.pi * swing.frequency_hz * swing.rate * RAD_PER_DEG * arm.y_m / sweep.local_g_mps2 * kept
     response = complex(sensed.phasors[0] / expected_g)
     u_relative = np.hypot(swing.u_relative, arm.u_y_m / abs(arm.y_m))
     u_output = float(sensed.u[0] / abs(expected_g))
     return SweepPoint(nominal_hz, swing, response, float(np.hypot(u_output, abs(response) * u_relative)), u_output)
+
+
+def _swing(block: Block, nominal_hz: float, sweep: AccelerometerSweep, remarks: Remarks) -> Swing | None:
+    if sweep.interval_s is None:
+        return swing_of_angle(block, nominal_hz, remarks)
+    return swing_of_increments(block, nominal_hz, sweep.interval_s, remarks)
+
+
+def _kept(frequency_hz: Array, sweep: AccelerometerSweep) -> NDArray[np.complex128]:
+    """What the record keeps of a phasor of the acceleration at each frequency (m,)."""
+    return integration(frequency_hz) if sweep.interval_s is None else averaging(frequency_hz, sweep.interval_s)
 
 
 def swing_of_increments(block: Block, nominal_hz: float, interval_s: float, remarks: Remarks) -> Swing | None:

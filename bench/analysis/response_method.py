@@ -44,8 +44,7 @@ def reduce_accelerometer(data: RunData, settings: Mapping[str, Any]) -> list[Uni
 
 def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
     def point_of(samples: TableSamples, nominal_hz: float, remarks: Remarks) -> SweepPoint | None:
-        block = samples.block(1 / settings["scale_ppd"])
-        return gyro_point(block, nominal_hz, remarks, averaged_s=samples.interval_s)
+        return gyro_point(samples.summed(1 / settings["scale_ppd"]), nominal_hz, remarks, integrated=True)
 
     sweep = _Sweep.of(data, unit, settings["play_pulses"])
     points = sweep.points(sweep.swings, point_of)
@@ -57,12 +56,13 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
 def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
     sweep, per_pulse = _Sweep.of(data, unit, settings["play_pulses"]), 1 / settings["scale_pps_per_g"]
     lever_hz = settings["lever_hz"]
+    what = AccelerometerSweep(data.bench.gravity_mps2, None, lever_hz)
     levers = [hz for hz in sweep.swings if np.isclose(hz, lever_hz, rtol=1e-6)]
     swings = {hz: samples for hz, samples in sweep.swings.items() if hz not in levers}
     arm: LeverArm | None = None
     if levers:
         samples = sweep.swings[levers[0]]
-        arm = lever_arm(samples.increments(per_pulse), _what(data, samples, lever_hz), sweep.remarks)
+        arm = lever_arm(samples.summed(per_pulse), what, sweep.remarks)
     if arm is None:
         sweep.leave_out(lever_hz)
     elif abs(arm.y_m) < SHORT_ARM_M:
@@ -74,8 +74,7 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
         known = arm
 
         def point_of(samples: TableSamples, nominal_hz: float, remarks: Remarks) -> SweepPoint | None:
-            what = _what(data, samples, lever_hz)
-            return accelerometer_point(samples.increments(per_pulse), nominal_hz, known, what, remarks)
+            return accelerometer_point(samples.summed(per_pulse), nominal_hz, known, what, remarks)
 
         points = sweep.points(swings, point_of)
     found = frequency_response(points, sweep.remarks)
@@ -92,10 +91,6 @@ def _warmer(sweep: _Sweep, levers: list[float], per_c: float) -> dict[float, flo
         return {}
     lever_c = sweep.swings[levers[0]].temperature_c
     return {hz: float(np.nan_to_num(abs(each.temperature_c - lever_c))) * per_c for hz, each in sweep.swings.items()}
-
-
-def _what(data: RunData, samples: TableSamples, lever_hz: float) -> AccelerometerSweep:
-    return AccelerometerSweep(data.bench.gravity_mps2, samples.interval_s, lever_hz)
 
 
 def _unlike(arm: LeverArm, unit: UnitUnderTest, scale_u: float) -> bool:

@@ -45,10 +45,12 @@ class Rest:
 
 
 def fit_rest(readings: Sequence[RestReading]) -> Rest:
-    """The bias that readings tell, at least one.
+    """The bias that readings tell; ValueError for none.
 
     Their scatter is that of the readings themselves, or that about the fit where it is larger.
     """
+    if not readings:
+        raise ValueError("no reading at rest")
     at_s = np.array([reading.at_s for reading in readings])
     angle_deg = np.array([reading.angle_deg % 360 for reading in readings])
     output = np.array([reading.output for reading in readings])
@@ -64,7 +66,7 @@ def fit_rest(readings: Sequence[RestReading]) -> Rest:
         drift = float(fit.coefficients[names.index("drift")]) / _span_s(at_s) if "drift" in names else 0.0
         u = sd * float(np.sqrt(fit.unscaled_covariance[0, 0]))
         return Rest(float(fit.coefficients[0]), u, drift, middle_s, max(fit.dof, 1), "cosine" not in names)
-    raise ValueError("no reading at rest")
+    raise AssertionError("readings do not determine their mean")
 
 
 def _designs(since_s: Array, angle_rad: Array) -> list[dict[str, Array]]:

@@ -57,10 +57,9 @@ class TableSamples:
         output = np.diff(self.pulses) / np.diff(self.time_s) * per_pulse
         return Block(self.time_s[1:][whole], self.angle_deg[1:][whole], output[whole], int(np.ptp(self.latch)))
 
-    def increments(self, per_pulse: float) -> Block:
-        """The same with what the encoder went in the interval before, in rad."""
-        block, whole = self.block(per_pulse), np.diff(self.latch) == 1
-        return Block(block.time_s, np.radians(np.diff(self.angle_deg))[whole], block.output, block.scheduled)
+    def summed(self, per_pulse: float) -> Block:
+        """Latch by latch: time, angle, and what the output has summed up to; a lost latch is no loss."""
+        return Block(self.time_s, self.angle_deg, self.pulses * per_pulse, int(np.ptp(self.latch)) + 1)
 
 
 def table_samples(acquisition: Acquisition, unit: UnitUnderTest) -> TableSamples:

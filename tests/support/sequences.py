@@ -46,3 +46,16 @@ def problems_of(folder: Path, body: str, **wishes: Any) -> list[str]:
     with pytest.raises(InputError) as caught:
         plan_of(folder, body, **wishes)
     return [problem.replace(f"{folder / 's.yaml'}:", "") for problem in caught.value.problems]
+
+
+# Shipped sequences that are for benches of their own, and which these are; all others are for the simulated ones.
+ELSEWHERE = {
+    "gyro_range": ("gyro",),
+    "gyro_response": ("gyro",),
+    "accel_range": ("centrifuge",),
+    "accel_response": ("response",),
+    "indexing_static": ("indexing", "indexing_pulses"),
+    "imu_24_position": ("imu",),
+    "imu_two_mountings": ("imu_two_axis",),
+    **dict.fromkeys(("channel_full", "channel_gravity", "channel_skew", "channel_source"), ("channel",)),
+}

@@ -10,11 +10,13 @@ import sys
 import pytest
 
 from bench.cli.main import run
-from tests.support.sequences import ROOT, TAIL, steps
+from tests.support.sequences import ELSEWHERE, ROOT, TAIL, steps
 
 HEAD = "schema: itb-sequence/1\ntitle: T\n"
 SEQUENCES = sorted(path.stem for path in (ROOT / "sequences").glob("*.yaml"))
-BENCHES = sorted(path.stem for path in (ROOT / "config").glob("simulated*.yaml"))
+ON_THEIR_BENCHES = [
+    (sequence, bench) for sequence in SEQUENCES for bench in ELSEWHERE.get(sequence, ("simulated", "simulated_wires"))
+]
 
 
 @pytest.fixture
@@ -36,8 +38,7 @@ def bench(tmp_path, monkeypatch, capsys):
 # What is shipped
 
 
-@pytest.mark.parametrize("sequence", SEQUENCES)
-@pytest.mark.parametrize("name", BENCHES)
+@pytest.mark.parametrize(("sequence", "name"), ON_THEIR_BENCHES)
 def test_everything_shipped_is_checked_in_one_line(bench, sequence, name):
     code, out, err = bench("check", sequence, "--bench", name)
     (line,) = out
@@ -318,7 +319,9 @@ def test_help_loads_next_to_nothing():
 
 @pytest.mark.parametrize("sequence", SEQUENCES)
 def test_checking_a_sequence_loads_no_arithmetic_and_no_wires(sequence):
-    found = loaded(after_command("check", sequence), f"{HEAVY} asyncio simulators pydantic_core ruamel")
+    bench = ELSEWHERE.get(sequence, ("simulated",))[0]
+    command = after_command("check", sequence, "--bench", bench)
+    found = loaded(command, f"{HEAVY} asyncio simulators pydantic_core ruamel")
     assert found == ["pydantic_core", "ruamel"]
 
 

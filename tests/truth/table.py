@@ -101,8 +101,10 @@ def gyro_range(gyro: GyroTruth, truth: dict, scale_ppd: float = 4000.0) -> dict[
 
 
 def gyro_response(gyro: GyroTruth, scale_ppd: float = 4000.0) -> dict[str, Truth]:
+    scale = gyro.scale_ppd * (1 + gyro.scale_per_c * (START_C - gyro.reference_c)) / scale_ppd
+
     def response(hz: float) -> complex:
-        return complex(gyro.dynamics.response(np.array([hz]))[0]) * gyro.scale_ppd / scale_ppd
+        return complex(gyro.dynamics.response(np.array([hz]))[0]) * scale
 
     return _response(response)
 

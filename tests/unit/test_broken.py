@@ -13,7 +13,7 @@ from bench.errors import InputError
 from bench.report.remarks import warning_line
 from bench.sequence.load import load_judged_plan
 from bench.sequence.rules import RULES
-from tests.support.sequences import BENCH, ROOT
+from tests.support.sequences import BENCH, ELSEWHERE, ROOT
 
 FOLDER = ROOT / "tests/broken"
 _FORBIDDEN = (AngleRange(min="40°", max="50°"),)
@@ -22,23 +22,14 @@ TWO_AXES = load_bench(ROOT / "config/imu_two_axis.yaml").bench
 FORBIDS = BENCH.model_copy(update={"fixture": BENCH.fixture.model_copy(update={"forbidden": _FORBIDDEN})})
 _UNKNOWN = {name: place.model_copy(update={"nominal": None}) for name, place in BENCH.places.items()}
 WITHOUT_NOMINAL = BENCH.model_copy(update={"places": _UNKNOWN})
+RESPONSE, TABLE = (load_bench(ROOT / f"config/{name}.yaml").bench for name in ("response", "rate_table"))
 BENCHES = {  # by part of a name
-    "forbidden": FORBIDS,
-    "without_nominal": WITHOUT_NOMINAL,
-    "unsuited_ramp": CHANNEL,
-    "unreachable_attitude": TWO_AXES,
-}
+    "forbidden": FORBIDS, "without_nominal": WITHOUT_NOMINAL, "unsuited_ramp": CHANNEL, "on_a_table": RESPONSE,
+    "without_encoder": TABLE, "unreachable_attitude": TWO_AXES,
+}  # fmt: skip
 BROKEN = sorted([*FOLDER.glob("*.yaml"), *FOLDER.glob("calls/call_*.yaml")])
 GOOD = sorted((FOLDER / "good").glob("*.yaml"))
 SHIPPED = sorted((ROOT / "sequences").glob("*.yaml"))
-
-
-ELSEWHERE = {  # on benches of their own
-    "indexing_static": ("indexing", "indexing_pulses"),
-    "imu_24_position": ("imu",),
-    "imu_two_mountings": ("imu_two_axis",),
-    **dict.fromkeys(("channel_full", "channel_gravity", "channel_skew", "channel_source"), ("channel",)),
-}
 
 
 def expected_of(path):

@@ -1,0 +1,79 @@
+"""Acquisitions on a rate table, made of a known charge and a known angle at the latches; what is known of a bench."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from bench.analysis.rundata import (
+    Acquisition,
+    AxisRecord,
+    BenchRecord,
+    Counts,
+    Motion,
+    Positions,
+    RunData,
+    UnitUnderTest,
+)
+from simulators.uut import Integrator
+
+UNIT = UnitUnderTest("a", "SN", "x", 0.0, "warm")
+COUNT_DEG = 1e-4
+TICKS = 1000
+
+
+def acquired(charge, angle_deg, *, motion=None, lost=(), bits=24, first=0):
+    """What a counter and an encoder make of a charge in pulses and an angle, both at the latches (n,)."""
+    latch = np.arange(len(charge))
+    positive, negative = Integrator(0.3, first, 0).count_through_turns(np.diff(charge, prepend=charge[0]))
+    position = np.floor(angle_deg / COUNT_DEG).astype(np.int64)
+    kept = np.array([number not in lost for number in latch])
+    counts = Counts(
+        sequence=latch[kept] + 65_000, tick=(latch[kept] * TICKS + 4_294_900_000) % 2**32,
+        positive=positive[kept] % 2**bits, negative=negative[kept], host_s=latch[kept] * 1e-3, tick_bits=32,
+        counter_bits=bits, tick_period_s=1e-6, max_rate_pps=2e6, lost=len(lost), restarts=0,
+    )  # fmt: skip
+    encoder = Positions(latch + 65_000, counts.tick, position % 2**32, 32, 32, 1e-6, COUNT_DEG)
+    return Acquisition(
+        step="steps/x/acquire", group="", loops={}, begin_s=0.0, end_s=len(charge) * 1e-3, angles_deg={},
+        set_from_c=np.nan, set_c=np.nan, counts={"x": counts}, temperatures_c={"warm": np.array([20.0, 21.0])},
+        temperatures_at_s={}, positions={"table": encoder}, motion=motion,
+    )  # fmt: skip
+
+
+BENCH = BenchRecord(
+    gravity_mps2=9.8, gravity_u_mps2=1e-4, axes={"table": AxisRecord(harmonics_u_deg=(1e-3,), wobble_u_deg=5e-4)},
+    x=(1.0, 0.0, 0.0), z=(0.0, 0.0, 1.0), level_deg=0.0, level_u_deg=5e-4, time_base_u=1e-6, thermometers_u={},
+    encoder_skew_u_s=5e-5,
+)  # fmt: skip
+TIME_S = np.arange(3001) / 1000
+
+
+def data(*acquisitions: Acquisition, unit: UnitUnderTest = UNIT) -> RunData:
+    """All of a run, the acquisitions in their order and each a minute after the one before."""
+    placed = tuple(
+        replace(each, step=f"steps/n={n}/acquire", begin_s=60.0 * n, end_s=60.0 * n + 3)
+        for n, each in enumerate(acquisitions)
+    )
+    return RunData("range", (unit,), placed, BENCH)
+
+
+def at_rest(bias_pps: float, angle_deg: float = 0.0) -> Acquisition:
+    """Standing at an angle."""
+    found = acquired(bias_pps * TIME_S, 0 * TIME_S + angle_deg)
+    return replace(found, angles_deg={"table": angle_deg})
+
+
+def at_rate(command_dps: float, output_pps: float, rate_dps: float | None = None) -> Acquisition:
+    """Turning at a rate, that which was asked for unless another is given."""
+    turned_deg = (command_dps if rate_dps is None else rate_dps) * TIME_S
+    return acquired(output_pps * TIME_S, turned_deg, motion=Motion("table", command_dps))
+
+
+def swinging(frequency_hz: float, charge, amplitude_dps: float = 10.0, told_hz: float | None = None) -> Acquisition:
+    """Swinging, with a `charge` that is a function of the phase of the rate's cosine and of time."""
+    phase = 2 * np.pi * frequency_hz * TIME_S + 0.4
+    angle_deg = amplitude_dps / (2 * np.pi * frequency_hz) * np.sin(phase)
+    motion = Motion("table", amplitude_deg=1.0, frequency_hz=told_hz or frequency_hz)
+    return acquired(charge(phase, TIME_S), angle_deg, motion=motion)

@@ -1,0 +1,63 @@
+"""The tests on a rate table against the truth: each sequence once, short, on a full bench, through all the wires."""
+
+import numpy as np
+import pytest
+
+from bench.app.request import RunRequest
+from tests.truth.campaign import results_of, run_one
+from tests.truth.table import BENCHES, SHORT, compare_table, table_bench
+
+WORTH = {  # a standard uncertainty that is worth stating, at most
+    "rest_rate": 1e-4, "rate_error/relative": 4e-5, "rest_output": 1e-5, "radius": 1e-4,
+    "acceleration_error/relative": 3e-5, "gain": 2e-3, "phase": 2.0, "bandwidth": 0.15, "phase_at_bandwidth": 1.5,
+    "lever_arm/x": 3e-4, "lever_arm/y": 5e-5,
+}  # fmt: skip
+RUNS = {}
+
+
+@pytest.fixture(scope="module")
+def run_of(tmp_path_factory):
+    """A run of a sequence, made once."""
+
+    def run(sequence):
+        if sequence not in RUNS:
+            folder = tmp_path_factory.mktemp(sequence)
+            bench = table_bench(folder / "config", BENCHES[sequence])
+            request = RunRequest(sequence, bench=str(bench), seed=5, settings=SHORT[sequence], runs=folder / "runs")
+            RUNS[sequence] = run_one(request)
+        return RUNS[sequence]
+
+    yield run
+    RUNS.clear()
+
+
+@pytest.mark.parametrize("sequence", BENCHES)
+def test_errors_stay_within_their_uncertainties(run_of, sequence):
+    folder = run_of(sequence)
+    comparisons = compare_table(folder)
+    assert len(comparisons) >= 8
+    ratios = np.array([each.ratio for each in comparisons])
+    assert np.max(np.abs(ratios)) < 4
+    assert np.sqrt(np.mean(ratios**2)) < 2
+    assert {each.quantity: each.u for each in comparisons if each.u > WORTH.get(each.quantity, np.inf)} == {}
+    results = results_of(folder)
+    assert results["verdict"] == "PASS"
+    assert [flag for unit in results["units"] for flag in unit["flags"]] == []
+
+
+def test_the_equation_of_a_gyro_is_that_of_its_file(run_of):
+    (model,) = results_of(run_of("gyro_response"))["models"]
+    found = {name: each["value"] for name, each in model["constants"].items()}
+    assert found["damping"] == pytest.approx(0.65, abs=2e-3)
+    assert found["f0"] == pytest.approx(55.54, abs=0.05)  # whose gain has fallen to 1/√2 at 60 Hz
+    assert abs(found["delay"] - 2e-3) < 3 * model["constants"]["delay"]["u"]
+
+
+@pytest.mark.parametrize("sequence", BENCHES)
+def test_the_report_draws_it_and_tells_its_points(run_of, sequence):
+    page = (run_of(sequence) / "report.html").read_text("utf-8")
+    words = ("Errors over the range", "allowed", "Points of the range", "worst of")
+    if sequence.endswith("response"):
+        words = ("Frequency response", "-3 dB", "Points of the sweep", "K · exp(-2πi f delay)")
+    for word in (*words, "Budgets of all points"):
+        assert word in page

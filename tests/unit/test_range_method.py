@@ -1,0 +1,119 @@
+"""Range tests on counts that were made from known constants: what is found, judged, left out and told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bench.analysis.range_method import reduce_accelerometer, reduce_gyro
+from bench.report.words import flag_in_words
+from bench.sequence.methods.response import ACCELEROMETER_RANGE, GYRO_RANGE
+from tests.support.table_runs import at_rate, at_rest, data
+
+GYRO = {"scale": "100 pulse/°", "full_scale": "400 °/s", "clip": "420 °/s"}
+ACCELEROMETER = {"scale": "10000 pulse/s/g", "full_scale": "20 g", "clip": "21 g"}
+RADIUS_M, K2, BIAS_G = 0.5, 1e-4, 2e-3
+REST = [at_rest(50.0, angle) for angle in (0, 90, 180, 270)]
+
+
+def gyro(*acquisitions, **settings):
+    (unit,) = reduce_gyro(data(*acquisitions), GYRO_RANGE.settings.model_validate(GYRO | settings).model_dump())
+    return unit
+
+
+def accelerometer(*acquisitions, **settings):
+    chosen = ACCELEROMETER_RANGE.settings.model_validate(ACCELEROMETER | settings).model_dump()
+    (unit,) = reduce_accelerometer(data(*acquisitions), chosen)
+    return unit
+
+
+def values(unit, quantity):
+    return [found.value for found in unit.findings if found.quantity == quantity]
+
+
+def spun(rate_dps):
+    """An accelerometer that is pulled towards the axis, and bends."""
+    pull_g = np.radians(rate_dps) ** 2 * RADIUS_M / 9.8
+    return at_rate(rate_dps, 1e4 * (BIAS_G + pull_g + K2 * pull_g**2))
+
+
+def rested():
+    return [at_rest(1e4 * BIAS_G, angle) for angle in (0, 90, 180, 270)]
+
+
+def test_the_errors_of_a_gyro_are_those_of_its_scale():
+    unit = gyro(*REST, at_rate(100, 50 + 10_005), at_rate(-100, 50 - 10_005), at_rate(400, 50 + 40_020))
+    assert values(unit, "rest_rate") == pytest.approx([0.5], abs=2e-3)
+    assert values(unit, "rate_error") == pytest.approx([0.05, -0.05, 0.2], abs=5e-3)
+    assert values(unit, "rate_error/relative") == pytest.approx([5e-4, -5e-4, 5e-4], abs=5e-5)
+    assert values(unit, "saturated_points") == [0]
+    assert (unit.flags, unit.left_out) == ((), ())
+
+
+def test_relative_to_the_full_scale_it_is_that_part_of_it():
+    unit = gyro(*REST, at_rate(100, 50 + 10_005), linearity_basis="full_scale")
+    assert values(unit, "rate_error/relative") == pytest.approx([0.05 / 400], abs=2e-5)
+
+
+def test_a_bias_that_drifts_is_that_of_its_time():
+    drifting = [at_rest(50.0), at_rate(100, 60 + 10_000), at_rest(70.0)]
+    assert values(gyro(*drifting), "rate_error") == pytest.approx([0.0], abs=5e-3)
+
+
+def test_a_table_that_did_not_turn_as_told_and_a_sensor_at_its_end_are_told():
+    unit = gyro(*REST, at_rate(100, 10_050, rate_dps=101), at_rate(500, 42_000))
+    unstable, saturated = (each for each in unit.findings if each.quantity == "rate_error/relative")
+    assert (unstable.verdict, unstable.flags) == ("INVALID", ("unstable",))
+    assert (saturated.verdict, saturated.flags) == (None, ("saturated",))
+    assert values(unit, "saturated_points") == [1]
+    assert unit.verdict == "INCOMPLETE"
+    told = [flag_in_words(flag) for flag in unit.flags]
+    assert "did not turn at the rate that it was told" in told[0]
+    assert "end of its range" in told[1]
+
+
+def test_without_a_reading_at_rest_nothing_is_known():
+    unit = gyro(at_rate(100, 10_050))
+    assert (unit.findings, unit.flags, unit.left_out) == ((), ("rest_missing",), ("n=0/acquire",))
+    assert "at rest" in flag_in_words("rest_missing")
+
+
+def test_a_rest_at_one_angle_and_one_that_moves_are_told():
+    unit = gyro(at_rest(50.0), at_rate(1.0, 150.0))
+    assert unit.flags == ("rest_of_one_angle",)
+    crept = at_rest(50.0)
+    crept.positions["table"].position[:] += np.arange(3001)
+    unit = gyro(crept, *REST)
+    assert unit.flags == ("steps/n=0/acquire: not_at_rest",)
+    assert "the table moved" in flag_in_words(unit.flags[0])
+
+
+def test_an_accelerometer_finds_its_radius_and_bends_at_high_rates():
+    unit = accelerometer(*rested(), *map(spun, (180.0, -180.0, 240.0, 800.0, -1100.0)))
+    low_g = np.radians([180, 180, 240]) ** 2 * RADIUS_M / 9.8
+    radius_m = RADIUS_M * (1 + K2 * np.sum(low_g**3) / np.sum(low_g**2))
+    assert values(unit, "rest_output") == pytest.approx([BIAS_G], abs=2e-5)
+    assert values(unit, "radius") == pytest.approx([radius_m], abs=5e-5)
+    pull_g = np.radians([800, 1100]) ** 2 * RADIUS_M / 9.8
+    errors = pull_g + K2 * pull_g**2 - pull_g * radius_m / RADIUS_M
+    assert values(unit, "acceleration_error") == pytest.approx(errors, abs=2e-3)
+    assert values(unit, "acceleration_error/relative") == pytest.approx(errors / 20, abs=1e-4)
+    (radius,) = (found for found in unit.findings if found.quantity == "radius")
+    assert {"scale factor as stated", "site: gravity", "counter: time base"} <= {line.source for line in radius.budget}
+
+
+def test_one_low_rate_is_not_enough_for_a_radius():
+    unit = accelerometer(*rested(), spun(180.0), spun(-180.0), spun(800.0))
+    assert (unit.flags, unit.left_out) == (("too_few_low_rates",), ("radius",))
+    assert [found.quantity for found in unit.findings] == ["rest_output"]
+
+
+def test_a_radius_that_noise_hides_is_told():
+    unit = accelerometer(*rested(), *(at_rate(rate, 20.0) for rate in (5.0, 6.0)), spun(800.0))
+    assert unit.flags == ("radius_not_determined",)
+
+
+def test_a_converter_in_its_dead_band_tells_no_bias():
+    unit = accelerometer(at_rest(0.0), *rested(), *map(spun, (180.0, 240.0, 800.0)))
+    assert unit.flags == ("steps/n=0/acquire: dead_band",)
+    assert values(unit, "rest_output") == pytest.approx([BIAS_G], abs=2e-5)

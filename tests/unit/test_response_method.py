@@ -1,0 +1,160 @@
+"""Frequency responses on counts that were made from a known sensor: what is found, left out and told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.analysis.response_method import reduce_accelerometer, reduce_gyro
+from bench.report.words import flag_in_words
+from bench.sequence.methods.response import ACCELEROMETER_RESPONSE, GYRO_RESPONSE
+from simulators.dynamics import Dynamics
+from tests.support.table_runs import BENCH, UNIT, at_rest, data, swinging
+
+PER_DEG, PER_G = 4000.0, 1e5
+SLOW = Dynamics(40.0, 0.6, 1e-3)
+ARMS_M = (0.06, 0.05)
+SWEEP_HZ = (10.37, 20.37, 30.37, 38.37, 42.37, 60.37)
+
+
+def gyro_at(frequency_hz, dynamics=SLOW, amplitude_dps=20.0, **told):
+    response = dynamics.response(np.array([frequency_hz]))[0]
+    reach = amplitude_dps / (2 * np.pi * frequency_hz) * PER_DEG
+
+    def charge(phase, time_s):
+        return reach * np.imag(response * np.exp(1j * phase)) + 20 * time_s
+
+    return swinging(frequency_hz, charge, amplitude_dps, **told)
+
+
+def accelerometer_at(frequency_hz, amplitude_dps, arms_m=ARMS_M):
+    """The velocity that an input axis along X senses, in pulses; the rate is A cos of the phase."""
+    x_m, y_m = arms_m
+    once, twice = SLOW.response(np.array([frequency_hz, 2 * frequency_hz]))
+    a_rps, omega = np.radians(amplitude_dps), 2 * np.pi * frequency_hz
+    per_mps = PER_G / BENCH.gravity_mps2
+
+    def charge(phase, time_s):
+        tangential = -y_m * a_rps * np.real(once * np.exp(1j * phase))
+        centripetal = -x_m * a_rps**2 / 2 * (time_s + np.imag(twice * np.exp(2j * phase)) / (2 * omega))
+        return per_mps * (tangential + centripetal) + 50 * time_s
+
+    return swinging(frequency_hz, charge, amplitude_dps)
+
+
+def gyro(*acquisitions, **settings):
+    chosen = GYRO_RESPONSE.settings.model_validate({"scale": f"{PER_DEG} pulse/°"} | settings).model_dump()
+    (unit,) = reduce_gyro(data(*acquisitions), chosen)
+    return unit
+
+
+def accelerometer(*acquisitions, unit=UNIT, **settings):
+    given = {"scale": f"{PER_G} pulse/s/g", "lever_frequency": "1 Hz"} | settings
+    chosen = ACCELEROMETER_RESPONSE.settings.model_validate(given).model_dump()
+    (found,) = reduce_accelerometer(data(*acquisitions, unit=unit), chosen)
+    return found
+
+
+def values(unit, quantity):
+    return [found.value for found in unit.findings if found.quantity == quantity]
+
+
+def test_gain_phase_bandwidth_and_equation_of_a_gyro():
+    unit = gyro(*map(gyro_at, reversed(SWEEP_HZ)))  # in any order
+    response = SLOW.response(np.array(SWEEP_HZ))
+    assert values(unit, "gain") == pytest.approx(np.abs(response), rel=1e-3)
+    assert values(unit, "phase") == pytest.approx(np.degrees(np.unwrap(np.angle(response))), abs=0.05)
+    (bandwidth,) = (found for found in unit.findings if found.quantity == "bandwidth")
+    assert abs(bandwidth.value - 40.0) < 2 * bandwidth.u + 0.05
+    (model,) = unit.models
+    assert model.constants["f0"].value == pytest.approx(SLOW.natural_hz, abs=0.05)
+    assert model.constants["delay"].value == pytest.approx(1e-3, abs=2e-5)
+    assert model.constants["delay"].u > BENCH.encoder_skew_u_s
+    assert (unit.flags, unit.left_out) == ((), ())
+
+
+def test_the_budgets_name_what_is_shared():
+    unit = gyro(*map(gyro_at, SWEEP_HZ))
+    budgets = {found.quantity: found.budget for found in unit.findings}
+    phase = next(line for line in budgets["phase"] if line.shared == "counter.encoder_skew")
+    assert phase.u == pytest.approx(360 * SWEEP_HZ[-1] * 5e-5, rel=1e-6)
+    assert any(line.shared == "table.harmonics" for line in budgets["gain"])
+    assert any(line.source.startswith("straight line between") for line in budgets["bandwidth"])
+
+
+def test_gains_may_be_over_that_at_the_lowest_frequency():
+    doubled = [gyro_at(hz) for hz in SWEEP_HZ]
+    unit = gyro(*doubled, scale=f"{PER_DEG / 2} pulse/°", gain_reference="lowest")
+    assert values(unit, "gain")[0] == 1
+    assert values(unit, "gain")[-1] == pytest.approx(
+        abs(SLOW.response(np.array([60.37]))[0] / SLOW.response(np.array([10.37]))[0]), rel=1e-3
+    )
+    assert next(found for found in unit.findings if found.quantity == "gain").budget == ()
+
+
+def test_a_bandwidth_that_is_not_reached_or_below_the_sweep_is_told():
+    assert gyro(*map(gyro_at, SWEEP_HZ[:3])).flags == ("bandwidth_not_reached",)
+    assert gyro(*map(gyro_at, SWEEP_HZ[4:])).flags == ("bandwidth_below_at_start",)
+    assert "above that" in flag_in_words("bandwidth_not_reached")
+
+
+def test_frequencies_that_tell_nothing_are_left_out_and_told():
+    still = replace(at_rest(50.0), motion=gyro_at(25.37).motion)
+    drooped = gyro_at(50.37, amplitude_dps=8.0)
+    unit = gyro(*map(gyro_at, SWEEP_HZ), still, drooped, at_rest(1.0))
+    assert unit.flags == ("steps/n=8/acquire: not_swinging", "25.37 Hz invalid", "50.37 Hz droop")
+    assert unit.left_out == ("n=8/acquire", "25.37 Hz")
+    assert len(values(unit, "gain")) == len(SWEEP_HZ)
+    assert "less than half of the amplitude" in flag_in_words("50.37 Hz droop")
+    assert gyro(at_rest(1.0)).flags == ("steps/n=0/acquire: not_swinging", "no_response")
+
+
+def test_samples_that_see_few_phases_and_a_table_off_its_frequency_are_told():
+    flags = gyro(gyro_at(10.37), gyro_at(100.0, amplitude_dps=12.0), gyro_at(30.42, told_hz=30.37)).flags
+    assert "100 Hz few_phases" in flags
+    assert "30.37 Hz off_frequency" in flags
+    assert all(flag_in_words(flag) != flag for flag in flags)
+
+
+def test_an_accelerometer_finds_its_arms_and_its_gains_over_the_slow_swing():
+    unit = accelerometer(accelerometer_at(1.0, 100.0), *(accelerometer_at(hz, 40.0) for hz in SWEEP_HZ))
+    assert values(unit, "lever_arm/x") == pytest.approx([0.06], rel=2e-3)
+    assert values(unit, "lever_arm/y") == pytest.approx([0.05], rel=2e-3)
+    response = SLOW.response(np.array([1.0, *SWEEP_HZ]))
+    assert values(unit, "gain") == pytest.approx(np.abs(response[1:] / response[0]), rel=2e-3)
+    assert values(unit, "phase") == pytest.approx(np.degrees(np.unwrap(np.angle(response[1:]))), abs=0.1)
+    (arm,) = (found for found in unit.findings if found.quantity == "lever_arm/y")
+    leak = {line.source: line.u for line in arm.budget}
+    assert leak["axis: level"] == pytest.approx(9.8 * np.radians(5e-4) / (2 * np.pi) ** 2, rel=1e-3)
+    (found, *_) = (each for each in unit.findings if each.quantity == "gain")
+    assert {line.shared for line in found.budget} >= {"fixture.level", "range/a/lever_arm/y"}
+
+
+def test_an_arm_that_is_short_or_elsewhere_is_told():
+    swings = [
+        accelerometer_at(1.0, 100.0, (0.06, 0.003)),
+        *(accelerometer_at(hz, 90.0, (0.06, 0.003)) for hz in SWEEP_HZ),
+    ]
+    assert "lever_arm_short" in accelerometer(*swings).flags
+    elsewhere = replace(UNIT, arm_m=(0.06, -0.05, 0.0), arm_u_m=1e-4)
+    unit = accelerometer(accelerometer_at(1.0, 100.0), accelerometer_at(10.37, 40.0), unit=elsewhere)
+    assert "lever_arm_unlike_bench_file" in unit.flags
+    where_it_is = replace(UNIT, arm_m=(*ARMS_M, 0.0), arm_u_m=1e-4)
+    unit = accelerometer(accelerometer_at(1.0, 100.0), accelerometer_at(10.37, 40.0), unit=where_it_is)
+    assert "lever_arm_unlike_bench_file" not in unit.flags
+
+
+def test_without_the_slow_swing_there_is_no_response():
+    unit = accelerometer(*(accelerometer_at(hz, 40.0) for hz in SWEEP_HZ))
+    assert unit.flags == ("1 Hz invalid", "no_response")
+    assert (unit.findings, unit.left_out) == ((), ("1 Hz", "response"))
+
+
+def test_a_scale_that_warms_is_in_the_gains():
+    cold, *warm = [accelerometer_at(1.0, 100.0), *(accelerometer_at(hz, 40.0) for hz in SWEEP_HZ)]
+    warm = [replace(each, temperatures_c={"warm": np.array([25.5])}) for each in warm]
+    (found, *_) = (each for each in accelerometer(cold, *warm).findings if each.quantity == "gain")
+    line = next(line for line in found.budget if line.source.startswith("scale factor: temperature"))
+    assert line.u == pytest.approx(5 * 6e-5, rel=0.05)
