@@ -8,7 +8,7 @@ from bench.config.bench import load_bench
 from bench.sequence.load import load_plan
 from bench.sequence.methods import known_methods
 from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE
-from tests.support.sequences import BENCH, ROOT, plan_of, problems_of, steps
+from tests.support.sequences import BENCH, ELSEWHERE, ROOT, plan_of, problems_of, steps
 
 SHIPPED = sorted((ROOT / "sequences").glob("*.yaml"))
 METHODS = " or ".join(", ".join(sorted(known_methods())).rsplit(", ", 1))
@@ -18,8 +18,7 @@ WAIT = "steps: [wait: 1 s]\n"
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_every_shipped_sequence_fits_a_shipped_bench_with_every_preset(path):
-    own = ROOT / "config" / f"{path.stem.partition('_')[0]}.yaml"
-    bench = load_bench(own).bench if own.is_file() else BENCH
+    bench = load_bench(ROOT / "config" / f"{ELSEWHERE.get(path.stem, ('simulated',))[0]}.yaml").bench
     for preset in (None, *load_plan(path, bench).sequence.presets):
         assert len(load_plan(path, bench, preset=preset)) > 0
 
