@@ -19,6 +19,7 @@ from bench.analysis.attitude_errors import table_errors
 from bench.analysis.attitude_fit import AttitudeFits, fit_attitudes
 from bench.analysis.attitudes import AXES, NAMES
 from bench.analysis.compensation import Compensation
+from bench.analysis.counts import RESOLUTION_COUNTS
 from bench.analysis.finding import BudgetLine, Finding, UnitResult, combined
 from bench.analysis.fit import Array, LinearFit, NotDetermined, least_squares
 from bench.analysis.imu_calibration import AxisCalibration, ImuCalibration, Scatter, calibrate
@@ -60,7 +61,8 @@ class _Unit:
         self._visits = visits(data, unit)
         self._readings = readings(self._visits, unit, settings["rate_tolerance"])
         self._found = calibrate(self._readings, settings["attitude_tolerance_g"], data.bench.latitude_deg)
-        self._noise = [_noise(self._found, self._readings, axis) for axis in range(len(AXES))]
+        resolution_pps = _resolution_pps(self._visits)
+        self._noise = [_noise(self._found, self._readings, resolution_pps, axis) for axis in range(len(AXES))]
         self._curves = {
             (quantity, axis): _curve(self._found.over_temperature(axis), quantity)
             for quantity in MODELLED
@@ -255,10 +257,23 @@ def _curve(every: Sequence[AxisCalibration], quantity: str) -> tuple[Array, Arra
     return table.temperature_c, np.asarray(table.zero_pps / table.scale)
 
 
-def _noise(found: ImuCalibration, arranged: ImuReadings, axis: int) -> Noise:
+def _resolution_pps(found: Sequence[Visit]) -> float:
+    """What the count resolves in the usual window at rest."""
+    spans_s = [
+        window.span_s
+        for visit in found
+        for each in visit.at_rest
+        for window in each.acquisition.windows.values()
+        if window.span_s
+    ]
+    return RESOLUTION_COUNTS / float(np.median(spans_s)) if spans_s else 0.0
+
+
+def _noise(found: ImuCalibration, arranged: ImuReadings, resolution_pps: float, axis: int) -> Noise:
     """The pooled scatter of one axis, with its degrees of freedom.
 
-    Of the rates what is even in the rate is taken away: a gyro's asymmetry scatters nothing, and turns no line.
+    A reading is not believed to scatter less than what the count resolves: equal counts in equal windows show nothing
+    of it. Of the rates what is even in the rate is taken away: a gyro's asymmetry scatters nothing, and turns no line.
     """
     scatter: Scatter = found.scatter[axis]
     every = found.over_temperature(axis)
@@ -274,8 +289,8 @@ def _noise(found: ImuCalibration, arranged: ImuReadings, axis: int) -> Noise:
             squares, turned = squares + float(np.sum(fit.residuals**2)), turned + fit.dof
     turning = (math.sqrt(squares / turned), int(turned)) if turned else (scatter.gyro_turning_pps, 0)
     return Noise(
-        (scatter.accelerometer_pps, dof([one.accelerometer for one in every])),
-        (scatter.gyro_at_rest_pps, dof([one.gyro_at_rest for one in every])),
+        (max(scatter.accelerometer_pps, resolution_pps), dof([one.accelerometer for one in every])),
+        (max(scatter.gyro_at_rest_pps, resolution_pps), dof([one.gyro_at_rest for one in every])),
         turning,
     )
 
