@@ -1,12 +1,13 @@
 """Where the time of a simulated bench second goes: `make profile`.
 
-Runs the quick preset twice, once to take the time and once under the profiler, whose shares are then put on the time
-taken. Categories by file: physics (the world), wires (drivers, simulated instruments, transports, pymodbus), store,
-loop (asyncio), engine (everything else).
+Runs a sequence twice, the quick tumble unless another is named, once to take the time and once under the profiler, whose
+shares are then put on the time taken. Categories by file: physics (the world), wires (drivers, simulated instruments,
+transports, pymodbus), store, loop (asyncio), engine (everything else).
 """
 
 from __future__ import annotations
 
+import argparse
 import cProfile
 import pstats
 import resource
@@ -19,7 +20,10 @@ from bench.app import execute as executing
 from bench.app.request import RunRequest, prepare
 from bench.runner.quiet import Quiet
 
-PHYSICS = ("simulators/world", "simulators/thermal", "simulators/uut", "simulators/motion", "simulators/can_counter")
+PHYSICS = (
+    "simulators/world", "simulators/thermal", "simulators/uut", "simulators/motion", "simulators/can_counter",
+    "simulators/imu", "simulators/gyro", "simulators/attitude",
+)  # fmt: skip
 WIRES = ("drivers/", "simulators/", "pymodbus/", "bench/app/laboratory", "struct")
 STORE = ("bench/store", "sqlite", "zlib", "threading")
 LOOP = ("asyncio/", "bench/loop", "selectors", "heapq", "_asyncio", "_contextvars")
@@ -34,7 +38,7 @@ def category(place: tuple[str, int, str]) -> str:
     return "numpy" if "numpy" in name or "ufunc" in name else "engine"
 
 
-def run_once(runs: Path, profiler: cProfile.Profile | None = None) -> tuple[float, float]:
+def run_once(request: RunRequest, profiler: cProfile.Profile | None = None) -> tuple[float, float]:
     """Bench seconds and real seconds of the run itself, without start-up and report."""
     measured = {}
     plain = executing.run_loop
@@ -52,17 +56,23 @@ def run_once(runs: Path, profiler: cProfile.Profile | None = None) -> tuple[floa
 
     executing.run_loop = timed
     try:
-        result = executing.execute(prepare(RunRequest("tumble_static", preset="quick", runs=runs)), Quiet())
+        result = executing.execute(prepare(request), Quiet())
     finally:
         executing.run_loop = plain
     return result.bench_s, measured["wall_s"]
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("sequence", nargs="?", default="tumble_static")
+    parser.add_argument("--bench", default=None)
+    parser.add_argument("--preset", default="quick")
+    given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        bench_s, wall_s = run_once(Path(folder))
+        request = RunRequest(given.sequence, bench=given.bench, preset=given.preset or None, runs=Path(folder))
+        bench_s, wall_s = run_once(request)
         profiler = cProfile.Profile()
-        run_once(Path(folder), profiler)
+        run_once(request, profiler)
     own: dict[str, float] = defaultdict(float)
     for place, (_, _, own_s, _, _) in pstats.Stats(profiler).stats.items():
         own[category(place)] += own_s
