@@ -43,8 +43,7 @@ class Thermostat:
         self._at_s = to_s
 
     def balance_c(self, case_c: float) -> float:
-        """Where power and error belong together: within ± band of the set point, or control is lost."""
+        """Where power and error belong together; within ± band of the set point, where the heater can do it."""
         model = self._model
         gain = (model.most_rise - model.least_rise) / (2 * model.band)
-        held_c = (case_c + model.least_rise + gain * (model.set_point + model.band)) / (1 + gain)
-        return min(max(held_c, case_c + model.least_rise), case_c + model.most_rise)
+        return (case_c + model.least_rise + gain * (model.set_point + model.band)) / (1 + gain)
