@@ -112,7 +112,9 @@ def _level(
 ) -> Level:
     certificate = data.bench.sources.get(unit.source) if level.level.kind == "source" else None
     certified_per_h = certificate.drift_u_per_s * 3600.0 if certificate is not None else 0.0
-    drift_u_per_h = max(certified_per_h, drift.found_per_h if drift is not None else 0.0)
+    ramp_h = float(np.sum(run.gates.seconds)) / 3600.0
+    found_per_h = drift.found_per_h(None if level.level.kind == "source" else ramp_h) if drift is not None else 0.0
+    drift_u_per_h = max(certified_per_h, found_per_h)
     rate_pps = abs(run.rate_pps)
     what = "source" if level.level.kind == "source" else "accelerometer"
     lines = [

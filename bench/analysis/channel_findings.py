@@ -58,8 +58,15 @@ class ChannelFindings:
             BudgetLine(f"{reading}: offset", "B", slope * offset_u, None, f"{reading}.offset"),
             BudgetLine(f"{reading}: gain", "B", slope * gain_u * abs(self.reference_c), None, f"{reading}.gain"),
             *self._input_lines(level),
+            *scaled(
+                [line for line in level.slope_lines if line.source not in (SCATTER, COUNTING)], self._away_c(level)
+            ),
         ]
         return self._of_level("rate", name, level, run.rate_pps, "pulse/s", lines)
+
+    def _away_c(self, level: Level) -> float:
+        """How far the reference temperature is from the middle of a run: errors of the slope go into the rate by it."""
+        return abs(self.reference_c - float(np.mean(level.run.gates.converter_c)))
 
     def _input_lines(self, level: Level) -> Iterator[BudgetLine]:
         """How well the input of a level is known: the source by its certificate, gravity by the level of the slab."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from bench.analysis.channel_runs import LevelData, Point
 from bench.analysis.channel_scatter import LineScatter
 from bench.analysis.channel_temperature import ChannelRun
@@ -25,10 +27,15 @@ class InputDrift:
     hours: float
     steps: tuple[str, ...]
 
-    @property
-    def found_per_h(self) -> float:
-        """How fast it drifted; 0 where that is no more than the points scatter."""
-        return abs(self.change) / self.hours if abs(self.change) > SIGNIFICANT_U * self.u else 0.0
+    def found_per_h(self, ramp_h: float | None) -> float:
+        """How fast it drifted, as a standard uncertainty; 0 where that is no more than the points scatter.
+
+        Without `ramp_h` it drifted evenly, as a source does. An accelerometer may have done all of it, or nothing,
+        during the ramp, which took so long.
+        """
+        if abs(self.change) <= SIGNIFICANT_U * self.u or ramp_h == 0:
+            return 0.0
+        return abs(self.change) / (self.hours if ramp_h is None else np.sqrt(3) * ramp_h)
 
 
 def input_drift(points: Sequence[Point], run: ChannelRun, scatter: LineScatter) -> InputDrift | None:

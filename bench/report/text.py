@@ -64,8 +64,9 @@ def _summary_table(unit: UnitResult) -> Iterator[str]:
     at_dwells = {
         found.quantity: found.limits for found in unit.findings if {"dwell", "point"} & set(found.at) and found.limits
     }
-    for row in [*verdict_rows(unit, at_dwells), *over_run_rows(unit)]:
+    judged, over_run = verdict_rows(unit, at_dwells), over_run_rows(unit)
+    for row, where in [*((row, "") for row in judged), *((row, row.where) for row in over_run)]:
         verdict = row.verdict + (" marginal" if row.marginal else "")
-        told = "; ".join(filter(None, (row.where, row.limits, row.bands, row.remark)))
+        told = "; ".join(filter(None, (row.limits, row.bands, row.remark, where)))
         yield f"  {row.quantity:<28} {row.value:>24} {row.unit:<10} {verdict:<14} {told}".rstrip()
     yield ""
