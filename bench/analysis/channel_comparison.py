@@ -47,6 +47,11 @@ class Level:
         return self.data.level.kind == "source"
 
     @property
+    def input_lines(self) -> list[BudgetLine]:
+        """Those of its slope that its input is the cause of."""
+        return [line for line in self.slope_lines if line.source not in (SCATTER, COUNTING)]
+
+    @property
     def run_to_compare(self) -> ChannelRun:
         """Its line with the whole uncertainty of the slope that is its own."""
         u = float(np.sqrt(sum(line.u**2 for line in self.slope_lines)))

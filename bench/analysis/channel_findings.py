@@ -58,9 +58,7 @@ class ChannelFindings:
             BudgetLine(f"{reading}: offset", "B", slope * offset_u, None, f"{reading}.offset"),
             BudgetLine(f"{reading}: gain", "B", slope * gain_u * abs(self.reference_c), None, f"{reading}.gain"),
             *self._input_lines(level),
-            *scaled(
-                [line for line in level.slope_lines if line.source not in (SCATTER, COUNTING)], self._away_c(level)
-            ),
+            *scaled(level.input_lines, self._away_c(level)),
         ]
         return self._of_level("rate", name, level, run.rate_pps, "pulse/s", lines)
 

@@ -245,6 +245,17 @@ def test_points_at_rest_tell_the_drift_of_the_source_and_the_budget_holds_it():
     assert slope.budget[0].source == "source: drift during the ramp"
 
 
+def test_an_accelerometer_may_have_drifted_during_its_ramp_alone_and_the_rate_has_its_part_of_it():
+    result = reduced(Made(drift=8e-6).level("gravity", 1.0), reference_temperature_c=5.0)
+    (level,) = result.detail.levels
+    assert level.drift_u_per_h == pytest.approx(abs(level.drift.change) / np.sqrt(3) / (RAMP_S / 3600), rel=0.01)
+    slope, at_5 = (
+        {line.source: line.u for line in found(result)[f"{name}@up_1g"].budget}["accelerometer: drift during the ramp"]
+        for name in ("rate/temperature_coefficient", "rate")
+    )
+    assert at_5 == pytest.approx(20.0 * slope, rel=0.01), "5 °C is 20 °C from the middle of the ramp"
+
+
 def test_a_drift_beyond_its_limit_makes_what_is_decided_marginal():
     made = Made(drift=8e-6).level("source", 1.0).level("source", 12.0)
     result = reduced(made, drift_limit=5e-6)
