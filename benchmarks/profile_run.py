@@ -1,8 +1,8 @@
 """Where the time of a simulated bench second goes: `make profile`.
 
-Runs a sequence twice, the quick tumble unless another is named, once to take the time and once under the profiler, whose
-shares are then put on the time taken. Categories by file: physics (the world), wires (drivers, simulated instruments,
-transports, pymodbus), store, loop (asyncio), engine (everything else).
+Runs a sequence twice, the quick tumble unless another is named, once to take the time and once under the profiler,
+whose shares are then put on the time taken. Categories by file: physics (the world), wires (drivers, simulated
+instruments, transports, pymodbus), store, loop (asyncio), engine (everything else).
 """
 
 from __future__ import annotations

@@ -67,10 +67,7 @@ def incomplete_table_test(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def too_few_pulses(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A swing on which an accelerometer pulses hardly to and fro.
-
-    A swing of rate amplitude A makes it sense A 2πf r at an arm r; over half a swing that is A r S/g pulses either way.
-    """
+    """A swing on which an accelerometer pulses hardly to and fro; rate amplitude A makes A·r·S/g pulses at an arm r."""
     for _, entry in _on_a_table(plan):
         if entry.method != "accelerometer_response":
             continue

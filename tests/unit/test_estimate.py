@@ -242,7 +242,7 @@ def test_a_bench_without_the_role_takes_the_time_that_the_step_itself_says(tmp_p
     bare = BENCH.model_copy(update={"devices": {}, "readings": {}})
     expected = estimate(plan, bare)
     assert expected.steps_s == (5, 9)
-    assert expected.size_bytes == 25_000 + 2 * 250  # what nothing measures takes no room
+    assert expected.size_bytes == 25_000 + 2 * 250 + 9 * 36  # one latch a second where no counter says otherwise
 
 
 @pytest.mark.parametrize(

@@ -253,8 +253,9 @@ def test_what_is_wrong_in_a_loop_is_told_once_and_not_in_every_pass(tmp_path, in
         ("{acquire: '${way}', for: 5 s, label: a}",
          "3:6: acquire: is '${way}', expected a name: at most 32 lower-case letters, digits and _, a letter first"),
         ("{'${way}': head, to: 5°}",
-         "3:5: unknown step '${way}'; expected move, rotate, oscillate, set, ramp, soak, wait, wait_until, acquire, "
-         "measure, tare, prompt, note, alarm, custom, for_each, repeat, group, if, while, parallel, call or retry"),
+         "3:5: unknown step '${way}'; expected move, orient, rotate, oscillate, set, ramp, soak, wait, wait_until, "
+         "acquire, measure, tare, prompt, note, alarm, custom, for_each, repeat, group, if, while, parallel, call or "
+         "retry"),
         ("wait: 'x ${way}'", "3:5: wait: 'x ${way}': an expression is the whole value, like ${a + b}"),
         ("wait: '${way}'", "3:5: wait: 'direct' is not a quantity; expected a quantity in s"),
         ("wait: '${list}'", "3:5: wait: is a list, expected a quantity in s"),
