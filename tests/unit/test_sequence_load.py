@@ -20,8 +20,8 @@ from tests.support.sequences import BENCH, ROOT, TAIL, plan_of, problems_of, ste
 
 NAME = "expected a name: at most 32 lower-case letters, digits and _, a letter first"
 KINDS = (
-    "move, orient, rotate, oscillate, set, ramp, soak, wait, wait_until, acquire, measure, tare, prompt, note, alarm, custom, "
-    "for_each, repeat, group, if, while, parallel, call or retry"
+    "move, orient, rotate, oscillate, set, ramp, soak, wait, wait_until, acquire, measure, tare, prompt, note, alarm, "
+    "custom, for_each, repeat, group, if, while, parallel, call or retry"
 )
 WAIT = "steps: [wait: 1 s]\n"
 
