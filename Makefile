@@ -32,6 +32,7 @@ pytest: $(VENV)/.dev
 truth: $(VENV)/.dev
 	$(BIN)/python -m tests.truth --seeds 40
 	$(BIN)/python -m tests.truth.channel --seeds 20
+	$(BIN)/python -m tests.truth.table --seeds 10
 	$(BIN)/python -m tests.truth.ladder --seeds 20
 
 # 100,000 mutated and hostile documents: each is read, or refused in our own words, within 100 ms.

@@ -171,7 +171,8 @@ def fit_output(block: Block, swing: Swing, remarks: Remarks, *, harmonics: int =
     """The sine of the sensor at the frequency of the table, and its harmonics; None where there are many outliers."""
     try:
         fit = fit_sine(
-            block.time_s, block.output, swing.frequency_hz, harmonics=harmonics, origin_s=swing.origin_s
+            block.time_s, block.output, swing.frequency_hz, harmonics=harmonics, origin_s=swing.origin_s,
+            step=block.step, at_turns=block.at_turns,
         )  # fmt: skip
     except NotDetermined:
         return None

@@ -26,6 +26,8 @@ HARMLESS = 1e-4  # of the amplitude; what deviates less moves it by less, and th
 PHASE_BINS = 1009  # prime, so that phases at whole fractions of a turn do not fall on edges
 MANY_PHASES = 500
 TURNS = 20
+SAW_TOOTH = 20  # sines that it is taken for
+PHASES = 720  # at which it is looked for where a count turns round
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,14 +36,15 @@ class SineFit:
 
     `u_random` (m,) are the standard uncertainties of the amplitudes from the noise that stands around each line in the
     spectrum of the residuals: the noise need not be white. `u_repeating` is that of any of them from errors that are
-    the same in every period, as those of a counting encoder are when few different phases are sampled. `kept` (n,)
-    marks the samples that were used.
+    the same in every period, as those of a counting encoder are when few different phases are sampled; `u_counting`
+    (m,) are those from the steps of an output that was counted. `kept` (n,) marks the samples that were used.
     """
 
     frequency_hz: float
     phasors: Phasors
     u_random: Array
     u_repeating: float
+    u_counting: Array
     kept: NDArray[np.bool_]
     excessive: bool
 
@@ -53,11 +56,23 @@ class SineFit:
     @property
     def u(self) -> Array:
         """Standard uncertainties (m,) of the amplitudes of independent readings."""
-        return np.hypot(self.u_random, self.u_repeating)
+        return np.hypot(np.hypot(self.u_random, self.u_repeating), self.u_counting)
 
 
-def fit_sine(time_s: Array, value: Array, frequency_hz: float, *, harmonics: int = 1, origin_s: float = 0.0) -> SineFit:
+def fit_sine(
+    time_s: Array,
+    value: Array,
+    frequency_hz: float,
+    *,
+    harmonics: int = 1,
+    origin_s: float = 0.0,
+    step: float = 0.0,
+    at_turns: float = 1.0,
+) -> SineFit:
     """Fits a sine of known frequency, and its harmonics up to `harmonics`, to samples (n,) by increasing time.
+
+    `step` is by what the samples go, where they were counted, `at_turns` how much farther off they are where they turn
+    round than those of a counter without play.
 
     Outliers are left out; `excessive` tells that they were too many. Raises NotDetermined when the samples cannot tell
     the columns apart: a small part of a period, or a harmonic with hardly two samples in its period.
@@ -75,6 +90,7 @@ def fit_sine(time_s: Array, value: Array, frequency_hz: float, *, harmonics: int
         phasors=pairs[:, 0] - 1j * pairs[:, 1],
         u_random=np.array(u),
         u_repeating=_u_repeating(used_s, fit.residuals, frequency_hz),
+        u_counting=np.full(len(pairs), at_turns * _u_counting(used_s, fit, frequency_hz, step)),
         kept=gated.kept,
         excessive=gated.excessive,
     )
@@ -159,6 +175,29 @@ def _u_amplitude(fit: LinearFit, column: int, sd: float) -> float:
     size = np.linalg.norm(fit.coefficients[pair])
     direction = fit.coefficients[pair] / size if size else np.array([1.0, 0.0])
     return float(sd * np.sqrt(direction @ fit.unscaled_covariance[pair, pair] @ direction))
+
+
+def _u_counting(time_s: Array, fit: LinearFit, frequency_hz: float, step: float) -> float:
+    """Of any amplitude, from the steps of counting.
+
+    The error of counting is a saw tooth of the count n, Σ sin(2π m n) / (π m). It averages out but where the count
+    turns round, there the less, the more slowly it turns (stationary phase). Where the counts go on by a whole number
+    in a period, or by a fraction with a small denominator, all periods have the same error, and no spectrum of
+    residuals shows it.
+    """
+    if not step:
+        return 0.0
+    counts = fit.coefficients[1:] / step
+    orders = np.arange(1, len(counts) // 2 + 1)
+    waves = (counts[1::2] - 1j * counts[2::2]) * np.exp(1j * np.outer(np.arange(PHASES) / PHASES * 2 * np.pi, orders))
+    on_the_way = float(counts[0]) / frequency_hz
+    speed = on_the_way / (2 * np.pi) + np.real(waves @ (1j * orders))  # counts per radian of the phase
+    turns = np.sign(speed) != np.sign(np.roll(speed, -1))
+    bends = np.maximum(np.abs(np.real(waves @ orders**2))[turns], 1.0)
+    m = np.arange(1.0, SAW_TOOTH + 1)
+    beat = np.remainder(m * on_the_way + 0.5, 1.0) - 0.5  # of a turn, from period to period
+    alike = np.sinc(beat * max(1.0, float(np.ptp(time_s)) * frequency_hz)) / np.sinc(beat)
+    return float(step * np.sqrt(np.sum(alike**2 / m**3) * np.sum(1 / bends) / 2) / np.pi**2)
 
 
 def _sd_around(time_s: Array, fit: LinearFit, line_hz: float, fitted_hz: Array) -> float:

@@ -32,12 +32,18 @@ class TableRecord:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """The usable samples of one block by increasing time; `scheduled` is how many there should have been."""
+    """The usable samples of one block by increasing time; `scheduled` is how many there should have been.
+
+    `step` is by what an output goes that was counted up, 0 for any other; `at_turns` is how much farther off it is
+    where it turns round than that of a counter without play.
+    """
 
     time_s: Array
     table: Array
     output: Array
     scheduled: int
+    step: float = 0.0
+    at_turns: float = 1.0
 
     @property
     def complete(self) -> bool:

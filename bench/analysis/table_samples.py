@@ -34,7 +34,8 @@ class TableSamples:
 
     `temperature_c` is the mean of the thermometer at the unit, not-a-number where it said nothing. `pulses` are net,
     `angle_deg` is that of the encoder over whole turns; `interval_s` is the time between two latches, `problems` make
-    the acquisition unusable.
+    the acquisition unusable. `at_turns` is how much farther off they are where they
+    turn round than those of a counter without play.
     """
 
     step: str
@@ -47,6 +48,7 @@ class TableSamples:
     interval_s: float
     resolution_deg: float
     problems: tuple[str, ...]
+    at_turns: float = 1.0
 
     def block(self, per_pulse: float) -> Block:
         """Sample by sample: time, the encoder's angle then, and the mean output before; a pulse is so much of it.
@@ -59,7 +61,8 @@ class TableSamples:
 
     def summed(self, per_pulse: float) -> Block:
         """Latch by latch: time, angle, and what the output has summed up to; a lost latch is no loss."""
-        return Block(self.time_s, self.angle_deg, self.pulses * per_pulse, int(np.ptp(self.latch)) + 1)
+        scheduled = int(np.ptp(self.latch)) + 1
+        return Block(self.time_s, self.angle_deg, self.pulses * per_pulse, scheduled, per_pulse, self.at_turns)
 
 
 def table_samples(acquisition: Acquisition, unit: UnitUnderTest) -> TableSamples:

@@ -151,3 +151,21 @@ def test_counting_errors_that_repeat_do_not_average_out():
 def test_three_phases_tell_nothing_of_what_repeats():
     time_s = np.arange(600) / 300
     assert np.isinf(fit_sine(time_s, np.round(40 * np.cos(2 * np.pi * 100 * time_s + 0.3)), 100.0).u[0])
+
+
+def counted(rng, per_period):
+    """Ten periods of a count that swings, and goes on by so much in each: both amplitudes' errors over u, and u."""
+    time_s, size = np.arange(20_000) / 1000, rng.uniform(20, 200)
+    turns = 0.5 * time_s
+    swing = size * (np.cos(2 * np.pi * (turns + rng.uniform())) + 0.3 * np.cos(4 * np.pi * turns))
+    found = fit_sine(time_s, np.floor(swing + per_period * turns + rng.uniform()), 0.5, harmonics=2, step=1.0)
+    return (np.abs(found.phasors) - size * np.array([1.0, 0.3])) / found.u, found.u
+
+
+def test_steps_of_counting_are_in_the_uncertainty(rng):
+    """Whole numbers in a period are the trap: all periods have the same error, and nothing shows it."""
+    for per_period, least, most in ((3.0, 0.6, 1.4), (2.5, 0.6, 1.4), (np.sqrt(8), 0.3, 1.4)):
+        ratios, u = zip(*(counted(rng, per_period) for _ in range(40)), strict=True)
+        assert least < np.sqrt(np.mean(np.square(ratios))) < most, per_period
+        assert np.max(u) < 0.05
+    assert np.mean(counted(rng, 3.0)[1]) > 2 * np.mean(counted(rng, np.sqrt(8))[1])

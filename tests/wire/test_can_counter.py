@@ -11,11 +11,19 @@ import sys
 import numpy as np
 import pytest
 
-from drivers.can_counter.wire import Counts, counter_format, decode_counts, encode_frames, latches, temperatures
+from drivers.can_counter.wire import (
+    Counts,
+    counter_format,
+    decode_counts,
+    decode_positions,
+    encode_frames,
+    latches,
+    temperatures,
+)
 from drivers.dbc import Dbc, DbcError
 from drivers.frame_block import FrameBlock
 from drivers.transport import slcan
-from tests.support.laboratory import CHANNELS, DBC, LATCH, counter_form
+from tests.support.laboratory import CHANNELS, DBC, LATCH, ROOT, counter_form
 
 FORM = counter_form()
 
@@ -227,6 +235,31 @@ def test_a_narrow_number_finds_its_latch_after_any_gap() -> None:
     counts = decode_counts(OTHER_FORM, "x", other(*lines))
     assert counts.sequence.tolist() == counts.positive.tolist() == [*range(20), *range(320, 400)]
     assert (counts.lost, counts.dropped) == (300, 0)
+
+
+# An encoder latched with the counters: 0x108, Position u32 in counts of 0.36 arcsec, Sequence u16
+
+TABLE_FORM = counter_format(
+    Dbc((ROOT / "config" / "response.dbc").read_text("utf-8")), LATCH, 1e-6,
+    {"gyro": {key: f"Pulses.{key.capitalize()}" for key in ("positive", "negative", "sequence")}},
+    {"table": {"position": "Encoder.Position", "sequence": "Encoder.Sequence"}},
+)  # fmt: skip
+
+
+def test_an_encoder_is_read_with_its_latches() -> None:
+    block = frames(
+        "100 8 40 42 0F 00 FF FF 00 03", "101 8 01 00 00 02 00 00 FF FF", "108 6 FE FF FF FF FF FF",  # - 2 counts
+        "100 8 28 46 0F 00 00 00 00 03", "101 8 03 00 00 02 00 00 00 00", "108 6 80 EE 36 00 00 00",  # a whole turn
+        "100 8 10 4A 0F 00 01 00 00 03", "101 8 05 00 00 02 00 00 01 00",  # its encoder did not come
+        "100 8 F8 4D 0F 00 02 00 00 03", "108 6 00 DD 6D 00 02 00",  # its pulses did not come
+    )  # fmt: skip
+    read, counts = decode_positions(TABLE_FORM, "table", block), decode_counts(TABLE_FORM, "gyro", block)
+    assert read.sequence.tolist() == [65535, 65536, 65538]
+    assert read.tick.tolist() == [1_000_000, 1_001_000, 1_003_000]
+    assert read.position.tolist() == [2**32 - 2, 3_600_000, 7_200_000]
+    assert (read.tick_bits, read.position_bits, read.lost, read.restarts) == (32, 32, 1, 0)
+    assert counts.sequence.tolist() == [65535, 65536, 65537]
+    assert counts.positive.tolist() == [1, 3, 5]
 
 
 # Writing

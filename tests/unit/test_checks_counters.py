@@ -1,0 +1,64 @@
+"""Counters against the rest of a bench file: their bus, and the encoders that they latch."""
+
+import shutil
+
+import pytest
+
+from bench.config.bench import load_bench
+from bench.errors import InputError
+from drivers.dbc_outline import frames_bits
+from tests.support.laboratory import ROOT
+
+
+def told(folder, *edits, dbc=()):
+    """What is wrong with the bench with a rate table, its text edited; without the file's name."""
+    shutil.copytree(ROOT / "config", folder, dirs_exist_ok=True)
+    for path, changes in ((folder / "response.yaml", edits), (folder / "response.dbc", dbc)):
+        text = path.read_text("utf-8")
+        for old, new in changes:
+            assert old in text, old
+            text = text.replace(old, new)
+        path.write_text(text, "utf-8")
+    try:
+        load_bench(folder / "response.yaml")
+    except InputError as error:
+        return [problem.split("response.yaml:", 1)[1].split(": ", 1)[1] for problem in error.problems]
+    return []
+
+
+def test_the_longest_frames_are_counted():
+    text = "BO_ 256 A: 8 X\nBO_ 2147483904 B: 8 X\nBO_ 5 C: 0 X\nBO_ 6 D 8\n"
+    assert frames_bits(text) == {"A": 135, "B": 160, "C": 55}  # Davis and others 2007, table 1
+
+
+@pytest.mark.parametrize(("bitrate", "period", "share"), [(1_000_000, "1 ms", ""), (500_000, "1 ms", "77 %"),
+                                                          (1_000_000, "400 µs", "96 %")])  # fmt: skip
+def test_frames_that_fill_the_bus_are_refused(tmp_path, bitrate, period, share):
+    found = told(tmp_path, ("bitrate=1000000", f"bitrate={bitrate}"), ("period: 1 ms", f"period: {period}"))
+    if share in ("", "77 %"):
+        assert found == []
+    else:
+        assert found == [
+            "the frames of a latch every 0.0004 s take up to 962500 bit/s, 96 % of the bus and more than 80 %: "
+            "lengthen the period, or raise the bitrate of the connection"
+        ]
+
+
+def test_an_encoder_is_that_of_an_axis(tmp_path):
+    (problem,) = told(tmp_path, ("        table: {position", "        tabel: {position"))
+    assert problem == "'tabel' drives no axis of the fixture; did you mean 'table'?"
+
+
+def test_an_encoder_must_not_come_half_round_between_two_latches(tmp_path):
+    short = ("Position : 0|32@1+", "Position : 0|16@1+")
+    assert told(tmp_path / "short", dbc=(short,)) == []  # 2160 °/s are 21600 counts in 1 ms
+    (problem,) = told(tmp_path / "shorter", dbc=((short[0], short[1].replace("16@", "15@")),))
+    assert problem == (
+        "its signal has 15 bits; at 2160 °/s it goes 21600 counts in a period, half round or more: shorten the "
+        "period, or use a longer signal"
+    )
+
+
+def test_a_signal_of_an_encoder_is_in_the_dbc(tmp_path):
+    (problem,) = told(tmp_path, ("position: Encoder.Position", "position: Encoder.Positoin"))
+    assert problem == "position: response.dbc has no signal 'Encoder.Positoin'; did you mean 'Encoder.Position'?"
