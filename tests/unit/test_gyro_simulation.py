@@ -127,7 +127,7 @@ def on_a_table(unit, **settings):
     lab = Laboratory(place(**given), axes={"table": AxisErrors()}, fixture=TABLE, **settings)
     lab.world.power("supply", True)
     form = counter_format(DBC, LATCH, 1e-6, CHANNELS, POSITIONS)
-    counter = CounterSettings("counter", DBC, form, 1e-3, {}, {}, {"table": 1e4})
+    counter = CounterSettings("counter", DBC, form, 1e-3, {}, encoders={"table": 1e4})
     return lab, form, SimulatedCounter(lab.world, counter, FaultPlan(now_s=lab.world.now))
 
 
