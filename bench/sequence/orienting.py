@@ -187,8 +187,12 @@ def reachable(axes: tuple[Row, ...], unit: Rows) -> Mapping[Rows, tuple[Quarters
 
 
 def _unit_at_zero(bench: BenchFile, mount_name: str | None) -> Rows:
-    """Where the axes of the units point while all angles are 0; Unreachable when not by quarter turns."""
-    fixture, mount = bench.fixture, bench.fixture.mount(mount_name)
+    """Where the axes of the units point while all angles are 0; Unreachable when not by quarter turns.
+
+    A mount that the fixture does not have is told where it is named, and taken for the first one here.
+    """
+    fixture = bench.fixture
+    mount = fixture.mount(mount_name if mount_name in fixture.mounts else None)
     own = {place.mount_angle for place in bench.places.values()}
     if len(own) > 1:
         raise Unreachable("the units lie differently in their places: their mount angles are not the same")
