@@ -16,12 +16,13 @@ from drivers.can_counter.wire import CounterFormat, Field, encode_frames
 from drivers.dbc import Dbc
 from drivers.errors import LinkLost
 from drivers.frame_block import FrameBlock
+from simulators.accelerometer_unit import SimulatedUnit
 from simulators.faults import FaultPlan
 from simulators.gyro_unit import SimulatedGyro
 from simulators.imu import ImuChannel
 from simulators.unit_file import stream
 from simulators.uut import Integrator
-from simulators.world import SimulatedUnit, World
+from simulators.world import World
 
 Array = NDArray[np.float64]
 TEMPERATURE_PERIOD_S = 1.0

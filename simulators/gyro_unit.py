@@ -17,7 +17,8 @@ from simulators.unit_file import SupplyModel, ThermalModel, stream
 from simulators.warmth import Thermometer
 
 if TYPE_CHECKING:  # it is the world that makes it
-    from simulators.world import World, WorldSettings
+    from simulators.settings import WorldSettings
+    from simulators.world import World
 
 Array = NDArray[np.float64]
 

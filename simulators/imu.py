@@ -24,7 +24,8 @@ from simulators.uut import Hysteresis, Noise, UnitTruth, draw_unit
 from simulators.warmth import Thermometer
 
 if TYPE_CHECKING:  # which holds the units here
-    from simulators.world import World, WorldSettings
+    from simulators.settings import WorldSettings
+    from simulators.world import World
 
 Array = NDArray[np.float64]
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from simulators.accelerometer_unit import SimulatedUnit
 from simulators.attitude import Mount, to_unit
 from simulators.keysight_3458a import VoltmeterSettings
 from simulators.uut import UnitTruth
@@ -128,11 +129,16 @@ def _dwell(world: World, dwell: DwellAsMeasured) -> dict[str, Any]:
     return found | ({"extra": dwell.extra} if dwell.extra else {})
 
 
-def _axis_deg(world: World, place: str, lies: Lies) -> float:
-    """The ideal angle of a unit's input axis above the horizontal, up to ±180°."""
+def gravity_in_unit(world: World, unit: SimulatedUnit, lies: Lies) -> Array:
+    """Specific force along the input, output and pendulous axes in local g, (3,), on the bench as it was meant."""
     angles_deg = [np.array([angle_deg]) for angle_deg in lies.angles_deg]
     upward = world.settings.fixture.to_fixture(angles_deg)[0, :, 2]
-    along, _, pendulous = to_unit(lies.mount, world.units[place].settings.mount_angle_deg) @ upward
+    return np.asarray(to_unit(lies.mount, unit.settings.mount_angle_deg) @ upward)
+
+
+def _axis_deg(world: World, place: str, lies: Lies) -> float:
+    """The ideal angle of a unit's input axis above the horizontal, up to ±180°."""
+    along, _, pendulous = gravity_in_unit(world, world.units[place], lies)
     return float(np.degrees(np.arctan2(along, pendulous)))
 
 
@@ -142,9 +148,7 @@ def _output(world: World, reading: LegAsMeasured) -> float:
     true_s = world.true_time((reading.begin_s + reading.end_s) / 2)
     history = np.array(unit.history)
     drifted_g, moving_g, sensor_c, _ = (np.interp([true_s], history[:, 0], row) for row in history.T[1:])
-    angles_deg = [np.array([angle_deg]) for angle_deg in reading.lies.angles_deg]
-    upward = world.settings.fixture.to_fixture(angles_deg)[0, :, 2]
-    along, across, pendulous = to_unit(reading.lies.mount, unit.settings.mount_angle_deg) @ upward
+    along, across, pendulous = gravity_in_unit(world, unit, reading.lies)
     current_a = unit.truth.current_a((along, pendulous, across), sensor_c, drifted_g + moving_g)
     return float(unit.truth.output(current_a, unit.settings.load_ohm)[0])
 

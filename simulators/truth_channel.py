@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.attitude import to_unit
-from simulators.truth import Lies
-from simulators.world import SimulatedUnit, World
+from simulators.accelerometer_unit import SimulatedUnit
+from simulators.truth import Lies, gravity_in_unit
+from simulators.world import World
 
 Array = NDArray[np.float64]
 EVERY_S = 10.0
@@ -73,8 +73,6 @@ def _level(world: World, level: LevelAsMeasured) -> dict[str, Any]:
 
 def _accelerometer_a(world: World, unit: SimulatedUnit, lies: Lies, sensor_c: Array, drifted_g: Array) -> float:
     """What the accelerometer gave in the mean, its axes lying as the bench file says."""
-    angles_deg = [np.array([angle_deg]) for angle_deg in lies.angles_deg]
-    upward = world.settings.fixture.to_fixture(angles_deg)[0, :, 2]
-    along, output, pendulous = to_unit(lies.mount, unit.settings.mount_angle_deg) @ upward
+    along, output, pendulous = gravity_in_unit(world, unit, lies)
     force = tuple(np.full_like(sensor_c, g) for g in (along, pendulous, output))
     return float(np.mean(unit.truth.current_a((force[0], force[1], force[2]), sensor_c, drifted_g)))

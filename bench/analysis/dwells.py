@@ -67,9 +67,7 @@ class SolvedDwells:
 
 def solve_dwells(data: RunData, unit: UnitUnderTest) -> SolvedDwells:
     """Solves every group of acquisitions of a run for one unit, in order of measurement."""
-    groups: dict[str, list[Acquisition]] = {}
-    for acquisition in data.acquisitions:
-        groups.setdefault(acquisition.group, []).append(acquisition)
+    groups = data.groups()
     angle_rad = axis_rad(data.acquisitions, unit, data.bench)
     extra = further_terms(angle_rad)
     rising = _rising([acquisitions[0].set_c for acquisitions in groups.values()])

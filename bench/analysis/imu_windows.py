@@ -77,11 +77,8 @@ def visits(data: RunData, unit: UnitUnderTest) -> list[Visit]:
     What was measured at a set point in another mount, because the table does not reach all attitudes in one, belongs to
     the first visit there that lacks it.
     """
-    groups: dict[str, list[Acquisition]] = {}
-    for acquisition in data.acquisitions:
-        groups.setdefault(acquisition.group, []).append(acquisition)
     found: list[Visit] = []
-    for group, acquisitions in groups.items():
+    for group, acquisitions in data.groups().items():
         visit = _visit(len(found), group, acquisitions, unit, data.bench)
         lacking = next((other for other in found if _completes(visit, other)), None)
         if lacking is None:

@@ -271,6 +271,13 @@ class RunData:
     acquisitions: tuple[Acquisition, ...]
     bench: BenchRecord
 
+    def groups(self) -> dict[str, list[Acquisition]]:
+        """The acquisitions by the groups of steps that they belong to, both in the order of the run."""
+        found: dict[str, list[Acquisition]] = {}
+        for acquisition in self.acquisitions:
+            found.setdefault(acquisition.group, []).append(acquisition)
+        return found
+
     def by_length(self) -> Iterator[RunData]:
         """The units that were in to the end together, then each that was dropped with what had ended before."""
         stayed = tuple(unit for unit in self.units if math.isinf(unit.until_s))

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from bench.analysis.dwells import axis_rad
-from bench.analysis.ladder import by_position
-from bench.analysis.rundata import Acquisition, UnitUnderTest
-from bench.analysis.tumble import further_terms
 from bench.app.devices import open_devices
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
 from bench.app.request import PreparedRun
 from bench.app.technician import Technician
+from bench.app.truth import truth_of
 from bench.clock import Clock, Stopwatch, wall_utc
 from bench.engine.engine import Observer, Outcome
 from bench.engine.questions import Desk
@@ -34,11 +31,6 @@ from bench.store.runs import RunDirectory
 from bench.store.writer import RunWriter
 from drivers.can_counter.description import CounterOptions
 from drivers.values import Reading
-from simulators.attitude import Mount
-from simulators.truth import DwellAsMeasured, LegAsMeasured, Lies, truth_record
-from simulators.truth_channel import LevelAsMeasured, levels_record
-from simulators.truth_imu import WindowAsMeasured, imu_record
-from simulators.truth_ladder import LadderAsMeasured, ladders_record
 
 CALLED = "called"  # the folder of sequences that the one of a run calls
 
@@ -189,13 +181,7 @@ def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: S
             results = stored.evaluate()
             record["verdict"] = results.verdict
             if ran.laboratory is not None:
-                drawn = ran.laboratory
-                truth = truth_record(drawn.world, _dwells(stored), _legs(stored), drawn.voltmeters, _readings(stored))
-                truth |= ladders_record(drawn.world, _ladders(stored))
-                truth |= levels_record(drawn.world, _levels(stored))
-                if drawn.world.imus:
-                    truth |= imu_record(drawn.world, list(_windows(stored)))
-                directory.write_json("truth.json", truth)
+                directory.write_json("truth.json", truth_of(stored, ran.laboratory))
                 record["hashes"]["truth.json"] = manifest.file_hash(path / "truth.json")
             directory.write_json("results.json", results.to_json())
             for name, content in calibration_files(results.units, record, stored.bench):
@@ -225,111 +211,3 @@ def _report(stored: StoredRun, outcome: Outcome) -> None:
         write_report(stored)
     except Exception as problem:  # noqa: BLE001  the run is over, and its results are on the disk
         outcome.problems.append(f"no report could be written ({problem}); 'bench report {stored.folder}' tries again")
-
-
-def _dwells(stored: StoredRun) -> list[DwellAsMeasured]:
-    """The dwells of a run as the truth wants to know them: when, how warm, at which angles."""
-    found = []
-    for data in stored.counted_at("dwells"):
-        groups: dict[str, list[Acquisition]] = {}
-        for acquisition in data.acquisitions:
-            groups.setdefault(acquisition.group, []).append(acquisition)
-        for unit in data.units:
-            extra = further_terms(axis_rad(data.acquisitions, unit, data.bench))
-            found += [_dwell(data.label, unit, group, members, extra) for group, members in groups.items()]
-    return found
-
-
-def _dwell(
-    label: str, unit: UnitUnderTest, group: str, members: Sequence[Acquisition], extra: tuple[str, ...]
-) -> DwellAsMeasured:
-    return DwellAsMeasured(
-        key=f"{label}/{unit.place}@{group.partition('/')[2]}",
-        place=unit.place,
-        at_s=sum(member.begin_s + member.end_s for member in members) / (2 * len(members)),
-        temperature_c=sum(float(member.temperatures_c[unit.temperature].mean()) for member in members) / len(members),
-        lies=tuple(_lies(member) for member in members),
-        extra=extra,
-    )
-
-
-def _lies(acquisition: Acquisition) -> Lies:
-    """The angles of the table that the bench knows of, and the mount."""
-    mount = acquisition.mount
-    angles_deg = tuple(acquisition.angles_deg.values()) or (0.0,)
-    return Lies(angles_deg, Mount(mount.angle_deg, mount.roll_deg, mount.clock_deg))
-
-
-def _windows(stored: StoredRun) -> Iterator[WindowAsMeasured]:
-    """The windows of a run, each of each inertial unit."""
-    for data in stored.counted_at("windows"):
-        for unit in data.units:
-            for acquisition in data.acquisitions:
-                middle_s = (acquisition.begin_s + acquisition.end_s) / 2
-                yield WindowAsMeasured(f"{data.label}/{unit.place}@{acquisition.step}", unit.place, middle_s)
-
-
-def _readings(stored: StoredRun) -> list[LegAsMeasured]:
-    """The single readings of methods that count in records of their own, for the truth: an acquisition each."""
-    return [
-        LegAsMeasured(
-            key=f"{data.label}/{unit.place}@{acquisition.step}",
-            place=unit.place,
-            begin_s=acquisition.end_s - (acquisition.over_s or acquisition.end_s - acquisition.begin_s),
-            end_s=acquisition.end_s,
-            lies=_lies(acquisition),
-        )
-        for data in stored.counted_at("records")
-        for unit in data.units
-        for acquisition in data.acquisitions
-    ]
-
-
-def _legs(stored: StoredRun) -> list[LegAsMeasured]:
-    """The legs of temperature ramps, for the truth: an acquisition each."""
-    return [
-        LegAsMeasured(
-            key=f"{data.label}/{unit.place}@{acquisition.step}",
-            place=unit.place,
-            begin_s=acquisition.begin_s,
-            end_s=acquisition.end_s,
-            lies=_lies(acquisition),
-        )
-        for data in stored.counted_at("ramps")
-        for unit in data.units
-        for acquisition in data.acquisitions
-    ]
-
-
-def _ladders(stored: StoredRun) -> list[LadderAsMeasured]:
-    """The ladders of small steps, for the truth: where they began is their position."""
-    found = []
-    for data in stored.counted_at("steps"):
-        found += [
-            LadderAsMeasured(
-                key=f"{data.label}/{unit.place}@position={position:g}",
-                place=unit.place,
-                at_s=(members[0].begin_s + members[-1].end_s) / 2,
-                lies=_lies(members[0]),
-            )
-            for unit in data.units
-            for position, members in by_position(data).items()
-        ]
-    return found
-
-
-def _levels(stored: StoredRun) -> list[LevelAsMeasured]:
-    """The acquisitions at one input level each, for the truth."""
-    return [
-        LevelAsMeasured(
-            key=f"{data.label}/{unit.place}@{acquisition.step}",
-            place=unit.place,
-            begin_s=acquisition.begin_s,
-            end_s=acquisition.end_s,
-            lies=_lies(acquisition),
-            source_a=acquisition.sources_a.get(unit.source, 0.0) if acquisition.input == "source" else None,
-        )
-        for data in stored.counted_at("levels")
-        for unit in data.units
-        for acquisition in data.acquisitions
-    ]

@@ -19,7 +19,9 @@ from bench.config.devices import DeviceEntry
 from bench.config.document import read_document
 from bench.config.fixture import Mount
 from bench.config.load import load
-from bench.config.models import BenchFile, PlaceEntry, SourceSimulation, TableSimulation
+from bench.config.models import BenchFile
+from bench.config.places import PlaceEntry
+from bench.config.simulation import SourceSimulation, TableSimulation
 from bench.errors import InputError
 from bench.loop import BenchLoop
 from bench.report.corrections import Table as CorrectionTable
@@ -50,11 +52,12 @@ from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
 from simulators.motion import AxisErrors
 from simulators.scpi_supply import SimulatedSupply
 from simulators.serve import Instrument, protocol_factory
+from simulators.settings import PlaceSettings, WorldSettings
 from simulators.table import Loop, Ripple
 from simulators.thermal import ChamberPhysics
 from simulators.unit_file import UnitFile, stream
 from simulators.watlow_f4t import SimulatedF4T
-from simulators.world import PlaceSettings, World, WorldSettings
+from simulators.world import World
 
 P = TypeVar("P", bound=asyncio.Protocol)
 TCP = Line(latency_s=0.002)

@@ -10,7 +10,8 @@ from bench.app.execute import RunObserver, RunResult, execute
 from bench.app.request import PreparedRun
 from bench.clock import Clock
 from bench.config.devices import DeviceEntry
-from bench.config.models import BenchFile, FaultSimulation
+from bench.config.models import BenchFile
+from bench.config.simulation import FaultSimulation
 from bench.engine.questions import Question
 from bench.report.verify import verify
 from bench.sequence.estimate import Estimate

@@ -10,7 +10,8 @@ from bench.config.checks_counters import counter_misfits
 from bench.config.checks_interlocks import interlock_misfits
 from bench.config.document import Document, Place, Problem, read_document
 from bench.config.load import load
-from bench.config.models import BenchFile, PlaceEntry, ReadingEntry
+from bench.config.models import BenchFile, ReadingEntry
+from bench.config.places import PlaceEntry
 from bench.errors import InputError
 from drivers.suggest import did_you_mean
 

@@ -12,7 +12,8 @@ from typing import Literal
 
 from bench.analysis.orientation import turned_axes
 from bench.analysis.rundata import Mount, Vector
-from bench.config.models import BenchFile, PlaceEntry
+from bench.config.models import BenchFile
+from bench.config.places import PlaceEntry
 from drivers.values import Heard
 
 Kind = Literal["thermometer", "temperature", "silent", "draws_too_much", "draws_too_little", "not_settled"]

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from bench.analysis.ladder import by_position
-from bench.analysis.rundata import Acquisition, RunData
+from bench.analysis.rundata import RunData
 from bench.report.languages import tr
 from bench.report.plots import Plot
 from bench.report.stored import StoredRun
@@ -97,10 +97,7 @@ def course_of(run: StoredRun, data: Sequence[RunData]) -> Course:
 
 def _dwells(data: RunData) -> Iterator[Span]:
     """The groups of acquisitions, numbered as in the results."""
-    groups: dict[str, list[Acquisition]] = {}
-    for acquisition in data.acquisitions:
-        groups.setdefault(acquisition.group, []).append(acquisition)
-    for number, members in enumerate(groups.values()):
+    for number, members in enumerate(data.groups().values()):
         yield Span(str(number), members[0].begin_s, members[-1].end_s)
 
 

@@ -25,7 +25,8 @@ from bench.analysis.rundata import (
     Voltages,
 )
 from bench.config.fixture import Vector
-from bench.config.models import BenchFile, PlaceEntry
+from bench.config.models import BenchFile
+from bench.config.places import PlaceEntry
 from bench.report.corrections import Corrections, corrections_of
 from bench.sequence.dwells import DwellNames, first_visit, loop_values
 from bench.store.counts import CountDecoder

@@ -11,7 +11,8 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from bench.config.models import BenchFile, Nominal, PlaceEntry
+from bench.config.models import BenchFile
+from bench.config.places import Nominal, PlaceEntry
 from bench.sequence.lags import Poles, followed, gain, lag_poles, loop_poles, over_after_s
 from bench.sequence.readings import unit_of
 from bench.sequence.step_fields import is_known

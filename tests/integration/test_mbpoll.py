@@ -10,9 +10,10 @@ import pytest
 from bench.loop import run
 from simulators.faults import FaultPlan
 from simulators.serve import protocol_factory
+from simulators.settings import WorldSettings
 from simulators.thermal import ChamberPhysics
 from simulators.watlow_f4t import SimulatedF4T
-from simulators.world import World, WorldSettings
+from simulators.world import World
 
 pytestmark = [pytest.mark.integration, pytest.mark.peer("mbpoll")]
 

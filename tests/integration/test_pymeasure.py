@@ -12,7 +12,8 @@ from simulators.faults import FaultPlan
 from simulators.keithley_6220 import SimulatedKeithley
 from simulators.pty import serve_pty
 from simulators.serve import protocol_factory
-from simulators.world import World, WorldSettings
+from simulators.settings import WorldSettings
+from simulators.world import World
 
 pytestmark = [pytest.mark.integration, pytest.mark.peer("pymeasure")]
 

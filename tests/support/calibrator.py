@@ -13,7 +13,8 @@ from drivers.transport.address import Address
 from drivers.transport.memory import Line
 from simulators.faults import FaultPlan
 from simulators.fluke_5700a import SimulatedFluke
-from simulators.world import World, WorldSettings
+from simulators.settings import WorldSettings
+from simulators.world import World
 from tests.support.lines import TappedWire
 
 OPTIONS = {"range": "22 mA", "compliance": "10 V"}

@@ -14,9 +14,10 @@ from drivers.watlow_f4t.driver import WatlowF4T
 from drivers.watlow_f4t.wire import LoopFormat, LoopRegister
 from simulators.faults import FaultPlan
 from simulators.serve import InstrumentProtocol
+from simulators.settings import WorldSettings
 from simulators.thermal import ChamberPhysics
 from simulators.watlow_f4t import SimulatedF4T
-from simulators.world import World, WorldSettings
+from simulators.world import World
 
 ADDRESS = Address.parse("tcp://127.0.0.1:1502")
 LIMITS = {"temperature": {"min": "-50 °C", "max": "100 °C"}, "ramp_rate": {"max": "3 °C/min"}}

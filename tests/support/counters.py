@@ -19,8 +19,9 @@ from drivers.transport.frames import FrameLink
 from drivers.transport.memory import Line, join
 from simulators.can_counter import CounterSettings, SimulatedCounter
 from simulators.faults import FaultPlan
+from simulators.settings import WorldSettings
 from simulators.slcan_adapter import SimulatedAdapter
-from simulators.world import World, WorldSettings
+from simulators.world import World
 from tests.support.laboratory import CHANNELS, DBC, LATCH, ROOT, counter_form, place, unit
 
 P = TypeVar("P", bound=asyncio.Protocol)

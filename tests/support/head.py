@@ -11,7 +11,8 @@ from drivers.description import IdentityPin, Nothing, Setup, make_driver
 from drivers.transport.address import Address
 from simulators.aerotech_ensemble import SimulatedEnsemble
 from simulators.faults import FaultPlan
-from simulators.world import World, WorldSettings
+from simulators.settings import WorldSettings
+from simulators.world import World
 from tests.support.lines import TappedWire
 
 OPTIONS = {"axis": "X", "rate": "20 °/s", "settle": {"band": "1 arcsec", "hold": "1 s"}}

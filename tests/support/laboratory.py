@@ -12,9 +12,10 @@ from drivers.can_counter.wire import CounterFormat, counter_format
 from drivers.dbc import Dbc
 from simulators.can_counter import CounterSettings, SimulatedCounter
 from simulators.faults import FaultPlan
+from simulators.settings import PlaceSettings, WorldSettings
 from simulators.thermal import ChamberPhysics
 from simulators.unit_file import UnitFile
-from simulators.world import PlaceSettings, World, WorldSettings
+from simulators.world import World
 
 ROOT = Path(__file__).parents[2]
 DBC = Dbc((ROOT / "config" / "if_counter.dbc").read_text("utf-8"))

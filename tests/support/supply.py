@@ -14,8 +14,9 @@ from drivers.transport.address import Address
 from drivers.transport.memory import Line
 from simulators.faults import FaultPlan
 from simulators.scpi_supply import SimulatedSupply
+from simulators.settings import PlaceSettings, WorldSettings
 from simulators.unit_file import UnitFile
-from simulators.world import PlaceSettings, World, WorldSettings
+from simulators.world import World
 from tests.support.lines import TappedWire
 
 UNIT = load_file(Path(__file__).parents[2] / "config" / "uut" / "quartz_flexure.yaml", UnitFile)

@@ -11,7 +11,8 @@ from drivers.description import IdentityPin, Nothing, Setup, make_driver
 from drivers.transport.address import Address
 from simulators.acutronic_acl import SimulatedAcutrol
 from simulators.faults import FaultPlan
-from simulators.world import World, WorldSettings
+from simulators.settings import WorldSettings
+from simulators.world import World
 from tests.support.lines import TappedWire
 
 OPTIONS = {

@@ -12,7 +12,8 @@ from drivers.transport.address import Address
 from simulators.attitude import planar
 from simulators.faults import FaultPlan
 from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
-from simulators.world import World, WorldSettings
+from simulators.settings import WorldSettings
+from simulators.world import World
 from tests.support.laboratory import STILL_AIR, place
 from tests.support.lines import TappedWire
 

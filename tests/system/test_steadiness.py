@@ -3,7 +3,7 @@
 import pytest
 
 from bench.config.bench import load_bench
-from bench.config.models import FaultSimulation
+from bench.config.simulation import FaultSimulation
 from tests.support.engines import run_plan
 from tests.support.sequences import BENCH, ROOT, TAIL, plan_of, steps
 

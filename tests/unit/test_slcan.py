@@ -16,8 +16,9 @@ from drivers.transport.frames import FrameLink
 from drivers.transport.memory import Line, join
 from simulators.can_counter import CounterSettings, SimulatedCounter
 from simulators.faults import FaultPlan
+from simulators.settings import WorldSettings
 from simulators.slcan_adapter import UNREAD_LIMIT_BYTES, SimulatedAdapter
-from simulators.world import World, WorldSettings
+from simulators.world import World
 from tests.support.laboratory import DBC, counter_form
 
 LINES = b"t1008A08601000500002A\rt1016010203040506\rT1ABCDEF02ffEE\rt7FF0\r"

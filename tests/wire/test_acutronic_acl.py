@@ -8,7 +8,8 @@ from drivers.acutronic_acl import wire
 from drivers.acutronic_acl.wire import Dynamics, Interlock, InterlockInput, Mode, Reply, SoftwareFault, Supervisor
 from simulators.acutronic_acl import SimulatedAcutrol
 from simulators.faults import FaultPlan
-from simulators.world import World, WorldSettings
+from simulators.settings import WorldSettings
+from simulators.world import World
 
 NO_INPUTS = InterlockInput(0)
 OK = b"\x00\x00\x00\x00\x02\x00\x00\x00OK"

@@ -8,7 +8,8 @@ from drivers.aerotech_ensemble import wire
 from drivers.aerotech_ensemble.wire import AxisFault, AxisStatus, Command, Move, Outcome, Reply
 from simulators.aerotech_ensemble import SimulatedEnsemble
 from simulators.faults import FaultPlan
-from simulators.world import World, WorldSettings
+from simulators.settings import WorldSettings
+from simulators.world import World
 
 
 class Clock:

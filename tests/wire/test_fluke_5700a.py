@@ -10,7 +10,8 @@ from drivers.fluke_5700a import wire
 from drivers.fluke_5700a.wire import OFF, Event, Setting, State, Status
 from simulators.faults import FaultPlan
 from simulators.fluke_5700a import ILLEGAL_LIMIT, SimulatedFluke
-from simulators.world import World, WorldSettings
+from simulators.settings import WorldSettings
+from simulators.world import World
 
 
 class Clock:

@@ -8,7 +8,8 @@ from drivers.keithley_6220 import wire
 from drivers.keithley_6220.wire import Condition, Setting, State
 from simulators.faults import FaultPlan
 from simulators.keithley_6220 import SimulatedKeithley
-from simulators.world import World, WorldSettings
+from simulators.settings import WorldSettings
+from simulators.world import World
 
 
 def a_source(**settings: object) -> SimulatedKeithley:

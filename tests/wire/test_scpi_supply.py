@@ -11,8 +11,9 @@ from drivers.scpi_supply import wire
 from drivers.scpi_supply.wire import Setting, State
 from simulators.faults import FaultPlan
 from simulators.scpi_supply import SimulatedSupply
+from simulators.settings import PlaceSettings, WorldSettings
 from simulators.unit_file import UnitFile
-from simulators.world import PlaceSettings, World, WorldSettings
+from simulators.world import World
 
 UNIT = load_file(Path(__file__).parents[2] / "config" / "uut" / "quartz_flexure.yaml", UnitFile)
 

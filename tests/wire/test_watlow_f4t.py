@@ -16,9 +16,10 @@ from drivers.watlow_f4t.wire import (
     mode_name,
 )
 from simulators.faults import FaultPlan
+from simulators.settings import WorldSettings
 from simulators.thermal import ChamberPhysics
 from simulators.watlow_f4t import SimulatedF4T
-from simulators.world import World, WorldSettings
+from simulators.world import World
 
 LOW_FIRST, HIGH_FIRST = LoopFormat(), LoopFormat(word_order="high_first")
 QUIET = ChamberPhysics(start_c=25.0, limit_cycle_c=0.0)

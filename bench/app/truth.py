@@ -1,0 +1,115 @@
+"""What is true of a simulated run: the simulators tell it of what the run's own record says that it measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from bench.analysis.dwells import axis_rad
+from bench.analysis.ladder import by_position
+from bench.analysis.rundata import Acquisition, UnitUnderTest
+from bench.analysis.tumble import further_terms
+from bench.app.laboratory import Laboratory
+from bench.report.stored import StoredRun
+from bench.sequence.methods import CountsAt
+from simulators.attitude import Mount
+from simulators.truth import DwellAsMeasured, LegAsMeasured, Lies, truth_record
+from simulators.truth_channel import LevelAsMeasured, levels_record
+from simulators.truth_imu import WindowAsMeasured, imu_record
+from simulators.truth_ladder import LadderAsMeasured, ladders_record
+
+
+def truth_of(stored: StoredRun, laboratory: Laboratory) -> dict[str, Any]:
+    """The content of truth.json, which no reduction reads; raises StoreError for a record that cannot be read."""
+    world = laboratory.world
+    truth = truth_record(world, _dwells(stored), _legs(stored), laboratory.voltmeters, _readings(stored))
+    truth |= ladders_record(world, _ladders(stored))
+    truth |= levels_record(world, _levels(stored))
+    if world.imus:
+        truth |= imu_record(world, list(_windows(stored)))
+    return truth
+
+
+def _each(stored: StoredRun, counted_at: CountsAt) -> Iterator[tuple[str, UnitUnderTest, Acquisition]]:
+    """What methods that count so measured, with the key that it has in the truth."""
+    for data in stored.counted_at(counted_at):
+        for unit in data.units:
+            for acquisition in data.acquisitions:
+                yield f"{data.label}/{unit.place}@{acquisition.step}", unit, acquisition
+
+
+def _lies(acquisition: Acquisition) -> Lies:
+    """The angles of the table that the bench knows of, and the mount."""
+    mount = acquisition.mount
+    angles_deg = tuple(acquisition.angles_deg.values()) or (0.0,)
+    return Lies(angles_deg, Mount(mount.angle_deg, mount.roll_deg, mount.clock_deg))
+
+
+def _dwells(stored: StoredRun) -> list[DwellAsMeasured]:
+    """The dwells of a run as the truth wants to know them: when, how warm, at which angles."""
+    found = []
+    for data in stored.counted_at("dwells"):
+        for unit in data.units:
+            extra = further_terms(axis_rad(data.acquisitions, unit, data.bench))
+            found += [_dwell(data.label, unit, group, members, extra) for group, members in data.groups().items()]
+    return found
+
+
+def _dwell(
+    label: str, unit: UnitUnderTest, group: str, members: Sequence[Acquisition], extra: tuple[str, ...]
+) -> DwellAsMeasured:
+    return DwellAsMeasured(
+        key=f"{label}/{unit.place}@{group.partition('/')[2]}",
+        place=unit.place,
+        at_s=sum(member.begin_s + member.end_s for member in members) / (2 * len(members)),
+        temperature_c=sum(float(member.temperatures_c[unit.temperature].mean()) for member in members) / len(members),
+        lies=tuple(_lies(member) for member in members),
+        extra=extra,
+    )
+
+
+def _windows(stored: StoredRun) -> Iterator[WindowAsMeasured]:
+    """The windows of a run, each of each inertial unit."""
+    for key, unit, window in _each(stored, "windows"):
+        yield WindowAsMeasured(key, unit.place, (window.begin_s + window.end_s) / 2)
+
+
+def _readings(stored: StoredRun) -> list[LegAsMeasured]:
+    """The single readings of methods that count in records of their own: what each unit became stable at last."""
+    return [
+        LegAsMeasured(key, unit.place, each.end_s - (each.over_s or each.end_s - each.begin_s), each.end_s, _lies(each))
+        for key, unit, each in _each(stored, "records")
+    ]
+
+
+def _legs(stored: StoredRun) -> list[LegAsMeasured]:
+    """The legs of temperature ramps, an acquisition each."""
+    return [
+        LegAsMeasured(key, unit.place, leg.begin_s, leg.end_s, _lies(leg)) for key, unit, leg in _each(stored, "ramps")
+    ]
+
+
+def _levels(stored: StoredRun) -> list[LevelAsMeasured]:
+    """The acquisitions at one input level each."""
+    return [
+        LevelAsMeasured(
+            key, unit.place, level.begin_s, level.end_s, _lies(level),
+            source_a=level.sources_a.get(unit.source, 0.0) if level.input == "source" else None,
+        )
+        for key, unit, level in _each(stored, "levels")
+    ]  # fmt: skip
+
+
+def _ladders(stored: StoredRun) -> list[LadderAsMeasured]:
+    """The ladders of small steps; where they began is their position."""
+    return [
+        LadderAsMeasured(
+            key=f"{data.label}/{unit.place}@position={position:g}",
+            place=unit.place,
+            at_s=(members[0].begin_s + members[-1].end_s) / 2,
+            lies=_lies(members[0]),
+        )
+        for data in stored.counted_at("steps")
+        for unit in data.units
+        for position, members in by_position(data).items()
+    ]

@@ -1,0 +1,142 @@
+"""The places for units under test of a bench file, and what is nominal of the units in them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from pydantic import ConfigDict, Field, model_validator
+
+from bench.config.devices import CoverageFactor, Text
+from bench.config.fixture import Vector
+from drivers.fields import NOT_EMPTY, Amperes, Degrees, InUnit, Name, PositiveSeconds, Range, StrictModel
+from drivers.wording import telling
+
+
+class CurrentWindow(Range):
+    """What a unit may draw while its supply is on: from `min` to `max`.
+
+    Outside ends the run; where a supply feeds one of several units, that unit is dropped and the others go on.
+    """
+
+    min: Amperes
+    max: Amperes
+
+
+class Nominal(StrictModel):
+    """What a unit of this type is made to be.
+
+    `time_constants` and `self_heating` are for estimates of how long it takes to settle.
+    """
+
+    K1: Annotated[float, InUnit("A/g", above=0)] = Field(description="scale factor")
+    S: Annotated[float, InUnit("Hz/A", above=0)] | None = Field(None, description="scale of its converter")
+    resistor: Annotated[float, InUnit("Ω", above=0)] | None = Field(
+        None, description="what its current flows through, for a voltmeter"
+    )
+    max_current: Annotated[float, InUnit("A", above=0)] | None = Field(None, description="the most it may be fed")
+    load: Annotated[float, InUnit("Ω", at_least=0)] | None = Field(
+        None, description="what its input resists; a source's compliance must do for it"
+    )
+    time_constants: Annotated[tuple[PositiveSeconds, ...], NOT_EMPTY] = Field(
+        (180.0, 60.0), description="with which it follows the air, one behind the other: case, sensor"
+    )
+    self_heating: Annotated[float, InUnit("°C", at_least=0)] = Field(
+        0.0, description="how much warmer than the air it becomes while its supply is on"
+    )
+    converter_time_constant: PositiveSeconds = Field(
+        120.0, description="with which its converter follows the air, where that is in the chamber"
+    )
+
+
+class ImuChannels(StrictModel):
+    """The channels of the counter that count the pulses of an inertial unit."""
+
+    acc_x: str = Field(description="of accelerometer x")
+    acc_y: str = Field(description="of accelerometer y")
+    acc_z: str = Field(description="of accelerometer z")
+    gyro_x: str = Field(description="of gyro x")
+    gyro_y: str = Field(description="of gyro y")
+    gyro_z: str = Field(description="of gyro z")
+
+
+class Arm(StrictModel):
+    """Where the sensor of a place is, from the axis that turns it, in the frame of the fixture."""
+
+    x: Annotated[float, InUnit("m")] = Field(0.0, description="along the x of the fixture")
+    y: Annotated[float, InUnit("m")] = Field(0.0, description="along the y of the fixture")
+    z: Annotated[float, InUnit("m")] = Field(0.0, description="along the z of the fixture")
+    U: Annotated[float, InUnit("m", at_least=0)] = Field(0.0, description="expanded uncertainty of each")
+    k: CoverageFactor = Field(2.0, description="coverage factor of U")
+
+    @property
+    def vector_m(self) -> Vector:
+        """All three."""
+        return self.x, self.y, self.z
+
+
+class PlaceEntry(StrictModel):
+    """A place for a unit under test: how it lies, what measures its output, what warms and feeds it.
+
+    Its output are the pulses on a `channel`, or the volts that a `voltmeter` reads; an inertial unit has `channels`
+    and, beside the thermometer at its accelerometers, one at its gyros. `source` is the current source that can be
+    plugged into its converter in place of the accelerometer.
+    """
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "oneOf": [{"required": ["channel"]}, {"required": ["channels"]}, {"required": ["voltmeter"]}]
+        }
+    )
+
+    channel: str = Field(
+        default_factory=str, min_length=1, description="the channel of the counter that counts its pulses"
+    )
+    channels: ImuChannels | None = None
+    voltmeter: Name | None = Field(
+        None, description="the voltmeter across the resistor that its current flows through, where none counts it"
+    )
+    type: Text = Field("accelerometer channel", description="what the unit is, for the report")
+    mount_angle: Degrees = Field(0.0, description="how it is turned in the fixture; added to the head angle")
+    temperature: Name = Field(description="the reading of the thermometer at the unit")
+    gyro_temperature: Name | None = Field(
+        None, description="the reading of the thermometer at the gyros of an inertial unit; as temperature unless given"
+    )
+    supply: Name = Field(description="the device that feeds the unit")
+    supply_current: CurrentWindow | None = None
+    source: Name | None = None
+    converter_temperature: Name | None = Field(
+        None, description="the reading of the thermometer at its converter, where that is in the chamber"
+    )
+    nominal: Nominal | None = None
+    arm: Arm | None = None
+
+    @model_validator(mode="after")
+    def _has_one_output(self) -> PlaceEntry:
+        found = [name for name in ("channel", "channels", "voltmeter") if getattr(self, name)]
+        if len(found) != 1:
+            has = f"it has {' and '.join(found)}" if found else "it has none of them"
+            raise telling(f"needs channel, channels or voltmeter, which measures the output of the unit; {has}")
+        if self.channels is None and self.gyro_temperature is not None:
+            raise telling("gyro_temperature is for a unit with channels")
+        return self
+
+    @property
+    def measured_by(self) -> Mapping[str, str]:
+        """The voltmeter, or the channels of the counter, by their keys here, such as "channel" or "channels.acc_x"."""
+        if self.channels is not None:
+            return {f"channels.{name}": channel for name, channel in self.channels}
+        return {"channel": self.channel} if self.voltmeter is None else {"voltmeter": self.voltmeter}
+
+    @property
+    def output_unit(self) -> str:
+        """What its output is in."""
+        return "pulse/s" if self.voltmeter is None else "V"
+
+    @property
+    def nominal_per_g(self) -> float | None:
+        """What its output is made to change by for 1 g, in its unit; None where the file does not say."""
+        if self.nominal is None:
+            return None
+        converter = self.nominal.S if self.voltmeter is None else self.nominal.resistor
+        return None if converter is None else self.nominal.K1 * converter

@@ -1,0 +1,138 @@
+"""The part of a bench file that no real bench needs: what its simulated instruments and units are like."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from drivers.fields import (
+    Arcseconds,
+    Celsius,
+    FileBeside,
+    Hertz,
+    Instant,
+    InUnit,
+    Name,
+    PositiveSeconds,
+    Ratio,
+    Seconds,
+    StrictModel,
+    WholeNumber,
+)
+from drivers.wording import telling
+
+FAULTS_OF_DEVICES = ("silent", "cut", "frozen", "stuck", "restart")
+FAULTS_OF_UNITS = ("silent", "dead", "open_thermometer", "current")
+
+
+class ChamberSimulation(StrictModel):
+    """How the simulated chamber behaves."""
+
+    start: Celsius = Field(20.0, description="of the air when a run begins")
+    natural_period: PositiveSeconds = Field(360.0, description="of the control loop")
+    damping: Annotated[Ratio, InUnit("", above=0, at_most=5)] = Field(
+        0.5, description="of the control loop; 1 is critical"
+    )
+    limit_cycle: Annotated[float, InUnit("°C", at_least=0)] = Field(
+        0.2, description="root mean square of how the air swings at rest"
+    )
+    limit_cycle_period: PositiveSeconds = Field(90.0, description="how long one such swing takes")
+
+
+class HeadSimulation(StrictModel):
+    """How the simulated head behaves."""
+
+    backlash: Arcseconds = Field(1.0, description="between its two directions")
+    acceleration: Annotated[float, InUnit("°/s²", above=0)] = Field(40.0, description="of every move")
+
+
+class TableSimulation(StrictModel):
+    """What a simulated rate table makes of what it is told."""
+
+    loop: Hertz = Field(150.0, description="natural frequency of its control loop")
+    damping: Annotated[Ratio, InUnit("", above=0, at_most=5)] = Field(0.7, description="of its control loop")
+    torque: Annotated[float, InUnit("N·m", above=0)] = Field(640.0, description="the most that its motor gives")
+    inertia: Annotated[float, InUnit("kg·m²", above=0)] = Field(0.3, description="of the table and its load")
+    ripple: Annotated[Ratio, InUnit("", at_least=0)] = Field(
+        1e-4, description="of its rate, over a turn: once, twice, and twice for each pair of poles"
+    )
+    pole_pairs: Annotated[WholeNumber, Field(ge=1, le=100)] = Field(12, description="of its motor")
+
+
+class ThermometerSimulation(StrictModel):
+    """How the simulated thermometers at the units behave."""
+
+    noise: Annotated[float, InUnit("°C", at_least=0)] = Field(0.005, description="standard deviation of a reading")
+    lag: PositiveSeconds = Field(20.0, description="time constant behind the unit")
+
+
+class VoltmeterSimulation(StrictModel):
+    """What a simulated voltmeter is connected to: a resistor that the current of a unit flows through."""
+
+    place: Name = Field(description="of the unit")
+    load: Annotated[float, InUnit("Ω", above=0)] = Field(description="the resistor")
+    noise: Annotated[float, InUnit("V", at_least=0)] = Field(
+        0.0, description="standard deviation of a reading over 10 line cycles; it falls with the root of their number"
+    )
+
+
+class SourceSimulation(StrictModel):
+    """How a simulated current source errs: standard deviations, in place of a certificate or of what it leaves out."""
+
+    gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the current")
+    offset: Annotated[float, InUnit("A", at_least=0)] = Field(0.0, description="the same at every current")
+    drift: Annotated[float, InUnit("1/h", at_least=0)] = Field(0.0, description="of the current in an hour")
+    warm_up: PositiveSeconds = Field(7200.0, description="how long it drifts faster after its power came on")
+    fresh: Annotated[Ratio, InUnit("", at_least=1)] = Field(5.0, description="how many times as fast until then")
+
+
+class FaultSimulation(StrictModel):
+    """An instrument, or a unit under test, that breaks on purpose."""
+
+    device: Name | None = Field(None, description="which instrument, as in devices")
+    unit: Name | None = Field(None, description="or the unit in which place")
+    kind: Literal["silent", "cut", "frozen", "stuck", "restart", "dead", "open_thermometer", "current"] = Field(
+        description="a device answers nothing (silent), loses the connection (cut), its values stand still (frozen), "
+        "it carries out no command (stuck), or a counter loses its power for a moment (restart); of a unit the frames "
+        "stop (silent), the counts stand still (dead), the thermometer opens, or it draws three times its current"
+    )
+    at: Seconds = Field(description="when, after the beginning of the run")
+
+    @model_validator(mode="after")
+    def _of_a_device_or_a_unit(self) -> FaultSimulation:
+        if (self.device is None) == (self.unit is None):
+            raise telling("give device or unit, one of them")
+        allowed = FAULTS_OF_DEVICES if self.unit is None else FAULTS_OF_UNITS
+        if self.kind not in allowed:
+            what = "a device" if self.unit is None else "a unit"
+            raise telling(f"kind is '{self.kind}', {what} can be {', '.join(allowed)}")
+        return self
+
+
+class Simulation(StrictModel):
+    """What no certificate states; the errors that certificates bound are drawn from them with sd = U / k."""
+
+    seed: Annotated[WholeNumber, Field(ge=0, lt=2**63)] = Field(1, description="the same one gives the same run")
+    start: Instant = Field(
+        dt.datetime.fromisoformat("2026-01-01T00:00:00+00:00"), description="when simulated runs begin"
+    )
+    units: Mapping[Name, Annotated[Path, FileBeside()]] = Field({}, description="the truth of the unit in each place")
+    ambient: Celsius = Field(22.0, description="temperature of the room")
+    chamber: ChamberSimulation = ChamberSimulation()
+    head: HeadSimulation = HeadSimulation()
+    table: TableSimulation | None = None
+    thermometer: ThermometerSimulation = ThermometerSimulation()
+    remount: Arcseconds = Field(
+        0.0,
+        description="standard deviation of how askew a unit lies each time that it is fixed by hand",
+    )
+    voltmeters: Mapping[Name, VoltmeterSimulation] = Field({}, description="what each voltmeter is connected to")
+    sources: Mapping[Name, SourceSimulation] = Field({}, description="how each current source errs")
+    host_clock: Annotated[Ratio, InUnit("", at_least=0)] = Field(
+        20e-6, description="standard deviation of the host clock against the true second"
+    )
+    faults: tuple[FaultSimulation, ...] = ()

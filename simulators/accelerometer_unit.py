@@ -1,0 +1,179 @@
+"""An accelerometer with its converter in its place, between the world and whatever measures its output."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.attitude import to_unit
+from simulators.dynamics import POINTS, Follower, look_at_s
+from simulators.faults import OPEN_C, FaultPlan
+from simulators.unit_file import UnitFile, stream
+from simulators.uut import Hysteresis, Noise, UnitTruth, draw_unit
+from simulators.warmth import Board, Thermometer, Warmth
+
+if TYPE_CHECKING:  # it is the world that makes it
+    from simulators.settings import WorldSettings
+    from simulators.world import World
+
+Array = NDArray[np.float64]
+Input = Literal["accelerometer", "source"]  # what a converter is connected to
+LOOK_S = 0.02  # how finely a mean current follows the head
+
+
+class UnitState(NamedTuple):
+    """A unit at a true time: what hysteresis, drift and warm-up add to its bias, and what the rate of temperature adds.
+
+    Beside them the temperatures of its sensor and of an ideal thermometer at it.
+    """
+
+    true_s: float
+    drifted_g: float
+    moving_g: float
+    sensor_c: float
+    thermometer_c: float
+
+
+class SimulatedUnit:
+    """One unit in its place: what its converter counts, and what the thermometer at it says."""
+
+    def __init__(self, place: str, file: UnitFile, index: int, settings: WorldSettings, world: World) -> None:
+        self.place = place
+        self.settings = settings.places[place]
+        self.truth: UnitTruth = draw_unit(file, settings.seed, place)
+        self._follower = Follower(self.truth.dynamics) if self.truth.dynamics is not None else None
+        self.faults = FaultPlan(self.settings.faults, world.now)
+        self._index, self._world = index, world
+        self.seats_deg: list[tuple[float, float]] = []  # true time of each fixing by hand, and how askew it is since
+        self._turn_on = stream(settings.seed, "uut", place, "accelerometer", "turn_on")
+        self._turned_on_g = 0.0
+        self._noise = Noise(self.truth, settings.seed, place)
+        self._hysteresis = Hysteresis(self.truth, settings.chamber.start_c)
+        start_c = settings.chamber.start_c
+        self.warmth = Warmth(world.thermal, index, file, start_c, settings.thermometer_lag_s)
+        self._thermometer, self._board_thermometer = self._thermometers(settings)
+        self.board = Board(self.warmth, start_c)
+        self._last_c = start_c
+        self.powered_at_s: float | None = None
+        self.history: list[UnitState] = []
+        self.input: Input = "accelerometer"
+
+    def _thermometers(self, settings: WorldSettings) -> tuple[Thermometer, Thermometer]:
+        """At the unit and at its converter."""
+        own, start_c, noise_c = self.settings, settings.chamber.start_c, settings.thermometer_noise_c
+
+        def noise(name: str) -> np.random.Generator:
+            return stream(settings.seed, "noise", self.place, name)
+
+        return (
+            Thermometer(
+                start_c, own.thermometer_offset_c, own.thermometer_gain, noise_c, noise("thermometer"),
+                own.thermometer_table,
+            ),
+            Thermometer(
+                start_c if self.warmth.board_in_chamber else self.warmth.board_c,
+                own.converter_offset_c, own.converter_gain, noise_c, noise("converter thermometer"),
+                own.converter_table,
+            ),
+        )  # fmt: skip
+
+    def power(self, since_s: float | None) -> None:
+        """It has power since a time, or none; each power-on steps the bias by a draw of its own."""
+        self.powered_at_s = since_s
+        if since_s is not None and self.truth.turn_on_g:
+            self._turned_on_g = self.truth.turn_on_g * float(self._turn_on.standard_normal())
+
+    def fixed_anew(self, at_s: float) -> None:
+        """Somebody has fixed it by hand: how askew it lies now is drawn anew."""
+        if sd_deg := self._world.settings.remount_deg:
+            draw = stream(self._world.settings.seed, "remount", self.place, str(len(self.seats_deg)))
+            self.seats_deg.append((at_s, sd_deg * float(draw.standard_normal())))
+
+    @property
+    def swings(self) -> bool:
+        """Whether what it senses may turn round between two latches."""
+        return self._follower is not None
+
+    def charge_pulses(self, edges_s: Array) -> Array:
+        """Pulses that the converter is owed in each interval between the consecutive times `edges_s`.
+
+        The world has been worked out up to the last edge, or by less than a latch beyond it.
+        """
+        middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
+        now_c = self.warmth.sensor_c
+        span = edges_s[-1] - edges_s[0]
+        temperature = self._last_c + (middle - edges_s[0]) * ((now_c - self._last_c) / span)
+        hysteresis_g = self._hysteresis.bias_g(now_c)
+        self.history.append(self._state(float(edges_s[-1]), hysteresis_g))
+        self._last_c = now_c
+        board_c = self.board.followed_c(edges_s, middle, self.history[-1].drifted_g)
+        if self.powered_at_s is None:
+            return np.zeros_like(middle)
+        noise_g = self._noise.mean_g(interval)
+        if self._follower is None:
+            current = self._current_a(middle, temperature, hysteresis_g, noise_g)
+        else:
+            look_s = look_at_s(edges_s, self.truth.delay_s)
+            temperature, noise_g = (np.repeat(values, len(POINTS)) for values in (temperature, noise_g))
+            looked_at = self._current_a(look_s.ravel(), temperature, hysteresis_g, noise_g)
+            current = self._follower.mean(looked_at.reshape(look_s.shape), interval)
+        if self.input == "source":
+            current = self._world.source_a(self.settings.source, middle)
+        if self.faults.active("dead"):
+            return np.zeros_like(middle)
+        return self.truth.rate_pps(current, board_c) * interval
+
+    def mean_current_a(self, begin_s: float, end_s: float, noise: Noise) -> float:
+        """What flows from the accelerometer, as a mean from `begin_s` to `end_s`; 0 without power.
+
+        The world has been worked out up to the end. Whoever looks has a `noise` of his own, so that the noise that
+        others find does not depend on how often he does.
+        """
+        hysteresis_g = self._hysteresis.bias_g(self.warmth.sensor_c)
+        if not self.settings.channel:  # nobody else keeps its history
+            self.history.append(self._state(self._world.thermal.now_s, hysteresis_g))
+        if self.powered_at_s is None:
+            return 0.0
+        edges_s = np.linspace(begin_s, end_s, 1 + math.ceil((end_s - begin_s) / LOOK_S))
+        middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
+        since_s = middle - self._world.thermal.now_s
+        temperature = self.warmth.sensor_c + since_s * self.warmth.sensor_rate_c_per_s
+        return float(self._current_a(middle, temperature, hysteresis_g, noise.mean_g(interval)).mean())
+
+    def _state(self, true_s: float, hysteresis_g: float) -> UnitState:
+        drifted_g = hysteresis_g + float(self._slow_bias_g(np.array([true_s]))[0])
+        return UnitState(true_s, drifted_g, self._moving_g(), self.warmth.sensor_c, self.warmth.thermometer_c)
+
+    def _moving_g(self) -> float:
+        """What the rate of temperature adds to the bias."""
+        return self.truth.kd * self.warmth.sensor_rate_c_per_s
+
+    def _current_a(self, at_s: Array, temperature_c: Array, hysteresis_g: float, noise_g: Array) -> Array:
+        drifting = self._slow_bias_g(at_s) + (hysteresis_g + self._moving_g())
+        return self.truth.current_a(self.force_g(at_s), temperature_c, drifting + noise_g)
+
+    def _slow_bias_g(self, at_s: Array) -> Array:
+        """Drift, the step of the last power-on and, while powered, warm-up at the times `at_s`."""
+        drift = self.truth.drift_g_per_s * at_s + self._turned_on_g
+        if self.powered_at_s is None:
+            return drift
+        return drift + self.truth.warm_up_g * np.exp((self.powered_at_s - at_s) / self.truth.warm_up_s)
+
+    def force_g(self, at_s: Array) -> tuple[Array, Array, Array]:
+        """Specific force along the input, pendulous and output axes, in local g."""
+        seat_deg = self.seats_deg[-1][1] if self.seats_deg else 0.0
+        force = self._world.carried.force_g(at_s, self.settings.arm_m)
+        x, y, z = to_unit(self._world.mount, self.settings.mount_angle_deg + seat_deg) @ force
+        return x, z, y
+
+    def thermometer_c(self, at_s: Array) -> Array:
+        """Readings of the thermometer at the unit at times since the last call, with its errors and noise."""
+        read_c = self._thermometer.readings_c(at_s, self._world.thermal.now_s, self.warmth.thermometer_c)
+        return np.full_like(read_c, OPEN_C) if self.faults.active("open_thermometer") else read_c
+
+    def converter_thermometer_c(self, at_s: Array) -> Array:
+        """As `thermometer_c`, of the thermometer at the converter."""
+        return self._board_thermometer.readings_c(at_s, self._world.thermal.now_s, self.warmth.board_thermometer_c)
