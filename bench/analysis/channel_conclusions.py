@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.analysis.channel_comparison import COUNTING, SCATTER, Compared, Level
-from bench.analysis.channel_findings import ChannelFindings, scaled
+from bench.analysis.channel_findings import ChannelFindings
 from bench.analysis.channel_levels import ChannelDrift
 from bench.analysis.finding import BudgetLine, Finding
 from bench.analysis.fit import Array
@@ -131,8 +131,7 @@ class ChannelConclusions:
 def _named(level: Level, factor: float) -> list[BudgetLine]:
     """What a level contributes to a deviation."""
     return [
-        BudgetLine(f"{level.name}: {line.source}", line.type, line.u, line.dof)
-        for line in scaled(level.slope_lines, factor)
+        BudgetLine(f"{level.name}: {line.source}", line.type, line.u * factor, line.dof) for line in level.slope_lines
     ]
 
 

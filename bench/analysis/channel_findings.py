@@ -14,7 +14,7 @@ import numpy as np
 from bench.analysis.channel_comparison import COUNTING, SCATTER, Level
 from bench.analysis.channel_runs import LevelData, Point
 from bench.analysis.counts import RESOLUTION_COUNTS
-from bench.analysis.finding import BudgetLine, Finding, combined
+from bench.analysis.finding import BudgetLine, Finding
 from bench.analysis.rundata import RunData, UnitUnderTest
 
 HOUR_S = 3600.0
@@ -58,7 +58,7 @@ class ChannelFindings:
             BudgetLine(f"{reading}: offset", "B", slope * offset_u, None, f"{reading}.offset"),
             BudgetLine(f"{reading}: gain", "B", slope * gain_u * abs(self.reference_c), None, f"{reading}.gain"),
             *self._input_lines(level),
-            *scaled(level.input_lines, self._away_c(level)),
+            *(line.times(self._away_c(level)) for line in level.input_lines),
         ]
         return self._of_level("rate", name, level, run.rate_pps, "pulse/s", lines)
 
@@ -98,7 +98,7 @@ class ChannelFindings:
     def relative_slope(self, level: Level) -> Finding:
         """The same relative to the rate."""
         slope, rate_pps = level.run.relative_slope_per_c, abs(level.run.rate_pps)
-        lines = [*scaled(level.slope_lines, 1 / rate_pps), self.thermometer_gain(slope)]
+        lines = [*(line.times(1 / rate_pps) for line in level.slope_lines), self.thermometer_gain(slope)]
         name = "slope relative to the rate"
         return self._of_level("rate/relative_temperature_coefficient", name, level, slope, "1/°C", lines)
 
@@ -178,7 +178,7 @@ class ChannelFindings:
 
     def id_of(self, quantity: str) -> str:
         """The beginning of the id of a result."""
-        return f"{self.data.label}/{self.unit.place}/{quantity}"
+        return self.data.subject(self.unit).id(quantity)
 
     def _of_level(
         self,
@@ -206,20 +206,4 @@ class ChannelFindings:
     ) -> Finding:
         """One finding; what its budget holds in excess is left out."""
         where = f"@{at['run']}" if "run" in at else ""
-        return Finding(
-            id=f"{self.id_of(quantity)}{where}",
-            uut=self.unit.serial,
-            quantity=quantity,
-            name=name,
-            at=at,
-            value=float(value),
-            unit=unit,
-            budget=combined(lines),
-            steps=steps,
-            flags=flags,
-        )
-
-
-def scaled(lines: Sequence[BudgetLine], factor: float) -> list[BudgetLine]:
-    """Lines of a budget for a value that is `factor` times the one they are of."""
-    return [BudgetLine(line.source, line.type, float(line.u * factor), line.dof, line.shared) for line in lines]
+        return self.data.subject(self.unit).finding(quantity, name, value, unit, lines, at, steps, where, flags)

@@ -34,6 +34,10 @@ class BudgetLine:
     dof: int | None = None
     shared: str | None = None
 
+    def times(self, factor: float) -> BudgetLine:
+        """The line for a value that is `factor` times the one it is of."""
+        return replace(self, u=float(self.u * factor))
+
 
 @dataclass(frozen=True, slots=True)
 class Finding:
@@ -87,6 +91,45 @@ class Finding:
             return replace(self, limits=limits, verdict="INVALID")
         flags = self.flags if judgement.flag is None else (*self.flags, judgement.flag)
         return replace(self, limits=limits, verdict=judgement.verdict, flags=flags)
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """Whom findings are of: the unit in a place, and the label under which a run measured it."""
+
+    label: str
+    place: str
+    uut: str
+
+    def id(self, quantity: str) -> str:
+        """The id of a finding; of one of several `tail` comes behind it."""
+        return f"{self.label}/{self.place}/{quantity}"
+
+    def finding(
+        self,
+        quantity: str,
+        name: str,
+        value: float,
+        unit: str,
+        lines: Sequence[BudgetLine],
+        at: Mapping[str, Any],
+        steps: tuple[str, ...],
+        tail: str = "",
+        flags: tuple[str, ...] = (),
+    ) -> Finding:
+        """A finding with what contributes of the lines of its budget, not judged yet."""
+        return Finding(
+            id=f"{self.id(quantity)}{tail}",
+            uut=self.uut,
+            quantity=quantity,
+            name=name,
+            at=at,
+            value=float(value),
+            unit=unit,
+            budget=combined(lines),
+            steps=steps,
+            flags=flags,
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from bench.analysis.extremes import largest_u
-from bench.analysis.finding import BudgetLine, Finding, combined
+from bench.analysis.finding import BudgetLine, Finding
 from bench.analysis.fit import Array
 from bench.analysis.indexing_budget import SCATTER
 from bench.analysis.indexing_estimates import BothEnds, IndexingEstimates
@@ -90,10 +90,10 @@ class IndexingFindings:
         value = scale.value / bench.gravity_mps2
         k1_u = Finding("", "", "", "", {}, 0.0, "", self.estimates.budget.lines(scale), ()).u / bench.gravity_mps2
         gravity = abs(value) * bench.gravity_u_mps2 / bench.gravity_mps2
-        lines = combined([
+        lines = [
             BudgetLine("K1", "B", k1_u, None, self._id("K1")),
             BudgetLine("site: gravity", "B", gravity, None, "site.gravity"),
-        ])  # fmt: skip
+        ]
         return self._of("K1_si", "scale factor of the channel, per m/s²", value, unit, lines, self._at)
 
     def _of_the_mounting(self, both: BothEnds) -> Iterator[Finding]:
@@ -132,10 +132,10 @@ class IndexingFindings:
     def _linearity(self, end: str, fit: EndFit) -> Finding:
         span = abs(fit.scale_v_per_g) * float(np.ptp(np.sin(fit.dwells.angle_rad)))
         by_scatter, by_selection = largest_u(fit.residuals, fit.repeats[0])
-        lines = combined([
+        lines = [
             BudgetLine(SCATTER, "A", by_scatter / span, self.estimates.budget.dof or None),
             BudgetLine(SELECTION, "A", by_selection / span),
-        ])  # fmt: skip
+        ]
         name = "largest residual as a part of the span of the output"
         return self._of("linearity", name, fit.linearity, "1", lines, {"end": end}, tail=f"/{end}")
 
@@ -149,10 +149,10 @@ class IndexingFindings:
         scale = abs(self.estimates.budget.scale)
         sd = self.estimates.reading_sd_g * scale * float(np.sqrt(2.0))
         by_scatter, by_selection = largest_u(every, sd)
-        lines = combined([
+        lines = [
             BudgetLine(SCATTER, "A", by_scatter / scale, self.estimates.budget.dof or None),
             BudgetLine(SELECTION, "A", by_selection / scale),
-        ])  # fmt: skip
+        ]
         value = float(np.max(np.abs(every))) / scale
         name = "largest difference between forward and reverse"
         yield self._of("hysteresis", name, value, "g", lines, {"end": worst})
@@ -171,7 +171,7 @@ class IndexingFindings:
         sd_g = self.estimates.reading_sd_g
         by_scatter, by_selection = largest_u(residuals_g, float(sd_g))
         dof = self.estimates.budget.dof or None
-        lines = combined([BudgetLine(SCATTER, "A", by_scatter, dof), BudgetLine(SELECTION, "A", by_selection)])
+        lines = [BudgetLine(SCATTER, "A", by_scatter, dof), BudgetLine(SELECTION, "A", by_selection)]
         largest = float(np.max(np.abs(residuals_g)))
         name = "largest residual of readings that were not fitted"
         yield self._of("verification/largest", name, largest, "g", lines, {"end": "up"}, kind="verification")
@@ -239,7 +239,7 @@ class IndexingFindings:
         return {"at_c": float(np.mean(warm_c))} if warm_c else {}
 
     def _id(self, quantity: str) -> str:
-        return f"{self.data.label}/{self.unit.place}/{quantity}"
+        return self.data.subject(self.unit).id(quantity)
 
     def _finding(
         self,
@@ -252,7 +252,7 @@ class IndexingFindings:
         without: Sequence[str] = (),
         flags: tuple[str, ...] = (),
     ) -> Finding:
-        lines = combined([*self.estimates.budget.lines(result, without), *known])
+        lines = [*self.estimates.budget.lines(result, without), *known]
         return self._of(quantity, name, result.value, unit, lines, at, flags=flags)
 
     def _of(
@@ -261,25 +261,15 @@ class IndexingFindings:
         name: str,
         value: float,
         unit: str,
-        lines: tuple[BudgetLine, ...],
+        lines: Sequence[BudgetLine],
         at: Mapping[str, Any],
         tail: str = "",
         kind: str = "sweep",
         flags: tuple[str, ...] = (),
     ) -> Finding:
         rows = self.verified if kind == "verification" else self.estimates.rows
-        return Finding(
-            id=self._id(quantity) + tail,
-            uut=self.unit.serial,
-            quantity=quantity,
-            name=name,
-            at=at,
-            value=value,
-            unit=unit,
-            budget=lines,
-            steps=tuple(dict.fromkeys(each.step.rsplit("/", 2)[0] for each in rows)),
-            flags=flags,
-        )
+        steps = tuple(dict.fromkeys(each.step.rsplit("/", 2)[0] for each in rows))
+        return self.data.subject(self.unit).finding(quantity, name, value, unit, lines, at, steps, tail, flags)
 
 
 def _tilt_line(quantity: str, tilt: Measured, scale: float) -> BudgetLine:

@@ -16,7 +16,7 @@ import numpy as np
 
 from bench.analysis.compensation import Compensation
 from bench.analysis.extremes import largest_u, scatter_sd
-from bench.analysis.finding import BudgetLine, Finding, combined
+from bench.analysis.finding import BudgetLine, Finding, Subject
 from bench.analysis.fit import Array, PolynomialFit
 from bench.analysis.models import TemperatureModel
 from bench.analysis.ramp_samples import RampLeg
@@ -187,7 +187,7 @@ class RampFindings:
     ) -> TemperatureModel:
         return TemperatureModel.of_fit(
             fit,
-            id=self._id(f"{quantity}/model={fit.degree}"),
+            id=self._subject.id(f"{quantity}/model={fit.degree}"),
             uut=self.unit.serial,
             quantity=quantity,
             unit=unit,
@@ -227,12 +227,15 @@ class RampFindings:
 
     def _scale_error(self, value_g: float) -> BudgetLine:
         """The misalignment in K1, relative to it as large as in rad."""
-        return BudgetLine("K1: misalignment in it", "B", abs(value_g) * self.misalignment_u_rad, None, self._id("K1"))
+        return BudgetLine(
+            "K1: misalignment in it", "B", abs(value_g) * self.misalignment_u_rad, None, self._subject.id("K1")
+        )
 
     # Forms
 
-    def _id(self, quantity: str) -> str:
-        return f"{self.data.label}/{self.unit.place}/{quantity}"
+    @property
+    def _subject(self) -> Subject:
+        return self.data.subject(self.unit)
 
     def _finding(
         self,
@@ -246,18 +249,8 @@ class RampFindings:
         id_tail: str = "",
         steps: tuple[str, ...] = (),
     ) -> Finding:
-        return Finding(
-            id=self._id(quantity) + id_tail,
-            uut=self.unit.serial,
-            quantity=quantity,
-            name=name,
-            at=at,
-            value=value,
-            unit=unit,
-            budget=combined(lines),
-            steps=steps or tuple(leg.step for leg in self.level),
-            flags=flags,
-        )
+        steps = steps or tuple(leg.step for leg in self.level)
+        return self._subject.finding(quantity, name, value, unit, lines, at, steps, id_tail, flags)
 
 
 def _at_jump(jump: RampJump) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.analysis.finding import BudgetLine, Finding, UnitResult, Verdict, combined
+from bench.analysis.finding import BudgetLine, Finding, Subject, UnitResult, Verdict
 from bench.analysis.range_blocks import RangeBlocks, Turning, range_blocks
 from bench.analysis.range_test import LARGEST_U_RADIUS, LEAST_LOW_RATES, Arm
 from bench.analysis.rundata import RunData, UnitUnderTest
@@ -109,7 +109,7 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
         lines = [
             form.noise(turning),
             form.of_rest(blocks, by_bias / blocks.bias.u_output if blocks.bias.u_output else 0.0),
-            BudgetLine("low rates: by way of the radius", "A", by_radius, None, form.id("radius")),
+            BudgetLine("low rates: by way of the radius", "A", by_radius, None, form.subject.id("radius")),
             BudgetLine(RESOLUTION, "B", by_rate),
             BudgetLine(HARMONICS, "B", abs(2 * true_g / turning.steady.rate_dps) * turning.u_harmonics_dps),
             BudgetLine(WARMER, "B", abs(true_g) * form.settings["scale_per_c_u"] * _warmer_c(turning, usable)),
@@ -145,7 +145,7 @@ def _radius(form: _Form, blocks: RangeBlocks, low: Sequence[Turning], arm: Arm) 
         BudgetLine("second-order nonlinearity of the sensor at low rates: contained", "alias", 0.0),
     ]
     name = "from the axis to the sensor, positive where its input axis points at the axis"
-    return form.finding("radius", name, radius_m, "m", lines, {}, tuple(each.step for each in low))
+    return form.subject.finding("radius", name, radius_m, "m", lines, {}, tuple(each.step for each in low))
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,9 +164,10 @@ class _Form:
         """What an error is relative to: the full scale, or None for each reading."""
         return self.full_scale if self.settings["linearity_basis"] == "full_scale" else None
 
-    def id(self, quantity: str) -> str:
-        """The id of a finding."""
-        return f"{self.data.label}/{self.unit.place}/{quantity}"
+    @property
+    def subject(self) -> Subject:
+        """Whom the findings are of."""
+        return self.data.subject(self.unit)
 
     def stable(self, turning: Turning) -> bool:
         """Whether the table did what it was told."""
@@ -180,14 +181,16 @@ class _Form:
     def of_rest(self, blocks: RangeBlocks, gain: float) -> BudgetLine:
         """Of the bias, which is one for all readings."""
         dof = blocks.rest.dof if blocks.rest is not None else None
-        return BudgetLine(BIAS, "A", gain * blocks.bias.u_output, dof, self.id("rest"))
+        return BudgetLine(BIAS, "A", gain * blocks.bias.u_output, dof, self.subject.id("rest"))
 
     def at_rest(self, blocks: RangeBlocks, quantity: str, name: str) -> Finding:
         """The bias."""
         lines = [BudgetLine("readings at rest", "A", blocks.bias.u_output)]
         if self.symbol == "g" and blocks.rest is not None and blocks.rest.of_one_angle:
             lines.append(BudgetLine(TILT, "B", float(np.radians(self.data.bench.level_u_deg)), None, "fixture.level"))
-        return self.finding(quantity, name, blocks.bias.output, self.symbol, lines, {}, tuple(blocks.rest_steps))
+        return self.subject.finding(
+            quantity, name, blocks.bias.output, self.symbol, lines, {}, tuple(blocks.rest_steps)
+        )
 
     def errors(
         self, turning: Turning, at: Mapping[str, Any], true: float, error: float, lines: Sequence[BudgetLine]
@@ -199,11 +202,11 @@ class _Form:
         )  # fmt: skip
         step, tail = (turning.step,), f"@{at['point']}"
         name = "measured less the bias and what is true"
-        found = self.finding(self.quantity, name, error, self.symbol, lines, at, step, tail)
+        found = self.subject.finding(self.quantity, name, error, self.symbol, lines, at, step, tail)
         over = self.full_scale if self.over is not None else abs(true)
-        relative = [replace(line, u=line.u / over) for line in lines]
+        relative = [line.times(1 / over) for line in lines]
         part = "of the full scale" if self.over is not None else "of what is true"
-        judged = self.finding(f"{self.quantity}/relative", part, error / over, "1", relative, at, step, tail)
+        judged = self.subject.finding(f"{self.quantity}/relative", part, error / over, "1", relative, at, step, tail)
         verdict: Verdict | None = "INVALID" if "unstable" in flags else None
         yield replace(found, flags=flags, verdict=verdict)
         yield replace(judged, flags=flags, verdict=verdict)
@@ -218,24 +221,7 @@ class _Form:
         """At how many points the sensor was at the end of its range."""
         count = sum(turning.steady.saturated for turning in blocks.turning)
         name = "points at which more than 1 % of the samples are at the clip level"
-        return self.finding("saturated_points", name, float(count), "1", [], {}, ())
-
-    def finding(
-        self,
-        quantity: str,
-        name: str,
-        value: float,
-        unit: str,
-        lines: Sequence[BudgetLine],
-        at: Mapping[str, Any],
-        steps: tuple[str, ...],
-        tail: str = "",
-    ) -> Finding:
-        """A finding of this unit."""
-        return Finding(
-            id=self.id(quantity) + tail, uut=self.unit.serial, quantity=quantity, name=name, at=at, value=value,
-            unit=unit, budget=combined(lines), steps=steps,
-        )  # fmt: skip
+        return self.subject.finding("saturated_points", name, float(count), "1", [], {}, ())
 
     def result(self, blocks: RangeBlocks, findings: Sequence[Finding], curve: RangeCurve | None) -> UnitResult:
         """All of the unit."""

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from scipy.special import j1
 
-from bench.analysis.finding import BudgetLine, Finding, combined
+from bench.analysis.finding import BudgetLine, Finding, Subject
 from bench.analysis.frequency_response import HALF_POWER, FrequencyResponse, ResponsePoint, SweepPoint, Swing
 from bench.analysis.lever_arm import LeverArm
 from bench.analysis.rundata import AxisRecord, RunData, UnitUnderTest
@@ -53,7 +52,7 @@ class ResponseFindings:
     @property
     def model_id(self) -> tuple[str, str]:
         """Of the equation, and of whom."""
-        return self._id("response/model"), self.unit.serial
+        return self._subject.id("response/model"), self.unit.serial
 
     @property
     def skew(self) -> float:
@@ -67,11 +66,13 @@ class ResponseFindings:
         for number, point in enumerate(self.found.points):
             at = {"point": number, "frequency_hz": point.frequency_hz}
             step = (self.steps[point.frequency_hz],)
-            lines = [_times(line, point.gain) for line in self._of_gain(point).values()]
+            lines = [line.times(point.gain) for line in self._of_gain(point).values()]
             name = "over that at the lever frequency" if self.arm else "sine of the sensor over that of the table"
-            yield self._finding("gain", name, point.gain, "1", lines, at, step, f"@{number}")
+            yield self._subject.finding("gain", name, point.gain, "1", lines, at, step, f"@{number}")
             name = "against the table, negative where the sensor lags"
-            yield self._finding("phase", name, point.phase_deg, "°", self._of_phase(point), at, step, f"@{number}")
+            yield self._subject.finding(
+                "phase", name, point.phase_deg, "°", self._of_phase(point), at, step, f"@{number}"
+            )
         yield from self._bandwidth()
 
     # Gain and phase
@@ -91,8 +92,8 @@ class ResponseFindings:
             lines = [] if own is first else lines
             lines += [] if own is first else [
                 BudgetLine("lowest frequency: sensor", "A", first.u_output / abs(first.response), None,
-                           self._id("lowest")),
-                BudgetLine("lowest frequency: encoder", "A", first.swing.u_relative, None, self._id("lowest")),
+                           self._subject.id("lowest")),
+                BudgetLine("lowest frequency: encoder", "A", first.swing.u_relative, None, self._subject.id("lowest")),
             ]  # fmt: skip
         else:
             lines.append(BudgetLine(SLOPE, "B", _slope_u(self._table, own.swing), None, SHARED_SLOPE))
@@ -101,7 +102,7 @@ class ResponseFindings:
     def _relative_to_arm(self, arm: LeverArm, swing: Swing) -> Iterator[BudgetLine]:
         """What the arm has in a gain over that at the lever frequency."""
         y_m = abs(arm.y_m)
-        shared = self._id("lever_arm/y")
+        shared = self._subject.id("lever_arm/y")
         yield BudgetLine("lever arm: sensor", "A", arm.u_sensed_m[1] / y_m, None, shared)
         yield BudgetLine("lever arm: encoder", "A", arm.swing.u_relative, None, shared)
         leak_m = self._leak_m(arm.swing)
@@ -133,27 +134,27 @@ class ResponseFindings:
         log_f = np.log([above.frequency_hz, below.frequency_hz])
         share = float((np.log(found.frequency_hz) - log_f[0]) / (log_f[1] - log_f[0]))
         per_hz = (below.gain_db - above.gain_db) / (log_f[1] - log_f[0]) / found.frequency_hz  # dB
-        lines = [_times(line, DB_PER_RELATIVE / abs(per_hz)) for line in self._between(above, below, share)]
+        lines = [line.times(DB_PER_RELATIVE / abs(per_hz)) for line in self._between(above, below, share)]
         bend_db = _bend([each.gain_db for each in points], points, index, found.frequency_hz)
         lines.append(BudgetLine(CHORD, "B", abs(bend_db / per_hz)))
         time_base = found.frequency_hz * self.data.bench.time_base_u
         lines.append(BudgetLine("counter: time base", "B", time_base, None, "counter.time_base"))
         steps = (self.steps[above.frequency_hz], self.steps[below.frequency_hz])
-        bandwidth = self._finding(
+        bandwidth = self._subject.finding(
             "bandwidth", "where the gain first falls to 1/√2", found.frequency_hz, "Hz", lines, {}, steps
         )
         yield bandwidth
         turn_per_hz = (below.phase_deg - above.phase_deg) / (below.frequency_hz - above.frequency_hz)
         bend_deg = _bend([each.phase_deg for each in points], points, index, found.frequency_hz)
         lines = [
-            _times(line, 180 / np.pi) for line in self._between(above, below, share) if line.source in (SENSOR, ENCODER)
+            line.times(180 / np.pi) for line in self._between(above, below, share) if line.source in (SENSOR, ENCODER)
         ]
         lines += [
             BudgetLine(SKEW, "B", 360 * found.frequency_hz * self.skew, None, SHARED_SKEW),
             BudgetLine("bandwidth", "B", abs(turn_per_hz) * bandwidth.u, None, bandwidth.id),
             BudgetLine(CHORD, "B", abs(bend_deg)),
         ]
-        yield self._finding("phase_at_bandwidth", "phase there", found.phase_deg, "°", lines, {}, steps)
+        yield self._subject.finding("phase_at_bandwidth", "phase there", found.phase_deg, "°", lines, {}, steps)
 
     def _between(self, above: ResponsePoint, below: ResponsePoint, share: float) -> Iterator[BudgetLine]:
         """The sources of two gains between which a share of the way is gone; what they share is in both alike."""
@@ -190,7 +191,7 @@ class ResponseFindings:
                 BudgetLine("misalignment of the input axis: contained", "alias", 0.0),
             ]
             name = f"{axis} of the sensor from the axis of the table, in the frame of the fixture"
-            yield self._finding(f"lever_arm/{axis}", name, value_m, "m", lines, {}, step)
+            yield self._subject.finding(f"lever_arm/{axis}", name, value_m, "m", lines, {}, step)
 
     def _leak_m(self, swing: Swing) -> float:
         """The arm that gravity makes of 1 rad of tilt at the frequency of a swing: g θ against (2πf)² θ r."""
@@ -208,23 +209,9 @@ class ResponseFindings:
     def _wobble_u_rad(self) -> float:
         return float(np.radians(self._table.wobble_u_deg))
 
-    # Forms
-
-    def _id(self, quantity: str) -> str:
-        return f"{self.data.label}/{self.unit.place}/{quantity}"
-
-    def _finding(
-        self, quantity: str, name: str, value: float, unit: str, lines: Sequence[BudgetLine], at: Mapping[str, Any],
-        steps: tuple[str, ...], tail: str = "",
-    ) -> Finding:  # fmt: skip
-        return Finding(
-            id=self._id(quantity) + tail, uut=self.unit.serial, quantity=quantity, name=name, at=at, value=value,
-            unit=unit, budget=combined(lines), steps=steps,
-        )  # fmt: skip
-
-
-def _times(line: BudgetLine, factor: float) -> BudgetLine:
-    return BudgetLine(line.source, line.type, line.u * factor, line.dof, line.shared)
+    @property
+    def _subject(self) -> Subject:
+        return self.data.subject(self.unit)
 
 
 def _slope_u(table: AxisRecord, swing: Swing, over: Swing | None = None) -> float:

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.analysis.finding import Subject
+
 Integers = NDArray[np.int64]
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -270,6 +272,10 @@ class RunData:
     units: tuple[UnitUnderTest, ...]
     acquisitions: tuple[Acquisition, ...]
     bench: BenchRecord
+
+    def subject(self, unit: UnitUnderTest) -> Subject:
+        """Whom findings of a unit are of."""
+        return Subject(self.label, unit.place, unit.serial)
 
     def groups(self) -> dict[str, list[Acquisition]]:
         """The acquisitions by the groups of steps that they belong to, both in the order of the run."""
