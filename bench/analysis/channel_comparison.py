@@ -140,7 +140,7 @@ def _scatter(run: ChannelRun, reference_c: float) -> LineScatter:
     except NotDetermined:
         dof = max(run.gates_used - 2, 1)
         return LineScatter(
-            0.0, 0.0, run.u_rate_pps, run.u_slope_pps_per_c, dof, run.residual_rms_pps, np.nan, np.nan, 0.0, 0.0
+            0.0, 0.0, run.u_rate_pps, run.u_slope_pps_per_c, dof, run.residual_rms_pps, np.nan, np.empty(0), 0.0, 0.0
         )
 
 

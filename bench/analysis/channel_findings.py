@@ -6,7 +6,7 @@ A level is in local g: the rate at 1 g does not depend on how large g is, but on
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from bench.analysis.channel_comparison import COUNTING, SCATTER, Level
 from bench.analysis.channel_runs import LevelData, Point
 from bench.analysis.counts import RESOLUTION_COUNTS
+from bench.analysis.extremes import interval_of_largest
 from bench.analysis.finding import BudgetLine, Finding
 from bench.analysis.rundata import RunData, UnitUnderTest
 
@@ -109,13 +110,15 @@ class ChannelFindings:
 
     def _residual(self, level: Level) -> Iterator[Finding]:
         scatter, rate_pps = level.scatter, abs(level.run.rate_pps)
-        if not np.isfinite(scatter.largest_residual_pps):
+        if not len(scatter.residuals_pps):
             return
+        residuals = scatter.residuals_pps / rate_pps
+        value = float(np.max(np.abs(residuals)))
         u = scatter.mean_u_pps(scatter.stretch_s) / rate_pps
-        value = scatter.largest_residual_pps / rate_pps
         name = "largest departure from the line, of means over a twenty-fourth of the run"
         lines = [BudgetLine("read-outs: scatter of a mean", "A", u, scatter.dof)]
-        yield self._of_level("rate/model_residual", name, level, value, "1", lines)
+        found = self._of_level("rate/model_residual", name, level, value, "1", lines)
+        yield replace(found, interval=interval_of_largest(residuals, u))
 
     def _input_drift(self, level: Level) -> Iterator[Finding]:
         drift = level.drift

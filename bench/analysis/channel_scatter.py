@@ -27,10 +27,10 @@ class LineScatter:
     """Standard uncertainties of type A of a line's rate (pulse/s) and slope (pulse/s/°C).
 
     `counting_` is of the count alone, `scatter_` of the rest with `dof` degrees of freedom. `excess_pps` is the
-    standard deviation of the rest in a mean over one stretch, which is `stretch_s` long. `largest_residual_pps` is that
-    of the means from the line. `drift_h_per_c` and `accelerometer_per_c` are what a line over the converter's
-    temperature gives for time (h) and for the accelerometer's temperature (°C): an input that drifts, or follows the
-    chamber, changes the slope by so much.
+    standard deviation of the rest in a mean over one stretch, which is `stretch_s` long. `residuals_pps` (m,) are
+    those of the means of the stretches from the line, none where the run is too short for stretches. `drift_h_per_c`
+    and `accelerometer_per_c` are what a line over the converter's temperature gives for time (h) and for the
+    accelerometer's temperature (°C): an input that drifts, or follows the chamber, changes the slope by so much.
     """
 
     counting_rate: float
@@ -40,7 +40,7 @@ class LineScatter:
     dof: int
     excess_pps: float
     stretch_s: float
-    largest_residual_pps: float
+    residuals_pps: Array
     drift_h_per_c: float
     accelerometer_per_c: float
 
@@ -74,7 +74,7 @@ def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
         dof=dof,
         excess_pps=float(excess_pps),
         stretch_s=float(np.mean(stretches_s)),
-        largest_residual_pps=float(np.max(np.abs(_stretches(line, gates.seconds)[0]))),
+        residuals_pps=_stretches(line, gates.seconds)[0],
         drift_h_per_c=float(slope_gain @ gates.time_s) / 3600.0,
         accelerometer_per_c=float(slope_gain @ accelerometer_c),
     )

@@ -9,13 +9,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import erf, ndtri
 
+from bench.analysis.finding import CONFIDENCE, Interval
 from bench.analysis.fit import SIGMA_PER_MAD, Array
 
 TRIALS = 200
 NEIGHBOURS = 15  # whose mean stands for a value without scatter
 SECOND_DIFFERENCE_SD = np.sqrt(6.0)  # of 1, -2, 1 times values with a standard deviation of 1
 FAR_SIGMAS = 3.0  # from there on it is a jump, or a corner
+GRID_SIGMAS = 8.0  # up to where the distribution of a largest error is worked out: of 1e9 errors none is larger
+GRID_POINTS = 2000
 FEWEST = 5  # second differences whose median tells something
 
 
@@ -44,6 +48,33 @@ def largest_u(values: Array, sd: float) -> tuple[float, float]:
     draws = np.random.default_rng(0).standard_normal((TRIALS, len(values)))
     found = np.max(np.abs(calm + sd * draws), axis=-1)
     return float(np.std(found, ddof=1)), float(np.mean(found) - np.max(np.abs(calm)))
+
+
+def interval_of_largest(values: Array, sd: Array | float) -> Interval:
+    """The range of the largest |value| of (n,) that scatter by `sd`, one or (n,), whatever they are without scatter.
+
+    It cannot exceed every |value| by more than the scatter of that one, nor can it be less than the largest by more
+    than the largest scatter of all. Either is so at 97.5 %, which does not depend on whether they scatter independently
+    but for the second: where they do not it is so all the more.
+    """
+    sds = np.broadcast_to(np.asarray(sd, np.float64), values.shape)
+    one_sided = (1 + CONFIDENCE) / 2
+    high = float(np.max(np.abs(values) + ndtri(one_sided) * sds))
+    expected, most = _largest_scatter(sds, one_sided)
+    return Interval(max(float(np.max(np.abs(values))) - most, 0.0), high, expected)
+
+
+def _largest_scatter(sd: Array, probability: float) -> tuple[float, float]:
+    """Of the largest |error| of independent normal errors: its mean, and what it stays below with a probability."""
+    widths, counts = np.unique(sd, return_counts=True)
+    largest = float(widths[-1])
+    if not largest:
+        return 0.0, 0.0
+    limit = np.linspace(0, GRID_SIGMAS * largest, GRID_POINTS)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inside = np.where(widths > 0, erf(limit[:, np.newaxis] / (widths * np.sqrt(2))), 1.0)
+    below = np.prod(inside**counts, axis=1)
+    return float(np.trapezoid(1 - below, limit)), float(np.interp(probability, below, limit))
 
 
 def _calm(values: Array, sd: float) -> Array:

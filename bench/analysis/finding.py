@@ -14,6 +14,7 @@ if TYPE_CHECKING:  # findings are shown where no arithmetic is loaded
     from bench.analysis.compensation import Compensation
 
 COVERAGE = 2
+CONFIDENCE = 0.95  # of an interval
 NEGLIGIBLE = 1e-4  # of the largest line of a budget: 1e-8 of its variance
 UNLIMITED_DOF = 1000  # more are reported as unlimited
 LOWER_BOUND = "more_than"  # the flag of a value of which is only known that it is more
@@ -40,8 +41,28 @@ class BudgetLine:
 
 
 @dataclass(frozen=True, slots=True)
+class Interval:
+    """The range that holds what is true of a largest value, or of a standard deviation, in 95 of 100 runs at least.
+
+    `from_scatter` is what the scatter of the values would be expected to make of it if nothing else were there.
+    """
+
+    low: float
+    high: float
+    from_scatter: float
+
+    def times(self, factor: float) -> Interval:
+        """The range of a value that is `factor` times the one it is of, without its sign."""
+        return Interval(*(abs(factor) * value for value in (self.low, self.high, self.from_scatter)))
+
+
+@dataclass(frozen=True, slots=True)
 class Finding:
-    """One result of one unit. `at` says under which conditions, `steps` from which steps of the run."""
+    """One result of one unit. `at` says under which conditions, `steps` from which steps of the run.
+
+    A largest value and a standard deviation are no linear function of the readings, so that they have an `interval`
+    beside their budget.
+    """
 
     id: str
     uut: str
@@ -55,6 +76,7 @@ class Finding:
     limits: Limits | None = None
     verdict: Verdict | None = None
     flags: tuple[str, ...] = ()
+    interval: Interval | None = None
 
     @property
     def u(self) -> float:
@@ -116,6 +138,7 @@ class Subject:
         steps: tuple[str, ...],
         tail: str = "",
         flags: tuple[str, ...] = (),
+        interval: Interval | None = None,
     ) -> Finding:
         """A finding with what contributes of the lines of its budget, not judged yet."""
         return Finding(
@@ -129,6 +152,7 @@ class Subject:
             budget=combined(lines),
             steps=steps,
             flags=flags,
+            interval=interval,
         )
 
 

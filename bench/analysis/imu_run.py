@@ -20,7 +20,8 @@ from bench.analysis.attitude_fit import AttitudeFits, fit_attitudes
 from bench.analysis.attitudes import AXES, NAMES
 from bench.analysis.compensation import Compensation
 from bench.analysis.counts import RESOLUTION_COUNTS
-from bench.analysis.finding import BudgetLine, Finding, UnitResult, combined
+from bench.analysis.extremes import interval_of_largest
+from bench.analysis.finding import BudgetLine, Finding, Interval, UnitResult, combined
 from bench.analysis.fit import Array, LinearFit, NotDetermined, least_squares
 from bench.analysis.imu_calibration import AxisCalibration, ImuCalibration, Scatter, calibrate
 from bench.analysis.imu_compensation import SAME_KNOT_C, TemperatureTable, check_model, temperature_table
@@ -153,14 +154,16 @@ class _Unit:
             farthest = int(np.argmax(np.abs(values - start)))
             change = abs(float(values[farthest] - start))
             name = f"largest change of the {LONG[quantity]} over temperature, without compensation"
-            yield self._finding(f"{quantity}/change", axis, name, change * scale, math.sqrt(2) * own[0] * scale, found)
+            interval = interval_of_largest(values - start, math.sqrt(2) * own[0]).times(scale)
+            u = math.sqrt(2) * own[0] * scale
+            yield self._finding(f"{quantity}/change", axis, name, change * scale, u, found, interval)
         if len(temperature_c) > 2:
             error = check_model(temperature_c, values).error
             name = "largest error of a knot left out, told by its neighbours: about four times what compensation leaves"
             worst = float(np.max(np.abs(error)))
-            yield self._finding(
-                f"{quantity}/interpolation", axis, name, worst * scale, math.sqrt(1.5) * max(own) * scale, found
-            )
+            u = math.sqrt(1.5) * max(own)
+            interval = interval_of_largest(error, u).times(scale)
+            yield self._finding(f"{quantity}/interpolation", axis, name, worst * scale, u * scale, found, interval)
         again = [each for each in found[1:] if _same_point(each, found[0])]
         if again:
             slope = np.interp(found[0].at["temperature_c"], temperature_c, _gradient(values, temperature_c))
@@ -169,13 +172,22 @@ class _Unit:
                 for each in again
             ]
             largest = max(range(len(apart)), key=lambda index: abs(apart[index]))
-            u = math.hypot(own[0], _own(again[largest])) * scale
+            us = np.hypot(own[0], [_own(each) for each in again])
             name = "largest difference between visits of the first set point"
-            both = [found[0], again[largest]]
-            yield self._finding(f"{quantity}/repeatability", axis, name, abs(float(apart[largest])) * scale, u, both)
+            both, u = [found[0], again[largest]], float(us[largest]) * scale
+            interval = interval_of_largest(np.array(apart), us).times(scale)
+            value = abs(float(apart[largest])) * scale
+            yield self._finding(f"{quantity}/repeatability", axis, name, value, u, both, interval)
 
     def _finding(
-        self, quantity: str, axis: int, name: str, value: float, u: float, found: Sequence[Finding]
+        self,
+        quantity: str,
+        axis: int,
+        name: str,
+        value: float,
+        u: float,
+        found: Sequence[Finding],
+        interval: Interval,
     ) -> Finding:
         """Its uncertainty is that of the readings: all else is common to the visits."""
         base = quantity.partition("/")[0]
@@ -191,6 +203,7 @@ class _Unit:
             unit=MODELLED[base],
             budget=combined([BudgetLine(READINGS, "A", abs(u), dof or None)]),
             steps=tuple(dict.fromkeys(step for each in found for step in each.steps)),
+            interval=interval,
         )
 
     # What a user computes with

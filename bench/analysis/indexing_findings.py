@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from bench.analysis.extremes import largest_u
-from bench.analysis.finding import BudgetLine, Finding
+from bench.analysis.extremes import interval_of_largest, largest_u
+from bench.analysis.finding import BudgetLine, Finding, Interval
 from bench.analysis.fit import Array
 from bench.analysis.indexing_budget import SCATTER
 from bench.analysis.indexing_estimates import BothEnds, IndexingEstimates
@@ -137,7 +137,9 @@ class IndexingFindings:
             BudgetLine(SELECTION, "A", by_selection / span),
         ]
         name = "largest residual as a part of the span of the output"
-        return self._of("linearity", name, fit.linearity, "1", lines, {"end": end}, tail=f"/{end}")
+        interval = interval_of_largest(fit.residuals, fit.repeats[0]).times(1 / span)
+        at = {"end": end}
+        return self._of("linearity", name, fit.linearity, "1", lines, at, tail=f"/{end}", interval=interval)
 
     def _hysteresis(self) -> Iterator[Finding]:
         """The largest difference of both directions over both ends; of noise alone it would be what its budget says."""
@@ -155,7 +157,8 @@ class IndexingFindings:
         ]
         value = float(np.max(np.abs(every))) / scale
         name = "largest difference between forward and reverse"
-        yield self._of("hysteresis", name, value, "g", lines, {"end": worst})
+        interval = interval_of_largest(every, sd).times(1 / scale)
+        yield self._of("hysteresis", name, value, "g", lines, {"end": worst}, interval=interval)
 
     def verification_residuals_g(self) -> Array:
         """What the equations of the ends leave of the readings of the verification, in g."""
@@ -174,7 +177,8 @@ class IndexingFindings:
         lines = [BudgetLine(SCATTER, "A", by_scatter, dof), BudgetLine(SELECTION, "A", by_selection)]
         largest = float(np.max(np.abs(residuals_g)))
         name = "largest residual of readings that were not fitted"
-        yield self._of("verification/largest", name, largest, "g", lines, {"end": "up"}, kind="verification")
+        at, interval = {"end": "up"}, interval_of_largest(residuals_g, float(sd_g))
+        yield self._of("verification/largest", name, largest, "g", lines, at, kind="verification", interval=interval)
         rms = float(np.sqrt(np.mean(residuals_g**2)))
         line = BudgetLine(SCATTER, "A", float(sd_g) / np.sqrt(2 * len(residuals_g)), dof)
         name = "root mean square of them"
@@ -266,10 +270,12 @@ class IndexingFindings:
         tail: str = "",
         kind: str = "sweep",
         flags: tuple[str, ...] = (),
+        interval: Interval | None = None,
     ) -> Finding:
         rows = self.verified if kind == "verification" else self.estimates.rows
         steps = tuple(dict.fromkeys(each.step.rsplit("/", 2)[0] for each in rows))
-        return self.data.subject(self.unit).finding(quantity, name, value, unit, lines, at, steps, tail, flags)
+        subject = self.data.subject(self.unit)
+        return subject.finding(quantity, name, value, unit, lines, at, steps, tail, flags, interval)
 
 
 def _tilt_line(quantity: str, tilt: Measured, scale: float) -> BudgetLine:

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from bench.analysis.compensation import Compensation
-from bench.analysis.extremes import largest_u, scatter_sd
-from bench.analysis.finding import BudgetLine, Finding, Subject
+from bench.analysis.extremes import interval_of_largest, largest_u, scatter_sd
+from bench.analysis.finding import BudgetLine, Finding, Interval, Subject
 from bench.analysis.fit import Array, PolynomialFit
 from bench.analysis.models import TemperatureModel
 from bench.analysis.ramp_samples import RampLeg
@@ -82,8 +82,9 @@ class RampFindings:
             self._scale_error(largest_g), BudgetLine(LAG, "alias", 0.0),
         ]  # fmt: skip
         yield self._finding(
-            "K0/model_residual", "largest residual of the straight line", largest_g, "g", lines, self._at_largest()
-        )
+            "K0/model_residual", "largest residual of the straight line", largest_g, "g", lines, self._at_largest(),
+            interval=interval_of_largest(residuals_g, sd_g),
+        )  # fmt: skip
         rms_g = found.rms_residual_ug / UG_PER_G
         added_g = rms_g - float(np.sqrt(max(rms_g**2 - sd_g**2, 0.0)))
         lines = [
@@ -125,7 +126,8 @@ class RampFindings:
         ]  # fmt: skip
         if quantity == "K0/hysteresis":
             lines.append(BudgetLine(LAG, "alias", 0.0))
-        return self._finding(quantity, name, value_g, "g", lines, at, flags)
+        interval = interval_of_largest(values_g, sd_g)
+        return self._finding(quantity, name, value_g, "g", lines, at, flags, interval=interval)
 
     # Jumps and lag
 
@@ -248,9 +250,10 @@ class RampFindings:
         flags: tuple[str, ...] = (),
         id_tail: str = "",
         steps: tuple[str, ...] = (),
+        interval: Interval | None = None,
     ) -> Finding:
         steps = steps or tuple(leg.step for leg in self.level)
-        return self._subject.finding(quantity, name, value, unit, lines, at, steps, id_tail, flags)
+        return self._subject.finding(quantity, name, value, unit, lines, at, steps, id_tail, flags, interval)
 
 
 def _at_jump(jump: RampJump) -> dict[str, Any]:

@@ -15,13 +15,12 @@ import numpy as np
 from scipy.special import chdtri
 
 from bench.analysis.dwells import Dwell, SolvedDwells, solve_dwells
-from bench.analysis.finding import BudgetLine, Finding, UnitResult
+from bench.analysis.finding import CONFIDENCE, BudgetLine, Finding, Interval, UnitResult
 from bench.analysis.rundata import Array, RunData, UnitUnderTest
 
 UNITS = {"K0": "g", "K1": "1", "misalignment": "rad"}
 NAMES = {"K0": "bias", "K1": "scale factor, relative", "misalignment": "misalignment of the input axis"}
 LEAST = 3  # repetitions, for a standard deviation that says something
-CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +95,7 @@ def _deviation(label: str, unit: UnitUnderTest, found: Repeated, dwells: Sequenc
         uut=unit.serial,
         quantity=f"{found.quantity}/sd",
         name=f"{NAMES[found.quantity]}: standard deviation over the repetitions",
-        at={"repetitions": len(found.values), "interval": list(found.interval), "confidence": CONFIDENCE, "own": own},
+        at={"repetitions": len(found.values)},
         value=found.sd,
         unit=UNITS[found.quantity],
         budget=(
@@ -104,6 +103,7 @@ def _deviation(label: str, unit: UnitUnderTest, found: Repeated, dwells: Sequenc
             BudgetLine("scatter of the readings of a tumble: contained, not taken out", "alias", 0),
         ),
         steps=tuple(dwell.group for dwell in dwells),
+        interval=Interval(*found.interval, own),
     )
 
 

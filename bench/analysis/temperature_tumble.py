@@ -16,7 +16,8 @@ import numpy as np
 from bench.analysis.coefficient_findings import Origin, coefficient_findings
 from bench.analysis.compensation import Compensation
 from bench.analysis.dwells import Dwell, solve_dwells
-from bench.analysis.finding import BudgetLine, Finding, UnitResult, combined
+from bench.analysis.extremes import interval_of_largest
+from bench.analysis.finding import BudgetLine, Finding, Interval, UnitResult, combined
 from bench.analysis.fit import NotDetermined, PolynomialFit, fit_polynomial
 from bench.analysis.models import TemperatureModel
 from bench.analysis.rundata import Array, RunData, UnitUnderTest
@@ -283,10 +284,17 @@ class _Unit:
         if loop is not None:
             dwells = (self._dwells[loop.rising], self._dwells[loop.falling])
             name = "largest difference between rising and falling temperature"
-            yield self._largest(f"{quantity}/hysteresis", name, loop.value, relative, dwells)
+            own = self._scatter_of(quantity)[loop.pairs]
+            interval = interval_of_largest(loop.differences, np.hypot(*own.T)).times(relative)
+            yield self._largest(f"{quantity}/hysteresis", name, loop.value, relative, dwells, interval)
         worst = self._dwells[int(np.argmax(np.abs(model.residuals)))]
         name = f"largest residual of the model of degree {model.degree}"
-        yield self._largest(f"{quantity}/model_residual", name, model.max_residual, relative, (worst,))
+        interval = interval_of_largest(model.residuals, self._scatter_of(quantity)).times(relative)
+        yield self._largest(f"{quantity}/model_residual", name, model.max_residual, relative, (worst,), interval)
+
+    def _scatter_of(self, quantity: str) -> Array:
+        """What the readings give to a constant at each dwell, (n,), in its unit."""
+        return np.array([self._scatter(dwell.gain_of(quantity)).u for dwell in self._dwells])
 
     def _coefficient(self, quantity: str, line: PolynomialFit, relative: float) -> Finding:
         """The slope of the straight line."""
@@ -356,7 +364,15 @@ class _Unit:
         name = "closure: last dwell less first, both at the first temperature"
         return self._largest("K0/closure", name, last.values["K0"] - first.values["K0"] - expected, 1.0, (first, last))
 
-    def _largest(self, quantity: str, name: str, value: float, relative: float, dwells: tuple[Dwell, ...]) -> Finding:
+    def _largest(
+        self,
+        quantity: str,
+        name: str,
+        value: float,
+        relative: float,
+        dwells: tuple[Dwell, ...],
+        interval: Interval | None = None,
+    ) -> Finding:
         """A largest value over the dwells; its uncertainty is that of their readings, all else is common to them."""
         gain = np.concatenate([dwell.gain_of(quantity.partition("/")[0]) for dwell in dwells]) * relative
         return Finding(
@@ -373,6 +389,7 @@ class _Unit:
             unit="g" if quantity.startswith("K0") else "1",
             budget=combined([self._scatter(gain)]),
             steps=tuple(dwell.group for dwell in dwells),
+            interval=interval,
         )
 
 

@@ -168,12 +168,17 @@ def turn_between_deg(start_deg: float, end_deg: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Hysteresis:
-    """The largest |rising - falling|, in the unit of the values, at the set point `set_c`, and which two dwells."""
+    """The largest |rising - falling|, in the unit of the values, at the set point `set_c`, and which two dwells.
+
+    `differences` (m,) are all of them, of the dwells in the rows of `pairs` (m, 2).
+    """
 
     value: float
     set_c: float
     rising: int
     falling: int
+    differences: Array
+    pairs: NDArray[np.int_]
 
 
 def hysteresis(
@@ -202,4 +207,4 @@ def hysteresis(
     difference = np.abs(value[up] - value[down] - expected)
     largest = int(np.argmax(difference))
     i, j = int(up[largest]), int(down[largest])
-    return Hysteresis(float(difference[largest]), float(set_c[i]), i, j)
+    return Hysteresis(float(difference[largest]), float(set_c[i]), i, j, difference, pairs)

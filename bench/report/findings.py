@@ -129,6 +129,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "k": COVERAGE,
         "expanded": COVERAGE * finding.u,
         "dof": finding.dof,
+        "interval": None if finding.interval is None else dataclasses.asdict(finding.interval),
         "limits": sides or None,
         "guard": limits.guard_k,
         "verdict": finding.verdict,

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from bench.analysis.finding import COVERAGE, UnitResult
-from bench.analysis.repeatability import CONFIDENCE, Repeated, rows
+from bench.analysis.finding import CONFIDENCE, COVERAGE, UnitResult
+from bench.analysis.repeatability import Repeated, rows
 from bench.report.languages import tr
 from bench.report.plots import Plot
 from bench.report.shown import SHOWN

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from bench.analysis.finding import COVERAGE, Finding, UnitResult
+from bench.analysis.finding import CONFIDENCE, COVERAGE, Finding, UnitResult
 from bench.analysis.limits import Limits
 from bench.analysis.models import Constant, Equation, KnotModel, TemperatureModel
 from bench.report.languages import tr
@@ -170,8 +170,21 @@ def _row(finding: Finding, dwells: Mapping[str, int], remark: str = "") -> Row:
         verdict=finding.verdict or "",
         marginal=finding.marginal,
         where=where(finding.at, dwells),
-        remark="; ".join(filter(None, [*reasons, remark])),
+        remark="; ".join(filter(None, [*reasons, remark, _interval_in_words(finding)])),
     )
+
+
+def _interval_in_words(finding: Finding) -> str:
+    """Where a largest value lies, and what scatter alone would have made of it; nothing of any other."""
+    interval = finding.interval
+    if interval is None:
+        return ""
+    factor, _ = SHOWN.get(finding.quantity, (1.0, ""))
+    low, high, scatter = (f"{value * factor:.2g}" for value in (interval.low, interval.high, interval.from_scatter))
+    return tr(
+        "{share}: {low} to {high}; scatter alone makes {scatter}",
+        share=f"{CONFIDENCE:.0%}", low=low, high=high, scatter=scatter,
+    )  # fmt: skip
 
 
 def over_run_rows(unit: UnitResult) -> list[Row]:

@@ -31,7 +31,7 @@ def test_each_standard_deviation_is_that_of_the_unit_within_its_uncertainty(remo
     assert max(abs(each.ratio) for each in found) < 3
     for finding in results_of(remounted)["findings"]:
         if finding["quantity"].endswith("/sd"):
-            low, high = finding["at"]["interval"]
+            low, high = (finding["interval"][end] for end in ("low", "high"))
             assert low < finding["value"] < high
             assert finding["u"] == pytest.approx(finding["value"] / math.sqrt(6))
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from bench.analysis.extremes import largest_u, scatter_sd
+from bench.analysis.extremes import interval_of_largest, largest_u, scatter_sd
 
 
 @pytest.fixture
@@ -51,3 +51,42 @@ def test_equal_values_give_equal_uncertainties(rng):
     values = rng.standard_normal(50)
     assert largest_u(values, 0.5) == largest_u(values.copy(), 0.5)
     assert largest_u(values, 0.0) == pytest.approx((0.0, 0.0))
+
+
+@pytest.mark.parametrize("count", [4, 200])
+@pytest.mark.parametrize("height", [0.0, 1.0, 3.0, 30.0])
+@pytest.mark.parametrize("shape", ["smooth", "one of many", "alike"])
+def test_an_interval_holds_what_is_true_of_a_largest_value(rng, shape, height, count):
+    shapes = {
+        "smooth": np.cos(np.linspace(0, np.pi, count)),
+        "one of many": np.eye(count)[1],
+        "alike": np.ones(count),
+    }
+    sd = np.linspace(0.5, 1.0, count)
+    held = 0
+    for _ in range(200):
+        found = interval_of_largest(height * shapes[shape] + sd * rng.standard_normal(count), sd)
+        held += found.low <= height <= found.high
+    assert held >= 186, "of 190 expected at the least; 186 is two standard deviations below"
+
+
+def test_an_interval_is_no_wider_than_scatter_makes_it(rng):
+    values = 50.0 + rng.standard_normal(100)
+    found = interval_of_largest(values, 1.0)
+    assert found.high == pytest.approx(values.max() + 1.96, abs=0.01)
+    assert values.max() - 4 < found.low < values.max() - 3
+
+
+def test_what_scatter_alone_makes_of_a_largest_value_is_as_in_trials(rng):
+    sd = np.repeat([1.0, 3.0], 20)
+    trials = np.max(np.abs(sd * rng.standard_normal((20_000, 40))), axis=1)
+    found = interval_of_largest(np.zeros(40), sd)
+    assert found.from_scatter == pytest.approx(trials.mean(), rel=0.01)
+    bound = 100.0 - interval_of_largest(np.r_[100.0, np.zeros(39)], sd).low
+    assert bound == pytest.approx(np.quantile(trials, 0.975), rel=0.02)
+
+
+def test_without_scatter_the_interval_is_the_value_itself():
+    found = interval_of_largest(np.array([-3.0, 2.0]), 0.0)
+    assert (found.low, found.high, found.from_scatter) == (3.0, 3.0, 0.0)
+    assert interval_of_largest(np.array([-3.0]), 1.0).times(-2.0).high == pytest.approx(2 * (3 + 1.96), abs=0.001)
