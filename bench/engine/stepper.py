@@ -124,7 +124,7 @@ class Stepper:
             self._journal.write("turning", planned.id, **_told(step))
             await body()
             await leave(step, self._bench)
-        return {"device": step.role, "rate_dps": step.rate_dps} if isinstance(step, Rotate) else {}
+        return {}
 
     async def _cut(self, planned: PlannedStep, step: Step, wish: Wish) -> None:
         """Brings to rest what was cut short."""

@@ -128,7 +128,6 @@ class _InForce:
     mount: Mount
     set_c: float
     set_from_c: float = math.nan
-    rate_dps: float = math.nan
     input: str = "accelerometer"
     sources_a: Mapping[str, float] = field(default_factory=dict)
     motion: Motion | None = None
@@ -188,24 +187,16 @@ def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple
             found.pop(step, None)
             motion = next((told for outer, told in turning.items() if step.startswith(f"{outer}/")), None)
             found[step] = (event, dwells.of(step), replace(state, set_from_c=begun_c[event.step], motion=motion))
-        if "rate_dps" in event.data and "device" in event.data:  # a rotation is over after what was acquired meanwhile
-            inside = f"{first_visit(event.step)}/"
-            rate_dps = float(event.data["rate_dps"])
-            found |= {
-                step: (acquired, dwell, replace(then, rate_dps=rate_dps))
-                for step, (acquired, dwell, then) in found.items()
-                if step.startswith(inside)
-            }
     yield from found.values()
 
 
-def _turned(event: Event, command_dps: float) -> Turned | None:
+def _turned(event: Event, motion: Motion | None) -> Turned | None:
     """The rotation whose whole turns an acquisition lasted; None for any other."""
     course = event.data.get("turned")
-    if course is None:
+    if course is None or motion is None or motion.rate_dps is None:
         return None
     ends = {key: float(course[key]) for key in ("from_s", "from_deg", "to_s", "to_deg")}
-    return Turned(axis=str(course["of"]), command_dps=command_dps, **ends)
+    return Turned(axis=str(course["of"]), command_dps=motion.rate_dps, **ends)
 
 
 def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mapping[str, Series]) -> Acquisition:
@@ -222,7 +213,7 @@ def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mappin
         set_from_c=state.set_from_c,
         set_c=state.set_c,
         mount=state.mount,
-        turned=_turned(event, state.rate_dps),
+        turned=_turned(event, state.motion),
         input=state.input,
         sources_a=state.sources_a,
         counts={},
