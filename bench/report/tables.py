@@ -180,7 +180,9 @@ def _interval_in_words(finding: Finding) -> str:
     if interval is None:
         return ""
     factor, _ = SHOWN.get(finding.quantity, (1.0, ""))
-    low, high, scatter = (f"{value * factor:.2g}" for value in (interval.low, interval.high, interval.from_scatter))
+    digits = decimals((interval.high - interval.low) * factor)
+    ends = (interval.low, interval.high, interval.from_scatter)
+    low, high, scatter = (f"{value * factor:.{digits}f}" for value in ends)
     return tr(
         "{share}: {low} to {high}; scatter alone makes {scatter}",
         share=f"{CONFIDENCE:.0%}", low=low, high=high, scatter=scatter,
