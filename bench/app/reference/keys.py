@@ -70,8 +70,9 @@ def _keys(known: Schema, ref: Schema, path: str, level: int, without: Collection
 
 
 def _definition(known: Schema, ref: Schema) -> Schema:
+    """What a reference is to; of a part that may be written as one value too, the part."""
     found: Schema = known[ref["$ref"].removeprefix("#/$defs/")]
-    return found
+    return next((kind for kind in found.get("anyOf", ()) if "properties" in kind), found)
 
 
 def _default(node: Schema, is_required: bool) -> str:
