@@ -26,12 +26,13 @@ NOWHERE: Vector = (0.0, 0.0, 0.0)
 class TableErrors:
     """What a table does that it is not told.
 
-    Its base is tilted by `across_deg` about east, beside the level about south, and its axis by `wobble_deg` more about
-    south, which comes and goes once a turn.
+    It turns faster than it is told by the part `rate`. Its base is tilted by `across_deg` about east, beside the level
+    about south, and its axis by `wobble_deg` more about south, which comes and goes once a turn.
     """
 
     loop: Loop | None = None
     ripple: Ripple | None = None
+    rate: float = 0.0
     across_deg: float = 0.0
     wobble_deg: float = 0.0
     wobble_phase_rad: float = 0.0

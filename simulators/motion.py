@@ -52,9 +52,10 @@ class Axis:
         draws: np.random.Generator,
         loop: Loop | None = None,
         ripple: Ripple | None = None,
+        rate_error: float = 0.0,
     ) -> None:
         self._errors = errors
-        self._loop, self._ripple = loop, ripple
+        self._loop, self._ripple, self._rate_error = loop, ripple, rate_error
         self._acceleration = acceleration_dps2
         self._draws = draws
         self._profile: Profile = Move(0.0, 0.0, 0.0, 1.0, acceleration_dps2)
@@ -72,7 +73,7 @@ class Axis:
 
     def turn(self, at_s: float, rate_dps: float, acceleration_dps2: float) -> None:
         """Changes the rate to `rate_dps`, from what it is now."""
-        rate = Slew(self._profile.rate_at(at_s), rate_dps, acceleration_dps2)
+        rate = Slew(self._profile.rate_at(at_s), rate_dps * (1 + self._rate_error), acceleration_dps2)
         self._begin(Turn(at_s, self._profile.angle_at(at_s), rate, self._ripple))
         if turning := rate.end or rate.begin:
             self._from_above = turning < 0

@@ -42,7 +42,7 @@ class World:
         self.axes = {
             role: Axis(
                 errors, settings.axis_acceleration_dps2, stream(settings.seed, *path, "repeatability"),
-                settings.table.loop, settings.table.ripple,
+                settings.table.loop, settings.table.ripple, settings.table.rate,
             )
             for (role, errors), path in zip(settings.axes.items(), _streams(settings.axes), strict=True)
         }  # fmt: skip

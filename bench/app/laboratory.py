@@ -244,6 +244,7 @@ def _table_errors(table: TableSimulation, stated: BenchRecord, seed: int, draw: 
     return TableErrors(
         loop=Loop(table.loop, table.damping, math.degrees(table.torque / table.inertia)),
         ripple=Ripple(table.ripple, (1, 2, 2 * table.pole_pairs), tuple(phases.tolist())),
+        rate=draw(table.rate, "table", "rate"),
         across_deg=draw(stated.level_u_deg, "level", "across"),
         wobble_deg=abs(wobble),
         wobble_phase_rad=-cmath.phase(wobble),

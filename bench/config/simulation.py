@@ -57,6 +57,9 @@ class TableSimulation(StrictModel):
     damping: Annotated[Ratio, InUnit("", above=0, at_most=5)] = Field(0.7, description="of its control loop")
     torque: Annotated[float, InUnit("N·m", above=0)] = Field(640.0, description="the most that its motor gives")
     inertia: Annotated[float, InUnit("kg·m²", above=0)] = Field(0.3, description="of the table and its load")
+    rate: Annotated[Ratio, InUnit("", at_least=0)] = Field(
+        1e-4, description="standard deviation of how far its rate is from what it is told, the same at every rate"
+    )
     ripple: Annotated[Ratio, InUnit("", at_least=0)] = Field(
         1e-4, description="of its rate, over a turn: once, twice, and twice for each pair of poles"
     )

@@ -12,7 +12,7 @@ import numpy as np
 
 from bench.analysis import counts as counting
 from bench.analysis.dwells import Dwell
-from bench.analysis.rundata import Counts
+from bench.analysis.rundata import Acquisition, Counts, RunData
 from bench.report import rundata
 from bench.report.stored import open_run
 from drivers.can_counter import wire
@@ -112,6 +112,29 @@ def swapped_lines() -> Iterator[None]:
         yield
 
 
+def reversed_misalignment() -> AbstractContextManager[object]:
+    """The misalignment with the opposite sign."""
+    honest = Dwell.values.fget
+
+    def mistaken(dwell: Dwell) -> dict[str, float]:
+        return {**honest(dwell), "misalignment": -honest(dwell)["misalignment"]}
+
+    return mock.patch.object(Dwell, "values", property(mistaken))
+
+
+@contextmanager
+def swapped_legs() -> Iterator[None]:
+    """The dwells of rising temperature in place of those of falling temperature, in each cycle."""
+    honest = RunData.groups
+
+    def mistaken(data: RunData) -> dict[str, list[Acquisition]]:
+        groups = honest(data)
+        return dict(zip(groups, reversed(groups.values()), strict=True))
+
+    with mock.patch.object(RunData, "groups", mistaken):
+        yield
+
+
 PLANTED: dict[str, Plant] = {
     "mean-of-four bias": mean_of_four_bias,
     "host instead of device time": host_time,
@@ -120,4 +143,6 @@ PLANTED: dict[str, Plant] = {
     "chamber instead of unit temperature": chamber_temperature,
     "g_n instead of local g": standard_gravity,
     "swapped + and - lines": swapped_lines,
+    "reversed misalignment sign": reversed_misalignment,
+    "swapped legs": swapped_legs,
 }

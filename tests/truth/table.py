@@ -51,9 +51,9 @@ def table_bench(folder: Path, name: str, *, perfect: bool = False) -> Path:
     return path
 
 
-def compare_table(folder: Path) -> list[Comparison]:
+def compare_table(folder: Path, results: dict | None = None) -> list[Comparison]:
     """Every figure of a run with a truth beside it; those of one kind by the number of their point."""
-    truth, results = json.loads((folder / "truth.json").read_text("utf-8")), results_of(folder)
+    truth, results = json.loads((folder / "truth.json").read_text("utf-8")), results or results_of(folder)
     true = truths(truth, results)
     return [
         Comparison(

@@ -1,9 +1,14 @@
 """The tests on a rate table against the truth: each sequence once, short, on a full bench, through all the wires."""
 
+import dataclasses
+from unittest import mock
+
 import numpy as np
 import pytest
 
+from bench.analysis import range_blocks
 from bench.app.request import RunRequest
+from bench.report.stored import open_run
 from tests.truth.campaign import results_of, run_one
 from tests.truth.table import BENCHES, SHORT, compare_table, table_bench
 
@@ -61,3 +66,14 @@ def test_the_report_draws_it_and_tells_its_points(run_of, sequence):
         words = ("Frequency response", "-3 dB", "Points of the sweep", "K · exp(-2πi f delay)")
     for word in (*words, "Budgets of all points"):
         assert word in page
+
+
+def test_the_commanded_rate_in_place_of_the_encoder_s_is_seen(run_of):
+    honest = range_blocks.Turning
+
+    def mistaken(step, command_dps, steady, *rest):
+        return honest(step, command_dps, dataclasses.replace(steady, rate_dps=command_dps), *rest)
+
+    with mock.patch.object(range_blocks, "Turning", mistaken), open_run(run_of("gyro_range")) as stored:
+        found = compare_table(stored.folder, stored.evaluate().to_json())
+    assert max(abs(each.ratio) for each in found if each.quantity == "rate_error/relative") > 6

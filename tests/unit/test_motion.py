@@ -290,6 +290,12 @@ def test_a_table_that_turns_unevenly_is_where_its_mean_rate_takes_it() -> None:
     assert turn.rates_dps(np.linspace(1, 2, 1001)).max() == pytest.approx(360 * (1 + 1.9e-4), rel=2e-5)
 
 
+def test_a_table_whose_clock_is_fast_turns_faster_than_it_is_told() -> None:
+    table = Axis(AxisErrors(), 40.0, np.random.default_rng(1), rate_error=2e-4)
+    table.turn(0.0, -50.0, 1e6)
+    assert table.rate_dps(10.0) == pytest.approx(-50.01, abs=1e-9)
+
+
 def test_the_true_rate_holds_the_slope_of_the_error_map() -> None:
     table = axis(cosines=(0.1, 0.05), sines=(0.02, 0.03))
     table.swing(0.0, Slew(0.0, 20.0, 10.0), Slew(0.0, 0.5, 0.25), 0.0)
