@@ -129,7 +129,10 @@ def swapped_legs() -> Iterator[None]:
 
     def mistaken(data: RunData) -> dict[str, list[Acquisition]]:
         groups = honest(data)
-        return dict(zip(groups, reversed(groups.values()), strict=True))
+        return {
+            name: [dataclasses.replace(member, group=name) for member in members]
+            for name, members in zip(groups, reversed(groups.values()), strict=True)
+        }
 
     with mock.patch.object(RunData, "groups", mistaken):
         yield
