@@ -19,7 +19,7 @@ settings.register_profile("fixed", derandomize=True)
 settings.register_profile("explore", print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
 REQUIRED = os.environ.get("BENCH_REQUIRE_PEERS") == "1"
-_MODULES = {"pymeasure": ("pymeasure", "pyvisa", "pyvisa_py"), "msgpack": ("msgpack",)}
+_MODULES = {"pymeasure": ("pymeasure", "pyvisa", "pyvisa_py"), "msgpack": ("msgpack",), "imucal": ("imucal",)}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
