@@ -31,6 +31,13 @@ class TemperatureCorrection(StrictModel):
     add: Annotated[float, InUnit("°C")] = Field(description="what must be added to it")
 
 
+class CurrentCorrection(StrictModel):
+    """A row of the table of a current source."""
+
+    at: Annotated[float, InUnit("A")] = Field(description="the current that it says it gives")
+    add: Annotated[float, InUnit("A")] = Field(description="what must be added to be what it gives")
+
+
 def _angles(rows: tuple[AngleCorrection, ...]) -> tuple[AngleCorrection, ...]:
     _rising([(row.at, row.at + row.add / ARCSEC_PER_DEG) for row in rows])
     if rows and rows[-1].at - rows[0].at > TURN_DEG:
@@ -39,6 +46,11 @@ def _angles(rows: tuple[AngleCorrection, ...]) -> tuple[AngleCorrection, ...]:
 
 
 def _temperatures(rows: tuple[TemperatureCorrection, ...]) -> tuple[TemperatureCorrection, ...]:
+    _rising([(row.at, row.at + row.add) for row in rows])
+    return rows
+
+
+def _currents(rows: tuple[CurrentCorrection, ...]) -> tuple[CurrentCorrection, ...]:
     _rising([(row.at, row.at + row.add) for row in rows])
     return rows
 
@@ -53,6 +65,7 @@ def _rising(rows: list[tuple[float, float]]) -> None:
 
 
 TemperatureTable = Annotated[tuple[TemperatureCorrection, ...], AfterValidator(_temperatures)]
+CurrentTable = Annotated[tuple[CurrentCorrection, ...], AfterValidator(_currents)]
 AngleTable = Annotated[tuple[AngleCorrection, ...], AfterValidator(_angles)]
 
 
@@ -75,3 +88,9 @@ class VoltageCorrections(StrictModel):
 
     gain: Annotated[Ratio, InUnit("")] = Field(0.0, description="of the reading, what must be added, such as -3 ppm")
     offset: Annotated[float, InUnit("V")] = Field(0.0, description="what must be added, whatever it reads")
+
+
+class CurrentCorrections(StrictModel):
+    """What a certificate states of a current source in its range besides its uncertainty."""
+
+    current: CurrentTable = Field((), description="rows, by rising current")

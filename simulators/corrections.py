@@ -23,3 +23,9 @@ def lacking_deg(angle_deg: Array, table: Table) -> Array:
     """What an encoder that reads these angles lacks, by a table of one turn."""
     readings, to_add = table
     return np.interp(readings[0] + (angle_deg - readings[0]) % TURN_DEG, readings, to_add)
+
+
+def given_by(told: float, table: Table) -> float:
+    """What a source gives that tells so much; without a table it is what it tells."""
+    told_at, to_add = table
+    return told + float(np.interp(told, told_at, to_add)) if told_at else told

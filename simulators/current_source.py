@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from simulators.corrections import Array, Table, given_by
+
 HOUR_S = 3600.0
 
 
@@ -42,12 +42,16 @@ class CurrentErrors:
 
 @dataclass(frozen=True, slots=True)
 class Feed:
-    """A source on a bench: the instrument, and its errors. Its power came on when the world began."""
+    """A source on a bench: the instrument, and its errors. Its power came on when the world began.
+
+    They come on top of what its `table` of corrections adds.
+    """
 
     source: CurrentSource
     errors: CurrentErrors
+    table: Table = ((), ())
 
     def current_a(self, at_s: Array) -> Array:
         """What flows into whatever it is connected to, at true times."""
         set_a = self.source.feeds_a
-        return np.zeros_like(at_s) if set_a is None else self.errors.current_a(set_a, at_s)
+        return np.zeros_like(at_s) if set_a is None else self.errors.current_a(given_by(set_a, self.table), at_s)

@@ -137,9 +137,12 @@ class ChannelFindings:
         at = {"run": ZERO}
         first, last = points[0], points[-1]
         offset_pps = self._pps_per_a * self._source_offset_u_a
+        fed_pps = self._pps_per_a * self._zero_a
         lines = [self._counted(first), BudgetLine(f"{self.unit.source}: offset", "B", offset_pps, None,
                                                   f"{self.unit.source}.offset")]  # fmt: skip
-        yield self.finding("zero", "rate with the source at 0 A", at, first.rate_pps, "pulse/s", lines, (first.step,))
+        yield self.finding(
+            "zero", "rate with the source at 0 A", at, first.rate_pps - fed_pps, "pulse/s", lines, (first.step,)
+        )
         if last is not first:
             hours = (last.middle_s - first.middle_s) / HOUR_S
             name = f"change of the rate at 0 A within {hours:.1f} h"
@@ -149,9 +152,19 @@ class ChannelFindings:
 
     @property
     def zero_points(self) -> Sequence[Point]:
-        """The points at which the source gave nothing."""
-        return [point for each in self.found.values() for point in each.points
-                if each.level.kind == "source" and each.level.current_a == 0]  # fmt: skip
+        """The points at which the source was set to nothing."""
+        level = self._zero_level
+        return level.points if level is not None else ()
+
+    @property
+    def _zero_a(self) -> float:
+        """What the source gives by its certificate when it is set to nothing."""
+        return self._zero_level.level.current_a if self._zero_level is not None else 0.0
+
+    @property
+    def _zero_level(self) -> LevelData | None:
+        sources = (each for each in self.found.values() if each.level.kind == "source")
+        return next((each for each in sources if each.level.told_g == 0), None)
 
     def _counted(self, point: Point) -> BudgetLine:
         return BudgetLine(COUNTING, "B", RESOLUTION_COUNTS / point.span_s)
@@ -193,7 +206,8 @@ class ChannelFindings:
         lines: Sequence[BudgetLine],
         steps: tuple[str, ...] = (),
     ) -> Finding:
-        at = {"run": level.name, "level_g": level.data.level.level_g}
+        fed = level.data.level
+        at = {"run": level.name, "level_g": fed.level_g, **({"current_a": fed.current_a} if level.is_source else {})}
         return self.finding(quantity, name, at, value, unit, lines, steps or level.data.steps)
 
     def finding(

@@ -23,17 +23,19 @@ SAME_CLOCK = 0.5  # of the time between two latches, that device and host may di
 class InputLevel:
     """What a channel is fed with: gravity along its input axis, or a current; in g of a nominal unit.
 
-    `current_a` is not-a-number for gravity.
+    `current_a` is not-a-number for gravity. `told_g` is what the source told where its certificate corrects that: the
+    level is called by it.
     """
 
     kind: Literal["gravity", "source"]
     level_g: float
     current_a: float = float("nan")
+    told_g: float | None = None
 
     @property
     def name(self) -> str:
         """As methods.md calls it: up_1g, skew, src_12g."""
-        level_g = round(self.level_g, LEVEL_DIGITS_G) + 0.0
+        level_g = round(self.level_g if self.told_g is None else self.told_g, LEVEL_DIGITS_G) + 0.0
         if self.kind == "source":
             return f"src_{level_g:g}g"
         usual = {1.0: "up_1g", -1.0: "down_1g", SKEW_G: "skew"}
@@ -82,7 +84,8 @@ def input_level(data: RunData, unit: UnitUnderTest, acquisition: Acquisition) ->
     """What fed a unit's converter during an acquisition."""
     if acquisition.input == "source":
         current_a = acquisition.sources_a.get(unit.source, 0.0)
-        return InputLevel("source", current_a / unit.scale_a_per_g, current_a=current_a)
+        told_a = acquisition.sources_told_a.get(unit.source, current_a)
+        return InputLevel("source", current_a / unit.scale_a_per_g, current_a, told_a / unit.scale_a_per_g)
     return InputLevel("gravity", float(specific_force_g(acquisition, unit, data.bench)[0]))
 
 

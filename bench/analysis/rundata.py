@@ -134,8 +134,9 @@ class Acquisition:
     chamber's set point at the end, `set_from_c` at the beginning, not-a-number before the first ramp; `counts` by
     channel, `voltages` by voltmeter; `temperatures_c` the values of each named reading between `begin_s` and `end_s` of
     bench time, taken at `temperatures_at_s`. Where `input` is "source" the converter is fed by a current source;
-    `sources_a` is what those that are on were read back to give, by their roles. One that was to become stable is read
-    over its last `over_s`; `stable` are the places of the units that did. `turned` is a rotation over whole turns
+    `sources_a` is what those that are on give, by their roles, `sources_told_a` what they were read back to give where
+    a certificate corrects that. One that was to become stable is read over its last `over_s`; `stable` are the places
+    of the units that did. `turned` is a rotation over whole turns
     meanwhile. Where only means are wanted `windows` stand in place of `counts`, so that a long run is not in memory all
     at once. `positions` are those of the encoders that a counter latches, by the devices that drive the axes, `motion`
     is None where no table turned or swung.
@@ -158,6 +159,7 @@ class Acquisition:
     windows: Mapping[str, Window] = field(default_factory=dict)
     input: str = "accelerometer"
     sources_a: Mapping[str, float] = field(default_factory=dict)
+    sources_told_a: Mapping[str, float] = field(default_factory=dict)
     over_s: float | None = None
     stable: frozenset[str] | None = None
     positions: Mapping[str, Positions] = field(default_factory=dict)

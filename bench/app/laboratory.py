@@ -116,7 +116,8 @@ def make_laboratory(
         else:
             instruments[role] = made = _instrument(role, entry, world, faults)
             if isinstance(made, (SimulatedFluke, SimulatedKeithley)):
-                world.sources[role] = Feed(made, _current_errors(bench, role, seed))
+                table = _columns(corrections_of(bench).currents.get(role))
+                world.sources[role] = Feed(made, _current_errors(bench, role, seed), table)
     return Laboratory(world, instruments, counters, voltmeters)
 
 

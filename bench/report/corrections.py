@@ -16,7 +16,16 @@ from bench.config.devices import Calibration
 from bench.config.models import BenchFile
 from bench.report.languages import tr
 from bench.store.reader import Series
-from drivers.corrections import ARCSEC_PER_DEG, TURN_DEG, AxisCorrections, ClockCorrections, VoltageCorrections
+from drivers.corrections import (
+    ARCSEC_PER_DEG,
+    TURN_DEG,
+    AxisCorrections,
+    ClockCorrections,
+    CurrentCorrections,
+    VoltageCorrections,
+)
+
+MA_PER_A, NA_PER_MA = 1e3, 1e6
 
 
 @dataclass(frozen=True)
@@ -43,6 +52,7 @@ class Corrections:
     axes: Mapping[str, Table]
     clocks: Mapping[str, float]
     voltmeters: Mapping[str, VoltageCorrections]
+    currents: Mapping[str, Table]
 
     def temperatures(self, series: Series) -> Series:
         """A named reading, corrected where it is that of a thermometer with a table."""
@@ -68,6 +78,11 @@ class Corrections:
             return read
         return replace(read, values_v=read.values_v * (1 + known.gain) + known.offset)
 
+    def current_a(self, role: str, told_a: float) -> float:
+        """What a current source gives that tells so much."""
+        table = self.currents.get(role)
+        return told_a if table is None else float(table.corrected(np.array(told_a)))
+
 
 def corrections_of(bench: BenchFile) -> Corrections:
     """What the certificates of a bench file add."""
@@ -85,6 +100,11 @@ def corrections_of(bench: BenchFile) -> Corrections:
         },
         clocks={role: found.time_base for role, found in stated.items() if isinstance(found, ClockCorrections)},
         voltmeters={role: found for role, found in stated.items() if isinstance(found, VoltageCorrections)},
+        currents={
+            role: _table([(row.at, row.add) for row in found.current])
+            for role, found in stated.items()
+            if isinstance(found, CurrentCorrections) and found.current
+        },
     )
 
 
@@ -103,6 +123,14 @@ def told(bench: BenchFile, data: list[RunData]) -> Iterator[str]:
         angles = [each.angles_deg[role] for part in data for each in part.acquisitions if role in each.angles_deg]
         beyond = _beyond(table, [table.within_its_turn(np.array(angles))], "°")
         yield _line(role, bench.devices[role].calibration, _rows(table, ARCSEC_PER_DEG, "arcsec", "°"), beyond)
+    for role, table in known.currents.items():
+        told_a = [
+            each.sources_told_a[role] for part in data for each in part.acquisitions if role in each.sources_told_a
+        ]
+        if told_a:
+            told_ma = Table(table.at * MA_PER_A, table.add * MA_PER_A)
+            beyond = _beyond(told_ma, [np.array(told_a) * MA_PER_A], "mA")
+            yield _line(role, bench.devices[role].calibration, _rows(told_ma, NA_PER_MA, "nA", "mA"), beyond)
     for role, relative in known.clocks.items():
         if relative:
             yield _line(role, bench.devices[role].calibration, f"{relative * 1e6:+g} ppm")

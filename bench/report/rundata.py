@@ -36,7 +36,7 @@ from drivers.frame_block import FrameBlock
 
 ARCSEC_DEG = 1 / 3600
 HOUR_S = 3600.0
-AS_READ = Corrections({}, {}, {}, {})
+AS_READ = Corrections({}, {}, {}, {}, {})
 
 
 def run_data(
@@ -93,6 +93,7 @@ def acquisitions(
         yield replace(
             acquired,
             angles_deg={role: corrections.angle_deg(role, at_deg) for role, at_deg in state.angles_deg.items()},
+            sources_a={role: corrections.current_a(role, told_a) for role, told_a in state.sources_a.items()},
             counts=counts,
             positions=positions,
             voltages={role: corrections.voltages(role, Voltages(*each.T)) for role, each in read.items()},
@@ -216,6 +217,7 @@ def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mappin
         turned=_turned(event, state.motion),
         input=state.input,
         sources_a=state.sources_a,
+        sources_told_a=state.sources_a,
         counts={},
         motion=state.motion,
         temperatures_c={name: series.values for name, series in meanwhile.items()},

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from drivers.corrections import CurrentCorrections
 from drivers.current_source import CurrentUncertainty
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, PositiveSeconds, StrictModel
@@ -48,5 +49,6 @@ DESCRIPTION = DriverDescription(
     options=FlukeOptions,
     limits=SourceLimits,
     uncertainty=CurrentUncertainty,
+    corrections=CurrentCorrections,
     channels={"current": "A", "settled": "", "on_time": "s"},
 )

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from drivers.corrections import CurrentCorrections
 from drivers.current_source import CurrentUncertainty
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, StrictModel
@@ -40,5 +41,6 @@ DESCRIPTION = DriverDescription(
     options=KeithleyOptions,
     limits=SourceLimits,
     uncertainty=CurrentUncertainty,
+    corrections=CurrentCorrections,
     channels={"current": "A"},
 )

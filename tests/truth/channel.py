@@ -47,13 +47,17 @@ def compare_channel(folder: Path, results: dict | None = None) -> dict[str, Comp
 
 
 def true_line(truth: dict, finding: dict) -> Line:
-    """The rate at the reference temperature and the slope of the noiseless channel, over the steps of a finding."""
+    """The rate at the reference temperature and the slope of the noiseless channel, over the steps of a finding.
+
+    At the level that the finding states: a certificate may say that the source gave another than it was set to.
+    """
     label, place = finding["id"].split("/")[:2]
     levels = [truth["levels"][f"{label}/{place}@{step}"] for step in finding["steps"]]
     temperature_c = np.concatenate([level["temperature_c"] for level in levels])
     rate_pps = np.concatenate([level["rate_pps"] for level in levels])
     slope, rate = np.polyfit(temperature_c - REFERENCE_C, rate_pps, 1)
-    return float(rate), float(slope)
+    stated = finding["at"].get("current_a", levels[0]["input_a"]) / levels[0]["input_a"]
+    return float(rate * stated), float(slope * stated)
 
 
 def _true_value(finding: dict, lines: dict[str, Line]) -> float:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from bench.app.laboratory import make_laboratory, unit_files
 from bench.config.bench import load_bench
 from bench.errors import InputError
+from bench.report.corrections import corrections_of
 from bench.report.rundata import bench_record
 from bench.sequence.estimate import estimate
 from bench.sequence.load import load_judged_plan
+from simulators.current_source import CurrentErrors
 from tests.support.sequences import ROOT
 from tests.truth.campaign import full_bench
 
@@ -68,6 +74,26 @@ def test_a_certificate_of_a_source_is_what_its_errors_are_drawn_from_and_what_a_
     for name, sd in (("gain", 20e-6), ("offset_a", 10e-9), ("drift_per_h", 1e-6)):
         squares = [getattr(errors, name) ** 2 for errors in drawn]
         assert (sum(squares) / len(squares)) ** 0.5 == pytest.approx(sd, rel=0.2)
+
+
+def test_a_source_gives_what_the_table_of_its_certificate_says(tmp_path):
+    rows = "corrections: {current: [{at: -1 mA, add: 2 µA}, {at: 3 mA, add: -6 µA}]}, U: {gain"
+    bench = load_bench(edited(tmp_path, ("U: {gain", rows))).bench
+    known = corrections_of(bench)
+    laboratory = make_laboratory(bench, unit_files(bench, None), 1, lambda: 0.0)
+    feed = laboratory.world.sources["source"]
+    exact = replace(feed, errors=CurrentErrors())
+    for told_a, given_a in ((-5e-3, -4.998e-3), (-1e-3, -0.998e-3), (1e-3, 0.998e-3), (5e-3, 4.994e-3)):
+        assert known.current_a("source", told_a) == pytest.approx(given_a, rel=1e-12)
+        instrument = SimpleNamespace(feeds_a=told_a)
+        assert replace(exact, source=instrument).current_a(np.zeros(1)) == pytest.approx([given_a], rel=1e-12)
+    assert known.current_a("other", 1e-3) == 1e-3
+
+
+def test_a_table_of_currents_rises(tmp_path):
+    rows = "corrections: {current: [{at: 3 mA, add: 0 A}, {at: 1 mA, add: 0 A}]}, U: {gain"
+    with pytest.raises(InputError, match=r"the rows rise, and 0.001 stands after 0.003"):
+        load_bench(edited(tmp_path, ("U: {gain", rows)))
 
 
 def test_without_a_certificate_the_simulation_says_how_a_source_errs_and_a_reduction_knows_nothing(tmp_path):

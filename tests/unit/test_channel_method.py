@@ -142,6 +142,8 @@ def test_the_rate_of_a_source_carries_its_certificate_and_that_of_gravity_the_le
     of_source = {line.source: line.u for line in results["rate@src_1g"].budget}
     assert of_source["source: gain"] == pytest.approx(20e-6 * rate(1.0, 25.0), rel=1e-3)
     assert of_source["source: offset"] == pytest.approx(10e-9 * S, rel=1e-3)
+    shared = [{line.shared for line in results[f"rate@{name}"].budget} for name in ("src_1g", "src_12g")]
+    assert {"source.gain", "source.offset"} <= shared[0] & shared[1], "one error of one range"
     of_skew = {line.source: line.u for line in results["rate@skew"].budget}
     assert of_skew["fixture: level"] == pytest.approx(np.radians(0.001) * S * K1 * np.cos(np.arcsin(0.577)), rel=1e-3)
     shared = {line.shared for line in results["rate/temperature_coefficient@skew"].budget}
