@@ -15,9 +15,10 @@ import numpy as np
 from bench.analysis.channel_comparison import COUNTING, SCATTER, Compared, Level
 from bench.analysis.channel_findings import ChannelFindings
 from bench.analysis.channel_levels import ChannelDrift
+from bench.analysis.compensation import Compensation, Curve
 from bench.analysis.finding import BudgetLine, Finding
 from bench.analysis.fit import Array
-from bench.analysis.models import Constant, Equation
+from bench.analysis.models import Constant, Equation, TemperatureModel
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,47 @@ class ChannelConclusions:
             yield self._model(level, references.get(level.name))
         if self.drift is not None:
             yield self._channel_model(self.drift)
+
+    def compensations(self) -> Iterator[Compensation]:
+        """For each slope that serves levels: how a rate becomes what it would be at the reference temperature."""
+        references = {each.level.name: each for each in self.compared}
+        served: dict[str, list[Level]] = {}
+        by_name = {level.name: level for level in self._usable}
+        for level in self._usable:
+            slope_from = self._slope_from(level, references.get(level.name))
+            served.setdefault(slope_from.name, []).append(level)
+        for name, levels in served.items():
+            yield self._compensation(by_name[name], levels)
+
+    def _compensation(self, slope_from: Level, levels: Sequence[Level]) -> Compensation:
+        of_levels, valid_c = self.of_levels, _ends(slope_from.run.gates.converter_c)
+        offset: Curve | None = None
+        scale: Curve = Constant(1.0, "1", 0.0)
+        if of_levels.settings["compare_basis"] == "raw":
+            slope = of_levels.slope(slope_from)
+            offset = self._line(slope, "pulse/s", 0.0, valid_c)
+        else:
+            scale = self._line(of_levels.relative_slope(slope_from), "1", 1.0, valid_c)
+        return Compensation(
+            f"{of_levels.unit.measured_by}@{slope_from.name}", "pulse/s", "pulse/s", scale, offset,
+            serves=tuple(level.name for level in levels),
+        )  # fmt: skip
+
+    def _line(self, slope: Finding, unit: str, at_reference: float, valid_c: tuple[float, float]) -> TemperatureModel:
+        """A straight line over temperature that has a value at the reference, and the slope that was found."""
+        reference_c = self.of_levels.reference_c
+        return TemperatureModel(
+            id=slope.id, uut=slope.uut, quantity=slope.quantity, unit=unit, centre=reference_c, scale=1.0,
+            coefficients=(at_reference, slope.value), u=(0.0, slope.u), correlation=((1.0, 0.0), (0.0, 1.0)),
+            powers_of_t=(at_reference - slope.value * reference_c, slope.value), residual_sd=None, dof=0,
+            max_residual=0.0, valid_c=valid_c, dwells_used=0, dwells_left_out=(),
+        )  # fmt: skip
+
+    @staticmethod
+    def _slope_from(level: Level, compared: Compared | None) -> Level:
+        """The level whose slope serves a level: its own, or that of its reference."""
+        shares = compared is not None and compared.comparison.decision == "share"
+        return compared.reference if compared is not None and shares else level
 
     def _deviations(self, compared: Compared) -> Iterator[Finding]:
         ours, theirs, found = compared.level, compared.reference, compared.comparison
@@ -92,8 +134,8 @@ class ChannelConclusions:
 
     def _model(self, level: Level, compared: Compared | None) -> Equation:
         """The line of a level; where it shares that of its reference, with the slope of that."""
-        shares = compared is not None and compared.comparison.decision == "share"
-        slope_from = compared.reference if compared is not None and shares else level
+        slope_from = self._slope_from(level, compared)
+        shares = slope_from is not level
         told = f"from {slope_from.name}, which serves this level too" if shares else "its own"
         rate = self.of_levels.rate(level)
         if shares and self.of_levels.settings["compare_basis"] == "raw":

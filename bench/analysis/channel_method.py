@@ -67,6 +67,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
         uut=unit.serial,
         findings=(*of_levels.findings(), *conclusions.findings()),
         models=tuple(conclusions.models()),
+        compensations=tuple(conclusions.compensations()),
         left_out=tuple(dict.fromkeys(left_out)),
         flags=(
             *(flag for level in levels for flag in _flags_of_level(level, settings)),

@@ -11,6 +11,7 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from bench.analysis.fit import Array
+from bench.analysis.linearity import Linearity
 from bench.analysis.models import Constant, KnotModel, TemperatureModel
 
 Curve = TemperatureModel | KnotModel | Constant
@@ -22,7 +23,9 @@ FORM = "value = (output - offset(T)) / scale(T) - bias(T)"
 class Compensation:
     """Of one channel: value = (output - offset(T)) / scale(T) - bias(T), T the temperature its thermometer indicates.
 
-    `offset` is in the unit of the output, `bias` in that of the value; None is nothing.
+    `offset` is in the unit of the output, `bias` in that of the value; None is nothing. With a `linearity` this is its
+    x, and the value is its v. For people: `serves` names the inputs that it was found at, `found_at_c` the temperature
+    of one that was found at a single one.
     """
 
     channel: str
@@ -31,6 +34,9 @@ class Compensation:
     scale: Curve
     offset: Curve | None = None
     bias: Curve | None = None
+    linearity: Linearity | None = None
+    serves: tuple[str, ...] = ()
+    found_at_c: float | None = None
 
     @property
     def valid_c(self) -> tuple[float, float] | None:
@@ -49,10 +55,13 @@ class Compensation:
             "form": FORM,
             **{name: None if curve is None else _curve_json(curve) for name, curve in curves.items()},
             "valid_c": None if self.valid_c is None else list(self.valid_c),
+            **({} if self.linearity is None else {"linearity": self.linearity.to_json()}),
+            **({"serves": list(self.serves)} if self.serves else {}),
+            **({"found_at_c": self.found_at_c} if self.found_at_c is not None else {}),
         }
 
     def apply(self, output: Array, temperature_c: Array, beyond: Beyond = "hold") -> tuple[Array, NDArray[np.bool_]]:
-        """The values (n,) of outputs at temperatures (n,), and which of them are beyond what the curves are known at.
+        """The values (n,) of outputs at temperatures (n,), and which of them are beyond what is known.
 
         Beyond it the curves keep their end values, or the value is NaN. So it is where something is missing.
         """
@@ -65,7 +74,11 @@ class Compensation:
         offset, scale, bias = (
             _values(curve, held_c) if curve is not None else 0.0 for curve in (self.offset, self.scale, self.bias)
         )
-        return np.asarray((output - offset) / scale - bias), outside
+        value = np.asarray((output - offset) / scale - bias)
+        if self.linearity is None:
+            return value, outside
+        value, beyond_range = self.linearity.true(value)
+        return np.where(beyond_range & (beyond == "reject"), np.nan, value), outside | beyond_range
 
 
 def _valid_c(curve: Curve) -> tuple[float, float] | None:

@@ -12,6 +12,7 @@ from bench.analysis.models import Model
 
 if TYPE_CHECKING:  # findings are shown where no arithmetic is loaded
     from bench.analysis.compensation import Compensation
+    from bench.analysis.response_compensation import ResponseCompensation
 
 COVERAGE = 2
 CONFIDENCE = 0.95  # of an interval
@@ -183,7 +184,7 @@ class UnitResult:
     left_out: tuple[str, ...]
     flags: tuple[str, ...]
     detail: object = None
-    compensations: tuple[Compensation, ...] = ()
+    compensations: tuple[Compensation | ResponseCompensation, ...] = ()
     dropped: Dropped | None = None
 
     @property

@@ -6,47 +6,20 @@ rates. The counter's clock is in the sensor's rate and in the table's alike, and
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from bench.analysis.finding import BudgetLine, Finding, Subject, UnitResult, Verdict
+from bench.analysis.finding import BudgetLine, Finding, UnitResult
 from bench.analysis.range_blocks import RangeBlocks, Turning, range_blocks
+from bench.analysis.range_form import BY_RADIUS, WARMER, CurvePoint, RangeForm
 from bench.analysis.range_test import LARGEST_U_RADIUS, LEAST_LOW_RATES, Arm
 from bench.analysis.rundata import RunData, UnitUnderTest
-from bench.analysis.table_samples import PARTS_DOF
 
-NOISE = "sensor: noise and steps of counting"
-BIAS = "readings at rest"
 RESOLUTION = "encoder: resolution"
 HARMONICS = "encoder: errors over part of a turn"
-TILT = "axis: level, in readings at rest at one angle"
-WARMER = "scale factor: temperature against that at the low rates"
 TOUCH_G = 1.02  # of the highest acceleration that the radius is found at: a rate meant for it may turn a little fast
-
-
-@dataclass(frozen=True, slots=True)
-class RangeCurvePoint:
-    """One point for a report to draw: what is true, the error, its expanded uncertainty, whether it is saturated."""
-
-    true: float
-    error: float
-    expanded: float
-    saturated: bool
-
-
-@dataclass(frozen=True, slots=True)
-class RangeCurve:
-    """The errors over the range.
-
-    `quantity` is what is true, `full_scale` what errors are relative to, None for each reading itself.
-    """
-
-    quantity: str
-    points: tuple[RangeCurvePoint, ...]
-    full_scale: float | None
 
 
 def reduce_gyro(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
@@ -61,11 +34,12 @@ def reduce_accelerometer(data: RunData, settings: Mapping[str, Any]) -> list[Uni
 
 def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
     blocks = range_blocks(data, unit, 1 / settings["scale_ppd"], settings["clip_dps"])
-    form = _Form(data, unit, settings, "rate_error", "°/s", settings["full_scale_dps"])
+    form = RangeForm(data, unit, settings, "rate_error", "°/s", settings["full_scale_dps"])
     if blocks.rest is None:
         return form.result(blocks, [], None)
-    findings = [form.at_rest(blocks, "rest_rate", "mean rate at rest, earth's part included")]
-    points = []
+    rest = form.at_rest(blocks, "rest_rate", "mean rate at rest, earth's part included")
+    findings, points = [rest], []
+    read: list[CurvePoint] = []
     for number, turning in enumerate(blocks.turning):
         error = turning.steady.output - blocks.bias.output - turning.steady.rate_dps
         lines = [
@@ -77,17 +51,20 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
         at = {"point": number, "rate_dps": turning.command_dps}
         findings += form.errors(turning, at, turning.steady.rate_dps, error, lines)
         points.append(form.curve_point(turning, turning.steady.rate_dps, error, lines))
+        read += form.for_the_curve(turning, turning.steady.rate_dps, error, lines)
     findings.append(form.saturated(blocks))
-    return form.result(blocks, findings, RangeCurve("rate", tuple(points), form.over))
+    return form.with_curve(blocks, findings, "rate", points, read, ("scale_error", "asymmetry", "cubic"))
 
 
 def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
     per_pulse = 1 / settings["scale_pps_per_g"]
     blocks = range_blocks(data, unit, per_pulse, settings["clip_g"], has_dead_band=True)
-    form = _Form(data, unit, settings, "acceleration_error", "g", settings["full_scale_g"])
+    form = RangeForm(data, unit, settings, "acceleration_error", "g", settings["full_scale_g"])
     if blocks.rest is None:
         return form.result(blocks, [], None)
-    findings = [form.at_rest(blocks, "rest_output", "mean output at rest")]
+    rest = form.at_rest(blocks, "rest_output", "mean output at rest")
+    findings = [rest]
+    read: list[CurvePoint] = []
     highest_g = settings["radius_up_to_g"] * TOUCH_G
     low = [each for each in blocks.turning if abs(each.steady.output - blocks.bias.output) <= highest_g]
     runs = [each for each in blocks.turning if all(each is not used for used in low)]
@@ -109,7 +86,7 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
         lines = [
             form.noise(turning),
             form.of_rest(blocks, by_bias / blocks.bias.u_output if blocks.bias.u_output else 0.0),
-            BudgetLine("low rates: by way of the radius", "A", by_radius, None, form.subject.id("radius")),
+            BudgetLine(BY_RADIUS, "A", by_radius, None, form.subject.id("radius")),
             BudgetLine(RESOLUTION, "B", by_rate),
             BudgetLine(HARMONICS, "B", abs(2 * true_g / turning.steady.rate_dps) * turning.u_harmonics_dps),
             BudgetLine(WARMER, "B", abs(true_g) * form.settings["scale_per_c_u"] * _warmer_c(turning, usable)),
@@ -118,8 +95,9 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
         at = {"point": number, "rate_dps": turning.command_dps, "acceleration_g": true_g}
         findings += form.errors(turning, at, true_g, error_g, lines)
         points.append(form.curve_point(turning, true_g, error_g, lines))
+        read += form.for_the_curve(turning, true_g, error_g, lines)
     findings.append(form.saturated(blocks))
-    return form.result(blocks, findings, RangeCurve("acceleration", tuple(points), form.over))
+    return form.with_curve(blocks, findings, "acceleration", points, read, ("scale_error", "quadratic"))
 
 
 def _warmer_c(turning: Turning, low: Sequence[Turning]) -> float:
@@ -128,7 +106,7 @@ def _warmer_c(turning: Turning, low: Sequence[Turning]) -> float:
     return float(np.nan_to_num(difference_c))
 
 
-def _radius(form: _Form, blocks: RangeBlocks, low: Sequence[Turning], arm: Arm) -> Finding:
+def _radius(form: RangeForm, blocks: RangeBlocks, low: Sequence[Turning], arm: Arm) -> Finding:
     """The arm as the sensor itself measures it; its scale factor is in it as it stands."""
     bench, radius_m = form.data.bench, arm.radius_m
     weights = np.array([each.steady.rate_dps**4 for each in low])
@@ -146,94 +124,3 @@ def _radius(form: _Form, blocks: RangeBlocks, low: Sequence[Turning], arm: Arm) 
     ]
     name = "from the axis to the sensor, positive where its input axis points at the axis"
     return form.subject.finding("radius", name, radius_m, "m", lines, {}, tuple(each.step for each in low))
-
-
-@dataclass(frozen=True, slots=True)
-class _Form:
-    """What the two methods have in common: how errors are judged and told."""
-
-    data: RunData
-    unit: UnitUnderTest
-    settings: Mapping[str, Any]
-    quantity: str
-    symbol: str
-    full_scale: float
-
-    @property
-    def over(self) -> float | None:
-        """What an error is relative to: the full scale, or None for each reading."""
-        return self.full_scale if self.settings["linearity_basis"] == "full_scale" else None
-
-    @property
-    def subject(self) -> Subject:
-        """Whom the findings are of."""
-        return self.data.subject(self.unit)
-
-    def stable(self, turning: Turning) -> bool:
-        """Whether the table did what it was told."""
-        off_dps = abs(turning.steady.rate_dps - turning.command_dps)
-        return bool(off_dps <= self.settings["rate_tolerance"] * abs(turning.command_dps))
-
-    def noise(self, turning: Turning) -> BudgetLine:
-        """Of one reading."""
-        return BudgetLine(NOISE, "A", turning.steady.u_output, PARTS_DOF)
-
-    def of_rest(self, blocks: RangeBlocks, gain: float) -> BudgetLine:
-        """Of the bias, which is one for all readings."""
-        dof = blocks.rest.dof if blocks.rest is not None else None
-        return BudgetLine(BIAS, "A", gain * blocks.bias.u_output, dof, self.subject.id("rest"))
-
-    def at_rest(self, blocks: RangeBlocks, quantity: str, name: str) -> Finding:
-        """The bias."""
-        lines = [BudgetLine("readings at rest", "A", blocks.bias.u_output)]
-        if self.symbol == "g" and blocks.rest is not None and blocks.rest.of_one_angle:
-            lines.append(BudgetLine(TILT, "B", float(np.radians(self.data.bench.level_u_deg)), None, "fixture.level"))
-        return self.subject.finding(
-            quantity, name, blocks.bias.output, self.symbol, lines, {}, tuple(blocks.rest_steps)
-        )
-
-    def errors(
-        self, turning: Turning, at: Mapping[str, Any], true: float, error: float, lines: Sequence[BudgetLine]
-    ) -> Iterator[Finding]:
-        """The error of a point, and what part it is of the reading or of the full scale."""
-        flags = tuple(
-            flag for flag, holds in (("saturated", turning.steady.saturated), ("unstable", not self.stable(turning)))
-            if holds
-        )  # fmt: skip
-        step, tail = (turning.step,), f"@{at['point']}"
-        name = "measured less the bias and what is true"
-        found = self.subject.finding(self.quantity, name, error, self.symbol, lines, at, step, tail)
-        over = self.full_scale if self.over is not None else abs(true)
-        relative = [line.times(1 / over) for line in lines]
-        part = "of the full scale" if self.over is not None else "of what is true"
-        judged = self.subject.finding(f"{self.quantity}/relative", part, error / over, "1", relative, at, step, tail)
-        verdict: Verdict | None = "INVALID" if "unstable" in flags else None
-        yield replace(found, flags=flags, verdict=verdict)
-        yield replace(judged, flags=flags, verdict=verdict)
-
-    def curve_point(self, turning: Turning, true: float, error: float, lines: Sequence[BudgetLine]) -> RangeCurvePoint:
-        """For the plot."""
-        return RangeCurvePoint(
-            true, error, 2 * float(np.linalg.norm([line.u for line in lines])), turning.steady.saturated
-        )
-
-    def saturated(self, blocks: RangeBlocks) -> Finding:
-        """At how many points the sensor was at the end of its range."""
-        count = sum(turning.steady.saturated for turning in blocks.turning)
-        name = "points at which more than 1 % of the samples are at the clip level"
-        return self.subject.finding("saturated_points", name, float(count), "1", [], {}, ())
-
-    def result(self, blocks: RangeBlocks, findings: Sequence[Finding], curve: RangeCurve | None) -> UnitResult:
-        """All of the unit."""
-        flags = list(blocks.flags)
-        for each in blocks.turning:
-            if not self.stable(each):
-                flags.append(f"{each.step}: unstable")
-            if each.steady.saturated:
-                flags.append(f"{each.step}: saturated")
-        if blocks.rest is not None and blocks.rest.of_one_angle:
-            flags.append("rest_of_one_angle")
-        return UnitResult(
-            place=self.unit.place, uut=self.unit.serial, findings=tuple(findings), models=(),
-            left_out=tuple(blocks.left_out), flags=tuple(dict.fromkeys(flags)), detail=curve,
-        )  # fmt: skip

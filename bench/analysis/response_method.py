@@ -23,10 +23,12 @@ from bench.analysis.frequency_response import (
     gyro_point,
 )
 from bench.analysis.lever_arm import SHORT_ARM_M, AccelerometerSweep, LeverArm, accelerometer_point, lever_arm
+from bench.analysis.models import Constant, Equation
+from bench.analysis.response_compensation import ResponseCompensation
 from bench.analysis.response_findings import ResponseFindings
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.second_order import response_model
-from bench.analysis.table_samples import TableSamples, table_samples
+from bench.analysis.table_samples import TableSamples, mean_c, table_samples
 
 ARM_U = 3.0  # by so many standard uncertainties an arm may differ from what the bench file says
 PointOf = Callable[[TableSamples, float, Remarks], SweepPoint | None]
@@ -50,7 +52,8 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
     points = sweep.points(sweep.swings, point_of)
     to_lowest = settings["gain_reference"] == "lowest"
     found = frequency_response(points, sweep.remarks, to_lowest=to_lowest)
-    return sweep.result(points, found, ResponseFindings(data, unit, sweep.steps, points, found, to_lowest=to_lowest))
+    findings = ResponseFindings(data, unit, sweep.steps, points, found, to_lowest=to_lowest)
+    return sweep.result(points, found, findings, "°/s", Constant(settings["scale_ppd"], "pulse/°", 0.0))
 
 
 def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
@@ -82,7 +85,8 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
         data, unit, sweep.steps, points, found, arm=arm, scale_u=settings["scale_u"],
         warmer=_warmer(sweep, levers, settings["scale_per_c_u"]),
     )  # fmt: skip
-    return sweep.result(points, found, findings)
+    scale = settings["scale_pps_per_g"]
+    return sweep.result(points, found, findings, "g", Constant(scale, "pulse/s/g", scale * settings["scale_u"]))
 
 
 def _warmer(sweep: _Sweep, levers: list[float], per_c: float) -> dict[float, float]:
@@ -152,8 +156,11 @@ class _Sweep:
                 self.remarks.flags.append(f"{nominal_hz:g} Hz off_frequency")
         return found
 
-    def result(self, points: list[SweepPoint], found: FrequencyResponse, findings: ResponseFindings) -> UnitResult:
-        """All of the unit."""
+    def result(
+        self, points: list[SweepPoint], found: FrequencyResponse, findings: ResponseFindings, symbol: str,
+        scale: Constant,
+    ) -> UnitResult:  # fmt: skip
+        """All of the unit; `scale` is as stated, of what is in the unit `symbol`."""
         flags = ["no_response" if flag == "invalid" else flag for flag in self.remarks.flags]
         if found.bandwidth.status in ("not_reached", "below_at_start"):
             flags.append(f"bandwidth_{found.bandwidth.status}")
@@ -167,4 +174,12 @@ class _Sweep:
             place=self.unit.place, uut=self.unit.serial, findings=tuple(findings.findings()),
             models=(model,) if model is not None else (), left_out=tuple(self.left_out),
             flags=tuple(dict.fromkeys(flags)), detail=found,
+            compensations=self._compensations(model, symbol, scale),
         )  # fmt: skip
+
+    def _compensations(self, model: Equation | None, symbol: str, scale: Constant) -> tuple[ResponseCompensation, ...]:
+        if model is None:
+            return ()
+        channel = f"{self.unit.measured_by}@response"
+        found_at_c = mean_c([samples.temperature_c for samples in self.swings.values()])
+        return (ResponseCompensation.of_model(model, channel, symbol, scale, found_at_c),)

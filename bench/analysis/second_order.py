@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.analysis.fit import Array, NotDetermined
 from bench.analysis.frequency_response import SweepPoint
@@ -16,6 +17,14 @@ NAMES = ("K", "f0", "damping", "delay")
 LEAST_POINTS = 5
 DESCRIBES = 0.02  # of the gain: a response that is farther from the equation is of another kind
 LEAST_U = 1e-7  # of a gain, where there is no noise
+
+
+def second_order(
+    frequency_hz: Array, gain: float, natural_hz: float, damping: float, delay_s: float
+) -> NDArray[np.complex128]:
+    """H(f) at each frequency (n,)."""
+    part = frequency_hz / natural_hz
+    return np.asarray(gain * np.exp(-2j * np.pi * frequency_hz * delay_s) / (1 - part**2 + 2j * damping * part))
 
 
 def response_model(points: Sequence[SweepPoint], model_id: tuple[str, str], skew_u_s: float) -> Equation | None:
@@ -74,7 +83,7 @@ def _model(x: Array, weight: Array) -> Model:
         gain, natural, damping, delay = parameters
         part = x / natural
         bend = 1 - part**2 + 2j * damping * part
-        value = gain * np.exp(-2j * np.pi * x * delay) / bend
+        value = second_order(x, gain, natural, damping, delay)
         by_natural = -value * (2 * part**2 - 2j * damping * part) / natural / bend
         columns = [value / gain, by_natural, -value * 2j * part / bend, -2j * np.pi * x * value]
         return _apart(value * weight), np.column_stack([_apart(column * weight) for column in columns])
@@ -82,7 +91,7 @@ def _model(x: Array, weight: Array) -> Model:
     return model
 
 
-def _apart(values: Array) -> Array:
+def _apart(values: Array | NDArray[np.complex128]) -> Array:
     return np.concatenate([np.real(values), np.imag(values)])
 
 

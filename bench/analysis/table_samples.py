@@ -6,7 +6,7 @@ interval before its time, and what both did in that interval is known without a 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -193,3 +193,9 @@ def _whole_turns(angle_deg: Array) -> int:
 def _share_at(clip: float, output: Array) -> float:
     low, high = AT_CLIP
     return float(np.mean((np.abs(output) >= low * clip) & (np.abs(output) <= high * clip)))
+
+
+def mean_c(temperatures_c: Sequence[float]) -> float | None:
+    """The mean of those that are known; None without one."""
+    known = [each for each in temperatures_c if np.isfinite(each)]
+    return float(np.mean(known)) if known else None

@@ -15,7 +15,10 @@ from pydantic import Discriminator, Field, Tag
 from bench.analysis.compensation import Beyond, Compensation
 from bench.analysis.finding import UnitResult
 from bench.analysis.fit import Array
+from bench.analysis.linearity import RELATIVE, Linearity
 from bench.analysis.models import Constant, KnotModel, TemperatureModel
+from bench.analysis.response_compensation import ResponseCompensation
+from bench.analysis.second_order import NAMES
 from bench.config.models import BenchFile
 from bench.errors import InputError
 from bench.report.case_file import Settings, read_json, validated
@@ -24,8 +27,10 @@ from drivers.suggest import did_you_mean
 
 SCHEMA = "itb-calibration/1"
 LIMIT_BYTES = 2**24
-CHANNEL, TEMPERATURE, OUTPUT = "channel", "T_C", "output"
+CHANNEL, TEMPERATURE, OUTPUT, FREQUENCY, PHASE = "channel", "T_C", "output", "f_Hz", "phase_deg"
 ADDED = ("value", "extrapolated")
+ADDED_PHASE = "value_phase_deg"
+Known = Compensation | ResponseCompensation
 
 
 def calibration_files(
@@ -101,6 +106,27 @@ _Curve = Annotated[
 ]
 
 
+class _Linearity(Settings):
+    full_scale: float = Field(gt=0)
+    scale_error: _Constant | None = None
+    asymmetry: _Constant | None = None
+    quadratic: _Constant | None = None
+    cubic: _Constant | None = None
+    valid: tuple[float, float]
+
+    def linearity(self) -> Linearity:
+        given = {name: each.value for name in RELATIVE if (each := getattr(self, name)) is not None}
+        return Linearity(given, {}, (), self.full_scale, self.valid)
+
+
+class _Response(Settings):
+    K: _Constant
+    f0: _Constant
+    damping: _Constant
+    delay: _Constant
+    valid_hz: tuple[float, float]
+
+
 class _Channel(Settings):
     channel: str
     output: str
@@ -108,10 +134,18 @@ class _Channel(Settings):
     scale: _Curve
     offset: _Curve | None = None
     bias: _Curve | None = None
+    linearity: _Linearity | None = None
+    response: _Response | None = None
 
-    def compensation(self) -> Compensation:
+    def compensation(self) -> Known:
+        scale = self.scale.curve()
+        if self.response is not None and isinstance(scale, Constant):
+            constants = {name: getattr(self.response, name).curve() for name in NAMES}
+            valid_hz = self.response.valid_hz
+            return ResponseCompensation(self.channel, self.output, self.value, scale, constants, valid_hz)
         offset, bias = (None if each is None else each.curve() for each in (self.offset, self.bias))
-        return Compensation(self.channel, self.output, self.value, self.scale.curve(), offset, bias)
+        linearity = None if self.linearity is None else self.linearity.linearity()
+        return Compensation(self.channel, self.output, self.value, scale, offset, bias, linearity)
 
 
 class CalibrationFile(Settings):
@@ -129,7 +163,7 @@ class CalibrationFile(Settings):
         found = ["the run it comes from was simulated: it describes no real unit"] if self.simulated else []
         return found if self.verdict in ("", "PASS") else [*found, f"the unit's verdict in that run is {self.verdict}"]
 
-    def compensations(self) -> dict[str, Compensation]:
+    def compensations(self) -> dict[str, Known]:
         """How the output of each channel becomes a value."""
         return {channel.channel: channel.compensation() for channel in self.channels}
 
@@ -142,37 +176,52 @@ def read_calibration(path: Path) -> CalibrationFile:
 def compensated(calibration: CalibrationFile, data: Path, beyond: Beyond) -> str:
     """A CSV file with the columns `T_C`, `output` and, of several channels, `channel`, with two columns more.
 
-    `value` is blank where something is missing, `extrapolated` is 1 beyond the temperatures that the calibration is
-    known at. Rows and columns stay as they are. Raises InputError.
+    `value` is blank where something is missing, `extrapolated` is 1 beyond what the calibration is known at. A
+    response needs the column `f_Hz` in place of `T_C`; outputs are amplitudes then, and a column `phase_deg` gets
+    another one, `value_phase_deg`. Rows and columns stay as they are. Raises InputError.
     """
     known = calibration.compensations()
-    table = read_table(data, (TEMPERATURE, OUTPUT), optional=(CHANNEL,))
+    of_response = [each for each in known.values() if isinstance(each, ResponseCompensation)]
+    warm = [each for each in known.values() if isinstance(each, Compensation) and each.valid_c is not None]
+    needed = [*([TEMPERATURE] if warm else []), *([FREQUENCY] if of_response else []), OUTPUT]
+    table = read_table(data, needed, optional=(CHANNEL, *([PHASE] if of_response else [])))
     rows = list(csv.reader(io.StringIO(table.text, newline="")))
     header, cells = rows[0], [row for row in rows[1:] if row]
-    if clash := sorted(set(ADDED) & {name.strip() for name in header}):
+    there = {name.strip() for name in header}
+    added = (*ADDED, ADDED_PHASE) if of_response and PHASE in there else ADDED
+    if clash := sorted(set(added) & there):
         raise InputError(f"{data.name}: has a column '{clash[0]}' already; rename it")
-    value, outside = _values(known, table, beyond)
+    value, phase_deg, outside = _values(known, table, beyond)
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*header, *ADDED])
-    for row, each, is_outside in zip(cells, value.tolist(), outside.tolist(), strict=True):
-        writer.writerow([*row, "" if each != each else repr(each), int(is_outside)])
+    writer.writerow([*header, *added])
+    for row, *found, is_outside in zip(cells, value.tolist(), phase_deg.tolist(), outside.tolist(), strict=True):
+        each, phase = ("" if number != number else repr(number) for number in found)
+        writer.writerow([*row, each, int(is_outside), phase][: len(row) + len(added)])
     return text.getvalue()
 
 
-def _values(known: Mapping[str, Compensation], table: Table, beyond: Beyond) -> tuple[Array, NDArray[np.bool_]]:
-    """The value of each row, and whether it is extrapolated."""
-    temperature_c, output = table.numbers(TEMPERATURE), table.numbers(OUTPUT)
+def _values(known: Mapping[str, Known], table: Table, beyond: Beyond) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """The value of each row, its phase, and whether it is extrapolated."""
+    output = table.numbers(OUTPUT)
+    temperature_c, frequency_hz, phase_deg = (
+        table.numbers(name) if name in table.columns else np.full(len(output), np.nan)
+        for name in (TEMPERATURE, FREQUENCY, PHASE)
+    )
     names = np.array([name.strip() for name in table.columns[CHANNEL]], dtype=np.str_)
     if len(known) == 1:
         names[names == ""] = next(iter(known))
-    value, outside = np.full(len(output), np.nan), np.zeros(len(output), dtype=np.bool_)
+    value, phase = np.full(len(output), np.nan), np.full(len(output), np.nan)
+    outside = np.zeros(len(output), dtype=np.bool_)
     for name in np.unique(names).tolist():
         if name not in known:
             what = f"there is no channel '{name}'{did_you_mean(name, known)}" if name else "a row has no channel"
             raise InputError(f"{table.file}: {what}; the calibration has {', '.join(known)}")
-        of_channel = names == name
-        value[of_channel], outside[of_channel] = known[name].apply(
-            output[of_channel], temperature_c[of_channel], beyond
-        )
-    return value, outside
+        of_channel, how = names == name, known[name]
+        if isinstance(how, ResponseCompensation):
+            value[of_channel], phase[of_channel], outside[of_channel] = how.apply(
+                output[of_channel], phase_deg[of_channel], frequency_hz[of_channel], beyond
+            )
+        else:
+            value[of_channel], outside[of_channel] = how.apply(output[of_channel], temperature_c[of_channel], beyond)
+    return value, phase, outside

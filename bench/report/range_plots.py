@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from bench.analysis.finding import COVERAGE, Finding, UnitResult
-from bench.analysis.range_method import RangeCurve
+from bench.analysis.range_form import RangeCurve
 from bench.report.languages import tr
 from bench.report.plots import Plot
 from bench.report.shown import SHOWN, decimals, shown
@@ -18,6 +18,7 @@ from bench.report.words import REASONS
 
 RELATIVE = "/relative"
 GOOD, BAD = "#0b5394", "#b42318"
+LEAST_SHOWN, SHOWN_AT = 0.01, 60  # of the full scale; points of a side of the curve
 
 
 def range_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
@@ -39,6 +40,7 @@ def _figure(curve: RangeCurve, judged: Sequence[Finding], name: str) -> Plot:
     bars = COVERAGE * np.array([finding.u for finding in judged]) * factor
     at_end = np.array([point.saturated for point in curve.points])
     axes.axhline(0, color="#444444", linewidth=0.6)
+    _draw_curve(axes, curve, factor)
     _draw_allowed(axes, judged[0], factor)
     for chosen, colour, marker, label in (
         (~at_end, GOOD, "o", tr("error")), (at_end, BAD, "x", tr("saturated")),
@@ -56,6 +58,21 @@ def _figure(curve: RangeCurve, judged: Sequence[Finding], name: str) -> Plot:
     title = tr("Errors over the range")
     caption = tr("Bars: expanded uncertainty, k = {k}. Shaded: what the sequence allows.", k=COVERAGE)
     return Plot(title, rendered(figure, f"{name}-range", title), caption)
+
+
+def _draw_curve(axes: Axes, curve: RangeCurve, factor: float) -> None:
+    """The curve through the points, on either side of 0 apart."""
+    found = curve.linearity
+    if found is None:
+        return
+    least = LEAST_SHOWN * found.full_scale
+    sides = [np.linspace(low, high, SHOWN_AT) for low, high in ((found.valid[0], -least), (least, found.valid[1]))]
+    label = tr("curve through the points")
+    for true in sides:
+        if true[0] < true[-1]:
+            error = found.relative(true) * true / (curve.full_scale or np.abs(true))
+            axes.plot(true, error * factor, color="#444444", linewidth=0.8, label=label, zorder=1)
+            label = "_nolegend_"
 
 
 def _draw_allowed(axes: Axes, finding: Finding, factor: float) -> None:

@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 
 from bench.analysis.compensation import Compensation
+from bench.analysis.linearity import Linearity
 from bench.analysis.models import Constant, KnotModel, TemperatureModel
+from bench.analysis.response_compensation import ResponseCompensation
+from bench.analysis.second_order import NAMES, second_order
 from bench.errors import InputError
 from bench.report.calibration import compensated, read_calibration
 from tests.support.runs import run_short
@@ -81,6 +84,39 @@ def test_what_a_program_writes_it_reads_again(tmp_path):
     output, temperature_c = np.array([1.0, 11000.0, -5.0]), np.array([-20.0, 20.0, 69.0])
     assert read.apply(output, temperature_c)[0].tolist() == written.apply(output, temperature_c)[0].tolist()
     assert read.valid_c == written.valid_c == (-30.0, 60.0)
+
+
+def of_one(folder, known):
+    return calibration(folder, channels=[json.loads(json.dumps(known.to_json()))])
+
+
+def test_a_curve_over_the_range_needs_no_temperature(tmp_path):
+    curve = Linearity(
+        {"scale_error": 1e-3, "cubic": 2e-3}, {"scale_error": 1e-5, "cubic": 1e-5}, (), 400.0, (-400, 400)
+    )
+    known = Compensation("x", "pulse/s", "°/s", Constant(100.0, "pulse/°"), Constant(50.0, "pulse/s"), linearity=curve)
+    reading = 50 + 100 * 200 * (1 + 1e-3 + 2e-3 / 4)
+    found = rows(tmp_path, f"output\n{reading}\n50000\n", of_one(tmp_path, known))
+    assert float(found[0]["value"]) == pytest.approx(200, rel=1e-12)
+    assert [row["extrapolated"] for row in found] == ["0", "1"]
+    rejected = rows(tmp_path, f"output\n{reading}\n50000\n", of_one(tmp_path, known), "reject")
+    assert [row["value"] for row in rejected] == [found[0]["value"], ""]
+
+
+def test_a_response_turns_amplitude_and_phase_of_an_output_into_those_of_what_is_measured(tmp_path):
+    constants = {name: Constant(value, "") for name, value in zip(NAMES, (1.01, 40.0, 0.6, 1e-3), strict=True)}
+    known = ResponseCompensation("x", "pulse/s", "°/s", Constant(100.0, "pulse/°"), constants, (10.0, 60.0))
+    response = second_order(np.array([30.0]), 1.01, 40.0, 0.6, 1e-3)[0]
+    output, phase_deg = 100 * 5 * abs(response), 20 + np.degrees(np.angle(response))
+    data = f"f_Hz,phase_deg,output\n30,{phase_deg},{output}\n70,,100\n,1,2\n"
+    inside, beyond, missing = rows(tmp_path, data, of_one(tmp_path, known))
+    assert float(inside["value"]) == pytest.approx(5, rel=1e-12)
+    assert float(inside["value_phase_deg"]) == pytest.approx(20, abs=1e-9)
+    assert (beyond["extrapolated"], beyond["value_phase_deg"], missing["value"]) == ("1", "", "")
+    (plain,) = rows(tmp_path, f"f_Hz,output\n30,{output}\n", of_one(tmp_path, known))
+    assert "value_phase_deg" not in plain
+    with pytest.raises(InputError, match="no column 'f_Hz'"):
+        rows(tmp_path, "T_C,output\n20,3\n", of_one(tmp_path, known))
 
 
 @pytest.mark.parametrize(

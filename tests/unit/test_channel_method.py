@@ -411,3 +411,40 @@ def test_a_head_that_turns_gives_its_own_level():
     made = Made().level("gravity", 1.0)
     made.acquisitions[:] = [replace(each, mount=Mount(), angles_deg={"head": 90.0}) for each in made.acquisitions]
     assert [level.name for level in reduced(made, head).detail.levels] == ["up_1g"]
+
+
+# What a user of the channel gets
+
+
+def at_reference(result, channel, level_g, board_c, **converter):
+    """The rate of a level at a temperature, referred to the reference temperature by the calibration."""
+    known = next(each for each in result.compensations if each.channel == channel)
+    (value,), _ = known.apply(np.array([rate(level_g, board_c, **converter)]), np.array([board_c]))
+    return value
+
+
+def test_one_slope_serves_all_levels_that_share_it(usual):
+    (known,) = usual.compensations
+    assert (known.channel, known.serves) == ("x@up_1g", ("up_1g", "skew", "src_1g", "src_12g"))
+    assert known.valid_c == pytest.approx((LOW_C, HIGH_C), abs=0.2)
+    for level_g in (0.577, 1.0, 12.0):
+        away = rate(level_g, 40.0) - rate(level_g, 25.0)
+        assert abs(at_reference(usual, "x@up_1g", level_g, 40.0) - rate(level_g, 25.0)) < 0.05 * abs(away)
+
+
+def test_a_level_that_keeps_its_own_slope_has_an_entry_of_its_own():
+    same = {"alpha": 0.0, "beta": 0.3}
+    result = reduced(four_levels(**same))
+    kept = {each.channel: each.serves for each in result.compensations}
+    assert kept["x@src_12g"] == ("src_12g",)
+    assert at_reference(result, "x@src_12g", 12.0, 40.0, **same) == pytest.approx(rate(12.0, 25.0, **same), abs=0.05)
+    by_another = at_reference(result, "x@up_1g", 12.0, 40.0, **same)
+    assert abs(by_another - rate(12.0, 25.0, **same)) > 10
+
+
+def test_on_the_raw_basis_the_slope_is_taken_off():
+    same = {"alpha": 0.0, "beta": 0.3}
+    result = reduced(four_levels(**same), compare_basis="raw")
+    (known,) = result.compensations
+    assert known.serves == ("up_1g", "skew", "src_1g", "src_12g")
+    assert at_reference(result, "x@up_1g", 12.0, 40.0, **same) == pytest.approx(rate(12.0, 25.0, **same), abs=0.05)

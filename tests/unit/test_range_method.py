@@ -117,3 +117,59 @@ def test_a_converter_in_its_dead_band_tells_no_bias():
     unit = accelerometer(at_rest(0.0), *rested(), *map(spun, (180.0, 240.0, 800.0)))
     assert unit.flags == ("steps/n=0/acquire: dead_band",)
     assert values(unit, "rest_output") == pytest.approx([BIAS_G], abs=2e-5)
+
+
+# The curve through the points
+
+
+def bent(rate_dps, *, scale_error=5e-4, asymmetry=1e-4, cubic=-3e-4):
+    part = rate_dps / 400
+    read_dps = rate_dps * (1 + scale_error + asymmetry * np.sign(rate_dps) + cubic * part**2)
+    return at_rate(rate_dps, 50 + 100 * read_dps)
+
+
+BOTH_SENSES = [sense * rate for rate in (100, 200, 300, 400) for sense in (1, -1)]
+
+
+def test_the_curve_of_a_gyro_is_found_and_takes_its_errors_back():
+    unit = gyro(*REST, *map(bent, BOTH_SENSES))
+    for quantity, value in (("scale_error", 5e-4), ("asymmetry", 1e-4), ("nonlinearity/cubic", -3e-4)):
+        (found,) = (each for each in unit.findings if each.quantity == quantity)
+        assert abs(found.value - value) < 3 * found.u < 3e-4, quantity
+        assert found.budget
+        assert len(found.steps) == len(BOTH_SENSES)
+    (known,) = unit.compensations
+    output = np.array([50 + 100 * rate * (1 + 5e-4 + 1e-4 * np.sign(rate) - 3e-4 * (rate / 400) ** 2)
+                       for rate in BOTH_SENSES])  # fmt: skip
+    value, beyond = known.apply(output, np.full(len(output), np.nan))
+    assert value == pytest.approx(BOTH_SENSES, abs=0.02)
+    assert np.abs((output - 50) / 100 - BOTH_SENSES).max() > 0.1
+    assert not beyond[np.abs(BOTH_SENSES) < 400].any()
+    (model,) = unit.models
+    assert model.constants["scale error"].value == known.linearity.coefficients["scale_error"]
+    assert model.valid["rate_dps"] == pytest.approx((-400, 400), abs=0.01)
+
+
+def test_a_point_that_is_saturated_or_unstable_is_not_on_the_curve():
+    unit = gyro(*REST, *map(bent, BOTH_SENSES), at_rate(100, 10_050, rate_dps=101), at_rate(500, 42_000))
+    assert values(unit, "scale_error") == pytest.approx([5e-4], abs=1e-4)
+    (scale_error,) = (each for each in unit.findings if each.quantity == "scale_error")
+    assert len(scale_error.steps) == len(BOTH_SENSES)
+    assert unit.models[0].valid["rate_dps"][1] == pytest.approx(400, abs=0.01)
+    assert gyro(*REST, at_rate(500, 42_000)).compensations == ()
+
+
+def test_the_curve_of_an_accelerometer_is_its_second_order_part():
+    unit = accelerometer(*rested(), *map(spun, (180.0, -180.0, 240.0, 600.0, 800.0, -1000.0, 1100.0)))
+    (quadratic,) = (each for each in unit.findings if each.quantity == "nonlinearity/quadratic")
+    assert abs(quadratic.value - K2 * 20) < 3 * quadratic.u
+    assert quadratic.value == pytest.approx(K2 * 20, rel=0.1)
+    scale_error = next(each for each in unit.findings if each.quantity == "scale_error")
+    assert "low rates: by way of the radius" in {line.source for line in scale_error.budget}
+    (known,) = unit.compensations
+    pull_g = np.radians(1050.0) ** 2 * RADIUS_M / 9.8
+    (value,), _ = known.apply(np.array([1e4 * (BIAS_G + pull_g + K2 * pull_g**2)]), np.full(1, np.nan))
+    low_g = np.radians([180, 180, 240]) ** 2 * RADIUS_M / 9.8
+    its_own = 1 + K2 * np.sum(low_g**3) / np.sum(low_g**2)  # by the radius that it found
+    assert value == pytest.approx(pull_g * its_own, rel=1e-4)
+    assert pull_g * (1 + K2 * pull_g) / its_own > pull_g * 1.001

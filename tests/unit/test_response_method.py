@@ -158,3 +158,23 @@ def test_a_scale_that_warms_is_in_the_gains():
     (found, *_) = (each for each in accelerometer(cold, *warm).findings if each.quantity == "gain")
     line = next(line for line in found.budget if line.source.startswith("scale factor: temperature"))
     assert line.u == pytest.approx(5 * 6e-5, rel=0.05)
+
+
+def test_the_calibration_takes_amplitude_and_phase_back_within_the_sweep():
+    unit = gyro(*map(gyro_at, SWEEP_HZ))
+    (known,) = unit.compensations
+    assert known.channel.endswith("@response")
+    frequency_hz = np.array([15.0, 45.0, 90.0])
+    response = SLOW.response(frequency_hz)
+    amplitude, phase_deg, beyond = known.apply(
+        12 * PER_DEG * np.abs(response), 30 + np.degrees(np.angle(response)), frequency_hz
+    )
+    assert amplitude[:2] == pytest.approx([12, 12], rel=1e-3)
+    assert phase_deg[:2] == pytest.approx([30, 30], abs=0.1)
+    assert beyond.tolist() == [False, False, True]
+    amplitude, phase_deg, _ = known.apply(np.ones(3), np.zeros(3), frequency_hz, "reject")
+    assert np.isnan([amplitude[2], phase_deg[2]]).all()
+
+
+def test_without_an_equation_there_is_no_calibration():
+    assert gyro(*map(gyro_at, SWEEP_HZ[:3])).compensations == ()

@@ -1,0 +1,206 @@
+"""How the errors of a sensor over its range are told: the points, the curve through them, and how they are judged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from bench.analysis.compensation import Compensation
+from bench.analysis.finding import BudgetLine, Finding, Subject, UnitResult, Verdict
+from bench.analysis.linearity import Linearity, LinearityPoint, fit_linearity
+from bench.analysis.models import Constant, Equation
+from bench.analysis.range_blocks import RangeBlocks, Turning
+from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.analysis.table_samples import PARTS_DOF, mean_c
+
+NOISE = "sensor: noise and steps of counting"
+BIAS = "readings at rest"
+TILT = "axis: level, in readings at rest at one angle"
+WARMER = "scale factor: temperature against that at the low rates"
+BY_RADIUS = "low rates: by way of the radius"
+COMMON = frozenset({BIAS, BY_RADIUS, WARMER})  # one error at all points
+TERMS = {
+    "scale_error": "scale error", "asymmetry": "asymmetry · sign v", "quadratic": "quadratic · v/F",
+    "cubic": "cubic · (v/F)²",
+}  # fmt: skip
+OF_THE_CURVE = {
+    "scale_error": ("scale_error", "of the curve through the points, against the stated scale factor"),
+    "asymmetry": ("asymmetry", "of the curve: half of what the scale factors of both senses differ by"),
+    "quadratic": ("nonlinearity/quadratic", "of the curve, at the full scale"),
+    "cubic": ("nonlinearity/cubic", "of the curve, at the full scale"),
+}
+
+CurvePoint = tuple[Turning, LinearityPoint]
+
+
+@dataclass(frozen=True, slots=True)
+class RangeCurvePoint:
+    """One point for a report to draw: what is true, the error, its expanded uncertainty, whether it is saturated."""
+
+    true: float
+    error: float
+    expanded: float
+    saturated: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RangeCurve:
+    """The errors over the range, and the curve through them, where they tell one.
+
+    `quantity` is what is true, `full_scale` what errors are relative to, None for each reading itself.
+    """
+
+    quantity: str
+    points: tuple[RangeCurvePoint, ...]
+    full_scale: float | None
+    linearity: Linearity | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RangeForm:
+    """What the two methods have in common: how errors are judged and told."""
+
+    data: RunData
+    unit: UnitUnderTest
+    settings: Mapping[str, Any]
+    quantity: str
+    symbol: str
+    full_scale: float
+
+    @property
+    def over(self) -> float | None:
+        """What an error is relative to: the full scale, or None for each reading."""
+        return self.full_scale if self.settings["linearity_basis"] == "full_scale" else None
+
+    @property
+    def subject(self) -> Subject:
+        """Whom the findings are of."""
+        return self.data.subject(self.unit)
+
+    def stable(self, turning: Turning) -> bool:
+        """Whether the table did what it was told."""
+        off_dps = abs(turning.steady.rate_dps - turning.command_dps)
+        return bool(off_dps <= self.settings["rate_tolerance"] * abs(turning.command_dps))
+
+    def noise(self, turning: Turning) -> BudgetLine:
+        """Of one reading."""
+        return BudgetLine(NOISE, "A", turning.steady.u_output, PARTS_DOF)
+
+    def of_rest(self, blocks: RangeBlocks, gain: float) -> BudgetLine:
+        """Of the bias, which is one for all readings."""
+        dof = blocks.rest.dof if blocks.rest is not None else None
+        return BudgetLine(BIAS, "A", gain * blocks.bias.u_output, dof, self.subject.id("rest"))
+
+    def at_rest(self, blocks: RangeBlocks, quantity: str, name: str) -> Finding:
+        """The bias."""
+        lines = [BudgetLine("readings at rest", "A", blocks.bias.u_output)]
+        if self.symbol == "g" and blocks.rest is not None and blocks.rest.of_one_angle:
+            lines.append(BudgetLine(TILT, "B", float(np.radians(self.data.bench.level_u_deg)), None, "fixture.level"))
+        return self.subject.finding(
+            quantity, name, blocks.bias.output, self.symbol, lines, {}, tuple(blocks.rest_steps)
+        )
+
+    def errors(
+        self, turning: Turning, at: Mapping[str, Any], true: float, error: float, lines: Sequence[BudgetLine]
+    ) -> Iterator[Finding]:
+        """The error of a point, and what part it is of the reading or of the full scale."""
+        flags = tuple(
+            flag for flag, holds in (("saturated", turning.steady.saturated), ("unstable", not self.stable(turning)))
+            if holds
+        )  # fmt: skip
+        step, tail = (turning.step,), f"@{at['point']}"
+        name = "measured less the bias and what is true"
+        found = self.subject.finding(self.quantity, name, error, self.symbol, lines, at, step, tail)
+        over = self.full_scale if self.over is not None else abs(true)
+        relative = [line.times(1 / over) for line in lines]
+        part = "of the full scale" if self.over is not None else "of what is true"
+        judged = self.subject.finding(f"{self.quantity}/relative", part, error / over, "1", relative, at, step, tail)
+        verdict: Verdict | None = "INVALID" if "unstable" in flags else None
+        yield replace(found, flags=flags, verdict=verdict)
+        yield replace(judged, flags=flags, verdict=verdict)
+
+    def curve_point(self, turning: Turning, true: float, error: float, lines: Sequence[BudgetLine]) -> RangeCurvePoint:
+        """For the plot."""
+        return RangeCurvePoint(
+            true, error, 2 * float(np.linalg.norm([line.u for line in lines])), turning.steady.saturated
+        )
+
+    def saturated(self, blocks: RangeBlocks) -> Finding:
+        """At how many points the sensor was at the end of its range."""
+        count = sum(turning.steady.saturated for turning in blocks.turning)
+        name = "points at which more than 1 % of the samples are at the clip level"
+        return self.subject.finding("saturated_points", name, float(count), "1", [], {}, ())
+
+    # The curve through the points
+
+    def for_the_curve(
+        self, turning: Turning, true: float, error: float, lines: Sequence[BudgetLine]
+    ) -> Iterator[CurvePoint]:
+        """A point that the curve goes through; one that tells nothing of the sensor's own is none."""
+        if self.stable(turning) and not turning.steady.saturated:
+            yield turning, LinearityPoint(true + error, true, lines)
+
+    def with_curve(
+        self, blocks: RangeBlocks, findings: Sequence[Finding], quantity: str, points: Sequence[RangeCurvePoint],
+        read: Sequence[CurvePoint], terms: Sequence[str],
+    ) -> UnitResult:  # fmt: skip
+        """All of the unit, with the curve through the points that were read."""
+        found = fit_linearity([point for _, point in read], terms, self.full_scale, COMMON)
+        if found is None:
+            return self.result(blocks, findings, RangeCurve(quantity, tuple(points), self.over))
+        linearity, lines = found
+        found_at_c = mean_c([turning.temperature_c for turning, _ in read])
+        at, steps = {} if found_at_c is None else {"at_c": found_at_c}, tuple(turning.step for turning, _ in read)
+        of_curve = [
+            self.subject.finding(*OF_THE_CURVE[name], value, "1", lines[name], at, steps)
+            for name, value in linearity.coefficients.items()
+        ]
+        scale, bias = self._scale, findings[0]
+        result = self.result(blocks, [*findings, *of_curve], RangeCurve(quantity, tuple(points), self.over, linearity))
+        offset = Constant(bias.value * scale.value, "pulse/s", bias.u * scale.value)
+        compensation = Compensation(
+            self.unit.measured_by, "pulse/s", self.symbol, scale=scale, offset=offset, linearity=linearity,
+            found_at_c=found_at_c,
+        )  # fmt: skip
+        model = self._model(quantity, linearity, bias, of_curve)
+        return replace(result, models=(model,), compensations=(compensation,))
+
+    def _model(self, quantity: str, linearity: Linearity, bias: Finding, of_curve: Sequence[Finding]) -> Equation:
+        constants = {"S": self._scale, "bias": Constant(bias.value, bias.unit, bias.u)}
+        constants |= {
+            name.replace("_", " "): Constant(each.value, "1", each.u)
+            for name, each in zip(linearity.coefficients, of_curve, strict=True)
+        }
+        constants["F"] = Constant(self.full_scale, self.symbol, 0.0)
+        key = {"rate": "rate_dps", "acceleration": "acceleration_g"}[quantity]
+        terms = " + ".join(TERMS[name] for name in linearity.coefficients)
+        form = f"output / S - bias = v · (1 + {terms})"
+        return Equation(
+            self.subject.id("range/model"), self.unit.serial, "range", form, constants, {key: linearity.valid}
+        )
+
+    @property
+    def _scale(self) -> Constant:
+        """As stated; against it errors are."""
+        if self.symbol == "g":
+            scale = self.settings["scale_pps_per_g"]
+            return Constant(scale, "pulse/s/g", scale * self.settings["scale_u"])
+        return Constant(self.settings["scale_ppd"], "pulse/°", 0.0)
+
+    def result(self, blocks: RangeBlocks, findings: Sequence[Finding], curve: RangeCurve | None) -> UnitResult:
+        """All of the unit."""
+        flags = list(blocks.flags)
+        for each in blocks.turning:
+            if not self.stable(each):
+                flags.append(f"{each.step}: unstable")
+            if each.steady.saturated:
+                flags.append(f"{each.step}: saturated")
+        if blocks.rest is not None and blocks.rest.of_one_angle:
+            flags.append("rest_of_one_angle")
+        return UnitResult(
+            place=self.unit.place, uut=self.unit.serial, findings=tuple(findings), models=(),
+            left_out=tuple(blocks.left_out), flags=tuple(dict.fromkeys(flags)), detail=curve,
+        )  # fmt: skip
