@@ -8,6 +8,7 @@ import pytest
 
 from bench.analysis import range_blocks
 from bench.app.request import RunRequest
+from bench.report.calibration import read_calibration
 from bench.report.stored import open_run
 from tests.truth.campaign import results_of, run_one
 from tests.truth.table import BENCHES, SHORT, compare_table, table_bench
@@ -56,6 +57,40 @@ def test_the_equation_of_a_gyro_is_that_of_its_file(run_of):
     assert found["damping"] == pytest.approx(0.65, abs=2e-3)
     assert found["f0"] == pytest.approx(55.54, abs=0.05)  # whose gain has fallen to 1/√2 at 60 Hz
     assert abs(found["delay"] - 2e-3) < 3 * model["constants"]["delay"]["u"]
+
+
+def test_the_curve_of_a_gyro_is_that_of_its_file(run_of):
+    findings = results_of(run_of("gyro_range"))["findings"]
+    found = {each["quantity"]: each for each in findings if "point" not in each["at"]}
+    for quantity, true in (("asymmetry", 20e-6), ("nonlinearity/cubic", 1e-10 * 400**2)):
+        assert abs(found[quantity]["value"] - true) < 4 * found[quantity]["u"] < 40e-6, quantity
+
+
+@pytest.mark.parametrize(("sequence", "what"), [("gyro_range", "rate_dps"), ("accel_range", "acceleration_g")])
+def test_the_calibration_of_a_range_takes_the_errors_back(run_of, sequence, what):
+    (known,) = read_calibration(run_of(sequence) / "calibration_a.json").compensations().values()
+    errors = [each for each in results_of(run_of(sequence))["findings"] if each["quantity"].endswith("_error")]
+    errors = [each for each in errors if "point" in each["at"]]
+    assert len(errors) >= 4
+    for each in errors:
+        true, error = each["at"][what], each["value"]
+        output = np.array([known.offset.value + known.scale.value * (true + error)])
+        (value,), _ = known.apply(output, np.full(1, np.nan))
+        assert abs(value - true) < max(4 * each["u"], 2e-5 * abs(true))
+        assert abs(value - true) < abs(error) / 2
+
+
+@pytest.mark.parametrize("sequence", ["gyro_response", "accel_response"])
+def test_the_calibration_of_a_response_takes_gain_and_phase_back(run_of, sequence):
+    (known,) = read_calibration(run_of(sequence) / "calibration_a.json").compensations().values()
+    findings = [each for each in results_of(run_of(sequence))["findings"] if "frequency_hz" in each["at"]]
+    gains, phases = ([each for each in findings if each["quantity"] == name] for name in ("gain", "phase"))
+    hz, gain, phase_deg = np.array([[each["at"]["frequency_hz"], each["value"], p["value"]]
+                                    for each, p in zip(gains, phases, strict=True)]).T  # fmt: skip
+    amplitude, back_deg, beyond = known.apply(known.scale.value * gain, phase_deg, hz)
+    assert np.abs(amplitude - 1).max() < 5e-3
+    assert np.abs((back_deg + 180) % 360 - 180).max() < 1
+    assert beyond.sum() <= 2, "the ends of the sweep, by rounding"
 
 
 @pytest.mark.parametrize("sequence", BENCHES)
