@@ -71,11 +71,17 @@ class ImuTruth:
 
 
 class ImuState(NamedTuple):
-    """A unit at a true time: what hysteresis, drift and warm-up add to the zeros of x, y and z."""
+    """A unit at a true time: what hysteresis, drift and warm-up add to the zeros of x, y and z.
+
+    Beside them what the change of temperature adds to those of the accelerometers, and the temperatures of these and of
+    the gyros.
+    """
 
     true_s: float
     accelerometers_g: tuple[float, ...]
     gyros_dps: tuple[float, ...]
+    moving_g: tuple[float, ...]
+    sensors_c: tuple[float, ...]
 
 
 class SimulatedImu:
@@ -159,12 +165,12 @@ class SimulatedImu:
         )
         self._last_c = now_c
         hysteresis_g = np.array([play.bias_g(float(now_c[0])) for play in self._hysteresis])
-        state = self._state(float(edges_s[-1]), hysteresis_g)
+        moving_g = self._accelerometers.kd * self._world.thermal.sensor_rate_c_per_s(self._sensors[0])
+        state = self._state(float(edges_s[-1]), hysteresis_g, moving_g, now_c)
         self.history.append(state)
         if self.powered_at_s is None or self.faults.active("dead"):
             return np.zeros((len(CHANNELS), len(middle)))
         force_g, rate_dps = self._stimulus(edges_s, middle)
-        moving_g = self._accelerometers.kd * self._world.thermal.sensor_rate_c_per_s(self._sensors[0])
         drifting_g = np.array(state.accelerometers_g)[:, np.newaxis] + moving_g
         drifting_g = drifting_g + np.stack([noise.mean_g(interval) for noise in self._noise])
         drifting_dps = np.array(state.gyros_dps)[:, np.newaxis]
@@ -174,7 +180,7 @@ class SimulatedImu:
         gyro_pps = self._gyros.clipped_pps(gyro_pps)
         return np.asarray(np.concatenate([self._accelerometers.rate_pps(current_a), gyro_pps]) * interval)
 
-    def _state(self, true_s: float, hysteresis_g: Array) -> ImuState:
+    def _state(self, true_s: float, hysteresis_g: Array, moving_g: Array | float, sensors_c: Array) -> ImuState:
         """Drift and warm-up are slow: what they are at the end of an interval stands for all of it."""
         accelerometers, gyros = self._accelerometers, self._gyro_drift
         drift_g, drift_dps = accelerometers.drift_g_per_s * true_s, gyros.drift_dps2 * true_s
@@ -183,7 +189,8 @@ class SimulatedImu:
             drift_g = drift_g + accelerometers.warm_up_g * np.exp(-powered_s / accelerometers.warm_up_s)
             drift_dps = drift_dps + gyros.warm_up_dps * np.exp(-powered_s / gyros.warm_up_s)
         drifted_g, drifted_dps = hysteresis_g + np.ravel(drift_g), np.ravel(drift_dps)
-        return ImuState(true_s, tuple(drifted_g.tolist()), tuple(drifted_dps.tolist()))
+        added = (tuple(np.ravel(each).tolist()) for each in (drifted_g, drifted_dps, moving_g, sensors_c))
+        return ImuState(true_s, *added)
 
     def _stimulus(self, edges_s: Array, middle_s: Array) -> tuple[Array, Array]:
         """Specific force in g and rate in °/s along x, y and z, (3, n), or (3, 1) at rest."""

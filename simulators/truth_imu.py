@@ -31,7 +31,7 @@ class WindowAsMeasured:
 
 
 def imu_record(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, Any]:
-    """Each inertial unit as drawn, and what drifted in the zeros of x, y and z in the middle of each window."""
+    """Each inertial unit as drawn, and how it was in the middle of each window, as in an ImuState."""
     return {
         "imus": {name: asdict(imu.truth) for name, imu in sorted(world.imus.items())},
         "latitude_deg": world.settings.latitude_deg,
@@ -43,7 +43,8 @@ def _drifted(world: World, window: WindowAsMeasured) -> dict[str, list[float]]:
     history = world.imus[window.place].history
     at_s = np.array([state.true_s for state in history])
     nearest = history[int(np.argmin(np.abs(at_s - world.true_time(window.at_s))))]
-    return {"accelerometers_g": list(nearest.accelerometers_g), "gyros_dps": list(nearest.gyros_dps)}
+    told = ("accelerometers_g", "gyros_dps", "moving_g", "sensors_c")
+    return {name: list(getattr(nearest, name)) for name in told}
 
 
 def accelerometer_constants(truth: ImuTruth, axis: int, temperature_c: float, drifted_g: float) -> dict[str, float]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.analysis.compensation import Compensation
 from bench.analysis.finding import Subject
 
 Integers = NDArray[np.int64]
@@ -139,7 +140,8 @@ class Acquisition:
     of the units that did. `turned` is a rotation over whole turns
     meanwhile. Where only means are wanted `windows` stand in place of `counts`, so that a long run is not in memory all
     at once. `positions` are those of the encoders that a counter latches, by the devices that drive the axes, `motion`
-    is None where no table turned or swung.
+    is None where no table turned or swung. `on_since_s` are the supplies that are on, by their roles, each with the
+    bench times between which it was put on.
     """
 
     step: str
@@ -164,11 +166,24 @@ class Acquisition:
     stable: frozenset[str] | None = None
     positions: Mapping[str, Positions] = field(default_factory=dict)
     motion: Motion | None = None
+    on_since_s: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def angle_deg(self) -> float:
         """The angle of the head, which is the outermost axis; 0 without one."""
         return next(iter(self.angles_deg.values()), 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class ReleasedCalibration:
+    """How the output of each channel of a unit becomes a value, by names; 1 g in it is `gravity_mps2`, NaN if untold.
+
+    `gravity_u_mps2` is its standard uncertainty.
+    """
+
+    channels: Mapping[str, Compensation]
+    gravity_mps2: float = math.nan
+    gravity_u_mps2: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +194,8 @@ class UnitUnderTest:
     change by for 1 g, in `output_unit`; None where nobody says. `converter` is the reading of the thermometer at its
     converter and `source` the current source that can feed that, "" for none; `scale_a_per_g` is its nominal K1. An
     inertial unit has `channels` of the counter, by acc_x to gyro_z, and a thermometer at its gyros. `arm_m` is where
-    the bench file says that it is from the axis that turns it, with its standard uncertainty.
+    the bench file says that it is from the axis that turns it, with its standard uncertainty. `supply` is what powers
+    it, "" for none; `released` is the calibration that was given to the run for it.
     """
 
     place: str
@@ -197,6 +213,8 @@ class UnitUnderTest:
     scale_a_per_g: float = math.nan
     arm_m: Vector | None = None
     arm_u_m: float = 0.0
+    supply: str = ""
+    released: ReleasedCalibration | None = None
 
     @property
     def measured_by(self) -> str:

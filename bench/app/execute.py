@@ -22,7 +22,7 @@ from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.loop import run as run_loop
 from bench.report.calibration import calibration_files
 from bench.report.findings import Results
-from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, StoredRun
+from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, StoredRun, released_copy
 from bench.runner import manifest
 from bench.runner.run import run_plan
 from bench.sequence.estimate import Estimate
@@ -83,6 +83,7 @@ def execute(prepared: PreparedRun, observer: RunObserver) -> RunResult:
             started,
         )
         record |= {"order": prepared.request.order, "procedure": prepared.request.procedure}
+        record["released"] = {place: released.to_json() for place, released in prepared.released.items()}
         record["hashes"] = _keep_inputs(prepared, directory.path)
         directory.write_json("manifest.json", record)
 
@@ -155,6 +156,7 @@ def _technician(
 def _keep_inputs(prepared: PreparedRun, folder: Path) -> dict[str, str]:
     """Copies what the run depends on into its directory, with hashes."""
     copies = {SEQUENCE_COPY: prepared.plan.document.text, BENCH_COPY: prepared.loaded.document.text}
+    copies |= {released_copy(place): released.text for place, released in prepared.released.items()}
     called = prepared.plan.document.all_included()
     copies |= {f"{CALLED}/{document.path.name}": document.text for document in called}
     for entry in prepared.loaded.bench.devices.values():

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from pydantic import TypeAdapter, ValidationError
 
+from bench.app.released import Released, of_units, read_released
+from bench.app.released import remarks as of_calibrations
 from bench.config.bench import LoadedBench, load_bench
 from bench.config.load import find
 from bench.errors import InputError
@@ -54,16 +56,21 @@ class RunRequest:
     answers: Path | None = None
     not_after: str | None = None
     past_due: PastDue = "refuse"
+    calibrations: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class CheckedRun:
-    """A plan and the bench it fits, how long it takes there, and what a person should know of it before."""
+    """A plan and the bench it fits, how long it takes there, and what a person should know of it before.
+
+    `released` are the calibrations of units, by their places.
+    """
 
     plan: Plan
     loaded: LoadedBench
     expected: Estimate
     warnings: tuple[Remark, ...]
+    released: Mapping[str, Released] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -79,6 +86,7 @@ class PreparedRun:
     seed: int
     warnings: tuple[Remark, ...] = ()
     script: Script | None = None
+    released: Mapping[str, Released] = field(default_factory=dict)
 
 
 def load_bench_named(name: str | None, *, simulate: bool = False) -> LoadedBench:
@@ -106,13 +114,15 @@ def load_checked(request: RunRequest) -> CheckedRun:
     if judged is None or loaded is None:
         raise InputError(*found)
     plan, warnings = judged
+    released = read_released(request.calibrations, plan, loaded.bench)
     expected = estimate(plan, loaded.bench)
     circumstances = (
         *_past_due(plan, loaded),
         *_little_disk_space(expected, request.runs),
         *_ends_too_late(expected, loaded, request.not_after),
+        *of_calibrations(released, plan, loaded.bench),
     )
-    return CheckedRun(plan, loaded, expected, (*circumstances, *warnings))
+    return CheckedRun(plan, loaded, expected, (*circumstances, *warnings), released)
 
 
 def _past_due(plan: Plan, loaded: LoadedBench) -> Iterator[Remark]:
@@ -194,7 +204,10 @@ def prepare(request: RunRequest) -> PreparedRun:
             raise InputError(f"{option}: expected up to 200 printable characters")
     seed = loaded.bench.simulation.seed if request.seed is None else request.seed
     serials, script = _serials(request, loaded), _script(request, plan, loaded, speed)
-    return PreparedRun(request, plan, loaded, checked.expected, speed, serials, seed, checked.warnings, script)
+    of_units(checked.released, plan, serials)
+    return PreparedRun(
+        request, plan, loaded, checked.expected, speed, serials, seed, checked.warnings, script, checked.released
+    )
 
 
 def _script(request: RunRequest, plan: Plan, loaded: LoadedBench, speed: float) -> Script | None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bench.cli.exits import ABORTED, BENCH_ERROR, FAIL, PASS
-from bench.cli.running import BenchOption, NotAfter, Parameters, Preset, Sequence, Settings, warn
+from bench.cli.running import BenchOption, Calibrations, NotAfter, Parameters, Preset, Sequence, Settings, warn
 
 if TYPE_CHECKING:  # `bench --help` loads none of it
     from bench.app.rehearse import Compared, Rehearsal
@@ -37,6 +37,7 @@ def rehearse(
     params: Parameters = None,
     set_: Settings = None,
     not_after: NotAfter = None,
+    calibration: Calibrations = None,
     answers: Annotated[Path | None, typer.Option(metavar="FILE", help="What a scripted technician answers.")] = None,
     uut_model: Annotated[Path | None, typer.Option(metavar="FILE", help="Truth of the simulated unit.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the simulation.")] = None,
@@ -58,7 +59,7 @@ def rehearse(
     as_it_is = RunRequest(
         sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), uut_model=uut_model,
         seed=seed, runs=runs, operator="rehearsal", answers=answers, not_after=not_after,
-        past_due="mark",
+        past_due="mark", calibrations=tuple(calibration or ()),
     )  # fmt: skip
     checked = load_checked(as_it_is)
     warn(checked.plan, checked.warnings)

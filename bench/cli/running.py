@@ -39,6 +39,13 @@ NotAfter = Annotated[
     str | None,
     typer.Option("--not-after", metavar="INSTANT", help="Warn when it will end later, as in 2026-01-31T07:00Z."),
 ]
+Calibrations = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--calibration", metavar="[PLACE=]FILE",
+        help="The released calibration by which the unit in a place is checked; again for each place.",
+    ),
+]  # fmt: skip
 Simulate = Annotated[bool, typer.Option("--simulate", help="Put the simulator at the other end of every wire.")]
 
 
@@ -72,6 +79,7 @@ def check(
     params: Parameters = None,
     set_: Settings = None,
     not_after: NotAfter = None,
+    calibration: Calibrations = None,
     strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors.")] = False,
     format_: Annotated[
         Format,
@@ -87,8 +95,9 @@ def check(
     from bench.report.remarks import RENDERERS, Shown
 
     request = RunRequest(
-        sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), not_after=not_after
-    )
+        sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), not_after=not_after,
+        calibrations=tuple(calibration or ()),
+    )  # fmt: skip
     try:
         checked = load_checked(request)
         document, warnings = checked.plan.document, checked.warnings
@@ -128,6 +137,7 @@ def plan(
     params: Parameters = None,
     set_: Settings = None,
     not_after: NotAfter = None,
+    calibration: Calibrations = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw it against time, as FILE.svg or FILE.html.")
     ] = None,
@@ -139,8 +149,9 @@ def plan(
     from bench.report.timeline import plan_table, timeline_json
 
     request = RunRequest(
-        sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), not_after=not_after
-    )
+        sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), not_after=not_after,
+        calibrations=tuple(calibration or ()),
+    )  # fmt: skip
     checked = load_checked(request)
     warn(checked.plan, checked.warnings)
     expected = checked.expected
@@ -179,6 +190,7 @@ def run(
         list[str] | None,
         typer.Option(metavar="[PLACE=]SERIAL", help="The unit under test; again for each place."),
     ] = None,
+    calibration: Calibrations = None,
     operator: Annotated[str, typer.Option(metavar="NAME", help="Who runs it.")] = "",
     order: Annotated[str, typer.Option(metavar="TEXT", help="The order it is for, as the report names it.")] = "",
     procedure: Annotated[
@@ -227,6 +239,7 @@ def run(
             answers=answers,
             not_after=not_after,
             past_due=past_due.value,
+            calibrations=tuple(calibration or ()),
         )
     )
     warn(prepared.plan, prepared.warnings)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -18,6 +19,7 @@ from bench.analysis.fit import Array
 from bench.analysis.linearity import RELATIVE, Linearity
 from bench.analysis.models import Constant, KnotModel, TemperatureModel
 from bench.analysis.response_compensation import ResponseCompensation
+from bench.analysis.rundata import ReleasedCalibration
 from bench.analysis.second_order import NAMES
 from bench.config.models import BenchFile
 from bench.errors import InputError
@@ -155,6 +157,9 @@ class CalibrationFile(Settings):
     uut: str
     verdict: str = ""
     simulated: bool = False
+    run: str = ""
+    gravity_mps2: float = math.nan
+    u_gravity_mps2: float = 0.0
     channels: Annotated[tuple[_Channel, ...], Field(min_length=1)]
 
     @property
@@ -162,6 +167,20 @@ class CalibrationFile(Settings):
         """What whoever uses it must know."""
         found = ["the run it comes from was simulated: it describes no real unit"] if self.simulated else []
         return found if self.verdict in ("", "PASS") else [*found, f"the unit's verdict in that run is {self.verdict}"]
+
+    @property
+    def valid_c(self) -> tuple[float, float]:
+        """The temperatures that all its channels are known at."""
+        ends = [each.valid_c for each in self.over_temperature().values() if each.valid_c is not None]
+        return max((low for low, _ in ends), default=-math.inf), min((high for _, high in ends), default=math.inf)
+
+    def released(self) -> ReleasedCalibration:
+        """For the reduction of a run in which the unit is checked by it."""
+        return ReleasedCalibration(self.over_temperature(), self.gravity_mps2, self.u_gravity_mps2)
+
+    def over_temperature(self) -> dict[str, Compensation]:
+        """Those that know a value by the temperature, and not by the frequency."""
+        return {name: known for name, known in self.compensations().items() if isinstance(known, Compensation)}
 
     def compensations(self) -> dict[str, Known]:
         """How the output of each channel becomes a value."""

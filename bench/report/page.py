@@ -225,6 +225,10 @@ def provenance(run: StoredRun, data: Sequence[RunData]) -> Facts:
         (tr("Sequence"), f"{manifest['sequence']}: {manifest['title']}"),
         (tr("Preset"), manifest["preset"] or tr("none")),
         *((tr("Parameter {name}", name=name), value) for name, value in manifest["parameters"].items()),
+        *(
+            (tr("Calibration of unit {uut}", uut=run.serials[place]), _released(found))
+            for place, found in manifest.get("released", {}).items()
+        ),
         *([(tr("Seed of the simulation"), str(manifest["seed"]))] if manifest["simulated"] else []),
         *recorded(run, data),
         (tr("Digest of the data"), manifest.get("digest", tr("not computed"))),
@@ -232,6 +236,15 @@ def provenance(run: StoredRun, data: Sequence[RunData]) -> Facts:
         (tr("Programs"), ", ".join(f"{name} {version}" for name, version in manifest["software"].items())),
         (tr("Computer"), f"{host['name']}, {host['system']}, Python {host['python']}"),
     ]
+
+
+def _released(found: Mapping[str, Any]) -> str:
+    """The calibration that a unit was checked by."""
+    low_c, high_c = found["valid_c"]
+    return tr(
+        "{file}, of run {run}, known from {low} °C to {high} °C",
+        file=found["file"], run=found["run"] or "–", low=f"{low_c:.4g}", high=f"{high_c:.4g}",
+    )  # fmt: skip
 
 
 def recorded(run: StoredRun, data: Sequence[RunData]) -> Iterator[tuple[str, str]]:

@@ -118,6 +118,7 @@ def _unit(place: str, serial: str, entry: PlaceEntry, until_s: float) -> UnitUnd
         scale_a_per_g=entry.nominal.K1 if entry.nominal is not None else math.nan,
         arm_m=entry.arm.vector_m if entry.arm is not None else None,
         arm_u_m=entry.arm.U / entry.arm.k if entry.arm is not None else 0.0,
+        supply=entry.supply or "",
     )
 
 
@@ -132,9 +133,10 @@ class _InForce:
     input: str = "accelerometer"
     sources_a: Mapping[str, float] = field(default_factory=dict)
     motion: Motion | None = None
+    on_since_s: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
-    def after(self, event: Event, bench: BenchFile) -> _InForce:
-        """What it stands at when a step has ended."""
+    def after(self, event: Event, bench: BenchFile, begun_s: float) -> _InForce:
+        """What it stands at when a step has ended that began at `begun_s`."""
         data, now = event.data, self
         if "angle_deg" in data:
             device = data.get("device", next(iter(bench.axes), ""))
@@ -144,7 +146,22 @@ class _InForce:
         if "mount" in data:
             now = replace(now, mount=_mount(bench, data["mount"]))
         now = replace(now, input=data.get("input", now.input), sources_a=_sources_on(now.sources_a, data))
+        now = replace(now, on_since_s=_supplies_on(now.on_since_s, data, (begun_s, event.at_s)))
         return replace(now, set_c=float(data["set_point_c"])) if "set_point_c" in data else now
+
+
+def _supplies_on(
+    before_s: Mapping[str, tuple[float, float]], data: Mapping[str, Any], now_s: tuple[float, float]
+) -> Mapping[str, tuple[float, float]]:
+    """The supplies that are on when an output, or several, have been set, and since when."""
+    after_s = dict(before_s)
+    for found in data.get("outputs", {data.get("role"): data}).values():
+        if found.get("output"):
+            if found.get("voltage_v") is not None:
+                after_s.setdefault(found["role"], now_s)
+        elif "output" in found:
+            after_s.pop(found["role"], None)
+    return after_s
 
 
 def _sources_on(before_a: Mapping[str, float], data: Mapping[str, Any]) -> Mapping[str, float]:
@@ -171,23 +188,24 @@ def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple
     state = _InForce(dict.fromkeys(bench.axes, 0.0), _mount(bench), math.nan)
     dwells = DwellNames()
     found: dict[str, tuple[Event, str, _InForce]] = {}
-    begun_c: dict[str, float] = {}
+    begun: dict[str, tuple[float, float]] = {}
     turning: dict[str, Motion] = {}
     for event in reader.events("step_begins", "turning", "step_ended"):
         if event.kind == "turning":
             turning[first_visit(event.step)] = Motion(**event.data)
             continue
         if event.kind == "step_begins":
-            begun_c[event.step] = state.set_c
+            begun[event.step] = event.at_s, state.set_c
             continue
-        state = state.after(event, bench)
+        begun_s, begun_c = begun[event.step]
+        state = state.after(event, bench, begun_s)
         if "set_point_c" in event.data:
             dwells.ramped(first_visit(event.step))
         if event.data.get("label") == label:
             step = first_visit(event.step)
             found.pop(step, None)
             motion = next((told for outer, told in turning.items() if step.startswith(f"{outer}/")), None)
-            found[step] = (event, dwells.of(step), replace(state, set_from_c=begun_c[event.step], motion=motion))
+            found[step] = (event, dwells.of(step), replace(state, set_from_c=begun_c, motion=motion))
     yield from found.values()
 
 
@@ -220,6 +238,7 @@ def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mappin
         sources_told_a=state.sources_a,
         counts={},
         motion=state.motion,
+        on_since_s=state.on_since_s,
         temperatures_c={name: series.values for name, series in meanwhile.items()},
         temperatures_at_s={name: series.at_s for name, series in meanwhile.items()},
         over_s=event.data.get("over_s"),

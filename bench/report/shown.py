@@ -51,6 +51,17 @@ SHOWN = {
     "K1/repeatability": (1e6, "ppm"),
     "D0/repeatability": (3600.0, "°/h"),
     "KG/repeatability": (1e6, "ppm"),
+    **{
+        f"{quantity}/{at}": shown
+        for quantity, shown in {
+            "K0": (1e6, "µg"),
+            "K1": (1e6, "ppm"),
+            "D0": (3600.0, "°/h"),
+            "KG": (1e6, "ppm"),
+        }.items()
+        for at in ("power_on", "warm")
+    },
+    **{f"{quantity}/settling": (1 / 60, "min") for quantity in ("K0", "K1", "D0", "KG")},
     "rest_rate": (3600.0, "°/h"),
     "rate_error/relative": (1e6, "ppm"),
     "rest_output": (1e6, "µg"),

@@ -9,9 +9,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from bench.analysis.rundata import RunData
+from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.config.bench import load_kept_bench
 from bench.errors import StoreError
+from bench.report.calibration import read_calibration
 from bench.report.corrections import told
 from bench.report.findings import Results, evaluate
 from bench.report.measured import on_the_way
@@ -22,6 +23,11 @@ from bench.store.reader import RunReader
 from bench.store.runs import summary
 
 SEQUENCE_COPY, BENCH_COPY = "sequence.yaml", "bench.yaml"
+
+
+def released_copy(place: str) -> str:
+    """What the copy of the calibration is called that was given to a run for the unit in a place."""
+    return f"released_{place}.json"
 
 
 class StoredRun:
@@ -45,8 +51,15 @@ class StoredRun:
         if label not in self._data:
             counted = {known_methods()[each.method].counts_at for each in self.sequence.results if each.data == label}
             windows = counted == {"windows"}
-            self._data[label] = run_data(self.reader, self.bench, self.serials, label, windows=windows)
+            data = run_data(self.reader, self.bench, self.serials, label, windows=windows)
+            self._data[label] = replace(data, units=tuple(map(self._with_calibration, data.units)))
         return self._data[label]
+
+    def _with_calibration(self, unit: UnitUnderTest) -> UnitUnderTest:
+        """A unit with the calibration that the run was given for it, if it was."""
+        if unit.place not in self.manifest.get("released", {}):
+            return unit
+        return replace(unit, released=read_calibration(self.folder / released_copy(unit.place)).released())
 
     def counted_at(self, what: CountsAt) -> list[RunData]:
         """What was acquired for methods that count in one of these ways."""

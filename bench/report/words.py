@@ -8,7 +8,7 @@ from typing import Any
 
 from bench.analysis.finding import LOWER_BOUND, Finding
 from bench.analysis.limits import GUARD_BANDS_MEET, IN_GUARD_BAND, U_UNKNOWN, Limits
-from bench.report import table_words
+from bench.report import imu_words, table_words
 from bench.report.languages import tr
 from bench.report.shown import SHOWN
 
@@ -26,11 +26,12 @@ ENDINGS = {
 QUANTITIES = {"K1": "K1 per local g", "K1_si": "K1 per m/s²", "K2": "K2 + asymmetry"}
 REASONS = {
     **table_words.REASONS,
+    **imu_words.REASONS,
     IN_GUARD_BAND: "inside its limits, but within their guard band",
     GUARD_BANDS_MEET: "its uncertainty is so large that no value could pass the guard band",
     U_UNKNOWN: "its uncertainty is not known, and the guard band needs it",
     "extrapolated": "its reference temperature is outside of the temperatures that were measured",
-    LOWER_BOUND: "the largest step failed too: it is more than this, and how much more the ladder cannot tell",
+    LOWER_BOUND: "it is more than this, and how much more was not measured",
     "at_most": "the smallest step passed already: it is this or less",
     "one_sense": "steps of one sense only, which are taken for both",
     "not_monotonic": "a smaller step passed than one that failed, which does not count",
@@ -42,7 +43,7 @@ REASONS = {
 }
 # What sources of uncertainty are of, besides the names of readings.
 SOURCES = (
-    "head", "fixture", "platform", "counter", "site", "readings", "samples", "bias", "K1", "ladder",
+    "head", "fixture", "platform", "counter", "site", "readings", "samples", "bias", "K1", "ladder", "power-on",
     "asymmetry of the converter", "read-outs", "points", "accelerometer", "source", "sensor", "encoder", "axis",
     "low rates", "lever arm", "scale factor", "fit and readings",
     "lowest frequency",
@@ -57,6 +58,7 @@ CONTENTS = {
 
 _READINGS = {
     **table_words.READINGS,
+    **imu_words.READINGS,
     "too_few_latches": "fewer than half of its counter readings came",
     "counter_restarted": "the counter began anew",
     "irregular_clock": "its clock and its reading numbers do not go together, as when the counter begins anew",
@@ -117,6 +119,7 @@ _LEFT_OUT = {
     "duplicate": "they are there twice",
 }
 _QUANTITIES = {
+    **imu_words.QUANTITIES,
     "too_few_temperatures": "fewer temperatures than the model asked for needs; its degree is lower, or there is none.",
     "ill_conditioned": "the temperatures do not determine the model.",
     "not_determined": "it has a limit, and the run does not hold what it takes to determine it.",
@@ -151,6 +154,7 @@ _QUANTITIES = {
 }
 _PARTS = {
     **table_words.PARTS,
+    **imu_words.PARTS,
     "part_missing": "part: there is no leg at this input, without which nothing can be determined.",
     "leg_incomplete": "more than half of its samples could not be used.",
     "no_steps": "left out: it has no step between two readings at the position.",

@@ -39,7 +39,8 @@ class MethodDescription:
     each at one input level, each a window of which only the means are wanted, each on a table at rest or in motion, or
     each a record of its own. `drawn_by` is "module:function", which turns a unit's results into what a report shows of
     them beside the tables that all methods have. `after` names the standards that it is made after (methods.md 7),
-    which is no claim of conformity. `meaning` says what its results contain, `measures` what kind of unit it is for.
+    which is no claim of conformity. `meaning` says what its results contain, `measures` what kind of unit it is for,
+    `needs_calibration` whether it needs the calibration that was released for each unit.
     """
 
     name: str
@@ -52,6 +53,7 @@ class MethodDescription:
     after: tuple[str, ...] = ()
     meaning: str = CHANNEL
     measures: Literal["channel", "inertial unit"] = "channel"
+    needs_calibration: bool = False
 
     def units(self, output_unit: str) -> Mapping[str, str]:
         """The units of the quantities for units whose output is in `output_unit`."""

@@ -7,13 +7,20 @@ from typing import Annotated
 from pydantic import Field
 
 from bench.sequence.methods import MethodDescription
-from drivers.fields import InUnit, Ratio, StrictModel
+from drivers.fields import InUnit, PositiveSeconds, Ratio, StrictModel
 
 MEANING = (
     "Each accelerometer is measured together with its converter. K0, in units of local g, contains K2 and the "
     "converter's zero, for it is the mean over attitudes in which the axis points up and down; K1 contains K3. D0 is "
     "the mean over the same attitudes, in which earth rate and g-sensitivity along the axis cancel. Misalignments are "
     "those against the axes of the table, and contain how the unit sits in its fixture."
+)
+
+
+START_UP_MEANING = (
+    "The unit's output is compensated by the calibration that was released for it, at the temperature that its own "
+    "thermometers say, as its users do it. What is left of zero and scale factor is the error of the compensated unit, "
+    "with that of its calibration in it; a fit of constants and exponentials follows it from power-on."
 )
 
 
@@ -55,4 +62,47 @@ IMU_CALIBRATION = MethodDescription(
     measures="inertial unit",
     meaning=MEANING,
     drawn_by="bench.report.imu_plots:imu_plots",
+)
+
+
+class ImuStartUpSettings(StrictModel):
+    """Settings of the start-up of a compensated inertial unit: how far off it may be, and what its courses are like."""
+
+    accelerometer_zero_g: Annotated[float, InUnit("g", above=0)] = Field(
+        30e-6, alias="accelerometer_zero", description="what may be left of the bias of an accelerometer, either way"
+    )
+    accelerometer_scale: Annotated[Ratio, InUnit("", above=0)] = Field(
+        50e-6, description="how far off the scale factor of an accelerometer may be, either way"
+    )
+    gyro_zero_dps: Annotated[float, InUnit("°/s", above=0)] = Field(
+        0.2 / 3600, alias="gyro_zero", description="what may be left of the zero of a gyro, either way"
+    )
+    gyro_scale: Annotated[Ratio, InUnit("", above=0)] = Field(
+        50e-6, description="how far off the scale factor of a gyro may be, either way"
+    )
+    time_constants_s: Annotated[tuple[PositiveSeconds, ...], Field(min_length=1, max_length=4)] = Field(
+        (360.0, 1500.0),
+        alias="time_constants",
+        description="of the exponentials that the courses are made of; they span what warms up in the unit",
+    )
+    misalignment_rad: Annotated[float, InUnit("rad", at_least=0)] = Field(
+        1e-3, alias="misalignment", description="how far off its axis a gyro may be, for what it sees of the earth"
+    )
+
+
+IMU_START_UP = MethodDescription(
+    name="imu_start_up",
+    title="Start-up of a compensated inertial unit (method M2)",
+    target="bench.analysis.imu_start_up:reduce",
+    settings=ImuStartUpSettings,
+    quantities={
+        f"{quantity}/{what}": unit
+        for quantity, own in {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}.items()
+        for what, unit in (("power_on", own), ("warm", own), ("settling", "s"))
+    },
+    counts_at="windows",
+    measures="inertial unit",
+    meaning=START_UP_MEANING,
+    drawn_by="bench.report.start_up_plots:start_up_plots",
+    needs_calibration=True,
 )

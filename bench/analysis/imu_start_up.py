@@ -1,0 +1,216 @@
+"""Start-up of a compensated inertial unit: its zeros and scale factors against time since power-on (a check of M2).
+
+What is left of zero and scale after compensation by the released calibration is the error of the unit as its users
+have it. The errors of that calibration are in it, and are no source of uncertainty here; nor are those of the unit's
+thermometers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bench.analysis.attitude_errors import table_errors
+from bench.analysis.attitudes import AXES, EARTH_RATE_DPS
+from bench.analysis.finding import LOWER_BOUND, BudgetLine, Finding, UnitResult, combined
+from bench.analysis.fit import Array, NotDetermined
+from bench.analysis.imu_start_up_readings import PowerOn, Readings
+from bench.analysis.imu_windows import visits
+from bench.analysis.rundata import BenchRecord, ReleasedCalibration, RunData, UnitUnderTest
+from bench.analysis.start_up import Courses, Part, Settling, fit_courses, settling
+
+PARTS: Mapping[str, Part] = {"K0": "zero", "K1": "scale", "D0": "zero", "KG": "scale"}
+UNITS = {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}
+LIMITS = {"K0": "accelerometer_zero_g", "K1": "accelerometer_scale", "D0": "gyro_zero_dps", "KG": "gyro_scale"}
+AT_POWER_ON = "left after compensation at power-on, told back from the readings"
+WARM = "left after compensation when the watch ended"
+SETTLING = "time from power-on until what is left after compensation stays within its limit"
+FROM_THE_START = "within_from_the_start"
+SCATTER = "readings: scatter about the courses"
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """One quantity of one axis after one power-on: its course over `grid_s` with its standard uncertainty, in its unit.
+
+    `at_s` and `points` (n,) are the readings; `limit` is how far off it may be.
+    """
+
+    quantity: str
+    axis: str
+    grid_s: Array
+    off: Array
+    u: Array
+    at_s: Array
+    points: Array
+    limit: float
+    settling: Settling
+
+
+@dataclass(frozen=True, slots=True)
+class StartUpDetail:
+    """What the report draws: what was watched after each power-on, with the set point of the chamber."""
+
+    power_ons: tuple[tuple[float, tuple[Watched, ...]], ...]
+
+
+class _Source(NamedTuple):
+    """A source of uncertainty of a course: its standard uncertainties at the times of the grid, (m,)."""
+
+    name: str
+    u: Array
+    dof: int | None = None
+    shared: str | None = None
+
+
+def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
+    """The findings of every unit."""
+    return [_reduced(data, unit, settings) for unit in data.units]
+
+
+def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
+    released = unit.released
+    if released is None:
+        return UnitResult(unit.place, unit.serial, (), (), ("calibration",), ("calibration:not_given",))
+    after = [
+        _Watch(data, unit, released, PowerOn(visit, unit, released, data.bench), settings)
+        for visit in visits(data, unit)
+    ]
+    findings = tuple(finding for each in after for finding in each.findings())
+    return UnitResult(
+        place=unit.place,
+        uut=unit.serial,
+        findings=findings,
+        models=(),
+        left_out=tuple(name for each in after for name in each.left_out),
+        flags=tuple(flag for each in after for flag in dict.fromkeys(each.power_on.flags)),
+        detail=StartUpDetail(tuple((each.power_on.visit.set_c, tuple(each.watched)) for each in after)),
+    )
+
+
+class _Watch:
+    """What is found after one power-on; `findings` fills the rest."""
+
+    def __init__(
+        self, data: RunData, unit: UnitUnderTest, released: ReleasedCalibration, power_on: PowerOn,
+        settings: Mapping[str, Any],
+    ) -> None:  # fmt: skip
+        self._label, self._bench = data.label, data.bench
+        self._unit, self._released, self._settings = unit, released, settings
+        self.power_on = power_on
+        self.watched: list[Watched] = []
+        self.left_out: list[str] = []
+
+    def findings(self) -> Iterator[Finding]:
+        """Of all axes; the scale factor of a gyro only where a sequence has turned it."""
+        for axis in range(len(AXES)):
+            yield from self._of(axis, self.power_on.accelerometer(axis), ("K0", "K1"))
+            yield from self._of(axis, self.power_on.gyro_at_rest(axis), ("D0",))
+            if self.power_on.visit.turned(axis):
+                yield from self._of(axis, self.power_on.gyro_turned(axis), ("KG",))
+
+    def _of(self, axis: int, readings: Readings, quantities: Sequence[str]) -> Iterator[Finding]:
+        try:
+            courses = fit_courses(readings.at_s, readings.values, readings.drive, self._settings["time_constants_s"])
+        except NotDetermined:
+            names = [f"{AXES[axis]}/{quantity}" for quantity in quantities]
+            self.left_out += [f"{self.power_on.visit.path}/{name}".strip("/") for name in names]
+            self.power_on.flags += [f"{name}:start_up_not_determined" for name in names]
+            return
+        for quantity in quantities:
+            yield from self._of_quantity(quantity, axis, readings, courses)
+
+    def _of_quantity(self, quantity: str, axis: int, readings: Readings, courses: Courses) -> Iterator[Finding]:
+        part, grid_s = PARTS[quantity], courses.grid_s
+        nominal = 1.0 if part == "scale" else 0.0
+        off = courses.of(part, grid_s) - nominal
+        sources = list(self._sources(quantity, axis, readings, courses))
+        u = np.sqrt(sum(source.u**2 for source in sources))
+        limit = float(self._settings[LIMITS[quantity]])
+        found = settling(grid_s, off, u, limit)
+        points = courses.points(part) - nominal
+        self.watched.append(Watched(quantity, AXES[axis], grid_s, off, u, courses.at_s, points, limit, found))
+        steps = tuple(window.step for window in readings.windows)
+        for name, index, told in (("power_on", 0, AT_POWER_ON), ("warm", -1, WARM)):
+            lines = _lines(sources, index, 1.0)
+            yield self._finding(f"{quantity}/{name}", axis, told, float(off[index]), UNITS[quantity], lines, steps)
+        index = int(np.searchsorted(grid_s, found.at_s).clip(0, len(grid_s) - 1))
+        begun_s, ended_s = self.power_on.between_s or (0.0, 0.0)
+        lines = _lines(sources, index, found.u_s / float(u[index]))
+        lines.append(BudgetLine("power-on: command to reading back", "B", (ended_s - begun_s) / math.sqrt(12)))
+        flags = (LOWER_BOUND,) if found.to_the_end else (FROM_THE_START,) if found.from_the_start else ()
+        yield self._finding(f"{quantity}/settling", axis, SETTLING, found.at_s, "s", lines, steps, flags)
+
+    def _sources(self, quantity: str, axis: int, readings: Readings, courses: Courses) -> Iterator[_Source]:
+        """What makes a course uncertain."""
+        weights = courses.weights(PARTS[quantity], courses.grid_s)
+        fit, always = courses.fit, np.ones(len(courses.grid_s))
+        scatter = max(fit.residual_sd if fit.dof else 0.0, readings.resolution)
+        yield _Source(SCATTER, scatter * np.linalg.norm(weights, axis=-1), max(fit.dof, 1))
+        if quantity == "KG":
+            return  # of whole turns by the table's own angle, in seconds of the counter
+        earth_dps = _earth_dps(self._bench)
+        along = earth_dps if quantity == "D0" else UP
+        yield from self._of_table(along, axis, readings, weights)
+        if quantity == "D0":
+            across = float(np.hypot(*earth_dps[:2])) * self._settings["misalignment_rad"]
+            yield _Source("gyro: earth rate across its axis", across * always)
+        if quantity == "K1":
+            yield _Source("counter: time base", self._bench.time_base_u * always, None, "counter.time base")
+            known_mps2 = self._released.gravity_mps2
+            if not math.isnan(known_mps2) and known_mps2 != self._bench.gravity_mps2:  # else the same survey
+                u = math.hypot(self._bench.gravity_u_mps2, self._released.gravity_u_mps2) / known_mps2
+                yield _Source("site: gravity, against that of the calibration", u * always)
+
+    def _of_table(self, along: Array, axis: int, readings: Readings, weights: Array) -> Iterator[_Source]:
+        """What the errors of the table do, of which each is one rotation in every attitude."""
+        errors = table_errors(readings.windows, self._unit, self._bench)
+        squares: dict[str, Array] = {}
+        for source, effect in zip(errors.sources, errors.seen(along, axis), strict=True):
+            felt = weights * effect
+            part = np.linalg.norm(felt, axis=-1) if source.fresh else np.abs(felt.sum(axis=-1))
+            squares[source.name] = squares.get(source.name, 0.0) + (part * source.u_rad) ** 2
+        for name, square in squares.items():
+            shared = None if name.endswith("repeatability") else name.replace(": ", ".")
+            yield _Source(name, np.sqrt(square), None, shared)
+
+    def _finding(
+        self, quantity: str, axis: int, name: str, value: float, unit: str, lines: Sequence[BudgetLine],
+        steps: tuple[str, ...], flags: tuple[str, ...] = (),
+    ) -> Finding:  # fmt: skip
+        visit = self.power_on.visit
+        return Finding(
+            id=f"{self._label}/{self._unit.place}/{AXES[axis]}/{quantity}" + (f"@{visit.path}" if visit.path else ""),
+            uut=self._unit.serial,
+            quantity=quantity,
+            name=name,
+            at={
+                "visit": visit.number,
+                "axis": AXES[axis],
+                "temperature_set_c": None if math.isnan(visit.set_c) else visit.set_c,
+            },
+            value=value,
+            unit=unit,
+            budget=combined(lines),
+            steps=steps,
+            flags=flags,
+        )
+
+
+def _lines(sources: Sequence[_Source], index: int, factor: float) -> list[BudgetLine]:
+    """The budget of a course at one time of the grid, times a factor."""
+    return [
+        BudgetLine(each.name, "B" if each.dof is None else "A", factor * float(each.u[index]), each.dof, each.shared)
+        for each in sources
+    ]
+
+
+def _earth_dps(bench: BenchRecord) -> Array:
+    """The rate of the earth in east, north and up."""
+    latitude = math.radians(bench.latitude_deg)
+    return EARTH_RATE_DPS * np.array([0.0, math.cos(latitude), math.sin(latitude)])

@@ -1,0 +1,182 @@
+"""Calibrations that were released for units and are given to a run, which checks the units by them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bench.config.document import Place, Problem
+from bench.config.models import BenchFile
+from bench.errors import InputError
+from bench.sequence.measuring import Acquire
+from bench.sequence.methods import known_methods
+from bench.sequence.plan import Plan
+from bench.sequence.remarks import Remark
+from bench.sequence.stimulus import Ramp
+from drivers.suggest import did_you_mean
+
+if TYPE_CHECKING:  # checking a sequence that needs none loads no arithmetic
+    from bench.report.calibration import CalibrationFile
+
+OPTION = "--calibration"
+NOT_GIVEN = "calibration-not-given"  # what a check calls it
+AT_A_KNOT_C = 1.0
+
+
+@dataclass(frozen=True)
+class Released:
+    """A calibration file as it was given: which, and what it says."""
+
+    path: Path
+    text: str
+    content: CalibrationFile
+
+    def to_json(self) -> dict[str, Any]:
+        """What the manifest tells of it, beside its copy in the run and the hash of that."""
+        low_c, high_c = self.content.valid_c
+        return {
+            "file": self.path.name,
+            "uut": self.content.uut,
+            "run": self.content.run,
+            "verdict": self.content.verdict,
+            "valid_c": [low_c, high_c],
+        }
+
+
+def read_released(given: Sequence[str], plan: Plan, bench: BenchFile) -> dict[str, Released]:
+    """The calibrations by places, of `PLACE=FILE`, or `FILE` with a single place; InputError names every problem."""
+    if given and not _entries(plan):
+        raise InputError(f"{OPTION}: no method of {plan.document.path.name} checks a unit by its calibration")
+    found: dict[str, Released] = {}
+    for each in given:
+        place, equals, name = each.partition("=")
+        if not equals:
+            if len(bench.places) > 1:
+                raise InputError(
+                    f"{OPTION} {each}: the bench has places {', '.join(bench.places)}; write {OPTION} PLACE=FILE"
+                )
+            place, name = next(iter(bench.places)), each
+        if place not in bench.places:
+            raise InputError(f"{OPTION} {each}: the bench has no place '{place}'{did_you_mean(place, bench.places)}")
+        found[place] = _read(Path(name))
+    problems = [problem for place, released in found.items() for problem in _channels(place, released, bench)]
+    problems += plan.document.told(_beyond(found, plan, bench))
+    if problems:
+        raise InputError(*problems)
+    return found
+
+
+def _read(path: Path) -> Released:
+    from bench.report.calibration import read_calibration
+
+    content = read_calibration(path)
+    return Released(path, path.read_text("utf-8"), content)
+
+
+def _channels(place: str, released: Released, bench: BenchFile) -> Iterator[str]:
+    """What a unit has and its calibration lacks."""
+    channels, known = bench.places[place].channels, released.content.compensations()
+    if lacking := [name for name in (channels.model_dump() if channels is not None else {}) if name not in known]:
+        yield f"{released.path}: has no channel {', '.join(lacking)}, which the unit in place '{place}' has"
+
+
+def _entries(plan: Plan) -> dict[str, int]:
+    """The labels of methods that need a calibration, with the numbers of their results."""
+    methods = known_methods()
+    return {
+        entry.data: number
+        for number, entry in enumerate(plan.sequence.results)
+        if (method := methods.get(entry.method)) is not None and method.needs_calibration
+    }
+
+
+def _measured_at(plan: Plan) -> dict[float, Place]:
+    """The set points at which something is acquired for these methods, and where the ramp to each stands."""
+    labels, found = _entries(plan), dict[float, Place]()
+    last: tuple[float, Place] | None = None
+    for planned in plan:
+        if isinstance(planned.step, Ramp):
+            last = planned.step.temperature_c, (*planned.place, "to")
+        elif isinstance(planned.step, Acquire) and planned.step.label in labels and last is not None:
+            found.setdefault(*last)
+    return found
+
+
+def _warms_by_c(place: str, bench: BenchFile) -> float:
+    nominal = bench.places[place].nominal
+    return nominal.self_heating if nominal is not None else 0.0
+
+
+def _beyond(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iterator[Problem]:
+    """Set points at which a unit is, cold or warm, beyond what its calibration is known at."""
+    for place, released in found.items():
+        low_c, high_c = released.content.valid_c
+        for set_c, where in _measured_at(plan).items():
+            warm_c = set_c + _warms_by_c(place, bench)
+            if set_c < low_c or warm_c > high_c:
+                yield (
+                    where,
+                    f"at {set_c:g} °C the unit in place '{place}' goes from {set_c:g} °C to about {warm_c:g} °C, its "
+                    f"calibration {released.path.name} is known from {low_c:.4g} °C to {high_c:.4g} °C. Choose "
+                    "temperatures between these, or calibrate the unit beyond them",
+                )
+
+
+def remarks(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iterator[Remark]:
+    """What a person should know: units without a calibration, doubtful ones, temperatures that tell little."""
+    for number in _entries(plan).values():
+        where: Place = ("results", number, "method")
+        if lacking := [place for place in bench.places if place not in found]:
+            yield Remark(
+                "warning",
+                NOT_GIVEN,
+                where,
+                f"the unit in place {' and '.join(lacking)} is checked by its calibration, which is not given; a run "
+                "refuses to begin without",
+                f"Give the file that its calibration run wrote: {OPTION} {lacking[0]}=calibration_{lacking[0]}.json",
+            )
+        for released in found.values():
+            for told in released.content.warnings:
+                if not (released.content.simulated and bench.is_simulated) or "verdict" in told:
+                    advice = "Make sure that it is the one that was released"
+                    yield Remark("warning", "calibration-doubtful", where, f"{released.path.name}: {told}", advice)
+    for place, released in found.items():
+        for set_c, at in _measured_at(plan).items():
+            warm_c = set_c + _warms_by_c(place, bench)
+            if any(abs(warm_c - knot_c) < AT_A_KNOT_C for knot_c in _knots_c(released)):
+                yield Remark(
+                    "warning",
+                    "at-a-knot",
+                    at,
+                    f"at {set_c:g} °C the unit in place '{place}' becomes as warm as it was calibrated at",
+                    "Choose temperatures between those of its calibration, where the compensation is put to the test",
+                )
+
+
+def _knots_c(released: Released) -> set[float]:
+    from bench.analysis.models import KnotModel
+
+    curves = (curve for each in released.content.over_temperature().values() for curve in (each.scale, each.offset))
+    return {knot_c for curve in curves if isinstance(curve, KnotModel) for knot_c in curve.knots_c}
+
+
+def of_units(found: Mapping[str, Released], plan: Plan, serials: Mapping[str, str]) -> None:
+    """InputError where a unit in the run has no calibration that its methods need, or that of another unit."""
+    if not _entries(plan):
+        return
+    problems = []
+    for place, serial in serials.items():
+        if place not in found:
+            problems.append(
+                f"{plan.document.path}: unit {serial} in place '{place}' is checked by its released calibration; give "
+                f"it with {OPTION} {place}=FILE"
+            )
+        elif found[place].content.uut != serial:
+            problems.append(
+                f"{found[place].path}: is the calibration of unit {found[place].content.uut}, in place '{place}' is "
+                f"unit {serial}. Give the file of this unit, or its serial number with --uut {place}=SERIAL"
+            )
+    if problems:
+        raise InputError(*problems)

@@ -1,0 +1,106 @@
+"""How a compensated inertial unit came up: when its quantities stayed within their limits, and their courses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from bench.analysis.finding import COVERAGE, Finding, UnitResult
+from bench.analysis.imu_start_up import StartUpDetail, Watched
+from bench.report.imu_plots import AXES, STYLES
+from bench.report.languages import tr
+from bench.report.plots import Plot
+from bench.report.shown import SHOWN, shown
+from bench.report.svg import new_figure, rendered
+from bench.report.tables import Sheet
+
+TITLES = {
+    "K0": "Accelerometers: zero",
+    "K1": "Accelerometers: scale factor",
+    "D0": "Gyros: zero",
+    "KG": "Gyros: scale factor",
+}
+S_PER_MIN = 60.0
+ROOM = 2.2  # of the limit, that a panel shows at least on either side
+
+
+def start_up_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
+    """The times after which all stays within its limits, then the courses after each power-on."""
+    if not isinstance(unit.detail, StartUpDetail):
+        return
+    if found := {_place(each): each for each in unit.findings if each.quantity.endswith("/settling")}:
+        yield _settling(found)
+    for number, (set_c, watched) in enumerate(unit.detail.power_ons):
+        if watched:
+            yield _courses(set_c, watched, f"{name}-start-up-{number}")
+
+
+def _place(finding: Finding) -> tuple[int, str, str]:
+    return finding.at["visit"], finding.at["axis"], finding.quantity.partition("/")[0]
+
+
+def _settling(found: Mapping[tuple[int, str, str], Finding]) -> Sheet:
+    rows = []
+    for visit, axis in dict.fromkeys(key[:2] for key in found):
+        of_axis = {quantity: found.get((visit, axis, quantity)) for quantity in TITLES}
+        set_c = next(each.at["temperature_set_c"] for each in of_axis.values() if each is not None)
+        cells = ("–" if each is None else _time(each) for each in of_axis.values())
+        rows.append(("–" if set_c is None else f"{set_c:g}", axis, *cells))
+    return Sheet(
+        tr("Time from power-on until it stays within its limits"),
+        tr(
+            "By set points and axes, with expanded uncertainties, k = {k}; > where it was outside to the end. K0 and "
+            "D0 are zeros, K1 and KG scale factors.", k=COVERAGE,
+        ),
+        ((tr("set point"), "°C"), (tr("axis"), ""), *((quantity, "min") for quantity in TITLES)),
+        tuple(rows),
+    )  # fmt: skip
+
+
+def _time(finding: Finding) -> str:
+    return f"> {shown(finding)}" if "more_than" in finding.flags else shown(finding)
+
+
+def _courses(set_c: float, watched: Sequence[Watched], name: str) -> Plot:
+    """Zeros left, scale factors right; accelerometers above, gyros below."""
+    figure = new_figure(5.6)
+    panels = figure.subplots(2, 2, sharex=True, gridspec_kw={"hspace": 0.3, "wspace": 0.3}).ravel()
+    for axes, quantity in zip(panels, TITLES, strict=True):
+        own = [each for each in watched if each.quantity == quantity]
+        axes.set_visible(bool(own))
+        if own:
+            _panel(axes, quantity, own)
+    for axes in panels[2:]:
+        axes.set_xlabel(f"{tr('time since power-on')} / min")
+    panels[0].legend(ncols=3)
+    set_point = tr("set point {set_c} °C", set_c="–" if math.isnan(set_c) else f"{set_c:g}")
+    title = tr("Zero and scale factor since power-on, {set_point}", set_point=set_point)
+    caption = tr(
+        "After compensation by the released calibration: points are readings, lines their courses with k = {k}. The "
+        "band is what the settings allow; a vertical line marks when a course enters it for good.", k=COVERAGE,
+    )  # fmt: skip
+    return Plot(title, rendered(figure, name, title), caption)
+
+
+def _panel(axes: Axes, quantity: str, watched: Sequence[Watched]) -> None:
+    factor, symbol = (1e6, "ppm") if quantity in ("K1", "KG") else SHOWN[quantity]
+    limit = watched[0].limit * factor
+    axes.axhspan(-limit, limit, color="#e7f0e4", linewidth=0)
+    for edge in (-limit, limit):
+        axes.axhline(edge, color="#4d7c0f", linewidth=0.7, linestyle=(0, (5, 3)))
+    largest = ROOM * limit
+    for each in sorted(watched, key=lambda one: AXES.index(one.axis)):
+        colour, marker = STYLES[each.axis]
+        minutes, off, wide = each.grid_s / S_PER_MIN, each.off * factor, COVERAGE * each.u * factor
+        axes.fill_between(minutes, off - wide, off + wide, color=colour, alpha=0.15, linewidth=0)
+        axes.plot(each.at_s / S_PER_MIN, each.points * factor, color=colour, marker=marker, markersize=2.2,
+                  linestyle="none", alpha=0.6)  # fmt: skip
+        axes.plot(minutes, off, color=colour, linewidth=1.1, label=each.axis)
+        if not (each.settling.to_the_end or each.settling.from_the_start):
+            axes.axvline(each.settling.at_s / S_PER_MIN, color=colour, linewidth=0.8, linestyle=(0, (2, 2)))
+        largest = max(largest, 1.1 * float(np.abs(off).max()), 1.1 * float(np.abs(each.points).max()) * factor)
+    axes.set(ylim=(-largest, largest), ylabel=f"{tr('error of {quantity}', quantity=quantity)} / {symbol}")
+    axes.set_title(tr(TITLES[quantity]))
