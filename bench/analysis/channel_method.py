@@ -7,7 +7,7 @@ than one; the slopes of all of them together tell the converter's two temperatur
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from bench.analysis.channel_findings import ChannelFindings
 from bench.analysis.channel_levels import ChannelDrift, out_of_proportion
 from bench.analysis.channel_runs import levels_of
 from bench.analysis.channel_temperature import ABORT_SHARE
-from bench.analysis.finding import UnitResult
+from bench.analysis.finding import NOT_CLOSED, Finding, UnitResult
 from bench.analysis.rundata import RunData, UnitUnderTest
 
 LEFT_OUT = (
@@ -65,7 +65,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
     return UnitResult(
         place=unit.place,
         uut=unit.serial,
-        findings=(*of_levels.findings(), *conclusions.findings()),
+        findings=tuple(_with_drift((*of_levels.findings(), *conclusions.findings()), levels, settings["drift_limit"])),
         models=tuple(conclusions.models()),
         compensations=tuple(conclusions.compensations()),
         left_out=tuple(dict.fromkeys(left_out)),
@@ -79,6 +79,14 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
             levels, compared, settings["reference_temperature_c"], settings["threshold"], settings["compare_basis"]
         ),
     )
+
+
+def _with_drift(findings: Sequence[Finding], levels: Sequence[Level], limit: float) -> Iterator[Finding]:
+    """The findings; those of a level whose input drifted beyond its limit, and of all levels together, are marked."""
+    drifted = {level.name for level in levels if has_drifted(level, limit)}
+    for finding in findings:
+        of = {finding.at["run"], finding.at.get("reference")} if "run" in finding.at else drifted
+        yield finding if drifted.isdisjoint(of) else replace(finding, flags=(*finding.flags, NOT_CLOSED))
 
 
 def _lost_its_thermostat(level: Level) -> bool:

@@ -18,6 +18,7 @@ COVERAGE = 2
 CONFIDENCE = 0.95  # of an interval
 NEGLIGIBLE = 1e-4  # of the largest line of a budget: 1e-8 of its variance
 UNLIMITED_DOF = 1000  # more are reported as unlimited
+NOT_CLOSED = "not_closed"  # the flag of a finding of a unit or bench that changed over the run
 LOWER_BOUND = "more_than"  # the flag of a value of which is only known that it is more
 Verdict = Literal["PASS", "FAIL", "INVALID"]
 
@@ -99,7 +100,7 @@ class Finding:
 
         So it is where the unit was not the same at the end of the run as at its beginning.
         """
-        return self.limits is not None and ("not_closed" in self.flags or self.limits.is_marginal(self.value, self.u))
+        return self.limits is not None and (NOT_CLOSED in self.flags or self.limits.is_marginal(self.value, self.u))
 
     def judged(self, limits: Limits) -> Finding:
         """The same finding with limits and, unless it is invalid already, a verdict, flagged where that needs a reason.

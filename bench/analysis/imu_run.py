@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,9 +21,10 @@ from bench.analysis.attitudes import AXES, NAMES
 from bench.analysis.compensation import Compensation
 from bench.analysis.counts import RESOLUTION_COUNTS
 from bench.analysis.extremes import interval_of_largest
-from bench.analysis.finding import BudgetLine, Finding, Interval, UnitResult, combined
+from bench.analysis.finding import NOT_CLOSED, BudgetLine, Finding, Interval, UnitResult, combined
 from bench.analysis.fit import Array, LinearFit, NotDetermined, least_squares
 from bench.analysis.imu_calibration import AxisCalibration, ImuCalibration, Scatter, calibrate
+from bench.analysis.imu_closure import Sensitivity, closure_findings
 from bench.analysis.imu_compensation import SAME_KNOT_C, TemperatureTable, check_model, temperature_table
 from bench.analysis.imu_findings import READINGS, AxisAtVisit, Noise
 from bench.analysis.imu_readings import ImuReadings
@@ -74,16 +75,29 @@ class _Unit:
         """Everything that was found."""
         at_visits = [finding for axis in self._at_visits() for finding in axis.findings()]
         unplaced = [f"{step}: no_attitude" for visit in self._visits for step in visit.unplaced]
+        closure = list(closure_findings(self._data, self._unit, dict(self._sensitive())))
+        findings = [*at_visits, *self._over_temperature(at_visits), *closure]
+        limits = {"K0/closure": self._settings["closure_limit_g"], "level/closure": self._settings["level_limit_rad"]}
+        moved = list(dict.fromkeys(each.quantity for each in closure if abs(each.value) > limits[each.quantity]))
+        if moved:
+            findings = [replace(each, flags=(*each.flags, NOT_CLOSED)) for each in findings]
         return UnitResult(
             place=self._unit.place,
             uut=self._unit.serial,
-            findings=(*at_visits, *self._over_temperature(at_visits)),
+            findings=tuple(findings),
             models=tuple(self._models(at_visits)),
             left_out=tuple(self._left_out()),
-            flags=(*self._found.flags, *self._found.notes, *unplaced),
+            flags=(*self._found.flags, *self._found.notes, *unplaced, *(f"{each}:moved" for each in moved)),
             detail=ImuDetail(tuple(self._visits), self._found, self._curves),
             compensations=tuple(self._compensations(at_visits)),
         )
+
+    def _sensitive(self) -> Iterator[tuple[int, Sensitivity]]:
+        """The accelerometers that were calibrated where the run began, for its closure."""
+        for axis in range(len(AXES)):
+            every, (scatter_pps, dof) = self._found.over_temperature(axis), self._noise[axis].accelerometer
+            if every:
+                yield axis, Sensitivity(every[0].k1_pps_per_g, scatter_pps, dof, self._slope("K0", axis, every[0]))
 
     def _left_out(self) -> Iterator[str]:
         """Axes without a calibration at a set point."""

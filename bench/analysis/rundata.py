@@ -286,12 +286,16 @@ class BenchRecord:
 
 @dataclass(frozen=True, slots=True)
 class RunData:
-    """The acquisitions under one label, in the order of the run, and what is needed to reduce them."""
+    """The acquisitions under one label, in the order of the run, and what is needed to reduce them.
+
+    `closure` are those that tell what has changed over the run.
+    """
 
     label: str
     units: tuple[UnitUnderTest, ...]
     acquisitions: tuple[Acquisition, ...]
     bench: BenchRecord
+    closure: tuple[Acquisition, ...] = ()
 
     def subject(self, unit: UnitUnderTest) -> Subject:
         """Whom findings of a unit are of."""
@@ -311,5 +315,8 @@ class RunData:
             yield replace(self, units=stayed)
         for unit in self.units:
             if unit not in stayed:
-                before = tuple(each for each in self.acquisitions if each.end_s <= unit.until_s)
-                yield replace(self, units=(unit,), acquisitions=before)
+                before, closure = (
+                    tuple(each for each in acquired if each.end_s <= unit.until_s)
+                    for acquired in (self.acquisitions, self.closure)
+                )
+                yield replace(self, units=(unit,), acquisitions=before, closure=closure)

@@ -4,8 +4,8 @@ Readings v at times t since power-on, each at a known drive d (what the channel 
 
     v = zero(t) + d · scale(t),   zero and scale each a constant and terms exp(-t / τ) with given time constants τ
 
-so that what changes between a reading and the next at the other drive is in neither. Two time constants that span what
-warms up in the unit follow it closely; of the terms only the sum has a meaning.
+so that what changes between a reading and the next at the other drive is in neither. Time constants a factor of three
+apart follow everything between them, to some percent of its size at power-on; of the terms only the sum has a meaning.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from bench.analysis.coefficient_findings import Origin, coefficient_findings
 from bench.analysis.compensation import Compensation
 from bench.analysis.dwells import Dwell, solve_dwells
 from bench.analysis.extremes import interval_of_largest
-from bench.analysis.finding import BudgetLine, Finding, Interval, UnitResult, combined
+from bench.analysis.finding import NOT_CLOSED, BudgetLine, Finding, Interval, UnitResult, combined
 from bench.analysis.fit import NotDetermined, PolynomialFit, fit_polynomial
 from bench.analysis.models import TemperatureModel
 from bench.analysis.rundata import Array, RunData, UnitUnderTest
@@ -36,7 +36,6 @@ NAMES = {
 }
 CONTAINS = {"K1": ("K3",), "K1_si": ("K3",), "K2": ("asymmetry",)}  # unless these are found by themselves
 MODELLED = ("K0", "K1")
-NOT_CLOSED = "not_closed"
 READINGS = "readings: scatter pooled over the run"
 WEIGHT_SHOWN = 0.05  # of the largest weight: readings with less are not named as a finding's source
 

@@ -21,7 +21,6 @@ if TYPE_CHECKING:  # checking a sequence that needs none loads no arithmetic
     from bench.report.calibration import CalibrationFile
 
 OPTION = "--calibration"
-NOT_GIVEN = "calibration-not-given"  # what a check calls it
 AT_A_KNOT_C = 1.0
 
 
@@ -125,18 +124,9 @@ def _beyond(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iter
 
 
 def remarks(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iterator[Remark]:
-    """What a person should know: units without a calibration, doubtful ones, temperatures that tell little."""
+    """What a person should know: calibrations that are doubtful, and temperatures that tell little."""
     for number in _entries(plan).values():
         where: Place = ("results", number, "method")
-        if lacking := [place for place in bench.places if place not in found]:
-            yield Remark(
-                "warning",
-                NOT_GIVEN,
-                where,
-                f"the unit in place {' and '.join(lacking)} is checked by its calibration, which is not given; a run "
-                "refuses to begin without",
-                f"Give the file that its calibration run wrote: {OPTION} {lacking[0]}=calibration_{lacking[0]}.json",
-            )
         for released in found.values():
             for told in released.content.warnings:
                 if not (released.content.simulated and bench.is_simulated) or "verdict" in told:

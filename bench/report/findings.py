@@ -71,6 +71,8 @@ def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str,
         reduce = getattr(import_module(module), function)
         found: dict[str, UnitResult] = {}
         acquired = data(entry.data)
+        if entry.closure is not None:
+            acquired = dataclasses.replace(acquired, closure=data(entry.closure).acquisitions)
         for part in acquired.by_length():
             found |= {unit.place: unit for unit in reduce(part, settings)}
         for unit in acquired.units:

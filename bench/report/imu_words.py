@@ -13,5 +13,6 @@ PARTS = {
 }
 QUANTITIES = {
     "start_up_not_determined": "too few readings after power-on to follow it.",
+    "moved": "it changed over the run by more than the settings allow: every verdict is marginal.",
     "not_given": "the run was not given one for the unit, without which nothing can be compensated.",
 }

@@ -18,6 +18,7 @@ SHOWN = {
     "Kip": (1e6, "µg/g²"),
     "asymmetry": (1e6, "ppm"),
     "K0/closure": (1e6, "µg"),
+    "level/closure": (1e6, "µrad"),
     "K0/sd": (1e6, "µg"),
     "K1/sd": (1e6, "ppm"),
     "misalignment/sd": (1e6, "µrad"),

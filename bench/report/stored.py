@@ -49,7 +49,8 @@ class StoredRun:
     def data(self, label: str) -> RunData:
         """What was acquired under a label."""
         if label not in self._data:
-            counted = {known_methods()[each.method].counts_at for each in self.sequence.results if each.data == label}
+            counted = {known_methods()[each.method].counts_at for each in self.sequence.results
+                       if label in (each.data, each.closure)}  # fmt: skip
             windows = counted == {"windows"}
             data = run_data(self.reader, self.bench, self.serials, label, windows=windows)
             self._data[label] = replace(data, units=tuple(map(self._with_calibration, data.units)))

@@ -37,7 +37,7 @@ REASONS = {
     "not_monotonic": "a smaller step passed than one that failed, which does not count",
     "too_short": "some steps were counted too short: one count is more than a fifth of them",
     "marginal": "one of the two steps that decide is so near one half that it could be otherwise if repeated",
-    "not_closed": "the bias did not come back to where it began",
+    "not_closed": "the unit or its table was not at the end of the run as at its beginning",
     "ends_differ": "more than they may; what stays is the cross coupling",
     "lag": "the loop is a lag behind the thermometer, not hysteresis: a model with dT/dt removes most of it",
 }
@@ -127,7 +127,8 @@ _QUANTITIES = {
     "ramp_too_fast": "its temperature went faster than it may.",
     "invalid": "too little of it could be used.",
     "input_drifted": (
-        "its input drifted more than it may between the points at rest; what is decided by it is marginal."
+        "its input drifted more than it may between the points at rest; its verdicts, and what is decided by it, are "
+        "marginal."
     ),
     "no_points": "no two points at rest tell how its input drifted.",
     "slope_follows_level": (
@@ -313,6 +314,8 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
         parts.append(tr("set point {set_c} °C", set_c=f"{at['temperature_set_c']:g}"))
     elif "temperature_c" in at:
         parts.append(tr("centre {at_c} °C", at_c=f"{at['temperature_c']:.1f}"))
+    if "direction" in at:
+        parts.append(tr(at["direction"]))
     if "position_deg" in at:
         parts.append(tr("about {angle}°", angle=f"{at['position_deg']:g}"))
     parts += [told(at[key]) for key, told in (("end", end_in_words), ("leg", leg_in_words)) if key in at]

@@ -82,14 +82,17 @@ def _results(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
     labels = set(_labels(plan.document))
     for index, entry in enumerate(plan.sequence.results):
         place: Place = ("results", index)
-        if entry.data not in labels and None not in labels:
-            hint = did_you_mean(entry.data, sorted(filter(None, labels)))
-            yield (*place, "data"), f"no step acquires with the label '{entry.data}'{hint}"
+        for key, label in (("data", entry.data), ("closure", entry.closure)):
+            if label is not None and label not in labels and None not in labels:
+                hint = did_you_mean(label, sorted(filter(None, labels)))
+                yield (*place, key), f"no step acquires with the label '{label}'{hint}"
         method = known_methods().get(entry.method)
         if method is None:
             hint = did_you_mean(entry.method, known_methods())
             yield (*place, "method"), f"there is no method {quoted(entry.method)}{hint}"
             continue
+        if entry.closure is not None and not method.closes:
+            yield (*place, "closure"), f"{entry.method} does not look at what has changed over a run"
         try:
             method.settings.model_validate(entry.settings)
         except ValidationError as error:

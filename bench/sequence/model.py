@@ -112,6 +112,9 @@ class ResultEntry(StrictModel):
     method: str = Field(description="the name of an installed method")
     data: Name = Field(description="the label of the acquisitions")
     settings: Any = Field(default_factory=dict, description="the method's own")
+    closure: Name | None = Field(
+        None, description="the label of what is acquired at the beginning and again at the end, to see what has changed"
+    )
     limits: Mapping[str, Annotated[LimitEntry, WrapValidator(_without_names)]] = {}
 
 

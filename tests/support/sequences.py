@@ -56,6 +56,7 @@ ELSEWHERE = {
     "accel_response": ("response",),
     "indexing_static": ("indexing", "indexing_pulses"),
     "imu_24_position": ("imu",),
+    "imu_start_up": ("imu",),
     "imu_two_mountings": ("imu_two_axis",),
     **dict.fromkeys(("channel_full", "channel_gravity", "channel_skew", "channel_source"), ("channel",)),
 }

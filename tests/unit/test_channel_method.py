@@ -13,6 +13,7 @@ from bench.analysis.channel_scatter import line_scatter
 from bench.analysis.channel_temperature import Gates
 from bench.analysis.finding import Finding, UnitResult
 from bench.analysis.fit import NotDetermined
+from bench.analysis.limits import Limits
 from bench.analysis.models import Equation
 from bench.analysis.rundata import (
     Acquisition,
@@ -265,6 +266,15 @@ def test_a_drift_beyond_its_limit_makes_what_is_decided_marginal():
     assert "src_1g:input_drifted" in result.flags
     assert "marginal" in found(result)["deviation/normalised@src_12g"].flags
     assert not reduced(made, drift_limit=50e-6).detail.compared[0].drifted
+
+
+@pytest.mark.parametrize(("drift_limit", "marginal"), [(5e-6, True), (50e-6, False)])
+def test_a_drift_beyond_its_limit_makes_the_verdicts_on_the_run_marginal(drift_limit, marginal):
+    result = reduced(Made(drift=8e-6).level("gravity", 1.0), drift_limit=drift_limit)
+    assert ("up_1g:input_drifted" in result.flags) == marginal
+    for quantity in ("rate/relative_temperature_coefficient", "rate/drift"):
+        finding = found(result)[f"{quantity}@up_1g"]
+        assert finding.judged(Limits(low=-1.0, high=1.0)).marginal == marginal
 
 
 def test_the_certificate_counts_where_the_points_find_less():

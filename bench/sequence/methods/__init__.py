@@ -40,7 +40,8 @@ class MethodDescription:
     each a record of its own. `drawn_by` is "module:function", which turns a unit's results into what a report shows of
     them beside the tables that all methods have. `after` names the standards that it is made after (methods.md 7),
     which is no claim of conformity. `meaning` says what its results contain, `measures` what kind of unit it is for,
-    `needs_calibration` whether it needs the calibration that was released for each unit.
+    `needs_calibration` whether it needs the calibration that was released for each unit, `closes` whether it looks at
+    what was acquired for `closure`, as its other data are.
     """
 
     name: str
@@ -54,6 +55,7 @@ class MethodDescription:
     meaning: str = CHANNEL
     measures: Literal["channel", "inertial unit"] = "channel"
     needs_calibration: bool = False
+    closes: bool = False
 
     def units(self, output_unit: str) -> Mapping[str, str]:
         """The units of the quantities for units whose output is in `output_unit`."""

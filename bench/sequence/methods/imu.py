@@ -35,6 +35,18 @@ class ImuCalibrationSettings(StrictModel):
     rate_tolerance: Annotated[Ratio, InUnit("", above=0, at_most=1)] = Field(
         0.1, description="how far from the rate that was asked for the table may have turned"
     )
+    closure_limit_g: Annotated[float, InUnit("g", above=0)] = Field(
+        100e-6,
+        alias="closure_limit",
+        description="when the bias of an accelerometer has moved further between the beginning and the end of the run, "
+        "every verdict is marginal",
+    )
+    level_limit_rad: Annotated[float, InUnit("rad", above=0)] = Field(
+        50e-6,
+        alias="level_limit",
+        description="when the base of the table has tilted further between the beginning and the end of the run, every "
+        "verdict is marginal",
+    )
 
 
 IMU_CALIBRATION = MethodDescription(
@@ -57,10 +69,13 @@ IMU_CALIBRATION = MethodDescription(
             for quantity, unit in {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}.items()
             for what in ("change", "interpolation", "repeatability")
         },
+        "K0/closure": "g",
+        "level/closure": "rad",
     },
     counts_at="windows",
     measures="inertial unit",
     meaning=MEANING,
+    closes=True,
     drawn_by="bench.report.imu_plots:imu_plots",
 )
 
@@ -81,7 +96,7 @@ class ImuStartUpSettings(StrictModel):
         50e-6, description="how far off the scale factor of a gyro may be, either way"
     )
     time_constants_s: Annotated[tuple[PositiveSeconds, ...], Field(min_length=1, max_length=4)] = Field(
-        (360.0, 1500.0),
+        (300.0, 900.0, 2700.0),
         alias="time_constants",
         description="of the exponentials that the courses are made of; they span what warms up in the unit",
     )

@@ -1,0 +1,155 @@
+"""Whether an inertial unit and its table are at the end of a run as they were at its beginning.
+
+The unit stands with one axis up at opposite headings, at the beginning and again at the end. Of an accelerometer that
+is level half the sum of two opposite readings is its bias, half their difference the tilt of the table along it: the
+same as at 0° and 180° of a head. What is common to both times, as misalignments and the errors of the table are, is in
+neither change.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.analysis.attitude_errors import ErrorSource, table_errors
+from bench.analysis.attitudes import AXES
+from bench.analysis.finding import BudgetLine, Finding, combined
+from bench.analysis.fit import Array, LinearFit, NotDetermined, least_squares
+from bench.analysis.orientation import unit_axes
+from bench.analysis.rundata import Acquisition, BenchRecord, RunData, UnitUnderTest
+
+LEVEL = 0.1  # of g along an axis that counts as level
+DIRECTIONS = ("east", "north")
+READINGS = "readings: scatter pooled over the run"
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """Of one accelerometer: pulse/s per g, the scatter of a reading in pulse/s with its freedom, g/°C of its bias."""
+
+    pps_per_g: float
+    scatter_pps: float
+    dof: int
+    bias_g_per_c: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """One time at which it was looked: biases in g by axis, tilts in rad by direction, and what they come from.
+
+    A reading is of a window and an axis; `fit` has the biases of `axes`, then the tilts.
+    """
+
+    fit: LinearFit
+    axes: tuple[int, ...]
+    readings: tuple[tuple[Acquisition, int], ...]
+    temperature_c: float
+
+    @property
+    def names(self) -> list[tuple[str, str]]:
+        """The quantity and the axis or direction of each coefficient."""
+        return [("K0", AXES[axis]) for axis in self.axes] + [("level", each) for each in DIRECTIONS]
+
+
+def closure_findings(data: RunData, unit: UnitUnderTest, sensitive: Mapping[int, Sensitivity]) -> Iterator[Finding]:
+    """The change of each bias and of the level between the first and the last time, in each mount of the unit.
+
+    `sensitive` are the accelerometers by their axes. Nothing where it was looked once only.
+    """
+    by_mount: dict[str, dict[str, list[Acquisition]]] = {}
+    for acquisition in data.closure:
+        by_mount.setdefault(acquisition.mount.name, {}).setdefault(acquisition.group, []).append(acquisition)
+    for mount, groups in by_mount.items():
+        windows = list(groups.values())
+        first, last = (_entry(each, unit, data.bench, sensitive) for each in (windows[0], windows[-1]))
+        if len(windows) > 1 and first is not None and last is not None and first.names == last.names:
+            suffix = f"@{mount}" if len(by_mount) > 1 else ""
+            yield from _changes(data, unit, sensitive, first, last, suffix)
+
+
+def _entry(
+    windows: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord, sensitive: Mapping[int, Sensitivity]
+) -> _Entry | None:
+    """What the windows of one time tell; None when they tell nothing, as without opposite headings."""
+    rows, values_g, readings = [], [], []
+    for window in windows:
+        lies = unit_axes(window, unit, bench)
+        for axis, known in sensitive.items():
+            counted = window.windows[unit.channels[f"acc_{AXES[axis]}"]]
+            if abs(lies[axis, 2]) < LEVEL and not set(counted.problems) - {"dead_band"}:
+                rows.append((axis, lies[axis, :2]))
+                values_g.append(counted.net_pps / known.pps_per_g)
+                readings.append((window, axis))
+    axes = tuple(sorted({axis for axis, _ in rows}))
+    design = [[*(float(axis == each) for each in axes), *level] for axis, level in rows]
+    try:
+        fit = least_squares(np.array(design).reshape(len(rows), -1), np.array(values_g))
+    except NotDetermined:
+        return None
+    read_c = np.concatenate([window.temperatures_c.get(unit.temperature, np.empty(0)) for window in windows])
+    return _Entry(fit, axes, tuple(readings), float(np.nanmean(read_c)) if np.isfinite(read_c).any() else math.nan)
+
+
+def _changes(
+    data: RunData, unit: UnitUnderTest, sensitive: Mapping[int, Sensitivity], first: _Entry, last: _Entry, suffix: str
+) -> Iterator[Finding]:
+    steps = tuple(dict.fromkeys(window.step for entry in (first, last) for window, _ in entry.readings))
+    warmer_c = last.temperature_c - first.temperature_c
+    for index, (quantity, of) in enumerate(first.names):
+        change = float(last.fit.coefficients[index] - first.fit.coefficients[index])
+        lines = [*_scatter(first, last, index, sensitive), *_fresh(first, last, index, unit, data.bench)]
+        at: dict[str, str] = {"direction": of}
+        name = "change of the tilt of the table from the beginning of the run to its end; positive raises that side"
+        if quantity == "K0":
+            followed_g = sensitive[AXES.index(of)].bias_g_per_c * warmer_c
+            change -= followed_g if math.isfinite(followed_g) else 0.0
+            at = {"axis": of}
+            name = "change of the bias from the beginning of the run to its end, brought to one temperature"
+        yield Finding(
+            id=f"{data.label}/{unit.place}/{of}/{quantity}/closure{suffix}",
+            uut=unit.serial,
+            quantity=f"{quantity}/closure",
+            name=name,
+            at=at,
+            value=change,
+            unit="g" if quantity == "K0" else "rad",
+            budget=combined(lines),
+            steps=steps,
+        )
+
+
+def _scatter(first: _Entry, last: _Entry, index: int, sensitive: Mapping[int, Sensitivity]) -> Iterator[BudgetLine]:
+    """That of the readings of both times."""
+    square, dofs = 0.0, [1]
+    for entry in (first, last):
+        for weight, (_, axis) in zip(entry.fit.gain[index], entry.readings, strict=True):
+            known = sensitive[axis]
+            square += (float(weight) * known.scatter_pps / known.pps_per_g) ** 2
+            dofs.append(known.dof)
+    yield BudgetLine(READINGS, "A", math.sqrt(square), max(dofs))
+
+
+def _fresh(first: _Entry, last: _Entry, index: int, unit: UnitUnderTest, bench: BenchRecord) -> Iterator[BudgetLine]:
+    """What of the table is drawn anew whenever it goes somewhere; all else is common to both times."""
+    squares: dict[str, float] = {}
+    for entry in (first, last):
+        windows = list(dict.fromkeys(window.step for window, _ in entry.readings))
+        acquired = {window.step: window for window, _ in entry.readings}
+        errors = table_errors([acquired[step] for step in windows], unit, bench)
+        for source in (each for each in errors.sources if each.fresh):
+            felt = _felt(entry, index, windows, errors.axes, source)
+            squares[source.name] = squares.get(source.name, 0.0) + float(felt @ felt) * source.u_rad**2
+    yield from (BudgetLine(name, "B", math.sqrt(square)) for name, square in squares.items())
+
+
+def _felt(entry: _Entry, index: int, windows: Sequence[str], axes: Array, source: ErrorSource) -> Array:
+    """What 1 rad of an error in each window does to a coefficient, through all readings of the window."""
+    seen, felt = source.seen(axes, UP), np.zeros(len(windows))
+    for weight, (window, axis) in zip(entry.fit.gain[index], entry.readings, strict=True):
+        number = windows.index(window.step)
+        felt[number] += weight * seen[number, axis]
+    return felt

@@ -1,0 +1,137 @@
+"""The start-up of a compensated inertial unit against the truth, and the campaign over many seeds.
+
+The truth of a course is the noiseless unit at its true temperatures, compensated as its thermometers indicate.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bench.app.request import RunRequest
+from bench.report.calibration import read_calibration
+from bench.report.stored import open_run
+from tests.truth.campaign import ROOT, Comparison, campaign, full_bench, results_of
+from tests.truth.imu import imu_truth, rms_of, table
+
+CALIBRATION = ROOT / "config/uut/imu_calibration.json"
+LABEL, PLACE, SUPPLY = "start_up", "a", "supply"
+LIMITS = {"K0": 30e-6, "K1": 50e-6, "D0": 0.2 / 3600, "KG": 50e-6}
+RATE_DPS = 30.0
+
+
+@dataclass(frozen=True)
+class TrueCourses:
+    """True courses after one power-on: times since, (n,), and zero and scale by quantity and axis."""
+
+    at_s: np.ndarray
+    off: dict[tuple[str, str], np.ndarray]
+    steps: dict[str, float]
+
+    def at(self, quantity: str, axis: str, when_s: float) -> float:
+        off = self.off[quantity, axis]
+        if when_s < self.at_s[0]:
+            return float(off[0] + (when_s - self.at_s[0]) * (off[1] - off[0]) / (self.at_s[1] - self.at_s[0]))
+        return float(np.interp(when_s, self.at_s, off))
+
+    def settling_s(self, quantity: str, axis: str) -> float:
+        size = np.abs(self.off[quantity, axis]) - LIMITS[quantity]
+        outside = np.flatnonzero(size > 0)
+        if not len(outside):
+            return 0.0
+        last = int(outside[-1])
+        if last == len(size) - 1:
+            return float(self.at_s[-1])
+        part = size[last] / (size[last] - size[last + 1])
+        return float(self.at_s[last] + part * (self.at_s[last + 1] - self.at_s[last]))
+
+
+def true_courses(folder: Path) -> list[TrueCourses]:
+    """One for each power-on, from the states of the unit in all windows."""
+    truth = json.loads((folder / "truth.json").read_text("utf-8"))
+    unit, channels = imu_truth(truth["imus"][PLACE]), read_calibration(CALIBRATION).compensations()
+    with open_run(folder) as stored:
+        acquisitions = stored.data(LABEL).acquisitions
+    groups: dict[str, list] = {}
+    for acquisition in acquisitions:
+        groups.setdefault(acquisition.group, []).append(acquisition)
+    return [_courses(members, truth["windows"], unit, channels) for members in groups.values()]
+
+
+def _courses(members, windows, unit, channels) -> TrueCourses:
+    at_s = np.array([(each.begin_s + each.end_s) / 2 - np.mean(each.on_since_s[SUPPLY]) for each in members])
+    states = [windows[f"{LABEL}/{PLACE}@{each.step}"] for each in members]
+    read_c = {name: [each.temperatures_c[name].mean() for each in members] for name in members[0].temperatures_c}
+    off: dict[tuple[str, str], np.ndarray] = {}
+    nothing = np.zeros(2)
+    for number, axis in enumerate("xyz"):
+        rows = []
+        for index, state in enumerate(states):
+            accelerometer, gyro = unit.accelerometers[number], unit.gyros[number]
+            drifted_g = np.full(2, state["accelerometers_g"][number] + state["moving_g"][number])
+            true_c, force_g = np.full(2, state["sensors_c"][0]), (np.array([1.0, -1.0]), nothing, nothing)
+            pps = accelerometer.rate_pps(accelerometer.current_a(force_g, true_c, drifted_g))
+            up, down = channels[f"acc_{axis}"].apply(pps, np.full(2, read_c["unit_temperature"][index]))[0]
+            drifted_dps, gyro_c = np.full(2, state["gyros_dps"][number]), np.full(2, state["sensors_c"][1])
+            turned = (np.array([RATE_DPS, -RATE_DPS]), nothing, nothing)
+            at_rest = gyro.output_pps((nothing, nothing, nothing), force_g, gyro_c, drifted_dps)
+            turning = gyro.output_pps(turned, (nothing, nothing, nothing), gyro_c, drifted_dps)
+            told_c = np.full(2, read_c["gyro_temperature"][index])
+            rest_dps = channels[f"gyro_{axis}"].apply(at_rest, told_c)[0]
+            plus, minus = channels[f"gyro_{axis}"].apply(turning, told_c)[0]
+            rows.append(((up + down) / 2, (up - down) / 2 - 1, rest_dps.mean(), (plus - minus) / (2 * RATE_DPS) - 1))
+        off |= {(quantity, axis): course for quantity, course in zip(LIMITS, np.array(rows).T, strict=True)}
+    return TrueCourses(at_s, off, dict(zip([each.step for each in members], at_s.tolist(), strict=True)))
+
+
+def compare_start_up(folder: Path, results: dict | None = None) -> list[Comparison]:
+    """Every finding beside its truth; times only where neither of both is at an end of the watch."""
+    courses = true_courses(folder)
+    found = []
+    for each in (results or results_of(folder))["findings"]:
+        quantity, what = each["quantity"].split("/")
+        course, axis = courses[each["at"]["visit"]], each["at"]["axis"]
+        own_s = [course.steps[step] for step in each["steps"]]
+        if what == "settling":
+            truth = course.settling_s(quantity, axis)
+            if not each["value"] or not truth or "more_than" in each["flags"] or truth >= max(own_s):
+                continue
+        else:
+            truth = course.at(quantity, axis, 0.0 if what == "power_on" else max(own_s))
+        found.append(Comparison(0, each["at"]["visit"], each["quantity"], each["value"], truth, each["u"]))
+    return found
+
+
+def main() -> int:
+    """`python -m tests.truth.imu_start_up`: a full bench, whose thermometers and table have their errors."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--preset", default="quick")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
+    parser.add_argument("--processes", type=int, default=1)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        full_bench(folder / "config")
+        requests = [
+            RunRequest(
+                "imu_start_up", bench=str(folder / "config/imu.yaml"), preset=options.preset, seed=seed, runs=folder,
+                settings=tuple(options.set), calibrations=(str(CALIBRATION),),
+            )
+            for seed in range(1, options.seeds + 1)
+        ]  # fmt: skip
+        comparisons = [each for run in campaign(requests, options.processes) for each in compare_start_up(run)]
+    print("\n".join(table(comparisons)))
+    problems = [f"{name}: {rms:.3g}" for name, rms in rms_of(comparisons).items() if not 0.65 <= rms <= 1.4]
+    print("\n".join(problems))
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,110 @@
+"""Whether a unit and its table are at the end of a run as they were at its beginning."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from bench.analysis.attitudes import NAMES, SPECIFIC_FORCE_G
+from bench.analysis.imu_closure import Sensitivity, closure_findings
+from bench.analysis.limits import Limits
+from bench.analysis.orientation import unit_axes
+from bench.analysis.rundata import Mount, RunData
+from bench.report.words import flag_in_words
+from bench.sequence.methods.imu import ImuCalibrationSettings
+from tests.unit.test_imu_windows import BENCH, K1, TWO, UNIT, acquired, block, record, reduce
+
+SENSITIVE = {axis: Sensitivity(K1, 0.02, 100, 10e-6) for axis in range(3)}
+ATTITUDES = ("Az1", "Az3", "Ax1", "Ax3")
+SETTINGS = ImuCalibrationSettings.model_validate({}).model_dump()
+
+
+def looked(
+    group, bias_g=(0.0, 0.0, 0.0), tilt_rad=(0.0, 0.0), *, warmer_c=0.0, attitudes=ATTITUDES, bench=BENCH, mount=Mount()
+):
+    """The windows of one time, of accelerometers with misalignments and other biases besides."""
+    found = []
+    for name in attitudes:
+        window = acquired(f"{group}/{name}/acquire", group, bench, mount, name, np.zeros(6))
+        lies = unit_axes(window, UNIT, record(bench))
+        assert lies[:, 2] == pytest.approx(SPECIFIC_FORCE_G[NAMES.index(name)], abs=1e-9)
+        misaligned = 1e-3 * np.array([lies[1, 2], -lies[2, 2], lies[0, 2]])
+        force_g = lies[:, 2] + lies[:, :2] @ tilt_rad + misaligned + np.array([2e-3, -1e-3, 0.5e-3]) + bias_g
+        windows = {
+            channel: dataclasses.replace(each, net_pps=float(K1 * value))
+            for (channel, each), value in zip(window.windows.items(), [*force_g, 0, 0, 0], strict=True)
+        }
+        read_c = {"t": np.full(3, 20.0 + warmer_c)}
+        found.append(dataclasses.replace(window, windows=windows, temperatures_c=read_c))
+    return found
+
+
+def closed(*parts, bench=BENCH):
+    closure = tuple(window for part in parts for window in part)
+    return {
+        each.id.split("a/", 1)[1]: each
+        for each in closure_findings(RunData("imu", (UNIT,), (), record(bench), closure), UNIT, SENSITIVE)
+    }
+
+
+def test_biases_and_level_come_apart_and_what_is_common_cancels():
+    found = closed(looked("s/opening"), looked("s/closing", (30e-6, -20e-6, 10e-6), (15e-6, -40e-6)))
+    values = {name: each.value for name, each in found.items()}
+    assert values == pytest.approx(
+        {"x/K0/closure": 30e-6, "y/K0/closure": -20e-6, "z/K0/closure": 10e-6, "east/level/closure": 15e-6,
+         "north/level/closure": -40e-6}, abs=1e-11,
+    )  # fmt: skip
+    assert all(0.5e-6 < each.u < 3e-6 for each in found.values())
+
+
+def test_a_bias_is_brought_to_the_temperature_of_the_beginning():
+    found = closed(looked("s/opening"), looked("s/closing", (5e-6, 0, 0), warmer_c=0.5))
+    assert found["x/K0/closure"].value == pytest.approx(0.0, abs=1e-11)
+    assert found["y/K0/closure"].value == pytest.approx(-5e-6, abs=1e-11)
+
+
+def test_the_repeatability_of_the_axes_is_in_its_uncertainty():
+    sharp = record(BENCH)
+    blurred = {role: dataclasses.replace(axis, repeatability_u_deg=1e-3) for role, axis in sharp.axes.items()}
+    closure = (*looked("s/opening"), *looked("s/closing"))
+    data = RunData("imu", (UNIT,), (), dataclasses.replace(sharp, axes=blurred, level_u_deg=1.0), closure)
+    (east,) = [each for each in closure_findings(data, UNIT, SENSITIVE) if each.at.get("direction") == "east"]
+    assert {line.source.partition(": ")[2] for line in east.budget} >= {"repeatability"}
+    assert "fixture: level" not in {line.source for line in east.budget}
+    assert east.u == pytest.approx(np.radians(1e-3), rel=0.5)
+
+
+def test_looking_once_or_without_opposite_headings_tells_nothing():
+    assert closed(looked("s/opening")) == {}
+    assert closed(looked("s/opening", attitudes=("Az1",)), looked("s/closing", attitudes=("Az1",))) == {}
+
+
+def test_each_mount_closes_by_itself():
+    mounts = [Mount(name, each.angle, each.roll, each.clock) for name, each in TWO.fixture.mounts.items()]
+    parts = [
+        looked(f"s/{when}_{mount.name}", (moved, 0, 0), attitudes=("Az1", "Az3"), bench=TWO, mount=mount)
+        for mount, moves in zip(mounts, ((0.0, 7e-6), (500e-6, 501e-6)), strict=True)
+        for when, moved in zip(("opening", "closing"), moves, strict=True)
+    ]
+    found = closed(*parts, bench=TWO)
+    biases = [found[f"x/K0/closure@{mount.name}"].value for mount in mounts]
+    assert biases == pytest.approx([7e-6, 1e-6], abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("bias_g", "tilt_rad", "moved"),
+    [((90e-6, 0, 0), (40e-6, 0), []), ((0, 110e-6, 0), (0, 0), ["K0"]), ((0, 0, 0), (0, -60e-6), ["level"])],
+)
+def test_what_moved_beyond_its_limit_makes_every_verdict_marginal(bias_g, tilt_rad, moved):
+    """A planted drift of a bias, and one of the level."""
+    data = RunData("imu", (UNIT,), tuple(block(BENCH, "s/hot", "xyz")), record(BENCH),
+                   (*looked("s/opening"), *looked("s/closing", bias_g, tilt_rad)))  # fmt: skip
+    (found,) = reduce(data, SETTINGS)
+    assert [flag for flag in found.flags if flag.endswith(":moved")] == [f"{each}/closure:moved" for each in moved]
+    assert {each.judged(Limits(low=-1e9, high=1e9)).marginal for each in found.findings} == {bool(moved)}
+    assert {each.quantity for each in found.findings} >= {"K0/closure", "level/closure"}
+
+
+def test_it_is_told_in_words():
+    told = flag_in_words("level/closure:moved")
+    assert told == "level/closure: it changed over the run by more than the settings allow: every verdict is marginal."
