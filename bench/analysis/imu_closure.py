@@ -16,7 +16,7 @@ import numpy as np
 
 from bench.analysis.attitude_errors import ErrorSource, table_errors
 from bench.analysis.attitudes import AXES
-from bench.analysis.finding import BudgetLine, Finding, combined
+from bench.analysis.finding import BudgetLine, Finding, Subject
 from bench.analysis.fit import Array, LinearFit, NotDetermined, least_squares
 from bench.analysis.orientation import unit_axes
 from bench.analysis.rundata import Acquisition, BenchRecord, RunData, UnitUnderTest
@@ -109,17 +109,9 @@ def _changes(
             change -= followed_g if math.isfinite(followed_g) else 0.0
             at = {"axis": of}
             name = "change of the bias from the beginning of the run to its end, brought to one temperature"
-        yield Finding(
-            id=f"{data.label}/{unit.place}/{of}/{quantity}/closure{suffix}",
-            uut=unit.serial,
-            quantity=f"{quantity}/closure",
-            name=name,
-            at=at,
-            value=change,
-            unit="g" if quantity == "K0" else "rad",
-            budget=combined(lines),
-            steps=steps,
-        )
+        subject = Subject(data.label, f"{unit.place}/{of}", unit.serial)
+        symbol = "g" if quantity == "K0" else "rad"
+        yield subject.finding(f"{quantity}/closure", name, change, symbol, lines, at, steps, suffix)
 
 
 def _scatter(first: _Entry, last: _Entry, index: int, sensitive: Mapping[int, Sensitivity]) -> Iterator[BudgetLine]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from bench.analysis.attitude_errors import table_errors
 from bench.analysis.attitudes import AXES, EARTH_RATE_DPS
-from bench.analysis.finding import LOWER_BOUND, BudgetLine, Finding, UnitResult, combined
+from bench.analysis.finding import LOWER_BOUND, BudgetLine, Finding, Subject, UnitResult
 from bench.analysis.fit import Array, NotDetermined
 from bench.analysis.imu_start_up_readings import PowerOn, Readings
 from bench.analysis.imu_windows import visits
@@ -31,6 +31,8 @@ WARM = "left after compensation when the watch ended"
 SETTLING = "time from power-on until what is left after compensation stays within its limit"
 FROM_THE_START = "within_from_the_start"
 SCATTER = "readings: scatter about the courses"
+MODEL = "readings: their courses with other time constants"
+OTHERWISE = math.sqrt(3)  # times the time constants, which are usually a factor of three apart
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -115,21 +117,28 @@ class _Watch:
                 yield from self._of(axis, self.power_on.gyro_turned(axis), ("KG",))
 
     def _of(self, axis: int, readings: Readings, quantities: Sequence[str]) -> Iterator[Finding]:
+        taus_s = self._settings["time_constants_s"]
         try:
-            courses = fit_courses(readings.at_s, readings.values, readings.drive, self._settings["time_constants_s"])
+            courses, otherwise = (
+                fit_courses(readings.at_s, readings.values, readings.drive, [factor * tau_s for tau_s in taus_s])
+                for factor in (1.0, OTHERWISE)
+            )
         except NotDetermined:
             names = [f"{AXES[axis]}/{quantity}" for quantity in quantities]
             self.left_out += [f"{self.power_on.visit.path}/{name}".strip("/") for name in names]
             self.power_on.flags += [f"{name}:start_up_not_determined" for name in names]
             return
         for quantity in quantities:
-            yield from self._of_quantity(quantity, axis, readings, courses)
+            yield from self._of_quantity(quantity, axis, readings, courses, otherwise)
 
-    def _of_quantity(self, quantity: str, axis: int, readings: Readings, courses: Courses) -> Iterator[Finding]:
+    def _of_quantity(
+        self, quantity: str, axis: int, readings: Readings, courses: Courses, otherwise: Courses
+    ) -> Iterator[Finding]:
         part, grid_s = PARTS[quantity], courses.grid_s
         nominal = 1.0 if part == "scale" else 0.0
         off = courses.of(part, grid_s) - nominal
-        sources = list(self._sources(quantity, axis, readings, courses))
+        apart = np.abs(otherwise.of(part, grid_s) - courses.of(part, grid_s))
+        sources = [_Source(MODEL, apart), *self._sources(quantity, axis, readings, courses)]
         u = np.sqrt(sum(source.u**2 for source in sources))
         limit = float(self._settings[LIMITS[quantity]])
         found = settling(grid_s, off, u, limit)
@@ -184,22 +193,14 @@ class _Watch:
         steps: tuple[str, ...], flags: tuple[str, ...] = (),
     ) -> Finding:  # fmt: skip
         visit = self.power_on.visit
-        return Finding(
-            id=f"{self._label}/{self._unit.place}/{AXES[axis]}/{quantity}" + (f"@{visit.path}" if visit.path else ""),
-            uut=self._unit.serial,
-            quantity=quantity,
-            name=name,
-            at={
-                "visit": visit.number,
-                "axis": AXES[axis],
-                "temperature_set_c": None if math.isnan(visit.set_c) else visit.set_c,
-            },
-            value=value,
-            unit=unit,
-            budget=combined(lines),
-            steps=steps,
-            flags=flags,
-        )
+        at = {
+            "visit": visit.number,
+            "axis": AXES[axis],
+            "temperature_set_c": None if math.isnan(visit.set_c) else visit.set_c,
+        }
+        tail = f"@{visit.path}" if visit.path else ""
+        subject = Subject(self._label, f"{self._unit.place}/{AXES[axis]}", self._unit.serial)
+        return subject.finding(quantity, name, value, unit, lines, at, steps, tail, flags)
 
 
 def _lines(sources: Sequence[_Source], index: int, factor: float) -> list[BudgetLine]:

@@ -20,6 +20,7 @@ from bench.analysis.fit import Array, LinearFit, least_squares
 
 Part = Literal["zero", "scale"]
 GRID_S = 1.0  # how closely the courses are looked at
+CONDITION_LIMIT = 1e6  # terms that are hardly told apart do no harm, for only their sum is used
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,8 @@ class Courses:
 def fit_courses(at_s: Array, values: Array, drive: Array, time_constants_s: Sequence[float]) -> Courses:
     """The courses of readings (n,); raises NotDetermined when they are too few, too soon over, or all at one drive."""
     terms = _terms(at_s, time_constants_s)
-    fit = least_squares(np.hstack([terms, terms * drive[:, np.newaxis]]), values)
+    design = np.hstack([terms, terms * drive[:, np.newaxis]])
+    fit = least_squares(design, values, condition_limit=CONDITION_LIMIT)
     return Courses(at_s, drive, tuple(time_constants_s), fit)
 
 

@@ -15,12 +15,20 @@ from bench.sequence.methods.imu import ImuCalibrationSettings
 from tests.unit.test_imu_windows import BENCH, K1, TWO, UNIT, acquired, block, record, reduce
 
 SENSITIVE = {axis: Sensitivity(K1, 0.02, 100, 10e-6) for axis in range(3)}
+NO_MOUNT = Mount()
 ATTITUDES = ("Az1", "Az3", "Ax1", "Ax3")
 SETTINGS = ImuCalibrationSettings.model_validate({}).model_dump()
 
 
 def looked(
-    group, bias_g=(0.0, 0.0, 0.0), tilt_rad=(0.0, 0.0), *, warmer_c=0.0, attitudes=ATTITUDES, bench=BENCH, mount=Mount()
+    group,
+    bias_g=(0.0, 0.0, 0.0),
+    tilt_rad=(0.0, 0.0),
+    *,
+    warmer_c=0.0,
+    attitudes=ATTITUDES,
+    bench=BENCH,
+    mount=NO_MOUNT,
 ):
     """The windows of one time, of accelerometers with misalignments and other biases besides."""
     found = []

@@ -1,0 +1,99 @@
+"""The start-up of a compensated unit against the truth; over many seeds `python -m tests.truth.imu_start_up`."""
+
+import json
+import shutil
+from unittest import mock
+
+import pytest
+
+from bench.analysis.imu_start_up_readings import PowerOn
+from bench.app.request import RunRequest
+from bench.report.reduced_again import reduced_again
+from bench.report.stored import open_run
+from bench.report.verify import verify
+from tests.truth.campaign import full_bench, results_of, run_one
+from tests.truth.imu import rms_of
+from tests.truth.imu_start_up import CALIBRATION, LIMITS, compare_start_up
+
+SHORT = ("temperatures=[15 °C]", "soak=30 min", "passes=8", "ramp_rate=3 °C/min")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("start_up")
+    full_bench(folder / "config")
+    return run_one(
+        RunRequest("imu_start_up", bench=str(folder / "config/imu.yaml"), seed=4, settings=SHORT, runs=folder,
+                   calibrations=(str(CALIBRATION),))
+    )  # fmt: skip
+
+
+def reduced(run):
+    with open_run(run) as stored:
+        return stored.evaluate().to_json()
+
+
+def test_every_finding_is_within_its_uncertainty(run):
+    comparisons = compare_start_up(run)
+    assert {each.quantity.split("/")[0] for each in comparisons} == set(LIMITS)
+    assert "K0/settling" in {each.quantity for each in comparisons}
+    assert max(abs(each.ratio) for each in comparisons) < 4
+    assert all(rms < 2.5 for rms in rms_of(comparisons).values())
+
+
+def test_uncertainties_are_worth_stating(run):
+    most = {"K0/power_on": 12e-6, "K0/warm": 5e-6, "K0/settling": 240.0, "K1/warm": 5e-6, "KG/warm": 5e-6}
+    found = {(each.quantity, each.u) for each in compare_start_up(run) if each.quantity in most}
+    assert {quantity for quantity, _ in found} == set(most)
+    assert [(quantity, u) for quantity, u in found if u > most[quantity]] == []
+
+
+def test_planted_errors_are_seen(run):
+    """Time from the end of the first pass instead of from power-on; the temperature of the chamber, not of the unit."""
+    since, compensated = PowerOn._since_s, PowerOn._compensated
+    late = mock.patch.object(PowerOn, "_since_s", lambda self, window: since(self, window) - 420.0)
+    chamber = mock.patch.object(
+        PowerOn, "_compensated", lambda self, channel, pps, step, _: compensated(self, channel, pps, step, 15.0)
+    )
+    for plant, quantity in ((late, "K0/settling"), (chamber, "K0/warm")):
+        with plant:
+            found = [each for each in compare_start_up(run, reduced(run)) if each.quantity == quantity]
+        assert max((abs(each.ratio) for each in found), default=99) > 4, quantity
+
+
+def test_the_run_keeps_the_calibration_that_it_was_given(run):
+    manifest = json.loads((run / "manifest.json").read_text("utf-8"))
+    told = manifest["released"]["a"]
+    assert (told["file"], told["uut"]) == ("imu_calibration.json", "SIM-A")
+    assert manifest["hashes"]["released_a.json"].startswith("sha256:")
+    assert (run / "released_a.json").read_bytes() == CALIBRATION.read_bytes()
+    assert told["valid_c"] == pytest.approx([-15, 55], abs=0.2)
+
+
+def test_it_can_be_reduced_again_and_another_calibration_in_its_place_is_noticed(run, tmp_path):
+    again = shutil.copytree(run, tmp_path / "again")
+    with open_run(again) as stored:
+        assert reduced_again(stored).changes == ()
+    other = json.loads((again / "released_a.json").read_text("utf-8"))
+    (again / "released_a.json").write_text(json.dumps({**other, "operator": "?"}), "utf-8")
+    assert any("released_a.json" in problem for problem in verify(again))
+
+
+def test_the_report_tells_it_in_words_and_draws_it(run):
+    page = (run / "report.html").read_text("utf-8")
+    for words in (
+        "Time from power-on until it stays within its limits", "Zero and scale factor since power-on, set point 15 °C",
+        "Calibration of unit SIM-A", "imu_calibration.json, of run", "Accelerometers: zero",
+    ):  # fmt: skip
+        assert words in page
+    assert {each["quantity"] for each in results_of(run)["findings"]} == {
+        f"{quantity}/{what}" for quantity in LIMITS for what in ("power_on", "warm", "settling")
+    }
+
+
+def test_the_run_tells_when_the_unit_was_put_on(run):
+    with open_run(run) as stored:
+        acquired = stored.data("start_up").acquisitions
+    ((begun_s, ended_s),) = {each.on_since_s["supply"] for each in acquired}
+    assert 0 <= ended_s - begun_s < 5
+    assert all(each.begin_s >= ended_s for each in acquired)
