@@ -65,7 +65,8 @@ class StoredRun:
     def counted_at(self, what: CountsAt) -> list[RunData]:
         """What was acquired for methods that count in one of these ways."""
         entries = [entry for entry in self.sequence.results if known_methods()[entry.method].counts_at == what]
-        return [self.data(label) for label in dict.fromkeys(entry.data for entry in entries)]
+        labels = [label for entry in entries for label in (entry.data, entry.closure) if label is not None]
+        return [self.data(label) for label in dict.fromkeys(labels)]
 
     def evaluate(self) -> Results:
         """The findings of the methods that the sequence asks for."""

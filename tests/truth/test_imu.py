@@ -1,6 +1,7 @@
 """Calibrations of an inertial unit against the truth: a short run here, more by `python -m tests.truth.imu`."""
 
 import dataclasses
+import json
 from unittest import mock
 
 import numpy as np
@@ -10,7 +11,7 @@ from bench.analysis import imu_windows
 from bench.app.request import RunRequest
 from bench.report.stored import open_run
 from tests.support.runs import read_json
-from tests.truth.campaign import run_one
+from tests.truth.campaign import results_of, run_one
 from tests.truth.imu import QUANTITIES, bench_file, compare_imu, rms_of
 
 SHORT = (
@@ -42,6 +43,23 @@ def test_uncertainties_are_worth_stating(run):
     most = {"K0": 3e-6, "K1": 0.15, "D0": 4e-5, "KG": 0.08, "misalignment": 30e-6, "gyro_misalignment": 40e-6}
     found = {(each.quantity, each.u) for each in compare_imu(run) if each.quantity in most}
     assert [(quantity, u) for quantity, u in found if u > most[quantity]] == []
+
+
+def test_the_closure_is_what_biases_and_level_did_between_the_ends(run):
+    found = {each["id"]: each for each in results_of(run)["findings"] if each["quantity"].endswith("/closure")}
+    windows = json.loads((run / "truth.json").read_text("utf-8"))["windows"]
+    for axis, letter in enumerate("xyz"):
+        closure = found[f"imu/a/{letter}/K0/closure"]
+        ends = [
+            np.mean([
+                windows[f"closure/a@{step}"]["accelerometers_g"][axis] + windows[f"closure/a@{step}"]["moving_g"][axis]
+                for step in closure["steps"] if step.split("/")[1] == end
+            ]) for end in ("opening", "closing")
+        ]  # fmt: skip
+        assert abs(closure["value"] - (ends[1] - ends[0])) < 4 * closure["u"]
+    for direction in ("east", "north"):  # the base of the simulated table stays as it is
+        closure = found[f"imu/a/{direction}/level/closure"]
+        assert abs(closure["value"]) < 4 * closure["u"] < 30e-6
 
 
 def _wrong_sense(turning):

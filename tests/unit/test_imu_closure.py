@@ -11,13 +11,11 @@ from bench.analysis.limits import Limits
 from bench.analysis.orientation import unit_axes
 from bench.analysis.rundata import Mount, RunData
 from bench.report.words import flag_in_words
-from bench.sequence.methods.imu import ImuCalibrationSettings
-from tests.unit.test_imu_windows import BENCH, K1, TWO, UNIT, acquired, block, record, reduce
+from tests.unit.test_imu_windows import BENCH, K1, SETTINGS, TWO, UNIT, acquired, block, record, reduce
 
 SENSITIVE = {axis: Sensitivity(K1, 0.02, 100, 10e-6) for axis in range(3)}
 NO_MOUNT = Mount()
 ATTITUDES = ("Az1", "Az3", "Ax1", "Ax3")
-SETTINGS = ImuCalibrationSettings.model_validate({}).model_dump()
 
 
 def looked(

@@ -11,6 +11,7 @@ from bench.analysis.imu_windows import CHANNELS_OF, visits
 from bench.analysis.rundata import Acquisition, AxisRecord, BenchRecord, Mount, RunData, Turned, UnitUnderTest, Window
 from bench.config.bench import load_bench
 from bench.report.words import flag_in_words
+from bench.sequence.methods.imu import ImuCalibrationSettings
 from bench.sequence.orienting import Orient, Pose, targets_deg
 from tests.support.runs import ROOT
 
@@ -18,7 +19,7 @@ BENCH = load_bench(ROOT / "config/imu.yaml").bench
 TWO = load_bench(ROOT / "config/imu_two_axis.yaml").bench
 CHANNELS = {name: name for name in CHANNELS_OF}
 UNIT = UnitUnderTest("a", "S", "", 0.0, "t", channels=CHANNELS, gyro_temperature="t")
-SETTINGS = {"attitude_tolerance_g": 0.05, "rate_tolerance": 0.1}
+SETTINGS = ImuCalibrationSettings.model_validate({}).model_dump()
 K1, KG, LATITUDE, TURN_DPS = 11_000.0, 4_000.0, 34.25, (10.0, -10.0, 20.0, -20.0, 30.0, -30.0)
 
 
