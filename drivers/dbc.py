@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +78,13 @@ class Message:
         return np.flatnonzero((block.ids == self.id) & (block.dlc == self.length))
 
 
+class Field(NamedTuple):
+    """A signal and the message that carries it."""
+
+    message: Message
+    signal: Signal
+
+
 class Dbc:
     """The messages of one DBC text."""
 
@@ -98,11 +105,20 @@ class Dbc:
             raise DbcError(f"the DBC has no message '{name}'; it has {', '.join(self.messages)}")
         return self.messages[name]
 
-    def field(self, dotted: str) -> tuple[Message, Signal]:
+    def field(self, dotted: str) -> Field:
         """What `Message.Signal` names."""
         message, _, signal = dotted.partition(".")
         found = self.message(message)
-        return found, found.signal(signal)
+        return Field(found, found.signal(signal))
+
+    def fields_in(self, unit: str) -> dict[str, Field]:
+        """The fields in a unit, by `Message.Signal`."""
+        return {
+            f"{message.name}.{signal.name}": Field(message, signal)
+            for message in self.messages.values()
+            for signal in message.signals.values()
+            if signal.unit == unit
+        }
 
 
 def _message(message: CantoolsMessage) -> Message:
@@ -121,3 +137,35 @@ def _message(message: CantoolsMessage) -> Message:
         )  # fmt: skip
     frame_id = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
     return Message(message.name, frame_id, message.length, signals)
+
+
+def readings_of(
+    fields: Mapping[str, Field], block: FrameBlock
+) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """What fields read in a block, by their names: arrival times and physical values; those that did not come lack."""
+    found = {}
+    for name, field in fields.items():
+        rows = field.message.rows(block)
+        if len(rows):
+            found[name] = (block.at_s[rows], field.signal.physical(block.data[rows]))
+    return found
+
+
+def encode_frames(
+    dbc: Dbc, at_s: NDArray[np.float64], values: Mapping[str, Mapping[str, NDArray[np.int64]]]
+) -> FrameBlock:
+    """Frames as they are sent: for each instant of `at_s` (N,) one of each message, in order of id.
+
+    `values` gives (N,) integers by message and signal name; signals not named are 0.
+    """
+    messages = sorted((dbc.message(name) for name in values), key=lambda message: message.id)
+    words = np.zeros((len(at_s), len(messages)), np.uint64)
+    for column, message in enumerate(messages):
+        for name, integers in values[message.name].items():
+            words[:, column] |= message.signal(name).bits(integers)
+    return FrameBlock(
+        ids=np.array([[message.id for message in messages]], np.uint32).repeat(len(at_s), axis=0).ravel(),
+        at_s=at_s.repeat(len(messages)),
+        dlc=np.array([[message.length for message in messages]], np.uint8).repeat(len(at_s), axis=0).ravel(),
+        data=words.astype("<u8", copy=False).view(np.uint8).reshape(-1, 8),
+    )

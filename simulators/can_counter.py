@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.can_counter.wire import CounterFormat, Field, encode_frames
-from drivers.dbc import Dbc
+from drivers.can_counter.wire import CounterFormat
+from drivers.dbc import Dbc, Field, encode_frames
 from drivers.errors import LinkLost
 from drivers.frame_block import FrameBlock
 from simulators.accelerometer_unit import SimulatedUnit

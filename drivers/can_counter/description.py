@@ -9,16 +9,12 @@ from typing import Annotated, Self
 from pydantic import Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
+from drivers.can_options import IDLE_BLOCK_S, SignalName, temperatures_of, text_of, unknown_signals
 from drivers.corrections import ClockCorrections
-from drivers.dbc_outline import frames_bits, lengths_bits, outline
+from drivers.dbc_outline import frames_bits, lengths_bits
 from drivers.description import DriverDescription
-from drivers.fields import NOT_EMPTY, FileBeside, Hertz, InUnit, PositiveSeconds, Ratio, Seconds, StrictModel, TextLike
-from drivers.suggest import did_you_mean
+from drivers.fields import NOT_EMPTY, FileBeside, Hertz, InUnit, PositiveSeconds, Ratio, Seconds, StrictModel
 from drivers.wording import problem_at
-
-IDLE_BLOCK_S = 10.0  # how long frames are left together while nobody acquires
-
-SignalName = Annotated[str, TextLike(r"\w+\.\w+", "Message.Signal, a name of the DBC")]
 
 
 class LatchOptions(StrictModel):
@@ -62,7 +58,6 @@ class CounterOptions(StrictModel):
     def _signals_are_in_the_dbc(self) -> Self:
         if not self.dbc.is_file():  # a bench file kept in a run outlives the files it names
             return self
-        known = signals_of(self.dbc)
         named: dict[tuple[str | int, ...], str | None] = {
             ("latch", "tick"): self.latch.tick,
             ("latch", "sequence"): self.latch.sequence,
@@ -72,19 +67,14 @@ class CounterOptions(StrictModel):
             named.update({("channels", channel, key): name for key, name in signals})
         for device, encoder in self.positions.items():
             named.update({("positions", device, key): getattr(encoder, key) for key in ("position", "sequence")})
-        problems = [
-            problem_at(place, f"{self.dbc.name} has no signal '{name}'{did_you_mean(name, known)}")
-            for place, name in named.items()
-            if name is not None and name not in known
-        ]
-        problems = problems or list(self._ambiguous())
+        problems = list(unknown_signals(self.dbc, named)) or list(self._ambiguous())
         if problems:
             raise ValidationError.from_exception_data(type(self).__name__, problems)
         return self
 
     def _ambiguous(self) -> Iterator[InitErrorDetails]:
         """Counters that may come round between two latches, so that their difference tells nothing: methods.md 1.7."""
-        bits_of, pulses = lengths_bits(_text_of(self.dbc)), self.period * self.max_rate
+        bits_of, pulses = lengths_bits(text_of(self.dbc)), self.period * self.max_rate
         for channel, signals in self.channels.items():
             for key in ("positive", "negative"):
                 name = getattr(signals, key)
@@ -103,32 +93,23 @@ class CounterUncertainty(StrictModel):
     encoder_skew: Seconds = Field(0.0, description="of the time between the latch of an encoder and that of the pulses")
 
 
-def signals_of(dbc: Path) -> Mapping[str, str]:
-    """The signals of a DBC file: `Message.Signal` → unit."""
-    return outline(_text_of(dbc))
-
-
 def bus_bits_per_latch(options: CounterOptions) -> int:
     """What the frames that come with every latch take on the bus at most, as far as the DBC tells it."""
     signals = [options.latch.tick, options.latch.sequence]
     signals += [name for channel in options.channels.values() for _, name in channel]
     signals += [name for each in options.positions.values() for name in (each.position, each.sequence)]
-    bits = frames_bits(_text_of(options.dbc))
+    bits = frames_bits(text_of(options.dbc))
     return sum(bits.get(message, 0) for message in {signal.partition(".")[0] for signal in signals})
 
 
 def position_bits(options: CounterOptions, device: str) -> int | None:
     """How many bits the position of an axis has; None when the DBC does not tell."""
-    return lengths_bits(_text_of(options.dbc)).get(options.positions[device].position)
-
-
-def _text_of(dbc: Path) -> str:
-    return dbc.read_text(encoding="utf-8", errors="replace")
+    return lengths_bits(text_of(options.dbc)).get(options.positions[device].position)
 
 
 def channels(options: CounterOptions) -> Mapping[str, str]:
     """Every signal of the DBC with a unit of temperature is a reading."""
-    return {name: unit for name, unit in signals_of(options.dbc).items() if unit == "°C"}
+    return temperatures_of(options.dbc)
 
 
 DESCRIPTION = DriverDescription(

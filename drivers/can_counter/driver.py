@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
 from collections.abc import AsyncIterator, Collection, Mapping, Sequence
-from contextlib import asynccontextmanager
+from contextlib import AbstractAsyncContextManager
 from typing import Self
 
 import numpy as np
 
 from drivers.can_counter import wire
-from drivers.can_counter.description import IDLE_BLOCK_S, CounterOptions
-from drivers.dbc import Dbc, DbcError
+from drivers.can_counter.description import CounterOptions
+from drivers.dbc import Dbc
 from drivers.description import Nothing, Setup, check_identity
-from drivers.errors import BadAnswer, DriverError, InstrumentFault, NoAnswer
+from drivers.errors import InstrumentFault, NoAnswer
 from drivers.frame_block import EXTENDED, FrameBlock
+from drivers.frame_intake import (
+    SILENT_PERIODS,
+    STANDING_FRAMES,
+    FrameIntake,
+    bound_format,
+    frames_named,
+    stated_identity,
+)
 from drivers.transport.frames import FrameLink
 from drivers.values import Heard, Identity, Reading
 
 FIRST_FRAME_S = 3.0
-ACQUIRING_BLOCK_S = 1.0  # what is not yet durable when the power fails
-SILENT_PERIODS = 25
-STANDING_LATCHES = 3  # as many latches with one sequence number mean that the counter stands still
 
 
 class CanCounter:
@@ -37,20 +41,18 @@ class CanCounter:
         self._setup = setup
         self._options = setup.options
         self._readings: dict[str, list[Reading]] = {}
-        self._acquisition: _Blocks | None = None
-        self._wake = asyncio.Event()
-        self._failure: DriverError | None = None
         self._last_latch_s = 0.0
         self._last_numbers = np.empty(0, np.int64)  # of the last latches
         self._heard: dict[str, Heard] = {}
         self._newest: dict[str, tuple[int, int]] = {}  # counts by channel
         self._link: FrameLink
         self._format: wire.CounterFormat
-        self._intake: asyncio.Task[None]
+        self._fingerprint = ""
+        self._intake: FrameIntake
 
     async def __aenter__(self) -> Self:
         """Opens the channel and waits for a first latch; raises CannotConnect, NoAnswer, BadAnswer."""
-        self._format, self._dbc_hash = self._bind()
+        self._format, self._fingerprint = bound_format(self.name, self._options.dbc, self._bind)
         self._link = await self._setup.wires.frames(self.name, self._setup.address)
         try:
             await self._first_latch()
@@ -58,27 +60,21 @@ class CanCounter:
         except BaseException:
             self._link.close()
             raise
-        self._intake = asyncio.create_task(self._take_in(), name=f"{self.name} intake")
+        self._intake = FrameIntake(self.name, self._link, self._look)
+        self._intake.begin()
         return self
 
     async def __aexit__(self, *exc: object) -> None:
         """Closes the channel."""
-        self._intake.cancel()
-        await asyncio.wait([self._intake])
-        self._link.close()
+        await self._intake.end()
 
     async def identify(self) -> Identity:
         """The wire tells no serial number; the fingerprint is that of the frames' description."""
-        stated = self._setup.identity
-        return Identity(
-            maker=stated.maker or "", model=stated.model or "", serial=stated.serial or "",
-            firmware=stated.firmware or "", verified=False, fingerprint=f"dbc sha256:{self._dbc_hash[:16]}",
-        )  # fmt: skip
+        return stated_identity(self._setup.identity, self._fingerprint)
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """Temperatures in the frames since the last poll; raises what has gone wrong with the frames."""
-        if self._failure is not None:
-            raise self._failure
+        self._intake.check()
         readings, self._readings = self._readings, {}
         return readings
 
@@ -89,35 +85,15 @@ class CanCounter:
     async def make_safe(self) -> None:
         """Nothing to do: a counter energises nothing."""
 
-    @asynccontextmanager
-    async def acquire(self) -> AsyncIterator[AsyncIterator[FrameBlock]]:
+    def acquire(self) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
         """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one."""
-        if self._acquisition is not None:
-            raise InstrumentFault(self.name, "an acquisition is under way already")
-        self._absorb()
-        if self._failure is not None:
-            raise self._failure
-        blocks = self._acquisition = _Blocks()
-        self._wake.set()
-        try:
-            yield blocks
-            self._absorb()
-        finally:
-            self._acquisition = None
-            blocks.end(self._failure)
+        return self._intake.acquire()
 
-    def _bind(self) -> tuple[wire.CounterFormat, str]:
+    def _bind(self, dbc: Dbc) -> wire.CounterFormat:
         options = self._options
-        text = options.dbc.read_text(encoding="utf-8", errors="replace")
         channels = {name: channel.model_dump() for name, channel in options.channels.items()}
         positions = {name: encoder.model_dump() for name, encoder in options.positions.items()}
-        try:
-            form = wire.counter_format(
-                Dbc(text), options.latch.model_dump(), options.latch.tick_period, channels, positions
-            )
-        except DbcError as problem:
-            raise BadAnswer(self.name, f"{options.dbc.name}: {problem}", remedy="Correct the bench file.") from problem
-        return form, hashlib.sha256(text.encode()).hexdigest()
+        return wire.counter_format(dbc, options.latch.model_dump(), options.latch.tick_period, channels, positions)
 
     async def _first_latch(self) -> None:
         loop = asyncio.get_running_loop()
@@ -138,54 +114,31 @@ class CanCounter:
             f"no {latch.name} frame (0x{latch.id & ~EXTENDED:x}) within {FIRST_FRAME_S:g} s on {self._setup.address}"
         )
         if heard:
-            others = ", ".join(f"0x{frame_id & ~EXTENDED:x}" for frame_id in sorted(heard)[:8])
-            return NoAnswer(self.name, problem, received=others, remedy="Check that the DBC is that of this counter.")
+            remedy = "Check that the DBC is that of this counter."
+            return NoAnswer(self.name, problem, received=frames_named(heard), remedy=remedy)
         remedy = "Check that the converter is on, the bus is terminated, and the bit rate is right."
         return NoAnswer(self.name, problem, received="no frame at all", remedy=remedy)
 
-    async def _take_in(self) -> None:
-        """Takes frames in from time to time, more often while somebody acquires."""
-        while self._failure is None:
-            block_s = IDLE_BLOCK_S if self._acquisition is None else ACQUIRING_BLOCK_S
-            try:
-                async with asyncio.timeout(block_s):
-                    await self._wake.wait()
-                self._wake.clear()
-            except TimeoutError:
-                self._absorb()
-
-    def _absorb(self) -> None:
-        """Takes what has arrived by now; a fault ends the intake and the acquisition."""
-        if self._failure is not None:
-            return
-        try:
-            block = self._link.take()
-            for name, (at_s, values) in wire.temperatures(self._format, block).items():
-                fresh = self._readings.setdefault(name, [])
-                fresh.extend(map(Reading, at_s.tolist(), values.tolist()))
-            if self._acquisition is not None:
-                self._acquisition.put(block)
-            self._watch(block)
-            self._listen(block)
-        except DriverError as problem:
-            self._failure = problem
-            self._link.close()  # or frames would go on piling up
-            if self._acquisition is not None:
-                self._acquisition.end(problem)
+    def _look(self, block: FrameBlock) -> None:
+        """Takes readings and the newest counts from a block; raises when something is wrong with it."""
+        for name, (at_s, values) in wire.temperatures(self._format, block).items():
+            self._readings.setdefault(name, []).extend(map(Reading, at_s.tolist(), values.tolist()))
+        self._watch(block)
+        self._listen(block)
 
     def _watch(self, block: FrameBlock) -> None:
         """Raises when latches have stopped coming, or come with one sequence number."""
         sequence, at_s = wire.latches(self._format, block)
         if len(sequence):
             self._last_latch_s = float(at_s[-1])
-        self._last_numbers = np.concatenate([self._last_numbers, sequence])[-STANDING_LATCHES:]
+        self._last_numbers = np.concatenate([self._last_numbers, sequence])[-STANDING_FRAMES:]
         silent_s = SILENT_PERIODS * self._options.period
         if asyncio.get_running_loop().time() - self._last_latch_s > silent_s:
             raise NoAnswer(
                 self.name, f"counter frames have stopped: none for more than {silent_s:g} s",
                 remedy="Check the converter's power, the CAN cable and the adapter, then run again.",
             )  # fmt: skip
-        if len(self._last_numbers) == STANDING_LATCHES and not np.diff(self._last_numbers).any():
+        if len(self._last_numbers) == STANDING_FRAMES and not np.diff(self._last_numbers).any():
             raise InstrumentFault(
                 self.name, f"the counter stands still: its latches have the sequence number {self._last_numbers[0]}",
                 remedy="Restart the converter; its frames repeat old counts.",
@@ -199,26 +152,3 @@ class CanCounter:
                 at_s, counts = newest
                 pulse_s = before.pulse_s if self._newest.get(channel) == counts else at_s
                 self._heard[channel], self._newest[channel] = Heard(at_s, pulse_s), counts
-
-
-class _Blocks(AsyncIterator[FrameBlock]):
-    """Blocks from the intake to whoever acquires."""
-
-    def __init__(self) -> None:
-        self._queue: asyncio.Queue[FrameBlock | DriverError | None] = asyncio.Queue()
-
-    def put(self, block: FrameBlock) -> None:
-        if len(block):
-            self._queue.put_nowait(block)
-
-    def end(self, problem: DriverError | None) -> None:
-        self._queue.put_nowait(problem)
-
-    async def __anext__(self) -> FrameBlock:
-        item = await self._queue.get()
-        if isinstance(item, FrameBlock):
-            return item
-        self._queue.put_nowait(item)  # an ended iterator stays ended
-        if item is None:
-            raise StopAsyncIteration
-        raise item

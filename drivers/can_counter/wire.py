@@ -13,18 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.dbc import Dbc, Message, Signal
+from drivers.dbc import Dbc, Field, readings_of
 from drivers.frame_block import FrameBlock
-
-Integers = NDArray[np.int64]
-
-
-@dataclass(frozen=True, slots=True)
-class Field:
-    """A signal and the message that carries it."""
-
-    message: Message
-    signal: Signal
+from drivers.sequence_numbers import Integers, ascending, shortest, unwrapped
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,14 +92,8 @@ def counter_format(
     """Binds names to the DBC; DbcError names what it does not have."""
 
     def field(dotted: str | None) -> Field:
-        return Field(*dbc.field(dotted or ""))
+        return dbc.field(dotted or "")
 
-    temperatures = {
-        f"{message.name}.{signal.name}": Field(message, signal)
-        for message in dbc.messages.values()
-        for signal in message.signals.values()
-        if signal.unit == "°C"
-    }
     bound = {
         name: ChannelFormat(field(entry["positive"]), field(entry["negative"]), field(entry["sequence"]))
         for name, entry in channels.items()
@@ -120,7 +105,7 @@ def counter_format(
         sequence=field(latch["sequence"]),
         boot_count=field(boot) if boot else None,
         channels=bound,
-        temperatures=temperatures,
+        temperatures=dbc.fields_in("°C"),
         positions={
             name: PositionFormat(field(entry["position"]), field(entry["sequence"]))
             for name, entry in (positions or {}).items()
@@ -177,12 +162,12 @@ def decode_positions(form: CounterFormat, name: str, block: FrameBlock) -> Posit
 def _paired(form: CounterFormat, other: Field, block: FrameBlock) -> _Paired:
     """The frames with a sequence number `other` and their latches."""
     latch_rows, latch_raw = _numbers(form.sequence, block)
-    latch_numbers = _unwrapped(latch_raw, form.sequence.signal.length)
+    latch_numbers = unwrapped(latch_raw, form.sequence.signal.length)
     axis_rows, axis_raw = _numbers(other, block)
     before = np.searchsorted(latch_rows, axis_rows) - 1  # the last latch that came before
     near = latch_numbers[np.maximum(before, 0)] if len(latch_rows) else np.zeros_like(axis_raw)
-    axis_numbers = near + _shortest(axis_raw - near, other.signal.length)
-    fresh_latch, fresh_axis = _ascending(latch_numbers), _ascending(axis_numbers)
+    axis_numbers = near + shortest(axis_raw - near, other.signal.length)
+    fresh_latch, fresh_axis = ascending(latch_numbers), ascending(axis_numbers)
     sequence, of_latch, of_axis = np.intersect1d(
         latch_numbers[fresh_latch], axis_numbers[fresh_axis], assume_unique=True, return_indices=True
     )
@@ -217,51 +202,10 @@ def newest_counts(form: CounterFormat, channel: str, block: FrameBlock) -> tuple
 
 def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Readings in a block by channel name: arrival times and values in °C."""
-    found = {}
-    for name, field in form.temperatures.items():
-        rows = field.message.rows(block)
-        if len(rows):
-            found[name] = (block.at_s[rows], field.signal.physical(block.data[rows]))
-    return found
+    return readings_of(form.temperatures, block)
 
 
 def _numbers(sequence: Field, block: FrameBlock) -> tuple[NDArray[np.intp], Integers]:
     """The rows of a block with a message, and the raw sequence numbers in them."""
     rows = sequence.message.rows(block)
     return rows, sequence.signal.raw(block.data[rows])
-
-
-def _shortest(steps: Integers, bits: int) -> Integers:
-    """Steps of a number that wraps; half its range or more is a step back."""
-    half = 1 << (bits - 1)
-    return (steps + half) % (2 * half) - half
-
-
-def _unwrapped(raw: Integers, bits: int) -> Integers:
-    """Numbers that wrap as numbers that do not, counted from the first."""
-    return np.concatenate([raw[:1], raw[:1] + np.cumsum(_shortest(np.diff(raw), bits))])
-
-
-def _ascending(numbers: Integers) -> NDArray[np.bool_]:
-    """Which of the numbers are above all before them."""
-    fresh = np.ones(len(numbers), dtype=bool)
-    fresh[1:] = numbers[1:] > np.maximum.accumulate(numbers)[:-1]
-    return fresh
-
-
-def encode_frames(dbc: Dbc, at_s: NDArray[np.float64], values: Mapping[str, Mapping[str, Integers]]) -> FrameBlock:
-    """Frames as a counter sends them: for each instant of `at_s` (N,) one of each message, in order of id.
-
-    `values` gives (N,) integers by message and signal name; signals not named are 0.
-    """
-    messages = sorted((dbc.message(name) for name in values), key=lambda message: message.id)
-    words = np.zeros((len(at_s), len(messages)), np.uint64)
-    for column, message in enumerate(messages):
-        for name, integers in values[message.name].items():
-            words[:, column] |= message.signal(name).bits(integers)
-    return FrameBlock(
-        ids=np.array([[message.id for message in messages]], np.uint32).repeat(len(at_s), axis=0).ravel(),
-        at_s=at_s.repeat(len(messages)),
-        dlc=np.array([[message.length for message in messages]], np.uint8).repeat(len(at_s), axis=0).ravel(),
-        data=words.astype("<u8", copy=False).view(np.uint8).reshape(-1, 8),
-    )

@@ -16,11 +16,10 @@ from drivers.can_counter.wire import (
     counter_format,
     decode_counts,
     decode_positions,
-    encode_frames,
     latches,
     temperatures,
 )
-from drivers.dbc import Dbc, DbcError
+from drivers.dbc import Dbc, DbcError, encode_frames
 from drivers.frame_block import FrameBlock
 from drivers.transport import slcan
 from tests.support.laboratory import CHANNELS, DBC, LATCH, ROOT, counter_form

@@ -1,0 +1,144 @@
+"""How a driver takes frames in that are sent to it unasked: in time, without losing one, and cut at an acquisition."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+from collections.abc import AsyncIterator, Callable, Iterable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import TypeVar
+
+from drivers.can_options import IDLE_BLOCK_S
+from drivers.dbc import Dbc, DbcError
+from drivers.description import IdentityPin
+from drivers.errors import BadAnswer, DriverError, InstrumentFault
+from drivers.frame_block import EXTENDED, FrameBlock
+from drivers.transport.frames import FrameLink
+from drivers.values import Identity
+
+ACQUIRING_BLOCK_S = 1.0  # what is not yet durable when the power fails
+SILENT_PERIODS = 25
+STANDING_FRAMES = 3  # as many with one sequence number mean that who sends them stands still
+MOST_NAMED = 8  # of the frames that came instead of others
+
+FormatT = TypeVar("FormatT")
+
+
+class FrameIntake:
+    """Takes frames from a link from time to time, more often while somebody acquires.
+
+    Every block is shown to `look`; what that raises, or the link, ends the intake and the acquisition under way, and is
+    raised by `check` from then on. Lifetime: from `begin` to `end` a task of its own takes the frames in.
+    """
+
+    def __init__(self, name: str, link: FrameLink, look: Callable[[FrameBlock], None]) -> None:
+        self._name, self._link, self._look = name, link, look
+        self._acquisition: _Blocks | None = None
+        self._wake = asyncio.Event()
+        self._failure: DriverError | None = None
+        self._task: asyncio.Task[None]
+        self.acquiring_since_s: float | None = None
+
+    def begin(self) -> None:
+        """Frames are taken in from now on."""
+        self._task = asyncio.create_task(self._take_in(), name=f"{self._name} intake")
+
+    async def end(self) -> None:
+        """No frame is taken in any more, and the link is closed."""
+        self._task.cancel()
+        await asyncio.wait([self._task])
+        self._link.close()
+
+    def check(self) -> None:
+        """Raises what has gone wrong with the frames."""
+        if self._failure is not None:
+            raise self._failure
+
+    @asynccontextmanager
+    async def acquire(self) -> AsyncIterator[AsyncIterator[FrameBlock]]:
+        """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one."""
+        if self._acquisition is not None:
+            raise InstrumentFault(self._name, "an acquisition is under way already")
+        self._absorb()
+        self.check()
+        blocks = self._acquisition = _Blocks()
+        self.acquiring_since_s = asyncio.get_running_loop().time()
+        self._wake.set()
+        try:
+            yield blocks
+            self._absorb()
+        finally:
+            self._acquisition = self.acquiring_since_s = None
+            blocks.end(self._failure)
+
+    async def _take_in(self) -> None:
+        while self._failure is None:
+            block_s = IDLE_BLOCK_S if self._acquisition is None else ACQUIRING_BLOCK_S
+            try:
+                async with asyncio.timeout(block_s):
+                    await self._wake.wait()
+                self._wake.clear()
+            except TimeoutError:
+                self._absorb()
+
+    def _absorb(self) -> None:
+        """Takes what has arrived by now; a fault ends the intake and the acquisition."""
+        if self._failure is not None:
+            return
+        try:
+            block = self._link.take()
+            if self._acquisition is not None:
+                self._acquisition.put(block)
+            self._look(block)
+        except DriverError as problem:
+            self._failure = problem
+            self._link.close()  # or frames would go on piling up
+            if self._acquisition is not None:
+                self._acquisition.end(problem)
+
+
+class _Blocks(AsyncIterator[FrameBlock]):
+    """Blocks from the intake to whoever acquires."""
+
+    def __init__(self) -> None:
+        self._queue: asyncio.Queue[FrameBlock | DriverError | None] = asyncio.Queue()
+
+    def put(self, block: FrameBlock) -> None:
+        if len(block):
+            self._queue.put_nowait(block)
+
+    def end(self, problem: DriverError | None) -> None:
+        self._queue.put_nowait(problem)
+
+    async def __anext__(self) -> FrameBlock:
+        item = await self._queue.get()
+        if isinstance(item, FrameBlock):
+            return item
+        self._queue.put_nowait(item)  # an ended iterator stays ended
+        if item is None:
+            raise StopAsyncIteration
+        raise item
+
+
+def bound_format(name: str, dbc: Path, bind: Callable[[Dbc], FormatT]) -> tuple[FormatT, str]:
+    """What `bind` makes of a DBC, and a fingerprint of its text; BadAnswer when it is not what the bench file says."""
+    text = dbc.read_text(encoding="utf-8", errors="replace")
+    try:
+        form = bind(Dbc(text))
+    except DbcError as problem:
+        raise BadAnswer(name, f"{dbc.name}: {problem}", remedy="Correct the bench file.") from problem
+    return form, f"dbc sha256:{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+
+
+def stated_identity(stated: IdentityPin, fingerprint: str) -> Identity:
+    """Who a bench file says that is there: frames tell no serial number, only how they are described."""
+    return Identity(
+        maker=stated.maker or "", model=stated.model or "", serial=stated.serial or "", firmware=stated.firmware or "",
+        verified=False, fingerprint=fingerprint,
+    )  # fmt: skip
+
+
+def frames_named(ids: Iterable[int]) -> str:
+    """Frames that came, for a message; not all, where there are many."""
+    return ", ".join(f"0x{frame_id & ~EXTENDED:x}" for frame_id in sorted(ids)[:MOST_NAMED])
