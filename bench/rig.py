@@ -8,7 +8,16 @@ from contextlib import AsyncExitStack
 from typing import Self
 
 from bench.errors import BenchError
-from drivers.capabilities import Device, Positioner, PulseCounter, RateTable, Source, ThermalChamber, Voltmeter
+from drivers.capabilities import (
+    Device,
+    FrameSource,
+    Positioner,
+    PulseCounter,
+    RateTable,
+    Source,
+    ThermalChamber,
+    Voltmeter,
+)
 from drivers.errors import DriverError
 from drivers.values import Identity
 
@@ -87,6 +96,13 @@ class Rig:
         device = self.devices[role]
         if not isinstance(device, PulseCounter):
             raise TypeError(f"{role} is no pulse counter")
+        return device
+
+    def frame_source(self, role: str) -> FrameSource:
+        """The device of a role as one that sends frames: a pulse counter, or telemetry."""
+        device = self.devices[role]
+        if not isinstance(device, FrameSource):
+            raise TypeError(f"{role} sends no frames")
         return device
 
     def voltmeter(self, role: str) -> Voltmeter:

@@ -109,14 +109,24 @@ class Source(Device, Protocol):
 
 
 @runtime_checkable
-class PulseCounter(Device, Protocol):
-    """Counters that run freely and send frames by themselves."""
+class FrameSource(Device, Protocol):
+    """What sends frames by itself."""
 
     def acquire(self) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
         """Blocks of frames from entry to exit: the first frame arrived after entry, the last before exit."""
 
     def heard(self) -> Mapping[str, Heard]:
         """When each channel was last heard of, as far as its frames have been taken in."""
+
+
+@runtime_checkable
+class PulseCounter(FrameSource, Protocol):
+    """Counters that run freely."""
+
+
+@runtime_checkable
+class Telemetry(FrameSource, Protocol):
+    """Units under test that send samples of their own output; without power they send nothing."""
 
 
 @runtime_checkable
@@ -138,7 +148,8 @@ CAPABILITIES: Mapping[str, type] = {
     "current_source": Source,
     "pulse_counter": PulseCounter,
     "voltmeter": Voltmeter,
+    "telemetry": Telemetry,
 }
 THERMOMETER = "thermometer"  # a named reading of any device, in °C
 READING = "reading"  # a named reading of any device, in any unit
-OUTPUT = "output"  # of the units: pulse counters or voltmeters, as the places of the bench say
+OUTPUT = "output"  # of the units: pulse counters, voltmeters or telemetry, as the places of the bench say

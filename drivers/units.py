@@ -1,6 +1,6 @@
 """Units of measure: "°C/min", "pulse/s/(m/s²)", "2 µg/Hz^0.5" without its number.
 
-A unit is an exact factor and the exponents of eight base units. Degrees Celsius are a base unit: a temperature and a
+A unit is an exact factor and the exponents of nine base units. Degrees Celsius are a base unit: a temperature and a
 difference are written alike, which is why kelvin and fahrenheit are refused. `g` is local gravity, a base unit too,
 since only a site can turn it into m/s².
 """
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 
-BASES = ("s", "m", "kg", "A", "°C", "°", "g", "pulse")
+BASES = ("s", "m", "kg", "A", "°C", "°", "g", "pulse", "code")
 Dimension = tuple[float, ...]
 NO_DIMENSION: Dimension = (0.0,) * len(BASES)
 _EXPONENT_LIMIT = 9
@@ -95,6 +95,8 @@ _PLAIN = {
     "%": _unit(Fraction(1, 100)),
     "ppm": _unit(Fraction(1, 10**6)),
     "kg": _unit(1, kg=1),
+    "code": _unit(1, code=1),
+    "LSB": _unit(1, code=1),
     "1": _ONE,
 }
 _PREFIXES = {
@@ -212,8 +214,8 @@ def _symbol(symbol: str, text: str) -> Unit:
 
 # What people write a dimension in; the first that fits.
 _CUSTOMARY = (
-    "", "s", "°C", "°", "A", "V", "m", "g", "pulse", "°C/min", "°/s", "°/s²", "Hz", "m/s²", "pulse/s", "Ω", "W", "Pa",
-    "N",
+    "", "s", "°C", "°", "A", "V", "m", "g", "pulse", "code", "°C/min", "°/s", "°/s²", "Hz", "m/s²", "pulse/s", "Ω", "W",
+    "Pa", "N",
 )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ class Reading(NamedTuple):
 
 
 class Heard(NamedTuple):
-    """Of a counter's channel: the loop time of its last frame, and that by which its counts had last changed."""
+    """Of a channel: the loop time of its last frame, and that by which its counts or its code had last changed."""
 
     frame_s: float
     pulse_s: float

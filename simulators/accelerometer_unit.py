@@ -102,6 +102,18 @@ class SimulatedUnit:
 
         The world has been worked out up to the last edge, or by less than a latch beyond it.
         """
+        current_a, board_c = self._currents_a(edges_s)
+        if self.powered_at_s is None or self.faults.active("dead"):
+            return np.zeros_like(current_a)
+        return self.truth.rate_pps(current_a, board_c) * (edges_s[1:] - edges_s[:-1])
+
+    def mean_codes(self, edges_s: Array) -> Array:
+        """What its A/D converter makes of the mean input in each interval, as in `charge_pulses`; not yet rounded."""
+        current_a, _ = self._currents_a(edges_s)
+        return self.truth.codes(np.zeros_like(current_a) if self.faults.active("dead") else current_a)
+
+    def _currents_a(self, edges_s: Array) -> tuple[Array, Array | None]:
+        """Mean currents of the intervals, 0 without power, and the temperature of the converter meanwhile."""
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
         now_c = self.warmth.sensor_c
         span = edges_s[-1] - edges_s[0]
@@ -111,7 +123,7 @@ class SimulatedUnit:
         self._last_c = now_c
         board_c = self.board.followed_c(edges_s, middle, self.history[-1].drifted_g)
         if self.powered_at_s is None:
-            return np.zeros_like(middle)
+            return np.zeros_like(middle), board_c
         noise_g = self._noise.mean_g(interval)
         if self._follower is None:
             current = self._current_a(middle, temperature, hysteresis_g, noise_g)
@@ -122,9 +134,7 @@ class SimulatedUnit:
             current = self._follower.mean(looked_at.reshape(look_s.shape), interval)
         if self.input == "source":
             current = self._world.source_a(self.settings.source, middle)
-        if self.faults.active("dead"):
-            return np.zeros_like(middle)
-        return self.truth.rate_pps(current, board_c) * interval
+        return current, board_c
 
     def mean_current_a(self, begin_s: float, end_s: float, noise: Noise) -> float:
         """What flows from the accelerometer, as a mean from `begin_s` to `end_s`; 0 without power.

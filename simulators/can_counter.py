@@ -1,7 +1,4 @@
-"""The pulse counter: latches the units' converters on its own time base and sends frames by itself.
-
-It is worked out lazily: a block of frames comes into being when somebody takes it, or just before a stimulus changes.
-"""
+"""The pulse counter: latches the units' converters on its own time base and sends frames by itself."""
 
 from __future__ import annotations
 
@@ -14,9 +11,9 @@ from numpy.typing import NDArray
 
 from drivers.can_counter.wire import CounterFormat
 from drivers.dbc import Dbc, Field, encode_frames
-from drivers.errors import LinkLost
 from drivers.frame_block import FrameBlock
 from simulators.accelerometer_unit import SimulatedUnit
+from simulators.can_node import TEMPERATURE_PERIOD_S, CanNode, in_order, temperature_frames
 from simulators.faults import FaultPlan
 from simulators.gyro_unit import SimulatedGyro
 from simulators.imu import ImuChannel
@@ -25,7 +22,6 @@ from simulators.uut import Integrator
 from simulators.world import World
 
 Array = NDArray[np.float64]
-TEMPERATURE_PERIOD_S = 1.0
 BOARD_C = 25.0
 
 
@@ -48,15 +44,15 @@ class CounterSettings:
     encoders: Mapping[str, float] = field(default_factory=dict)
 
 
-class SimulatedCounter:
-    """A counter on the world's units; a frame link whose frames are those it has sent.
+class SimulatedCounter(CanNode):
+    """A counter on the world's units.
 
     A channel with a place counts what that unit's converter fires; one without counts nothing.
     """
 
     def __init__(self, world: World, settings: CounterSettings, faults: FaultPlan) -> None:
-        self.faults = faults
-        self._world, self._settings = world, settings
+        super().__init__(settings.name, world, faults)
+        self._settings = settings
         self._latch_s = settings.period_s / (1 + world.settings.device_clock)  # true seconds between two latches
         draws = stream(world.settings.seed, "counter", "start")
         self._tick0 = int(draws.integers(0, 1 << 32))
@@ -74,21 +70,8 @@ class SimulatedCounter:
             for channel in settings.form.channels
         }
         self._owed = dict.fromkeys(self._units, 0.0)  # pulses of the latch under way, from before a stimulus changed
-        self._sent: list[FrameBlock] = []
         self._warmth_latches = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
         world.integrate_with(self._before_change)
-
-    def take(self) -> FrameBlock:
-        """Every frame sent since the last call; LinkLost when the connection is cut."""
-        self._world.look()
-        self._catch_up()
-        sent, self._sent = self._sent, []
-        if self.faults.active("cut"):
-            raise LinkLost(self._settings.name, "the connection was cut", remedy="Check the cable, then run again.")
-        return FrameBlock.empty() if self.faults.active("silent") else FrameBlock.joined(sent)
-
-    def close(self) -> None:
-        """Nobody listens any more; the counter does not care."""
 
     def _before_change(self) -> None:
         """Makes the latches that are due, and counts what has come since under the stimulus that is about to change."""
@@ -143,9 +126,7 @@ class SimulatedCounter:
             put(encoder.position, self._positions(name, np.full_like(at_s, at_s[0]) if frozen else at_s))
             put(encoder.sequence, self._sequence0 + shown)
         host_s = self._world.host_time(at_s)
-        frames = FrameBlock.joined([encode_frames(self._settings.dbc, host_s, values), self._warmth(numbers, at_s)])
-        order = np.argsort(frames.at_s, kind="stable")
-        return FrameBlock(frames.ids[order], frames.at_s[order], frames.dlc[order], frames.data[order])
+        return in_order([encode_frames(self._settings.dbc, host_s, values), self._warmth(numbers, at_s)])
 
     def _counts(self, channel: str, edges_s: Array, frozen: bool) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         integrator, unit = self._integrators[channel], self._units.get(channel)
@@ -166,12 +147,8 @@ class SimulatedCounter:
     def _warmth(self, numbers: NDArray[np.int64], at_s: Array) -> FrameBlock:
         """One frame of each temperature message a second; a signal without a unit shows the converter's board."""
         at_s = at_s[numbers % self._warmth_latches == 0]
-        values: dict[str, dict[str, NDArray[np.int64]]] = {}
-        for name, reading in self._settings.form.temperatures.items():
-            celsius = self._celsius(name, at_s)
-            raw = np.rint((celsius - reading.signal.offset) / reading.signal.scale).astype(np.int64)
-            values.setdefault(reading.message.name, {})[reading.signal.name] = raw
-        return encode_frames(self._settings.dbc, self._world.host_time(at_s), values)
+        fields, host_s = self._settings.form.temperatures, self._world.host_time(at_s)
+        return temperature_frames(self._settings.dbc, fields, lambda name: self._celsius(name, at_s), host_s)
 
     def _celsius(self, signal: str, at_s: Array) -> Array:
         place, board = self._settings.readings.get(signal), self._settings.boards.get(signal)

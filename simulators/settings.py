@@ -13,16 +13,18 @@ from simulators.imu import ImuPlace
 from simulators.motion import AxisErrors
 from simulators.thermal import ChamberPhysics
 from simulators.unit_file import UnitFile
+from simulators.uut import Decoding, Through
 
 
 @dataclass(frozen=True, slots=True)
 class PlaceSettings:
     """One unit in its place. `thermometer_offset_c` and `thermometer_gain` are the errors drawn for its reading.
 
-    They come on top of those that its `thermometer_table` corrects, °C to be added at readings in °C.
-    Its output are pulses on a `channel`, or the volts across `load_ohm`. `faults` are kinds, each with the time from
-    which it is there. The errors of `converter_` are for the thermometer at its converter; `source` is the device that
-    may feed that. `arm_m` is where it truly is from where the axes of the table meet, in the fixture's frame.
+    They come on top of those that its `thermometer_table` corrects, °C to be added at readings in °C. Its output are
+    pulses on a `channel`, the volts across `load_ohm`, or codes with their `decoding`. `faults` are kinds, each with
+    the time from which it is there. The errors of `converter_` are for the thermometer at its converter; `source` is
+    the device that may feed that. `arm_m` is where it truly is from where the axes of the table meet, in the fixture's
+    frame.
     """
 
     unit: UnitFile | GyroFile
@@ -39,6 +41,12 @@ class PlaceSettings:
     converter_table: Table = ((), ())
     source: str = ""
     arm_m: Vector = NOWHERE
+    decoding: Decoding | None = None
+
+    @property
+    def through(self) -> Through:
+        """What its current goes through."""
+        return self.decoding if self.load_ohm is None else self.load_ohm
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,11 +1,11 @@
-r"""A serial-line CAN adapter on a simulated bus: takes `C`, `S6`, `O`, sends what a counter sends (`t100…\r`)."""
+r"""A serial-line CAN adapter on a simulated bus: takes `C`, `S6`, `O`, sends what a node sends (`t100…\r`)."""
 
 from __future__ import annotations
 
 import asyncio
 
 from drivers.transport import slcan
-from simulators.can_counter import SimulatedCounter
+from simulators.can_node import CanNode
 
 SEND_EVERY_S = 0.02
 UNREAD_LIMIT_BYTES = 65_536  # of frames that the other end does not take; what comes then is lost, as on an adapter
@@ -14,8 +14,8 @@ UNREAD_LIMIT_BYTES = 65_536  # of frames that the other end does not take; what 
 class SimulatedAdapter(asyncio.Protocol):
     """One adapter. Lifetime: a connection; a task of its own sends while the channel is open."""
 
-    def __init__(self, counter: SimulatedCounter) -> None:
-        self._counter = counter
+    def __init__(self, node: CanNode) -> None:
+        self._node = node
         self._rest = b""
         self._bitrate_set = False
         self._transport: asyncio.Transport | None = None
@@ -43,7 +43,7 @@ class SimulatedAdapter(asyncio.Protocol):
             self._bitrate_set = True
             return True
         if command == slcan.OPEN and self._sending is None and self._bitrate_set:
-            self._counter.take()  # what was on the bus before the channel opened is gone
+            self._node.take()  # what was on the bus before the channel opened is gone
             self._sending = asyncio.get_running_loop().create_task(self._send())
             return True
         if command == slcan.CLOSE and self._sending is not None:
@@ -58,10 +58,10 @@ class SimulatedAdapter(asyncio.Protocol):
 
     async def _send(self) -> None:
         while self._transport is not None:
-            if self._counter.faults.active("cut"):
+            if self._node.faults.active("cut"):
                 self._transport.abort()
                 return
-            text = slcan.render(self._counter.take())
+            text = slcan.render(self._node.take())
             if text and self._transport.get_write_buffer_size() < UNREAD_LIMIT_BYTES:
                 self._transport.write(text)
             await asyncio.sleep(SEND_EVERY_S)

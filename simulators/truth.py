@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from simulators.accelerometer_unit import SimulatedUnit
 from simulators.attitude import Mount, to_unit
 from simulators.keysight_3458a import VoltmeterSettings
-from simulators.uut import UnitTruth
+from simulators.uut import Decoding, Through, UnitTruth
 from simulators.world import World
 
 Array = NDArray[np.float64]
@@ -88,6 +88,7 @@ def truth_record(
             },
             **_table(world),
             **({"voltmeters": {role: asdict(meter) for role, meter in voltmeters.items()}} if voltmeters else {}),
+            **_decodings(world),
         },
         "units": {name: asdict(unit.truth) for name, unit in world.counted.items()},
         **_seats(world),
@@ -95,6 +96,13 @@ def truth_record(
         "legs": {leg.key: _leg(world, leg) for leg in legs if leg.place in world.units},
         **({"outputs": {each.key: _output(world, each) for each in readings}} if readings else {}),
     }
+
+
+def _decodings(world: World) -> dict[str, Any]:
+    """What the codes of each unit that sends them are decoded to; nothing where none does."""
+    through = {name: unit.settings.through for name, unit in sorted(world.units.items())}
+    found = {name: asdict(each) for name, each in through.items() if isinstance(each, Decoding)}
+    return {"telemetry": found} if found else {}
 
 
 def _seats(world: World) -> dict[str, Any]:
@@ -123,7 +131,7 @@ def _dwell(world: World, dwell: DwellAsMeasured) -> dict[str, Any]:
     drifted_g = float(np.interp(true_s, history[:, 0], history[:, 1]))
     axis_deg = tuple(_axis_deg(world, dwell.place, lies) for lies in dwell.lies)
     constants = channel_constants(
-        unit.truth, settings.gravity_mps2, axis_deg, dwell.temperature_c, drifted_g, unit.settings.load_ohm, dwell.extra
+        unit.truth, settings.gravity_mps2, axis_deg, dwell.temperature_c, drifted_g, unit.settings.through, dwell.extra
     )
     found = {"temperature_c": dwell.temperature_c, "drifted_g": drifted_g, "axis_deg": axis_deg, **constants}
     return found | ({"extra": dwell.extra} if dwell.extra else {})
@@ -150,7 +158,7 @@ def _output(world: World, reading: LegAsMeasured) -> float:
     drifted_g, moving_g, sensor_c, _ = (np.interp([true_s], history[:, 0], row) for row in history.T[1:])
     along, across, pendulous = gravity_in_unit(world, unit, reading.lies)
     current_a = unit.truth.current_a((along, pendulous, across), sensor_c, drifted_g + moving_g)
-    return float(unit.truth.output(current_a, unit.settings.load_ohm)[0])
+    return float(unit.truth.output(current_a, unit.settings.through)[0])
 
 
 def _leg(world: World, leg: LegAsMeasured) -> dict[str, Any]:
@@ -160,38 +168,37 @@ def _leg(world: World, leg: LegAsMeasured) -> dict[str, Any]:
     history = np.array(unit.history)
     drifted_g, moving_g, sensor_c, thermometer_c = (np.interp(at_s, history[:, 0], row) for row in history.T[1:])
     axis_rad = np.full_like(at_s, np.radians(_axis_deg(world, leg.place, leg.lies)))
-    load_ohm = unit.settings.load_ohm
-    k1 = _scale_factor(unit.truth, sensor_c, load_ohm)
+    through = unit.settings.through
+    k1 = _scale_factor(unit.truth, sensor_c, through)
     force_g = (np.sin(axis_rad), np.cos(axis_rad), np.zeros_like(axis_rad))
     current_a = unit.truth.current_a(force_g, sensor_c, drifted_g + moving_g)
-    output_g = unit.truth.output(current_a, load_ohm) / k1 - force_g[0]
+    output_g = unit.truth.output(current_a, through) / k1 - force_g[0]
     columns = {
         "temperature_c": (thermometer_c, 5),
         "output_g": (output_g, 10),
-        "K1": (k1, 4 if load_ohm is None else 10),
+        "K1": (k1, 4 if through is None else 10),
     }
     return {name: np.round(values, digits).tolist() for name, (values, digits) in columns.items()}
 
 
-def _scale_factor(truth: UnitTruth, temperature_c: Array, load_ohm: float | None) -> Array:
-    """Half the difference of the outputs at +1 g and -1 g, in pulse/s/g or V/g (methods.md 1.6)."""
+def _scale_factor(truth: UnitTruth, temperature_c: Array, through: Through) -> Array:
+    """Half the difference of the outputs at +1 g and -1 g, in the unit of the output per g (methods.md 1.6)."""
     nothing = np.zeros_like(temperature_c)
     up, down = (
-        truth.output(truth.current_a((nothing + g, nothing, nothing), temperature_c, nothing), load_ohm)
-        for g in (1, -1)
+        truth.output(truth.current_a((nothing + g, nothing, nothing), temperature_c, nothing), through) for g in (1, -1)
     )
     return np.asarray((up - down) / 2)
 
 
 def channel_constants(
     truth: UnitTruth, gravity_mps2: float, axis_deg: Sequence[float], temperature_c: float, drifted_g: float,
-    load_ohm: float | None = None, extra: Sequence[str] = (),
+    through: Through = None, extra: Sequence[str] = (),
 ) -> dict[str, float]:  # fmt: skip
     """True K0 (g), K1 (pulse/s/g), K1_si (pulse/s per m/s²), K2 (g/g²) and misalignment (rad) of a channel.
 
     `axis_deg` are the ideal angles of the input axis above the horizontal, `drifted_g` what hysteresis, drift and
-    warm-up add to the bias. With a load the output is in V instead of pulse/s. With `extra` also Kip (g/g²), K3 (g/g³)
-    and the asymmetry.
+    warm-up add to the bias. `through` a load the output is in V instead of pulse/s, through an A/D converter in codes
+    or what they are decoded to. With `extra` also Kip (g/g²), K3 (g/g³) and the asymmetry.
     """
     angle = np.radians(np.array(axis_deg))
     sine, cosine = np.sin(angle), np.cos(angle)
@@ -199,7 +206,7 @@ def channel_constants(
     current = truth.current_a(force, np.full_like(angle, temperature_c), np.full_like(angle, drifted_g))
     further = {"Kip": sine * cosine, "K3": sine**3, "asymmetry": np.abs(sine) / 2}
     design = np.stack([np.ones_like(sine), sine, cosine, sine**2, *(further[name] for name in extra)], axis=-1)
-    solution: list[float] = np.linalg.lstsq(design, truth.output(current, load_ohm), rcond=None)[0].tolist()
+    solution: list[float] = np.linalg.lstsq(design, truth.output(current, through), rcond=None)[0].tolist()
     c0, k1, cosine_term, c2, *others = solution
     found = {"K0": c0 / k1, "K1": k1, "K1_si": k1 / gravity_mps2, "K2": c2 / k1, "misalignment": cosine_term / k1}
     return found | {name: value / k1 for name, value in zip(extra, others, strict=True)}

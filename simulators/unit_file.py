@@ -159,6 +159,19 @@ class ConverterModel(StrictModel):
     time_constant: PositiveSeconds = 120.0
 
 
+class TelemetryModel(StrictModel):
+    """The A/D converter of a unit that sends codes: S times the current, a zero, and white noise on each sample.
+
+    `clock` is the relative error of the clock by which it takes them.
+    """
+
+    S: Annotated[Draw, DrawIn("code/A")]
+    zero: Annotated[Draw, DrawIn("code")] = Draw(0)
+    noise: Annotated[Draw, DrawIn("code")] = Draw(0)
+    bits: Annotated[int, Field(ge=8, le=32)] = 24
+    clock: Ratio = Draw(0)
+
+
 class ThermostatModel(StrictModel):
     """A heater in the case, its power in proportion to the error within ± `band` of the set point.
 
@@ -195,6 +208,7 @@ class UnitFile(StrictModel):
     converter: ConverterModel
     thermal: ThermalModel = ThermalModel()
     supply: SupplyModel = SupplyModel()
+    telemetry: TelemetryModel | None = None
 
     @model_validator(mode="after")
     def _fits(self) -> UnitFile:

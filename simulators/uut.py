@@ -17,6 +17,18 @@ _CONVERTER_REFERENCE_C = 25.0
 
 
 @dataclass(frozen=True, slots=True)
+class Decoding:
+    """What becomes of the codes of a unit that sends them: scale times the code, plus offset."""
+
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+Through = float | Decoding | None
+"""What the current of a unit goes through: a load in Ω, its own A/D converter, or the converter that pulses."""
+
+
+@dataclass(frozen=True, slots=True)
 class UnitTruth:
     """One unit as drawn for one run, in g, A, °C, s, rad, pulse/s."""
 
@@ -57,6 +69,11 @@ class UnitTruth:
     bandwidth_hz: float = 300.0
     damping: float | None = None
     delay_s: float = 0.0
+    codes_per_a: float = 0.0  # of one that sends none
+    zero_code: float = 0.0
+    noise_code: float = 0.0
+    code_bits: int = 24
+    clock: float = 0.0
 
     @property
     def dynamics(self) -> Dynamics | None:
@@ -72,9 +89,16 @@ class UnitTruth:
         scale = self.scale_a_per_g * _horner(self.scale, t)
         return np.asarray(scale * (_horner(self.bias, t) + extra_bias_g + shape))
 
-    def output(self, current_a: Array, load_ohm: float | None) -> Array:
-        """What is measured of it: the volts across a load, or without one the converter's rate in pulse/s."""
-        return self.rate_pps(current_a) if load_ohm is None else current_a * load_ohm
+    def output(self, current_a: Array, through: Through) -> Array:
+        """What is measured of it: the volts across a load, decoded codes, or the converter's rate in pulse/s."""
+        if isinstance(through, Decoding):
+            return self.codes(current_a) * through.scale + through.offset
+        return self.rate_pps(current_a) if through is None else current_a * through
+
+    def codes(self, current_a: Array) -> Array:
+        """What its A/D converter makes of a current, without noise and before it is rounded."""
+        largest = 2.0 ** (self.code_bits - 1)
+        return np.clip(self.codes_per_a * current_a + self.zero_code, -largest, largest - 1)
 
     def rate_pps(self, current_a: Array, converter_c: Array | None = None) -> Array:
         """The converter's net pulse rate; 0 inside the dead band. Without a temperature it has the unit file's."""
@@ -89,7 +113,7 @@ class UnitTruth:
 
 def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:
     """The unit of one run: every `{mean, sd}` drawn from its own stream."""
-    a, c = unit.accelerometer, unit.converter
+    a, c, t = unit.accelerometer, unit.converter, unit.telemetry
 
     def value(draw: Draw, *path: str) -> float:
         return draw.value(stream(seed, "uut", place, *path))
@@ -141,6 +165,11 @@ def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:
         bandwidth_hz=a.bandwidth,
         damping=a.damping,
         delay_s=a.delay,
+        codes_per_a=value(t.S, "telemetry", "S") if t is not None else 0.0,
+        zero_code=value(t.zero, "telemetry", "zero") if t is not None else 0.0,
+        noise_code=value(t.noise, "telemetry", "noise") if t is not None else 0.0,
+        code_bits=t.bits if t is not None else 24,
+        clock=value(t.clock, "telemetry", "clock") if t is not None else 0.0,
     )
 
 

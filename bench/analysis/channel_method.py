@@ -52,7 +52,7 @@ def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
 
 
 def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
-    if unit.voltmeter is not None:
+    if not unit.is_counted:
         return UnitResult(unit.place, unit.serial, (), (), ("converter",), ("converter:not_counted",))
     found = levels_of(data, unit, settings["gate_s"])
     by_name = lines_of_levels(data, unit, found, settings)

@@ -37,16 +37,16 @@ def mean_rate(counts: Counts) -> Rate:
     """
     if len(counts.tick) < 2:
         return Rate(float("nan"), 0.0, ("too_few_latches",))
-    seconds: Array = np.asarray(_steps(counts.tick, counts.tick_bits) * counts.tick_period_s, np.float64)
-    positive = _steps(counts.positive, counts.counter_bits)
-    negative = _steps(counts.negative, counts.counter_bits)
+    seconds: Array = np.asarray(steps_of(counts.tick, counts.tick_bits) * counts.tick_period_s, np.float64)
+    positive = steps_of(counts.positive, counts.counter_bits)
+    negative = steps_of(counts.negative, counts.counter_bits)
     span_s = float(seconds.sum())
     problems = []
     if len(counts.tick) < LEAST_SHARE * (len(counts.tick) + counts.lost):
         problems.append("too_few_latches")
     if counts.restarts:
         problems.append("counter_restarted")
-    if _irregular(seconds / np.diff(counts.sequence)):
+    if is_irregular(seconds / np.diff(counts.sequence)):
         problems.append("irregular_clock")
     if seconds.max() * counts.max_rate_pps >= 1 << counts.counter_bits:
         problems.append("ambiguous_gap")
@@ -66,12 +66,12 @@ def window_of(counts: Counts) -> Window:
     return Window(rate.net_pps, rate.span_s, host_span_s, rate.problems)
 
 
-def _steps(cumulative: Integers, bits: int) -> Integers:
+def steps_of(cumulative: Integers, bits: int) -> Integers:
     """Differences of a counter that wraps."""
     return np.diff(cumulative) % (1 << bits)
 
 
-def _irregular(latch_s: Array) -> bool:
+def is_irregular(latch_s: Array) -> bool:
     """Whether some of the times between latches are far from the usual, or none passes."""
     usual_s = np.median(latch_s)
     return bool((np.abs(latch_s - usual_s) >= CLOCK_SLACK * usual_s).any())

@@ -17,9 +17,10 @@ from bench.analysis.tumble import IncompleteTumble, Tumble, further_terms, solve
 class Dwell:
     """One temperature of one unit: the readings used, and their solution.
 
-    `readings` (n,) of the output, in pulse/s or V, were taken at the head's angles `head_rad` (n,). `gain` turns errors
+    `readings` (n,) of the output, in its unit, were taken at the head's angles `head_rad` (n,). `gain` turns errors
     of the readings into errors of the constants, a row (n,) for each in the order of `values`; `turn` (n,) is the
-    derivative of a reading to its angle, per rad. `alone_u` is what a reading alone tells of its standard uncertainty.
+    derivative of a reading to its angle, per rad. `alone_u` is what a reading alone tells of its standard uncertainty,
+    `step_u` (n,) what the steps of codes hide from each.
     """
 
     number: int
@@ -35,6 +36,7 @@ class Dwell:
     turn: Array
     alone_u: float
     steps: tuple[str, ...]
+    step_u: Array
 
     @property
     def values(self) -> Mapping[str, float]:
@@ -138,6 +140,7 @@ def _solved(
         turn=tumble.k1 * (cosine - tumble.misalignment_rad * sine + 2 * tumble.k2_g_per_g2 * sine * cosine),
         alone_u=float(np.mean([output.alone_u for output in outputs])),
         steps=tuple(acquisition.step for acquisition in used),
+        step_u=np.array([output.step_u for output in outputs]),
     )
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bench.analysis.codes import by_position
 from bench.analysis.finding import BudgetLine, combined
 from bench.analysis.fit import Array
 from bench.analysis.indexing_readings import IndexingReading
@@ -21,6 +22,7 @@ from bench.analysis.rundata import BenchRecord, UnitUnderTest
 
 SCATTER = "readings: scatter"
 REPEATABILITY = "head: repeatability"
+STEPS = ": steps of the codes"
 
 
 @dataclass(frozen=True)
@@ -55,11 +57,14 @@ class IndexingBudget:
             "head: harmonics": np.array(harmonics),
             REPEATABILITY: np.array([clocked * np.radians(head.repeatability_u_deg)]),
             "fixture: level": np.array([together * np.radians(self.bench.level_u_deg)]),
-            **self._instrument(gain, values),
+            **self._instrument(gain, values, head_rad),
         }
 
-    def _instrument(self, gain: Array, values: Array) -> Mapping[str, Array]:
+    def _instrument(self, gain: Array, values: Array, head_rad: Array) -> Mapping[str, Array]:
         scaled, meter = float(gain @ values), self.unit.voltmeter
+        if self.unit.telemetry is not None:
+            step_u = np.array([each.step_u for each in self.readings])
+            return {f"{self.unit.telemetry}{STEPS}": by_position(gain, step_u, head_rad)}
         if meter is None:
             return {"counter: time base": np.array([scaled * self.bench.time_base_u])}
         gain_u, offset_u = self.bench.voltmeters_u.get(meter, (0.0, 0.0))
@@ -79,7 +84,8 @@ class IndexingBudget:
     def _line(self, source: str, u: float) -> BudgetLine:
         if source == SCATTER:
             return BudgetLine(source, "A", u, self.dof or None)
-        shared = None if source == REPEATABILITY else source.replace(": ", ".").replace(" ", "_")
+        alone = source == REPEATABILITY or source.endswith(STEPS)
+        shared = None if alone else source.replace(": ", ".").replace(" ", "_")
         return BudgetLine(source, "B", u, None, shared)
 
     def correlation(self, results: Sequence[Estimate]) -> tuple[tuple[float, ...], ...]:

@@ -31,7 +31,7 @@ class IndexingReading:
 
     `angle_rad` is that of the input axis above the horizontal, by the angles of the table alone, `head_rad` that of the
     head; `turn` is by how much sin(angle) changes when the head turns by 1 rad. `end` is up or down. `number` counts
-    all readings of the run.
+    all readings of the run, `step_u` is what the steps of codes hide from it.
     """
 
     number: int
@@ -47,6 +47,7 @@ class IndexingReading:
     output: float
     stable: bool
     temperature_c: float
+    step_u: float = 0.0
 
 
 def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReading], list[str]]:
@@ -73,6 +74,7 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
             output=output.value if usable else float("nan"),
             stable="unstable" not in output.problems,
             temperature_c=float(np.mean(temperature_c)) if len(temperature_c) else float("nan"),
+            step_u=output.step_u if usable else 0.0,
         )
         found.append(reading)
     return found, flags

@@ -107,7 +107,7 @@ def _ladder(
         input_g=np.sin(angle_rad),
         output_g=np.array([outputs[each.step].value for each in used]) / scale,
         u_g=np.hypot(alone_g, repeatability_rad * np.cos(angle_rad)),
-        count_g=alone_g / RESOLUTION_COUNTS if unit.voltmeter is None else np.zeros(len(used)),
+        count_g=alone_g / RESOLUTION_COUNTS if unit.is_counted else np.zeros(len(used)),
     )
     at_rad = float(np.mean(angle_rad[offset == 0])) if (offset == 0).any() else float(np.mean(angle_rad))
     quantity = "resolution" if abs(np.sin(at_rad)) > biased_above_g else "threshold"

@@ -1,36 +1,46 @@
-"""The output of a unit over an acquisition, whatever measured it: a pulse rate, or the mean of voltages."""
+"""The output of a unit over an acquisition, whatever measured it: a pulse rate, or the mean of voltages or codes."""
 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
+from bench.analysis.codes import begins_anew, mean_code, sampled_at_s, stuck
 from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
-from bench.analysis.rundata import Acquisition, Array, Counts, UnitUnderTest, Voltages
+from bench.analysis.rundata import Acquisition, Array, Codes, Counts, UnitUnderTest, Voltages
 
 FEWEST_VOLTAGES = 2  # which a scatter needs
 NO_VOLTAGES = Voltages(np.empty(0), np.empty(0))
+NO_CODES = Codes(
+    np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0), 1, 1.0, 1.0, lost=0, dropped=0, invalid=0
+)
 STABLE_PART_S = 10.0  # whose means are compared (methods.md 3.2)
+
+
+Measured = Counts | Voltages | Codes
 
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """A mean output in pulse/s or V; `problems` make it unusable.
+    """A mean output in its unit; `problems` make it unusable.
 
     `alone_u` is what it alone tells of its standard uncertainty: the resolution of the count, or the scatter of the
-    voltmeter's readings.
+    voltmeter's readings or of the samples. `step_u` is what the steps of codes hide from their mean.
     """
 
     value: float
     alone_u: float
     problems: tuple[str, ...]
+    step_u: float = 0.0
 
 
-def measured(acquisition: Acquisition, unit: UnitUnderTest) -> Counts | Voltages:
+def measured(acquisition: Acquisition, unit: UnitUnderTest) -> Measured:
     """What was measured of a unit during an acquisition."""
+    if unit.telemetry is not None:
+        return acquisition.codes.get(unit.telemetry, NO_CODES)
     if unit.voltmeter is not None:
         return acquisition.voltages.get(unit.voltmeter, NO_VOLTAGES)
     return acquisition.counts[unit.channel]
@@ -39,16 +49,28 @@ def measured(acquisition: Acquisition, unit: UnitUnderTest) -> Counts | Voltages
 def mean_output(acquisition: Acquisition, unit: UnitUnderTest) -> Output:
     """The output of a unit, in its unit; NaN where nothing was measured.
 
-    Problems: those of `mean_rate`, too_few_voltages, and unstable of one that was to become stable and did not.
+    Problems: those of `mean_rate` and `mean_code`, too_few_voltages, and unstable of one that was to become stable and
+    did not.
     """
     found = measured(acquisition, unit)
     span_s = acquisition.end_s - acquisition.begin_s
     if acquisition.over_s is not None:
         found, span_s = _last(found, acquisition.over_s), acquisition.over_s
-    output = _mean_voltage(found) if isinstance(found, Voltages) else _mean_rate(found, span_s)
+    output = _mean(found, span_s)
     if acquisition.stable is None or unit.place in acquisition.stable:
         return output
-    return Output(output.value, output.alone_u, (*output.problems, "unstable"))
+    return replace(output, problems=(*output.problems, "unstable"))
+
+
+def _mean(found: Measured, span_s: float) -> Output:
+    match found:
+        case Counts():
+            return _mean_rate(found, span_s)
+        case Voltages():
+            return _mean_voltage(found)
+        case Codes():
+            mean = mean_code(found)
+            return Output(mean.value, mean.scatter_u, mean.problems, mean.step_u)
 
 
 def _mean_rate(counts: Counts, span_s: float) -> Output:
@@ -63,31 +85,45 @@ def _mean_voltage(read: Voltages) -> Output:
     return Output(float(np.mean(read.values_v)), scatter_v, ())
 
 
-def _last(found: Counts | Voltages, span_s: float) -> Counts | Voltages:
+def _last(found: Measured, span_s: float) -> Measured:
     """What was measured in the last `span_s` of it."""
     at_s = _times(found)
     first = int(np.searchsorted(at_s, at_s[-1] - span_s - 1e-6)) if len(at_s) else 0
     if isinstance(found, Voltages):
         return Voltages(found.at_s[first:], found.values_v[first:])
-    return found.part(first, len(at_s) - 1) if first else found
+    if not first:
+        return found
+    return found.part(first) if isinstance(found, Codes) else found.part(first, len(at_s) - 1)
 
 
-def _times(found: Counts | Voltages) -> Array:
-    return found.at_s if isinstance(found, Voltages) else found.host_s
+def _times(found: Measured) -> Array:
+    match found:
+        case Counts():
+            return found.host_s
+        case Voltages():
+            return found.at_s
+        case Codes():
+            return sampled_at_s(found)
 
 
 # Parts of what was measured
 
 
-def outputs_between(found: Counts | Voltages, edges_s: Array) -> tuple[Array, Array, Counter[str]]:
+def outputs_between(found: Measured, edges_s: Array) -> tuple[Array, Array, Counter[str]]:
     """Mean outputs between each two consecutive edges: the edges as they are, the outputs, what is wrong with how many.
 
-    An output is NaN where something is wrong. A rate goes from the first latch after an edge to the first after the
-    next, so that consecutive rates share a latch and nothing is lost between them; edges without one are left out.
+    An output is NaN where something is wrong; samples of a unit that began anew have no times that could be trusted. A
+    rate goes from the first latch after an edge to the first after the next, so that consecutive rates share a latch
+    and nothing is lost between them; edges without one are left out.
     """
     if isinstance(found, Voltages):
         output = means_between(found.at_s, found.values_v, edges_s)
         return edges_s, output, Counter(too_few_voltages=int(np.count_nonzero(np.isnan(output))))
+    if isinstance(found, Codes):
+        problem = "irregular_clock" if begins_anew(found) else "too_few_codes"
+        values = np.where(stuck(found), np.nan, found.values) if problem == "too_few_codes" else found.values * np.nan
+        output = means_between(sampled_at_s(found), values, edges_s)
+        return edges_s, output, Counter({problem: int(np.count_nonzero(np.isnan(output)))})
     latches = np.searchsorted(found.host_s, edges_s)
     latches = latches[latches < len(found.host_s)]
     rates = [mean_rate(found.part(first, last)) for first, last in pairwise(latches.tolist())]
@@ -111,7 +147,7 @@ def means_between(at_s: Array, values: Array, edges_s: Array) -> Array:
     return np.where(is_read, np.diff(np.interp(inside_s, at_s, area)) / np.where(is_read, span_s, 1.0), np.nan)
 
 
-def steadiness(found: Counts | Voltages, over_s: float) -> tuple[float, float] | None:
+def steadiness(found: Measured, over_s: float) -> tuple[float, float] | None:
     """Of the last `over_s`: standard deviation of the means of 10 s, and the slope of a line through them per second.
 
     None when not so much was measured yet, or something is wrong with it.

@@ -13,7 +13,7 @@ from bench.analysis.rundata import Acquisition, Array, UnitUnderTest
 
 @dataclass(frozen=True, slots=True)
 class RampLeg:
-    """The samples of one acquisition, (n,) each; what could not be read is not-a-number. `output` is in pulse/s or V.
+    """The samples of one acquisition, (n,) each; what could not be read is not-a-number. `output` is in its unit.
 
     `direction` is that of the chamber's set point: 1 rising, -1 falling, 0 for an acquisition that is no leg.
     `problems` tells how many samples were left out for which reason, with the flags of `mean_rate`.

@@ -102,6 +102,36 @@ class Voltages:
 
 
 @dataclass(frozen=True, slots=True)
+class Codes:
+    """What a unit sent of its own output during one acquisition, a row for each sample that came once and valid; (N,).
+
+    `values` are codes, or what they are decoded to, in steps of `step`. `sequence`, `tick`, `host_s` and `lost` are as
+    in Counts, by the clock of the unit; `dropped` came twice or late, `invalid` the unit marked itself. `stuck_after`
+    samples with one value are more than its noise lets be; None where nobody says.
+    """
+
+    sequence: Integers
+    tick: Integers
+    values: Array
+    host_s: Array
+    tick_bits: int
+    tick_period_s: float
+    step: float
+    lost: int
+    dropped: int
+    invalid: int
+    stuck_after: int | None = None
+
+    def part(self, first: int) -> Codes:
+        """From row `first` on; what did not come is not known of a part."""
+        rows = slice(first, None)
+        return replace(
+            self, sequence=self.sequence[rows], tick=self.tick[rows], values=self.values[rows],
+            host_s=self.host_s[rows], lost=0, dropped=0, invalid=0,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
 class Window:
     """What is kept of the counts of one channel where only their mean is wanted.
 
@@ -133,15 +163,15 @@ class Acquisition:
 
     `angles_deg` is what each axis of the table read back, outer first, `mount` how the units were fixed; `set_c` is the
     chamber's set point at the end, `set_from_c` at the beginning, not-a-number before the first ramp; `counts` by
-    channel, `voltages` by voltmeter; `temperatures_c` the values of each named reading between `begin_s` and `end_s` of
-    bench time, taken at `temperatures_at_s`. Where `input` is "source" the converter is fed by a current source;
-    `sources_a` is what those that are on give, by their roles, `sources_told_a` what they were read back to give where
-    a certificate corrects that. One that was to become stable is read over its last `over_s`; `stable` are the places
-    of the units that did. `turned` is a rotation over whole turns
-    meanwhile. Where only means are wanted `windows` stand in place of `counts`, so that a long run is not in memory all
-    at once. `positions` are those of the encoders that a counter latches, by the devices that drive the axes, `motion`
-    is None where no table turned or swung. `on_since_s` are the supplies that are on, by their roles, each with the
-    bench times between which it was put on.
+    channel, `voltages` by voltmeter, `codes` by channel of the telemetry; `temperatures_c` the values of each named
+    reading between `begin_s` and `end_s` of bench time, taken at `temperatures_at_s`. Where `input` is "source" the
+    converter is fed by a current source; `sources_a` is what those that are on give, by their roles, `sources_told_a`
+    what they were read back to give where a certificate corrects that. One that was to become stable is read over its
+    last `over_s`; `stable` are the places of the units that did. `turned` is a rotation over whole turns meanwhile.
+    Where only means are wanted `windows` stand in place of `counts`, so that a long run is not in memory all at once.
+    `positions` are those of the encoders that a counter latches, by the devices that drive the axes, `motion` is None
+    where no table turned or swung. `on_since_s` are the supplies that are on, by their roles, each with the bench times
+    between which it was put on.
     """
 
     step: str
@@ -167,6 +197,7 @@ class Acquisition:
     positions: Mapping[str, Positions] = field(default_factory=dict)
     motion: Motion | None = None
     on_since_s: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    codes: Mapping[str, Codes] = field(default_factory=dict)
 
     @property
     def angle_deg(self) -> float:
@@ -190,12 +221,13 @@ class ReleasedCalibration:
 class UnitUnderTest:
     """One unit in its place; its output are the pulses on a `channel`, or the volts that a `voltmeter` reads.
 
-    `until_s` is the bench time at which it was dropped from the run. `nominal_per_g` is what its output is made to
-    change by for 1 g, in `output_unit`; None where nobody says. `converter` is the reading of the thermometer at its
-    converter and `source` the current source that can feed that, "" for none; `scale_a_per_g` is its nominal K1. An
-    inertial unit has `channels` of the counter, by acc_x to gyro_z, and a thermometer at its gyros. `arm_m` is where
-    the bench file says that it is from the axis that turns it, with its standard uncertainty. `supply` is what powers
-    it, "" for none; `released` is the calibration that was given to the run for it.
+    Or it is what the unit sends itself on a channel of the `telemetry`, in `sent_unit`. `until_s` is the bench time at
+    which it was dropped from the run. `nominal_per_g` is what its output is made to change by for 1 g, in
+    `output_unit`; None where nobody says. `converter` is the reading of the thermometer at its converter and `source`
+    the current source that can feed that, "" for none; `scale_a_per_g` is its nominal K1. An inertial unit has
+    `channels` of the counter, by acc_x to gyro_z, and a thermometer at its gyros. `arm_m` is where the bench file says
+    that it is from the axis that turns it, with its standard uncertainty. `supply` is what powers it, "" for none;
+    `released` is the calibration that was given to the run for it.
     """
 
     place: str
@@ -215,15 +247,24 @@ class UnitUnderTest:
     arm_u_m: float = 0.0
     supply: str = ""
     released: ReleasedCalibration | None = None
+    telemetry: str | None = None
+    sent_unit: str = "code"
 
     @property
     def measured_by(self) -> str:
-        """The channel of the counter, or the voltmeter."""
-        return self.channel if self.voltmeter is None else self.voltmeter
+        """The channel of the counter or of the telemetry, or the voltmeter."""
+        return self.telemetry or self.voltmeter or self.channel
+
+    @property
+    def is_counted(self) -> bool:
+        """Whether a counter counts its pulses."""
+        return self.voltmeter is None and self.telemetry is None
 
     @property
     def output_unit(self) -> str:
         """What its output is in."""
+        if self.telemetry is not None:
+            return self.sent_unit
         return "pulse/s" if self.voltmeter is None else "V"
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.analysis.codes import by_position
 from bench.analysis.coefficient_findings import Origin, coefficient_findings
 from bench.analysis.compensation import Compensation
 from bench.analysis.dwells import Dwell, solve_dwells
@@ -122,6 +123,8 @@ class _Unit:
         u = self._sd * float(np.linalg.norm(gain))
         if self._dof:
             return BudgetLine(READINGS, "A", u, self._dof)
+        if self._unit.telemetry is not None:
+            return BudgetLine("readings: scatter of the samples, no repeats", "A", u)
         if self._unit.voltmeter is not None:
             return BudgetLine("readings: scatter of the voltmeter, no repeats", "A", u)
         return BudgetLine("readings: resolution of the count, no repeats", "B", u)
@@ -235,7 +238,7 @@ class _Unit:
             _type_b("head: harmonics", np.linalg.norm(harmonics), "head.harmonics"),
             _type_b("head: repeatability", np.linalg.norm(turned) * np.radians(bench.head.repeatability_u_deg), None),
             _type_b("fixture: level", together * np.radians(bench.level_u_deg), "fixture.level"),
-            *self._of_the_instrument(gain, dwell.readings),
+            *self._of_the_instrument(gain, dwell),
         ]
         model, thermometer = self._models.get(quantity), self._unit.temperature
         if model is not None:
@@ -247,9 +250,15 @@ class _Unit:
             lines.append(BudgetLine(contained, "alias", 0))
         return combined(lines)
 
-    def _of_the_instrument(self, gain: Array, readings: Array) -> list[BudgetLine]:
-        """What the certificate of the counter or of the voltmeter gives; an error of the gain is as the output is."""
-        scaled, meter = abs(float(gain @ readings)), self._unit.voltmeter
+    def _of_the_instrument(self, gain: Array, dwell: Dwell) -> list[BudgetLine]:
+        """What the certificate of the counter or of the voltmeter gives; an error of the gain is as the output is.
+
+        A unit that sends its output has no instrument but itself, only the steps of its codes.
+        """
+        scaled, meter = abs(float(gain @ dwell.readings)), self._unit.voltmeter
+        if self._unit.telemetry is not None:
+            hidden = np.linalg.norm(by_position(gain, dwell.step_u, dwell.head_rad))
+            return [_type_b(f"{self._unit.telemetry}: steps of the codes", hidden, None)]
         if meter is None:
             return [_type_b("counter: time base", scaled * self._bench.time_base_u, "counter.time_base")]
         gain_u, offset_u_v = self._bench.voltmeters_u.get(meter, (0.0, 0.0))

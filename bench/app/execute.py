@@ -30,6 +30,7 @@ from bench.store.reader import RunReader
 from bench.store.runs import RunDirectory
 from bench.store.writer import RunWriter
 from drivers.can_counter.description import CounterOptions
+from drivers.can_telemetry.description import TelemetryOptions
 from drivers.values import Reading
 
 CALLED = "called"  # the folder of sequences that the one of a run calls
@@ -160,7 +161,7 @@ def _keep_inputs(prepared: PreparedRun, folder: Path) -> dict[str, str]:
     called = prepared.plan.document.all_included()
     copies |= {f"{CALLED}/{document.path.name}": document.text for document in called}
     for entry in prepared.loaded.bench.devices.values():
-        if isinstance(entry.options, CounterOptions):
+        if isinstance(entry.options, CounterOptions | TelemetryOptions):
             copies[entry.options.dbc.name] = entry.options.dbc.read_text(encoding="utf-8", errors="replace")
     if called:
         (folder / CALLED).mkdir()

@@ -29,6 +29,9 @@ from bench.report.corrections import corrections_of
 from bench.report.rundata import HOUR_S, bench_record
 from drivers.can_counter import wire as counter_wire
 from drivers.can_counter.description import CounterOptions
+from drivers.can_options import text_of
+from drivers.can_telemetry import wire as telemetry_wire
+from drivers.can_telemetry.description import TelemetryOptions
 from drivers.dbc import Dbc
 from drivers.transport.address import Address
 from drivers.transport.frames import FrameLink
@@ -39,6 +42,8 @@ from simulators.acutronic_acl import SimulatedAcutrol
 from simulators.aerotech_ensemble import SimulatedEnsemble
 from simulators.attitude import SOUTH, Fixture, Vector, tilted
 from simulators.can_counter import CounterSettings, SimulatedCounter
+from simulators.can_node import CanNode
+from simulators.can_telemetry import ChannelSettings, SimulatedTelemetry, TelemetrySettings
 from simulators.carried import NOWHERE, TableErrors
 from simulators.corrections import Table
 from simulators.current_source import CurrentErrors, Feed
@@ -56,6 +61,7 @@ from simulators.settings import PlaceSettings, WorldSettings
 from simulators.table import Loop, Ripple
 from simulators.thermal import ChamberPhysics
 from simulators.unit_file import UnitFile, stream
+from simulators.uut import Decoding
 from simulators.watlow_f4t import SimulatedF4T
 from simulators.world import World
 
@@ -67,11 +73,11 @@ ARCSEC_PER_DEG = 3600
 
 @dataclass(frozen=True)
 class Laboratory:
-    """A world, the instruments in it by role, the counters' frame links, and the voltmeters' errors as drawn."""
+    """A world, the instruments in it by role, what sends CAN frames, and the voltmeters' errors as drawn."""
 
     world: World
     instruments: Mapping[str, Instrument]
-    counters: Mapping[str, SimulatedCounter]
+    nodes: Mapping[str, CanNode]
     voltmeters: Mapping[str, VoltmeterSettings] = field(default_factory=dict)
 
 
@@ -104,12 +110,14 @@ def make_laboratory(
     """The laboratory of one run."""
     world = World(world_settings(bench, units, seed), host_s)
     instruments: dict[str, Instrument] = {}
-    counters: dict[str, SimulatedCounter] = {}
+    nodes: dict[str, CanNode] = {}
     voltmeters: dict[str, VoltmeterSettings] = {}
     for role, entry in bench.devices.items():
         faults = FaultPlan({f.kind: f.at for f in bench.simulation.faults if f.device == role}, world.now)
         if isinstance(entry.options, CounterOptions):
-            counters[role] = SimulatedCounter(world, _counter_settings(bench, role, entry.options), faults)
+            nodes[role] = SimulatedCounter(world, _counter_settings(bench, role, entry.options), faults)
+        elif isinstance(entry.options, TelemetryOptions):
+            nodes[role] = SimulatedTelemetry(world, _telemetry_settings(bench, role, entry.options, units), faults)
         elif entry.driver == "keysight_3458a":
             voltmeters[role] = _voltmeter_settings(bench, role, seed)
             instruments[role] = Simulated3458A(world, faults, voltmeters[role], name=role)
@@ -118,7 +126,7 @@ def make_laboratory(
             if isinstance(made, (SimulatedFluke, SimulatedKeithley)):
                 table = _columns(corrections_of(bench).currents.get(role))
                 world.sources[role] = Feed(made, _current_errors(bench, role, seed), table)
-    return Laboratory(world, instruments, counters, voltmeters)
+    return Laboratory(world, instruments, nodes, voltmeters)
 
 
 def world_settings(bench: BenchFile, units: Mapping[str, AnyUnitFile], seed: int) -> WorldSettings:
@@ -152,6 +160,7 @@ def world_settings(bench: BenchFile, units: Mapping[str, AnyUnitFile], seed: int
             converter_table=converter_table,
             source=entry.source or "",
             arm_m=_arm_m(name, entry, draw),
+            decoding=_decoding(bench, entry),
         )
 
     def imu(name: str, unit: ImuFile, entry: PlaceEntry) -> ImuPlace:
@@ -258,7 +267,7 @@ def simulated_mount(mount: Mount) -> attitude.Mount:
 
 
 def _counter_settings(bench: BenchFile, role: str, options: CounterOptions) -> CounterSettings:
-    dbc = Dbc(options.dbc.read_text(encoding="utf-8", errors="replace"))
+    dbc = Dbc(text_of(options.dbc))
     channels = {name: channel.model_dump() for name, channel in options.channels.items()}
     readings: dict[str, str] = {}
     imu_readings: dict[str, tuple[str, str]] = {}
@@ -281,6 +290,50 @@ def _counter_settings(bench: BenchFile, role: str, options: CounterOptions) -> C
     }
     encoders = {name: ARCSEC_PER_DEG / encoder.resolution for name, encoder in options.positions.items()}
     return CounterSettings(role, dbc, form, options.period, readings, boards, imu_readings, encoders)
+
+
+def _telemetry_formats(options: TelemetryOptions) -> tuple[Dbc, Mapping[str, telemetry_wire.SampleFormat]]:
+    dbc = Dbc(text_of(options.dbc))
+    channels = {name: sample.model_dump() for name, sample in options.channels.items()}
+    return dbc, telemetry_wire.sample_formats(dbc, channels)
+
+
+def _decoding(bench: BenchFile, entry: PlaceEntry) -> Decoding | None:
+    """What becomes of the codes of a unit that sends its output; None of any other."""
+    for device in bench.devices.values():
+        if isinstance(device.options, TelemetryOptions) and entry.telemetry in device.options.channels:
+            form = _telemetry_formats(device.options)[1][entry.telemetry]
+            return Decoding(form.value.signal.scale, form.value.signal.offset) if form.decoded else Decoding()
+    return None
+
+
+def _telemetry_settings(
+    bench: BenchFile, role: str, options: TelemetryOptions, units: Mapping[str, AnyUnitFile]
+) -> TelemetrySettings:
+    """The channels of a telemetry that have a unit; InputError when its truth says nothing of codes."""
+    dbc, forms = _telemetry_formats(options)
+    places = {entry.telemetry: name for name, entry in bench.places.items() if entry.telemetry in forms}
+    for name in places.values():
+        unit = units[name]
+        if not isinstance(unit, UnitFile) or unit.telemetry is None:
+            raise InputError(f"the simulated unit of place '{name}' sends no codes: its file needs 'telemetry'")
+    messages = [forms[channel].value.message.name for channel in places if channel is not None]
+    if len(set(messages)) < len(messages):
+        raise InputError(f"'{role}' has several channels in one message, which simulated units do not send")
+    return TelemetrySettings(
+        name=role,
+        dbc=dbc,
+        channels={
+            channel: ChannelSettings(forms[channel], sample.period, sample.tick_period, places[channel])
+            for channel, sample in options.channels.items()
+            if channel in places
+        },
+        readings={
+            bench.readings[entry.temperature].channel: name
+            for name, entry in bench.places.items()
+            if bench.readings[entry.temperature].device == role
+        },
+    )
 
 
 def _current_errors(bench: BenchFile, role: str, seed: int) -> CurrentErrors:
@@ -368,5 +421,5 @@ class BenchWires:
     async def frames(self, device: str, address: Address) -> FrameLink:
         """An open CAN channel."""
         if self._laboratory is not None and address.simulated:
-            return self._laboratory.counters[device]
+            return self._laboratory.nodes[device]
         return await self._real.frames(device, address)

@@ -108,7 +108,7 @@ def draw_faults(bench: BenchFile, planned_s: float, seed: int) -> tuple[FaultSim
 
 
 def _kinds(entry: DeviceEntry) -> tuple[str, ...]:
-    if "pulse_counter" in entry.description.capabilities:
+    if entry.description.capabilities & {"pulse_counter", "telemetry"}:
         return _OF_A_COUNTER
     return _OF_A_SOURCE if "current_source" in entry.description.capabilities else _OF_OTHERS
 

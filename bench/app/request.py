@@ -130,7 +130,7 @@ def _past_due(plan: Plan, loaded: LoadedBench) -> Iterator[Remark]:
     bench = loaded.bench
     used = {*plan.sequence.needs, *(place.temperature for place in bench.places.values())}
     used |= {place.voltmeter for place in bench.places.values() if place.voltmeter is not None}
-    if any(place.voltmeter is None for place in bench.places.values()):
+    if any(place.is_counted for place in bench.places.values()):
         used |= set(bench.with_capability("pulse_counter"))
     for name, due in bench.past_due(_begins(loaded).date()).items():
         if name in used:

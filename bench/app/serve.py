@@ -62,9 +62,9 @@ async def open_servers(bench: BenchFile, laboratory: Laboratory, stack: AsyncExi
 
 
 async def _serve(role: str, address: Address, laboratory: Laboratory, stack: AsyncExitStack) -> None:
-    if role in laboratory.counters:
-        counter = laboratory.counters[role]
-        await stack.enter_async_context(serve_pty(Path(address.path), lambda: SimulatedAdapter(counter)))
+    if role in laboratory.nodes:
+        node = laboratory.nodes[role]
+        await stack.enter_async_context(serve_pty(Path(address.path), lambda: SimulatedAdapter(node)))
         return
     factory = protocol_factory(laboratory.instruments[role])
     if address.scheme == "serial":

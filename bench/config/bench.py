@@ -14,6 +14,7 @@ from bench.config.models import BenchFile, ReadingEntry
 from bench.config.places import PlaceEntry
 from bench.errors import InputError
 from drivers.suggest import did_you_mean
+from drivers.units import parse_unit
 
 
 @dataclass(frozen=True)
@@ -176,21 +177,52 @@ def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
 def _output(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
     """What measures a unit's output, and is not there or measures another place already."""
     devices = bench.devices.items()
-    counters = [entry.options for _, entry in devices if "pulse_counter" in entry.description.capabilities]
-    channels = [channel for options in counters for channel in getattr(options, "channels", {})]
+    counted, sent = (
+        [
+            channel
+            for _, entry in devices
+            if capability in entry.description.capabilities
+            for channel in getattr(entry.options, "channels", {})
+        ]
+        for capability in ("pulse_counter", "telemetry")
+    )
     meters = [role for role, entry in devices if "voltmeter" in entry.description.capabilities]
     for key, found in place.measured_by.items():
         where: Place = ("places", name, *key.split("."))
         if key == "voltmeter":
             if found not in meters:
                 yield where, f"'{found}' is not a voltmeter{did_you_mean(found, meters)}"
-        elif found not in channels:
-            yield where, f"no counter has a channel '{found}'{did_you_mean(found, channels)}"
+        elif key == "telemetry":
+            if found not in sent:
+                yield where, f"no telemetry has a channel '{found}'{did_you_mean(found, sent)}"
+        elif found not in counted:
+            yield where, f"no counter has a channel '{found}'{did_you_mean(found, counted)}"
         first = next(
             (other, by)
             for other, entry in bench.places.items()
             for by, measured in entry.measured_by.items()
-            if measured == found and (by == "voltmeter") == (key == "voltmeter")
+            if measured == found and _verb(by) == _verb(key)
         )
         if first != (name, key):
-            yield where, f"'{found}' {'measures' if key == 'voltmeter' else 'counts'} place '{first[0]}' already"
+            yield where, f"'{found}' {_verb(key)} place '{first[0]}' already"
+    yield from _nominal_output(bench, name, place)
+
+
+def _verb(key: str) -> str:
+    """What is done by what a place names with a key."""
+    return {"voltmeter": "measures", "telemetry": "carries"}.get(key, "counts")
+
+
+def _nominal_output(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
+    """What 1 g does to an output, of a place whose unit sends none, or in the unit of another output."""
+    output = place.nominal.output if place.nominal is not None else None
+    if output is None:
+        return
+    where: Place = ("places", name, "nominal", "output")
+    unit = f"{bench.output_unit(name)}/g"
+    if place.telemetry is None:
+        yield where, "is for a unit that sends its output, on a channel of telemetry"
+    elif output.dimension != parse_unit(unit).dimension:
+        yield where, f"is {output}, expected a quantity in {unit}"
+    elif output.base_value <= 0:
+        yield where, f"is {output}, expected more than 0"

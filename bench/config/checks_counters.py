@@ -1,4 +1,4 @@
-"""Counters against the rest of a bench file: their bus, and the encoders that they latch."""
+"""Counters and telemetry against the rest of a bench file: their bus, and the encoders that counters latch."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from bench.config.devices import DeviceEntry
 from bench.config.document import Place, Problem
 from bench.config.models import BenchFile
 from drivers.can_counter.description import CounterOptions, bus_bits_per_latch, position_bits
+from drivers.can_telemetry.description import TelemetryOptions, bus_bits_per_s
 from drivers.suggest import did_you_mean
 from drivers.transport.address import Address
 
@@ -20,21 +21,24 @@ def counter_misfits(bench: BenchFile) -> Iterator[Problem]:
     for role, entry in bench.devices.items():
         options = entry.options
         if isinstance(options, CounterOptions) and options.dbc.is_file():
-            yield from _bus(role, entry.connection, options)
+            needed = bus_bits_per_latch(options) / options.period
+            what = f"the frames of a latch every {options.period:g} s"
+            yield from _bus(("devices", role, "options", "period"), entry.connection, needed, what)
             for device in options.positions:
                 yield from _encoder(bench, role, options, device)
+        elif isinstance(options, TelemetryOptions) and options.dbc.is_file():
+            where: Place = ("devices", role, "options", "channels")
+            yield from _bus(where, entry.connection, bus_bits_per_s(options), "the samples of all channels")
 
 
-def _bus(role: str, connection: Address, options: CounterOptions) -> Iterator[Problem]:
-    """More frames than the bus can carry."""
+def _bus(place: Place, connection: Address, needed: float, what: str) -> Iterator[Problem]:
+    """More frames than the bus can carry, in bit/s."""
     bitrate = connection.option("bitrate", 0)
-    needed = bus_bits_per_latch(options) / options.period
     if bitrate and needed > MOST_LOAD * bitrate:
         share = f"{100 * needed / bitrate:.0f} %"
-        place: Place = ("devices", role, "options", "period")
         yield (
             place,
-            f"the frames of a latch every {options.period:g} s take up to {needed:.6g} bit/s, {share} of the bus and "
+            f"{what} take up to {needed:.6g} bit/s, {share} of the bus and "
             f"more than {100 * MOST_LOAD:.0f} %: lengthen the period, or raise the bitrate of the connection",
         )
 

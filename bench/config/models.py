@@ -14,6 +14,7 @@ from bench.config.fixture import DIRECTIONS, FixtureEntry, Vector
 from bench.config.interlocks import InterlockEntry
 from bench.config.places import PlaceEntry
 from bench.config.simulation import Simulation
+from drivers.can_telemetry.description import SampleOptions, TelemetryOptions
 from drivers.corrections import TemperatureTable
 from drivers.fields import (
     NOT_EMPTY,
@@ -155,16 +156,43 @@ class BenchFile(StrictModel):
             return {axis.device: DIRECTIONS[axis.points] for axis in fixture.axes}
         return dict.fromkeys(self.with_capability("positioner")[:1], DIRECTIONS[fixture.input_axis.points])
 
+    def output_unit(self, place: str) -> str:
+        """What the output of the unit in a place is in."""
+        entry = self.places[place]
+        sample = self.sample_of(entry)
+        if sample is not None:
+            return sample.output_unit
+        return "pulse/s" if entry.voltmeter is None else "V"
+
+    def sample_of(self, entry: PlaceEntry) -> SampleOptions | None:
+        """The channel of the telemetry on which the unit in a place sends its output; None where it does not."""
+        telemetry = (each.options for each in self.devices.values() if isinstance(each.options, TelemetryOptions))
+        return next((each.channels[name] for each in telemetry if (name := entry.telemetry) in each.channels), None)
+
+    def nominal_per_g(self, place: str) -> float | None:
+        """What the output of a unit is made to change by for 1 g, in its unit; None where the file does not say."""
+        entry = self.places[place]
+        nominal = entry.nominal
+        if nominal is None:
+            return None
+        if entry.telemetry is not None:
+            return None if nominal.output is None else nominal.output.to(f"{self.output_unit(place)}/g")
+        converter = nominal.S if entry.voltmeter is None else nominal.resistor
+        return None if converter is None or nominal.K1 is None else nominal.K1 * converter
+
     def acquired_from(self, role: str) -> tuple[str, ...]:
         """The devices that an acquisition of `role` records: it alone, or all that measure the outputs of units."""
         if role in self.devices:
             return (role,)
         channels = {place.channel for place in self.places.values()}
         meters = {place.voltmeter for place in self.places.values()}
+        sent = {place.telemetry for place in self.places.values()}
         return tuple(
             name
             for name, entry in self.devices.items()
-            if name in meters or channels & set(getattr(entry.options, "channels", {}))
+            if name in meters
+            or (sent if isinstance(entry.options, TelemetryOptions) else channels)
+            & set(getattr(entry.options, "channels", {}))
         )
 
     def past_due(self, day: dt.date) -> dict[str, dt.date]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated
 
@@ -9,7 +10,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from bench.config.devices import CoverageFactor, Text
 from bench.config.fixture import Vector
-from drivers.fields import NOT_EMPTY, Amperes, Degrees, InUnit, Name, PositiveSeconds, Range, StrictModel
+from drivers.fields import NOT_EMPTY, Amperes, AnyQuantity, Degrees, InUnit, Name, PositiveSeconds, Range, StrictModel
 from drivers.wording import telling
 
 
@@ -29,10 +30,15 @@ class Nominal(StrictModel):
     `time_constants` and `self_heating` are for estimates of how long it takes to settle.
     """
 
-    K1: Annotated[float, InUnit("A/g", above=0)] = Field(description="scale factor")
+    K1: Annotated[float, InUnit("A/g", above=0)] | None = Field(
+        None, description="scale factor; only a unit that sends its `output` may do without"
+    )
     S: Annotated[float, InUnit("Hz/A", above=0)] | None = Field(None, description="scale of its converter")
     resistor: Annotated[float, InUnit("Ω", above=0)] | None = Field(
         None, description="what its current flows through, for a voltmeter"
+    )
+    output: AnyQuantity | None = Field(
+        None, description="what 1 g changes the output by that a unit sends, such as 8192 code/g"
     )
     max_current: Annotated[float, InUnit("A", above=0)] | None = Field(None, description="the most it may be fed")
     load: Annotated[float, InUnit("Ω", at_least=0)] | None = Field(
@@ -47,6 +53,17 @@ class Nominal(StrictModel):
     converter_time_constant: PositiveSeconds = Field(
         120.0, description="with which its converter follows the air, where that is in the chamber"
     )
+
+    @model_validator(mode="after")
+    def _says_what_1_g_does(self) -> Nominal:
+        if self.K1 is None and self.output is None:
+            raise telling("needs K1, or of a unit that sends its output what 1 g changes that by: output")
+        return self
+
+    @property
+    def amperes_per_g(self) -> float:
+        """K1, not-a-number where the file does not say it."""
+        return math.nan if self.K1 is None else self.K1
 
 
 class ImuChannels(StrictModel):
@@ -78,14 +95,14 @@ class Arm(StrictModel):
 class PlaceEntry(StrictModel):
     """A place for a unit under test: how it lies, what measures its output, what warms and feeds it.
 
-    Its output are the pulses on a `channel`, or the volts that a `voltmeter` reads; an inertial unit has `channels`
-    and, beside the thermometer at its accelerometers, one at its gyros. `source` is the current source that can be
-    plugged into its converter in place of the accelerometer.
+    Its output are the pulses on a `channel`, the volts that a `voltmeter` reads, or what it sends itself on a channel
+    of the `telemetry`; an inertial unit has `channels` and, beside the thermometer at its accelerometers, one at its
+    gyros. `source` is the current source that can be plugged into its converter in place of the accelerometer.
     """
 
     model_config = ConfigDict(
         json_schema_extra={
-            "oneOf": [{"required": ["channel"]}, {"required": ["channels"]}, {"required": ["voltmeter"]}]
+            "oneOf": [{"required": [name]} for name in ("channel", "channels", "voltmeter", "telemetry")]
         }
     )
 
@@ -95,6 +112,9 @@ class PlaceEntry(StrictModel):
     channels: ImuChannels | None = None
     voltmeter: Name | None = Field(
         None, description="the voltmeter across the resistor that its current flows through, where none counts it"
+    )
+    telemetry: str | None = Field(
+        None, min_length=1, description="the channel of the telemetry on which it sends its output itself"
     )
     type: Text = Field("accelerometer channel", description="what the unit is, for the report")
     mount_angle: Degrees = Field(0.0, description="how it is turned in the fixture; added to the head angle")
@@ -113,30 +133,32 @@ class PlaceEntry(StrictModel):
 
     @model_validator(mode="after")
     def _has_one_output(self) -> PlaceEntry:
-        found = [name for name in ("channel", "channels", "voltmeter") if getattr(self, name)]
+        found = [name for name in ("channel", "channels", "voltmeter", "telemetry") if getattr(self, name)]
         if len(found) != 1:
             has = f"it has {' and '.join(found)}" if found else "it has none of them"
-            raise telling(f"needs channel, channels or voltmeter, which measures the output of the unit; {has}")
+            what = "needs channel, channels, voltmeter or telemetry, which measures the output of the unit"
+            raise telling(f"{what}; {has}")
         if self.channels is None and self.gyro_temperature is not None:
             raise telling("gyro_temperature is for a unit with channels")
         return self
 
     @property
     def measured_by(self) -> Mapping[str, str]:
-        """The voltmeter, or the channels of the counter, by their keys here, such as "channel" or "channels.acc_x"."""
+        """What measures it, by the keys here, such as "voltmeter", "channel" or "channels.acc_x"."""
         if self.channels is not None:
             return {f"channels.{name}": channel for name, channel in self.channels}
+        if self.telemetry is not None:
+            return {"telemetry": self.telemetry}
         return {"channel": self.channel} if self.voltmeter is None else {"voltmeter": self.voltmeter}
 
     @property
-    def output_unit(self) -> str:
-        """What its output is in."""
-        return "pulse/s" if self.voltmeter is None else "V"
+    def is_counted(self) -> bool:
+        """Whether a counter counts its pulses."""
+        return self.voltmeter is None and self.telemetry is None
 
     @property
-    def nominal_per_g(self) -> float | None:
-        """What its output is made to change by for 1 g, in its unit; None where the file does not say."""
-        if self.nominal is None:
-            return None
-        converter = self.nominal.S if self.voltmeter is None else self.nominal.resistor
-        return None if converter is None else self.nominal.K1 * converter
+    def makes_output_of_g(self) -> str:
+        """The keys of `nominal` that say what 1 g changes its output by."""
+        if self.telemetry is not None:
+            return "output"
+        return "K1 and S" if self.voltmeter is None else "K1 and resistor"

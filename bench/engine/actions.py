@@ -171,7 +171,7 @@ async def _set_one(step: SetOutput, role: str, bench: Bench) -> Found:
     level = step.voltage_v if step.voltage_v is not None else step.current_a
     if step.acceleration_g is not None and step.place is not None:
         nominal = bench.file.places[step.place].nominal
-        level = step.acceleration_g * nominal.K1 if nominal is not None else math.nan
+        level = step.acceleration_g * nominal.amperes_per_g if nominal is not None else math.nan
     limit = step.current_limit_a if step.current_limit_a is not None else step.compliance_v
     await source.set(level or 0.0, limit=limit or 0.0, output=step.output == "on")
     found = await source.read()

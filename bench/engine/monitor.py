@@ -21,7 +21,7 @@ from bench.errors import BenchError, WindowError
 from bench.rig import Rig
 from bench.sequence.readings import unit_of
 from bench.store.writer import RunWriter
-from drivers.capabilities import PulseCounter
+from drivers.capabilities import FrameSource
 from drivers.errors import DriverError
 from drivers.values import Reading
 
@@ -202,9 +202,10 @@ class Monitor:
     def _silence(self, place: str, role: str) -> tuple[Kind, str] | None:
         unit, device = self._bench.places[place], self._rig.devices[role]
         on_since_s = self.windows[unit.supply].on_since_s
-        if on_since_s is None or not isinstance(device, PulseCounter):
+        if on_since_s is None or not isinstance(device, FrameSource):
             return None
-        heard = device.heard().get(unit.channel)
+        sends_itself = "telemetry" in self._bench.devices[role].description.capabilities
+        heard = device.heard().get((unit.telemetry or "") if sends_itself else unit.channel)
         now_s, late_s = asyncio.get_running_loop().time(), self._bench.devices[role].description.reports_every_s
         text = self.units.silence(place, heard, on_since_s, now_s, late_s) if heard is not None else ""
         return ("silent", f"{text} Check the unit, its converter and their wiring.") if text else None

@@ -1,4 +1,4 @@
-"""Steps that acquire: what counters send and voltmeters read, recorded as it comes under a label."""
+"""Steps that acquire: what counters and units send and voltmeters read, recorded as it comes under a label."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bench.analysis.outputs import STABLE_PART_S, steadiness
-from bench.analysis.rundata import Counts, Voltages
+from bench.analysis.outputs import STABLE_PART_S, Measured, steadiness
+from bench.analysis.rundata import Voltages
 from bench.errors import StepError
 from bench.sequence.measuring import Acquire, Stable
 from bench.sequence.stimulus import TURN_DEG
+from bench.store.codes import CodeDecoder
 from bench.store.counts import CountDecoder
 from drivers.can_counter.description import CounterOptions
-from drivers.capabilities import PulseCounter, RateTable, Voltmeter
+from drivers.can_telemetry.description import TelemetryOptions
+from drivers.capabilities import FrameSource, RateTable, Voltmeter
 from drivers.frame_block import FrameBlock
 from drivers.values import Reading
 
@@ -44,7 +46,8 @@ async def acquire_during(
 ) -> Mapping[str, Any]:
     """Records all devices of a role at the same time while `end` is awaited; one that fails ends the waiting.
 
-    Of a counter the last block is cut at the end; the reading of a voltmeter that is under way then is the last.
+    Of what sends frames the last block is cut at the end; the reading of a voltmeter that is under way then is the
+    last.
     """
     began_s, over = asyncio.get_running_loop().time(), asyncio.Event()
     try:
@@ -72,7 +75,7 @@ async def _record(role: str, step_id: str, bench: Bench, over: asyncio.Event, wa
     if "voltmeter" in bench.file.devices[role].description.capabilities:
         await _record_voltages(bench.rig.voltmeter(role), keep_readings, over)
     else:
-        await _record_frames(bench.rig.counter(role), keep_frames, over)
+        await _record_frames(bench.rig.frame_source(role), keep_frames, over)
 
 
 async def _record_voltages(
@@ -83,12 +86,12 @@ async def _record_voltages(
         keep_readings(await meter.measure(1, nplc=None))
 
 
-async def _record_frames(counter: PulseCounter, keep_frames: Callable[[FrameBlock], None], over: asyncio.Event) -> None:
+async def _record_frames(source: FrameSource, keep_frames: Callable[[FrameBlock], None], over: asyncio.Event) -> None:
     async def keep(blocks: AsyncIterator[FrameBlock]) -> None:
         async for block in blocks:
             keep_frames(block)
 
-    async with counter.acquire() as blocks:
+    async with source.acquire() as blocks:
         recording, ending = asyncio.ensure_future(keep(blocks)), asyncio.ensure_future(over.wait())
         try:
             await asyncio.wait([ending, recording], return_when=asyncio.FIRST_COMPLETED)
@@ -124,7 +127,7 @@ class Watched:
         return [place for place in self._bench.monitor.units.left if self._is_stable(place)]
 
     def _is_stable(self, place: str) -> bool:
-        per_g = self._bench.file.places[place].nominal_per_g
+        per_g = self._bench.file.nominal_per_g(place)
         found = self._measured(place)
         steady = steadiness(found, self._rule.over_s) if found is not None else None
         if steady is None or per_g is None:
@@ -132,14 +135,16 @@ class Watched:
         sd, slope = steady
         return sd <= self._rule.sd_g * per_g and abs(slope) <= self._rule.slope_g_per_s * per_g
 
-    def _measured(self, place: str) -> Counts | Voltages | None:
+    def _measured(self, place: str) -> Measured | None:
         entry = self._bench.file.places[place]
         if entry.voltmeter is not None:
             return Voltages(*np.array(self.readings[entry.voltmeter], np.float64).reshape(-1, 2).T)
         for role, blocks in self.frames.items():
             options = self._bench.file.devices[role].options
+            recent = FrameBlock.joined(blocks[-_blocks_of(blocks, self._rule.over_s + STABLE_PART_S) :])
+            if isinstance(options, TelemetryOptions) and entry.telemetry in options.channels:
+                return CodeDecoder(options, options.dbc.parent).codes(recent)[entry.telemetry]
             if isinstance(options, CounterOptions) and entry.channel in options.channels:
-                recent = FrameBlock.joined(blocks[-_blocks_of(blocks, self._rule.over_s + STABLE_PART_S) :])
                 return CountDecoder(options, options.dbc.parent).counts(recent)[entry.channel]
         return None
 

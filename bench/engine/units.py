@@ -87,9 +87,11 @@ class Units:
         """What says that a unit under power has fallen silent; empty when nothing does.
 
         `late_s` is how late frames may be known. Counts that stand still say so only where the input axis is far enough
-        from level: there any unit pulses. Of a unit whose converter a source feeds they say nothing.
+        from level: there any unit pulses. Of a unit whose converter a source feeds they say nothing, and of one
+        that sends codes neither.
         """
-        channel = self._bench.places[place].channel
+        entry = self._bench.places[place]
+        channel = entry.telemetry or entry.channel
         quiet_s = now_s - max(heard.frame_s, on_since_s)
         if quiet_s > SILENT_S + late_s:
             return f"the frames of its channel '{channel}' have stopped for {quiet_s:.0f} s, those of others go on."
@@ -107,7 +109,7 @@ class Units:
 
     def _must_pulse(self, place: str) -> bool:
         bench, entry = self._bench, self._bench.places[place]
-        if entry.source is not None or any(role not in self.angles_deg for role in bench.axes):
+        if entry.source is not None or not entry.is_counted or any(role not in self.angles_deg for role in bench.axes):
             return False
         turns = tuple((points, self.angles_deg[role]) for role, points in bench.axes.items())
         mount = Mount("", self.mount.angle, self.mount.roll, self.mount.clock)

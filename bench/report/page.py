@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from bench.analysis.rundata import RunData
+from bench.analysis.rundata import Codes, RunData
 from bench.config.devices import Calibration
 from bench.config.fixture import FixtureEntry
 from bench.report.languages import tr
@@ -260,6 +260,11 @@ def recorded(run: StoredRun, data: Sequence[RunData]) -> Iterator[tuple[str, str
     for meter in dict.fromkeys(unit.voltmeter for part in data for unit in part.units if unit.voltmeter):
         read = [each.voltages[meter] for part in data for each in part.acquisitions if meter in each.voltages]
         yield f"Voltmeter {meter}", f"{sum(len(each.at_s) for each in read)} readings in {len(read)} acquisitions"
+    for sent in dict.fromkeys(unit.telemetry for part in data for unit in part.units if unit.telemetry):
+        yield (
+            tr("Telemetry {channel}", channel=sent),
+            _samples([each.codes[sent] for part in data for each in part.acquisitions if sent in each.codes]),
+        )
     for channel in dict.fromkeys(channel for channel, _ in counts):
         of_channel = [found for name, found in counts if name == channel]
         lost, restarts = (sum(getattr(found, name) for found in of_channel) for name in ("lost", "restarts"))
@@ -274,3 +279,12 @@ def recorded(run: StoredRun, data: Sequence[RunData]) -> Iterator[tuple[str, str
                 restarts=restarts,
             ),
         )
+
+
+def _samples(sent: Sequence[Codes]) -> str:
+    """How many samples came, and what became of the others."""
+    lost, dropped, invalid = (sum(getattr(each, name) for each in sent) for name in ("lost", "dropped", "invalid"))
+    return tr(
+        "{whole} samples in {parts} acquisitions, {lost} lost, {dropped} twice or late, {invalid} marked invalid",
+        whole=sum(len(each.values) for each in sent), parts=len(sent), lost=lost, dropped=dropped, invalid=invalid,
+    )  # fmt: skip

@@ -14,6 +14,7 @@ from bench.analysis.rundata import (
     Acquisition,
     AxisRecord,
     BenchRecord,
+    Codes,
     Counts,
     Motion,
     Mount,
@@ -26,12 +27,13 @@ from bench.analysis.rundata import (
 )
 from bench.config.fixture import Vector
 from bench.config.models import BenchFile
-from bench.config.places import PlaceEntry
 from bench.report.corrections import Corrections, corrections_of
 from bench.sequence.dwells import DwellNames, first_visit, loop_values
+from bench.store.codes import CodeDecoder
 from bench.store.counts import CountDecoder
 from bench.store.reader import Event, RunReader, Series
 from drivers.can_counter.description import CounterOptions
+from drivers.can_telemetry.description import TelemetryOptions
 from drivers.frame_block import FrameBlock
 
 ARCSEC_DEG = 1 / 3600
@@ -47,9 +49,7 @@ def run_data(
     With `windows` they hold the mean rates of their counts and not the counts.
     """
     dropped_s = {event.data["place"]: event.at_s for event in reader.events("unit_dropped")}
-    units = tuple(
-        _unit(place, serial, bench.places[place], dropped_s.get(place, math.inf)) for place, serial in serials.items()
-    )
+    units = tuple(_unit(place, serial, bench, dropped_s.get(place, math.inf)) for place, serial in serials.items())
     thermometers = [
         name for unit in units for name in (unit.temperature, unit.gyro_temperature, unit.converter) if name
     ]
@@ -78,6 +78,11 @@ def acquisitions(
         for role, entry in bench.devices.items()
         if isinstance(entry.options, CounterOptions)
     }
+    telemetry = {
+        role: CodeDecoder(entry.options, reader.folder)
+        for role, entry in bench.devices.items()
+        if isinstance(entry.options, TelemetryOptions)
+    }
     temperatures = {name: corrections.temperatures(reader.series(name)) for name in dict.fromkeys(thermometers)}
     samples = reader.samples_by_step()
     for event, dwell, state in _acquired(reader, bench, label):
@@ -89,6 +94,9 @@ def acquisitions(
             decoded = decoder.counts(frames.get(role, FrameBlock.empty()))
             counts |= {channel: corrections.counts(role, each) for channel, each in decoded.items()}
             positions |= decoder.positions(frames.get(role, FrameBlock.empty()))
+        codes: dict[str, Codes] = {}
+        for role, sent in telemetry.items():
+            codes |= sent.codes(frames.get(role, FrameBlock.empty()))
         read = samples.get(event.step, {})
         yield replace(
             acquired,
@@ -97,10 +105,12 @@ def acquisitions(
             counts=counts,
             positions=positions,
             voltages={role: corrections.voltages(role, Voltages(*each.T)) for role, each in read.items()},
+            codes=codes,
         )
 
 
-def _unit(place: str, serial: str, entry: PlaceEntry, until_s: float) -> UnitUnderTest:
+def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnderTest:
+    entry = bench.places[place]
     at_gyros = entry.gyro_temperature or entry.temperature
     return UnitUnderTest(
         place=place,
@@ -110,15 +120,17 @@ def _unit(place: str, serial: str, entry: PlaceEntry, until_s: float) -> UnitUnd
         temperature=entry.temperature,
         until_s=until_s,
         voltmeter=entry.voltmeter,
-        nominal_per_g=entry.nominal_per_g,
+        nominal_per_g=bench.nominal_per_g(place),
         channels=entry.channels.model_dump() if entry.channels is not None else {},
         gyro_temperature=at_gyros if entry.channels is not None else "",
         converter=entry.converter_temperature or "",
         source=entry.source or "",
-        scale_a_per_g=entry.nominal.K1 if entry.nominal is not None else math.nan,
+        scale_a_per_g=entry.nominal.amperes_per_g if entry.nominal is not None else math.nan,
         arm_m=entry.arm.vector_m if entry.arm is not None else None,
         arm_u_m=entry.arm.U / entry.arm.k if entry.arm is not None else 0.0,
         supply=entry.supply or "",
+        telemetry=entry.telemetry,
+        sent_unit=bench.output_unit(place),
     )
 
 

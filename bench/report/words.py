@@ -67,6 +67,8 @@ _READINGS = {
     "dead_band": "no pulse for much longer than its rate lets expect, as in the dead band of the converter",
     "unstable": "it did not become stable in the time that it had",
     "too_few_voltages": "fewer than two readings of the voltmeter",
+    "too_few_codes": "fewer than half of the samples that the unit sends came and are valid",
+    "stuck_code": "one value again and again, as of a unit that does not measure any more",
     "no_temperature": "no temperature of the unit",
     "thermometer": "a temperature that a working thermometer cannot say",
     "no_attitude": "the unit stood in none of the 24 attitudes, or was turned about none of its axes",
@@ -149,7 +151,7 @@ _QUANTITIES = {
         "on the level in another way."
     ),
     "no_thermometer": "nothing reads its temperature.",
-    "not_counted": "the unit is read by a voltmeter, and has none that counts.",
+    "not_counted": "the unit is read by a voltmeter or sends its output itself, and has none that counts.",
     "not_certified": "it has no certificate, so that its gain, offset and drift have no part in U.",
     "temperature_slope_unknown": "how it changes with temperature is not known, so the thermometer has no part in U.",
 }

@@ -107,7 +107,7 @@ def _result_limits(
 
     Without a bench the units of every output are right, as long as all keys of a limit go with the same.
     """
-    on_bench = {unit.output_unit for unit in bench.places.values()} if bench is not None else set[str]()
+    on_bench = {bench.output_unit(place) for place in bench.places} if bench is not None else set[str]()
     for name, limit in entry.limits.items():
         if name not in method.quantities:
             yield (*place, name), f"{entry.method} has no result {quoted(name)}{did_you_mean(name, method.quantities)}"

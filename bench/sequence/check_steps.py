@@ -162,9 +162,10 @@ def limit_problems(  # noqa: C901  one case for each kind of step
 def _without_nominal(step: Acquire, bench: BenchFile) -> Found:
     """A unit of which the bench file does not say what 1 g makes of its output, where a step needs that."""
     for name, place in bench.places.items() if step.until_stable is not None else ():
-        if place.nominal_per_g is None:
-            part = "S" if place.voltmeter is None else "resistor"
-            yield "until_stable", f"places.{name} of the bench file has no nominal K1 and {part}, which make it of g"
+        if bench.nominal_per_g(name) is None:
+            parts = place.makes_output_of_g
+            makes = "which make it of g" if "and" in parts else "which makes it of g"
+            yield "until_stable", f"places.{name} of the bench file has no nominal {parts}, {makes}"
 
 
 def _move(step: Move, head: DeviceEntry, target_deg: float) -> Found:
@@ -222,10 +223,10 @@ def _output(step: SetOutput, role: str, bench: BenchFile) -> Found:
         if place is None:
             yield "place", f"the bench has no place '{step.place}'{did_you_mean(step.place, bench.places)}"
             return
-        if place.nominal is None:
+        if place.nominal is None or place.nominal.K1 is None:
             yield "place", f"places.{step.place} of the bench file has no nominal K1, which makes g a current"
             return
-        current_a = step.acceleration_g * place.nominal.K1
+        current_a = step.acceleration_g * place.nominal.amperes_per_g
     for name, limit, value, unit in (
         ("voltage", "voltage", step.voltage_v, "V"),
         ("current_limit", "current", step.current_limit_a, "A"),

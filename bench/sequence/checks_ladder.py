@@ -26,12 +26,11 @@ def no_nominal(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A place whose nominal scale factor is not known: nobody knows what a step lets expect."""
     for place, _ in _entries(plan):
         for name, entry in bench.places.items():
-            if entry.nominal_per_g is None:
-                missing = "S" if entry.voltmeter is None else "resistor"
+            if bench.nominal_per_g(name) is None:
                 yield (
                     (*place, "method"),
                     f"a step passes by the nominal scale factor, and place '{name}' of the bench does not state it",
-                    f"Give nominal.K1 and nominal.{missing} of places.{name} in the bench file",
+                    f"Give nominal {entry.makes_output_of_g} of places.{name} in the bench file",
                 )
 
 

@@ -78,7 +78,7 @@ def too_few_pulses(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                 if place.arm is None or place.nominal is None or place.nominal.S is None or not place.arm.y:
                     continue
                 rate_dps = motion.amplitude_deg * 2 * math.pi * motion.highest_hz
-                per_rps = abs(place.arm.y) * place.nominal.K1 * place.nominal.S / bench.site.gravity.value
+                per_rps = abs(place.arm.y) * place.nominal.amperes_per_g * place.nominal.S / bench.site.gravity.value
                 pulses = math.radians(rate_dps) * per_rps
                 if pulses < LEAST_PULSES:
                     yield (

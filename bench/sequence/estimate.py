@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, assert_never
 
 from bench.config.channels import period_s
+from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from bench.sequence.custom import Custom, known_steps
 from bench.sequence.measuring import Acquire, Measure, Tare
@@ -32,6 +33,7 @@ from bench.sequence.steps import Step
 from bench.sequence.stimulus import TURN_DEG, Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.talk import Alarm, Note, Prompt
 from bench.sequence.waits import Soak, Wait, WaitUntil
+from drivers.can_telemetry.description import TelemetryOptions
 
 COMMAND_S = 0.05
 ANSWER_S = 60.0  # what a person takes to read a question, do what it asks, and answer
@@ -115,13 +117,17 @@ def _size_bytes(spans: tuple[Span, ...], total_s: float, bench: BenchFile) -> in
         for span in spans
         if isinstance(span.step.step, Acquire) and not meters & set(bench.acquired_from(span.step.step.role))
     )
-    latch_s = min(
-        (getattr(entry.options, "period", 1.0) for entry in bench.devices.values()
-         if "pulse_counter" in entry.description.capabilities), default=1.0,
-    )  # fmt: skip
+    latch_s = min((_frame_period_s(entry) for entry in bench.devices.values()), default=1.0)
     per_s = sum(len(entry.channels) / period_s(role, bench) for role, entry in bench.devices.items())
     size = counting_s / latch_s * STORED_BYTES_PER_LATCH + total_s * per_s * STORED_BYTES_PER_READING
     return int(size) + STORED_BYTES_PER_STEP * sum(span.times for span in spans) + STORED_BYTES
+
+
+def _frame_period_s(entry: DeviceEntry) -> float:
+    """From latch to latch, or from sample to sample, of a device that sends frames."""
+    if isinstance(entry.options, TelemetryOptions):
+        return min(sample.period for sample in entry.options.channels.values())
+    return getattr(entry.options, "period", 1.0) if "pulse_counter" in entry.description.capabilities else 1.0
 
 
 class _Course:
@@ -284,7 +290,7 @@ class _Course:
         """Volts or amperes; not a number where they cannot be known."""
         if step.acceleration_g is not None:
             place = self._bench.places.get(step.place or "")
-            return step.acceleration_g * place.nominal.K1 if place and place.nominal else math.nan
+            return step.acceleration_g * place.nominal.amperes_per_g if place and place.nominal else math.nan
         level = step.voltage_v if step.voltage_v is not None else step.current_a
         return level if level is not None else math.nan
 

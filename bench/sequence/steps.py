@@ -40,7 +40,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "set": ("power_supply", "current_source"),
     "ramp": ("thermal_chamber",),
     "soak": (THERMOMETER,),
-    "acquire": ("pulse_counter", "voltmeter", OUTPUT),
+    "acquire": ("pulse_counter", "voltmeter", "telemetry", OUTPUT),
 }
 
 

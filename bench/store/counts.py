@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from bench.analysis.rundata import Counts, Positions
-from bench.errors import StoreError
+from bench.store.kept_dbc import kept_format
 from drivers.can_counter import wire
 from drivers.can_counter.description import CounterOptions
-from drivers.dbc import Dbc, DbcError
 from drivers.frame_block import FrameBlock
 
 
@@ -17,16 +16,13 @@ class CountDecoder:
 
     def __init__(self, options: CounterOptions, folder: Path) -> None:
         self._options = options
-        path = folder / options.dbc.name
-        try:
-            channels = {name: channel.model_dump() for name, channel in options.channels.items()}
-            positions = {name: encoder.model_dump() for name, encoder in options.positions.items()}
-            dbc = Dbc(path.read_text(encoding="utf-8", errors="replace"))
-            self._format = wire.counter_format(
-                dbc, options.latch.model_dump(), options.latch.tick_period, channels, positions
-            )
-        except (OSError, DbcError) as problem:
-            raise StoreError(f"{path}: the frames of this run cannot be decoded ({problem})") from problem
+        channels = {name: channel.model_dump() for name, channel in options.channels.items()}
+        positions = {name: encoder.model_dump() for name, encoder in options.positions.items()}
+        latch = options.latch
+        self._format = kept_format(
+            folder / options.dbc.name,
+            lambda dbc: wire.counter_format(dbc, latch.model_dump(), latch.tick_period, channels, positions),
+        )
 
     def counts(self, block: FrameBlock) -> dict[str, Counts]:
         """The counts of every channel in these frames."""

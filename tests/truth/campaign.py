@@ -15,7 +15,7 @@ from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
 from bench.runner.quiet import Quiet
 from simulators.truth import channel_constants
-from simulators.uut import UnitTruth
+from simulators.uut import Decoding, Through, UnitTruth
 
 ROOT = Path(__file__).parents[2]
 QUANTITIES = ("K0", "K1", "K1_si", "K2", "misalignment", "K3", "Kip", "asymmetry")
@@ -95,8 +95,10 @@ def compare_one(folder: Path, results: dict) -> list[Comparison]:
     ]
 
 
-def load_of(truth: dict, place: str) -> float | None:
-    """The load whose voltage is the output of the unit in a place; None of one whose pulses are counted."""
+def through_of(truth: dict, place: str) -> Through:
+    """What the current of the unit in a place goes through: a load, its own A/D converter, or what pulses."""
+    if place in truth["bench"].get("telemetry", {}):
+        return Decoding(**truth["bench"]["telemetry"][place])
     loads = (meter["load_ohm"] for meter in truth["bench"].get("voltmeters", {}).values() if meter["place"] == place)
     return next(loads, None)
 
@@ -109,5 +111,5 @@ def true_constants(truth: dict, finding: dict) -> dict[str, float]:
     fields = {key: tuple(value) if isinstance(value, list) else value for key, value in truth["units"][place].items()}
     return channel_constants(
         UnitTruth(**fields), truth["bench"]["gravity_mps2"], dwell["axis_deg"], finding["at"]["temperature_c"],
-        dwell["drifted_g"], load_of(truth, place), extra=dwell.get("extra", ()),
+        dwell["drifted_g"], through_of(truth, place), extra=dwell.get("extra", ()),
     )  # fmt: skip

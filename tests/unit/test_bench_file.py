@@ -221,8 +221,8 @@ def test_a_missing_key_is_named_where_it_belongs(folder, old, new, at, key):
 
 
 DRIVERS = (
-    "acutronic_acl, aerotech_ensemble, can_counter, fluke_5700a, keithley_6220, keysight_3458a, scpi_supply or "
-    "watlow_f4t"
+    "acutronic_acl, aerotech_ensemble, can_counter, can_telemetry, fluke_5700a, keithley_6220, keysight_3458a, "
+    "scpi_supply or watlow_f4t"
 )
 
 
@@ -505,7 +505,7 @@ def test_all_slips_are_told_at_once_in_the_order_of_the_file(folder):
         "b.yaml:66:29: compliance: is in A, expected a quantity in V",
         "b.yaml:83:3: input_axis: of at_0 and at_90 one is level and the other up or down: "
         "the axis turns in a vertical plane",
-        "b.yaml:89:3: a: needs channel, channels or voltmeter, which measures the output of the unit; "
+        "b.yaml:89:3: a: needs channel, channels, voltmeter or telemetry, which measures the output of the unit; "
         "it has none of them",
         "b.yaml:102:3: seed: is 'one', expected a whole number",
     ]

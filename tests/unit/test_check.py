@@ -71,7 +71,7 @@ def test_what_the_bench_lacks_is_told_with_the_needs_and_not_again_with_each_ste
         ("{soak: chamber, at_least: 5 s}", "'soak' needs a thermometer, 'chamber' is a thermal_chamber"),
         (
             "{acquire: supply, for: 5 s, label: a}",
-            "'acquire' needs a pulse_counter or voltmeter or output, 'supply' is a power_supply",
+            "'acquire' needs a pulse_counter or voltmeter or telemetry or output, 'supply' is a power_supply",
         ),
         ("{move: haed, to: 5°}", "'haed' is not among the needs of the sequence; did you mean 'head'?"),
         (

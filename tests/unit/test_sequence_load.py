@@ -178,7 +178,7 @@ def test_steps_stand_in_lists(tmp_path, body, problem):
         (
             "schema: itb-sequence/1\ntitle: T\nneeds: {arm: robot}\n",
             "4:9: arm: there is no kind of device 'robot'; expected positioner, rate_table, power_supply, "
-            "current_source, thermal_chamber, thermometer, pulse_counter, voltmeter, output or reading",
+            "current_source, thermal_chamber, thermometer, pulse_counter, voltmeter, telemetry, output or reading",
         ),
     ],
 )

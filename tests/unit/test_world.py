@@ -381,7 +381,7 @@ def test_one_seed_is_one_laboratory() -> None:
 def test_the_laboratory_holds_every_device_of_the_bench() -> None:
     lab = make_laboratory(BENCH, UNITS, 1, lambda: 0.0)
     assert set(lab.instruments) == {"chamber", "head", "supply", "source"}
-    assert set(lab.counters) == {"counter"}
+    assert set(lab.nodes) == {"counter"}
     assert isinstance(lab.world.units["a"].truth, UnitTruth)
 
 

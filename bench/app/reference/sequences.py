@@ -25,11 +25,15 @@ UNITS = {
     "rate": "°/s rpm",
     "acceleration; g is local gravity": "g m/s²",
     "electricity": "A V W Ω ohm",
-    "counts and frequency": "pulse Hz",
+    "counts, codes of an A/D converter, and frequency": "pulse code LSB Hz",
     "length and mass": "m kg",
     "force and pressure": "N Pa hPa",
     "ratio": "% ppm 1",
 }
+OUTPUT_IS = (
+    " `output` is `pulse/s`, `V` where a voltmeter measures the unit, or `code` where the unit sends its output and "
+    "the bench file names no other unit."
+)
 # What an expression may hold: examples that the page works out, and what they show.
 EXPRESSIONS = (
     ("temperature + '5 °C'", "`+` `-` `*` `/`, a name, and a constant, which stands in quotes"),
@@ -109,7 +113,7 @@ def _method(method: MethodDescription) -> Blocks:
         *part(method.settings, "settings", 3),
         "### `limits`",
         "Each key is one of these results; its limits are in the unit, or one that goes with it."
-        + (" `output` is `pulse/s`, or `V` where a voltmeter measures the unit." if measured_output else ""),
+        + (OUTPUT_IS if measured_output else ""),
         table(("result", "unit"), ((f"`{name}`", unit) for name, unit in method.quantities.items())),
     ]
 

@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 ENTRY_POINTS = "inertial_test_bench.methods"
 OUTPUT = "output"  # in the unit of a quantity: stands for the unit of the units' output
-OUTPUT_UNITS = ("pulse/s", "V")
+OUTPUT_UNITS = ("pulse/s", "V", "code")
 
 
 CHANNEL = (

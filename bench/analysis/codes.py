@@ -1,0 +1,106 @@
+"""From the samples that a unit sends of its own output to a mean: when they were taken, and what their steps hide."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.analysis.counts import LEAST_SHARE, is_irregular, steps_of
+from bench.analysis.rundata import Array, Codes
+
+FEWEST_CODES = 2  # which a scatter needs
+DITHERED_STEPS = 0.55  # scatter from which on it is no toggling between two codes, which has at most 0.5
+HARMONICS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class MeanCode:
+    """A mean of samples with the standard uncertainty that their scatter gives it.
+
+    `step_u` is what their steps hide from any mean; `problems` make it unusable.
+    """
+
+    value: float
+    scatter_u: float
+    step_u: float
+    problems: tuple[str, ...]
+
+
+def mean_code(codes: Codes) -> MeanCode:
+    """The mean of the samples; NaN when there are not two.
+
+    Problems: too_few_codes, irregular_clock (device time and numbers do not go together, as when the unit has begun
+    anew), stuck_code (one value again and again).
+    """
+    if len(codes.values) < FEWEST_CODES:
+        return MeanCode(float("nan"), float("nan"), float("nan"), ("too_few_codes",))
+    problems = []
+    if len(codes.values) < LEAST_SHARE * (len(codes.values) + codes.lost + codes.invalid):
+        problems.append("too_few_codes")
+    if begins_anew(codes):
+        problems.append("irregular_clock")
+    if stuck(codes).any():
+        problems.append("stuck_code")
+    sd = float(np.std(codes.values, ddof=1))
+    scatter_u = sd / float(np.sqrt(len(codes.values)))
+    return MeanCode(float(np.mean(codes.values)), scatter_u, hidden_by_steps(sd, codes.step), tuple(problems))
+
+
+def begins_anew(codes: Codes) -> bool:
+    """Whether the unit's clock and the numbers of its samples do not go together."""
+    if len(codes.tick) < 2:
+        return False
+    return is_irregular(_device_steps_s(codes) / np.diff(codes.sequence))
+
+
+def sampled_at_s(codes: Codes) -> Array:
+    """When each sample was taken, in bench time (N,).
+
+    That is the unit's clock, brought onto the host's by the straight line through the arrivals: a frame may be late,
+    and both clocks err. Where the unit began anew the arrivals are all there is.
+    """
+    if len(codes.tick) < 2 or begins_anew(codes):
+        return codes.host_s
+    device_s = np.concatenate(([0.0], np.cumsum(_device_steps_s(codes))))
+    since_s = codes.host_s - codes.host_s[0]
+    away_s = device_s - device_s.mean()
+    slope = float(away_s @ since_s / (away_s @ away_s))
+    return np.asarray(codes.host_s[0] + since_s.mean() + slope * away_s)
+
+
+def stuck(codes: Codes) -> NDArray[np.bool_]:
+    """Which samples are of a row of one value that is longer than the unit's noise ever lets be, (N,) of bool."""
+    if codes.stuck_after is None or not len(codes.values):
+        return np.zeros(len(codes.values), dtype=bool)
+    begins = np.flatnonzero(np.diff(codes.values, prepend=np.nan) != 0)
+    lengths = np.diff(begins, append=len(codes.values))
+    return np.repeat(lengths >= codes.stuck_after, lengths)
+
+
+def hidden_by_steps(sd: float, step: float) -> float:
+    """The standard uncertainty that steps of codes give to a mean of samples that scatter by `sd`.
+
+    Noise carries a signal across the steps: with a standard deviation s of noise and steps q the mean of rounded
+    samples errs by the harmonics k of a sawtooth, each of amplitude q/(π k) exp(-2 π² k² s²/q²). What scatters no more
+    than toggling between two codes does may be hidden by the whole step, q/√12.
+    """
+    if sd < DITHERED_STEPS * step:
+        return step / float(np.sqrt(12))
+    noise2 = (sd / step) ** 2 - 1 / 12  # the rounding scatters too
+    k = np.arange(1, HARMONICS + 1)
+    return step * float(np.sqrt(np.sum((np.exp(-2 * np.pi**2 * k**2 * noise2) / (np.pi * k)) ** 2 / 2)))
+
+
+def by_position(gain: Array, step_u: Array, angle_rad: Array) -> Array:
+    """What steps hide from a result that depends on readings by `gain` (n,), one value for each angle.
+
+    Readings at one angle fall onto one step, and err alike.
+    """
+    _, position = np.unique(np.round(np.degrees(angle_rad), 1), return_inverse=True)
+    return np.asarray(np.bincount(position, weights=gain * step_u), np.float64)
+
+
+def _device_steps_s(codes: Codes) -> Array:
+    return np.asarray(steps_of(codes.tick, codes.tick_bits) * codes.tick_period_s, np.float64)

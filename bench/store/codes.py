@@ -1,0 +1,40 @@
+"""From recorded frames to what units sent of their output, by the DBC that was kept for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bench.analysis.rundata import Codes
+from bench.store.kept_dbc import kept_format
+from drivers.can_telemetry import wire
+from drivers.can_telemetry.description import TelemetryOptions
+from drivers.frame_block import FrameBlock
+
+
+class CodeDecoder:
+    """Decodes the frames of one telemetry; StoreError when its DBC in `folder` cannot be read."""
+
+    def __init__(self, options: TelemetryOptions, folder: Path) -> None:
+        self._options = options
+        channels = {name: sample.model_dump() for name, sample in options.channels.items()}
+        self._formats = kept_format(folder / options.dbc.name, lambda dbc: wire.sample_formats(dbc, channels))
+
+    def codes(self, block: FrameBlock) -> dict[str, Codes]:
+        """The samples of every channel in these frames."""
+        found = {}
+        for name, sample in self._options.channels.items():
+            raw = wire.decode_samples(self._formats[name], block)
+            found[name] = Codes(
+                sequence=raw.sequence,
+                tick=raw.tick,
+                values=raw.values,
+                host_s=raw.host_s,
+                tick_bits=raw.tick_bits,
+                tick_period_s=sample.tick_period,
+                step=self._formats[name].step,
+                lost=raw.lost,
+                dropped=raw.dropped,
+                invalid=raw.invalid,
+                stuck_after=sample.stuck_after,
+            )
+        return found

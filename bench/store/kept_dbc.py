@@ -1,0 +1,20 @@
+"""The DBC that was kept with a run, for the frames in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from bench.errors import StoreError
+from drivers.dbc import Dbc, DbcError
+
+FormatT = TypeVar("FormatT")
+
+
+def kept_format(path: Path, bind: Callable[[Dbc], FormatT]) -> FormatT:
+    """What `bind` makes of the DBC in a file; StoreError when that cannot be read, or is another."""
+    try:
+        return bind(Dbc(path.read_text(encoding="utf-8", errors="replace")))
+    except (OSError, DbcError) as problem:
+        raise StoreError(f"{path}: the frames of this run cannot be decoded ({problem})") from problem

@@ -1,0 +1,135 @@
+"""The telemetry of units under test: takes in frames, watches them while somebody acquires, hands out blocks."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import AsyncIterator, Mapping, Sequence
+from contextlib import AbstractAsyncContextManager
+from typing import Self
+
+import numpy as np
+
+from drivers.can_telemetry import wire
+from drivers.can_telemetry.description import TelemetryOptions
+from drivers.dbc import Dbc, Field, readings_of
+from drivers.description import Nothing, Setup, check_identity
+from drivers.errors import InstrumentFault, NoAnswer
+from drivers.frame_block import FrameBlock
+from drivers.frame_intake import (
+    MOST_NAMED,
+    SILENT_PERIODS,
+    STANDING_FRAMES,
+    FrameIntake,
+    bound_format,
+    frames_named,
+    stated_identity,
+)
+from drivers.sequence_numbers import Integers
+from drivers.values import Heard, Identity, Reading
+
+
+class CanTelemetry:
+    """What units send of their own output; nothing is ever sent to them.
+
+    A unit without power sends nothing, so that silence is no fault until somebody acquires. Lifetime: a task of its own
+    takes frames in from entry to exit. What it finds wrong is raised by the next `poll` and by the acquisition under
+    way.
+    """
+
+    def __init__(self, setup: Setup[TelemetryOptions, Nothing, Nothing]) -> None:
+        self.name = setup.name
+        self._setup = setup
+        self._options = setup.options
+        self._readings: dict[str, list[Reading]] = {}
+        self._heard = dict.fromkeys(self._options.channels, Heard(-math.inf, -math.inf))
+        self._numbers: dict[str, Integers] = {}  # of the last samples, by channel
+        self._codes: dict[str, int] = {}  # the last one of each channel
+        self._others: set[int] = set()  # frames that are none of the channels'
+        self._formats: Mapping[str, wire.SampleFormat] = {}
+        self._temperatures: Mapping[str, Field] = {}
+        self._fingerprint = ""
+        self._intake: FrameIntake
+
+    async def __aenter__(self) -> Self:
+        """Opens the channel; raises CannotConnect, BadAnswer."""
+        self._formats, self._fingerprint = bound_format(self.name, self._options.dbc, self._bind)
+        link = await self._setup.wires.frames(self.name, self._setup.address)
+        try:
+            check_identity(self.name, self._setup.identity, await self.identify())
+        except BaseException:
+            link.close()
+            raise
+        self._intake = FrameIntake(self.name, link, self._look)
+        self._intake.begin()
+        return self
+
+    async def __aexit__(self, *exc: object) -> None:
+        """Closes the channel."""
+        await self._intake.end()
+
+    async def identify(self) -> Identity:
+        """The wire tells no serial number; the fingerprint is that of the frames' description."""
+        return stated_identity(self._setup.identity, self._fingerprint)
+
+    async def poll(self) -> Mapping[str, Sequence[Reading]]:
+        """Temperatures in the frames since the last poll; raises what has gone wrong with the frames."""
+        self._intake.check()
+        readings, self._readings = self._readings, {}
+        return readings
+
+    def heard(self) -> Mapping[str, Heard]:
+        """When each channel was last heard of, as far as its frames have been taken in."""
+        return self._heard
+
+    async def make_safe(self) -> None:
+        """Nothing to do: who only listens energises nothing."""
+
+    def acquire(self) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
+        """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one."""
+        return self._intake.acquire()
+
+    def _bind(self, dbc: Dbc) -> Mapping[str, wire.SampleFormat]:
+        self._temperatures = dbc.fields_in("°C")
+        return wire.sample_formats(dbc, {name: each.model_dump() for name, each in self._options.channels.items()})
+
+    def _look(self, block: FrameBlock) -> None:
+        """Takes readings and the newest samples from a block; raises when something is wrong with it."""
+        for name, (at_s, values) in readings_of(self._temperatures, block).items():
+            self._readings.setdefault(name, []).extend(map(Reading, at_s.tolist(), values.tolist()))
+        known = {form.value.message.id for form in self._formats.values()}
+        self._others |= set(sorted(set(block.ids.tolist()) - known)[:MOST_NAMED])
+        for channel, form in self._formats.items():
+            self._listen(channel, *wire.arrivals(form, block))
+        self._check_silence()
+
+    def _listen(self, channel: str, numbers: Integers, codes: Integers, at_s: np.ndarray) -> None:
+        """Notes what a channel has said; raises when it says the same sample again and again."""
+        if not len(numbers):
+            return
+        changed = np.flatnonzero(np.diff(codes, prepend=self._codes.get(channel, ~int(codes[0]))))
+        changed_s = float(at_s[changed[-1]]) if len(changed) else self._heard[channel].pulse_s
+        self._heard[channel], self._codes[channel] = Heard(float(at_s[-1]), changed_s), int(codes[-1])
+        last = np.concatenate([self._numbers.get(channel, numbers[:0]), numbers])[-STANDING_FRAMES:]
+        self._numbers[channel] = last
+        if len(last) == STANDING_FRAMES and not np.diff(last).any():
+            raise InstrumentFault(
+                self.name, f"channel '{channel}' stands still: its samples have the sequence number {last[0]}",
+                remedy="Switch the unit off and on; it repeats an old sample.",
+            )  # fmt: skip
+
+    def _check_silence(self) -> None:
+        """Raises when somebody acquires and no channel says anything."""
+        since_s = self._intake.acquiring_since_s
+        if since_s is None:
+            return
+        silent_s = SILENT_PERIODS * max(sample.period for sample in self._options.channels.values())
+        last_s = max(since_s, *(heard.frame_s for heard in self._heard.values()))
+        if asyncio.get_running_loop().time() - last_s <= silent_s:
+            return
+        wanted = frames_named(form.value.message.id for form in self._formats.values())
+        raise NoAnswer(
+            self.name, f"no sample ({wanted}) for more than {silent_s:g} s while it is acquired",
+            received=f"{frames_named(self._others)} besides" if self._others else "no other frame either",
+            remedy="Check that the unit is on, the CAN cable and the bit rate, and that the DBC is that of this unit.",
+        )  # fmt: skip

@@ -1,0 +1,64 @@
+"""What all simulated CAN nodes are: they are worked out lazily, and have sent what was due when somebody takes it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.dbc import Dbc, Field, encode_frames
+from drivers.errors import LinkLost
+from drivers.frame_block import FrameBlock
+from simulators.faults import FaultPlan
+from simulators.world import World
+
+Array = NDArray[np.float64]
+TEMPERATURE_PERIOD_S = 1.0
+
+
+class CanNode(ABC):
+    """A node on the bus; a frame link whose frames are those it has sent.
+
+    A block of frames comes into being when somebody takes it, or just before a stimulus changes.
+    """
+
+    def __init__(self, name: str, world: World, faults: FaultPlan) -> None:
+        self.faults = faults
+        self._name, self._world = name, world
+        self._sent: list[FrameBlock] = []
+
+    def take(self) -> FrameBlock:
+        """Every frame sent since the last call; LinkLost when the connection is cut."""
+        self._world.look()
+        self._catch_up()
+        sent, self._sent = self._sent, []
+        if self.faults.active("cut"):
+            raise LinkLost(self._name, "the connection was cut", remedy="Check the cable, then run again.")
+        return FrameBlock.empty() if self.faults.active("silent") else FrameBlock.joined(sent)
+
+    def close(self) -> None:  # noqa: B027  nothing is to be done
+        """Nobody listens any more; the node does not care."""
+
+    @abstractmethod
+    def _catch_up(self) -> None:
+        """Sends what is due."""
+
+
+def in_order(blocks: list[FrameBlock]) -> FrameBlock:
+    """Frames of several blocks in the order of their times."""
+    frames = FrameBlock.joined(blocks)
+    order = np.argsort(frames.at_s, kind="stable")
+    return FrameBlock(frames.ids[order], frames.at_s[order], frames.dlc[order], frames.data[order])
+
+
+def temperature_frames(
+    dbc: Dbc, fields: Mapping[str, Field], celsius: Callable[[str], Array], host_s: Array
+) -> FrameBlock:
+    """One frame of each message with temperatures at each time; `celsius` gives them by `Message.Signal`."""
+    values: dict[str, dict[str, NDArray[np.int64]]] = {}
+    for name, (message, signal) in fields.items():
+        raw = np.rint((celsius(name) - signal.offset) / signal.scale).astype(np.int64)
+        values.setdefault(message.name, {})[signal.name] = raw
+    return encode_frames(dbc, host_s, values)

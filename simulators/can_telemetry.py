@@ -1,0 +1,149 @@
+"""The telemetry of units: each samples its own output by its own clock and sends it while it has power."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.can_telemetry.wire import SampleFormat
+from drivers.dbc import Dbc, encode_frames
+from drivers.frame_block import FrameBlock
+from simulators.accelerometer_unit import SimulatedUnit
+from simulators.can_node import TEMPERATURE_PERIOD_S, CanNode, in_order, temperature_frames
+from simulators.faults import FaultPlan
+from simulators.unit_file import stream
+from simulators.world import World
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelSettings:
+    """One channel: its frames, and the place of the unit whose output it carries."""
+
+    form: SampleFormat
+    period_s: float
+    tick_period_s: float
+    place: str
+
+
+@dataclass(frozen=True, slots=True)
+class TelemetrySettings:
+    """The telemetry of a bench; `name` is its role, `readings` gives the place that a temperature signal belongs to."""
+
+    name: str
+    dbc: Dbc
+    channels: Mapping[str, ChannelSettings]
+    readings: Mapping[str, str] = field(default_factory=dict)
+
+
+class SimulatedTelemetry(CanNode):
+    """The units of the world that send their output.
+
+    At every power-on a unit begins anew: its clock, its numbers and its samples.
+    """
+
+    def __init__(self, world: World, settings: TelemetrySettings, faults: FaultPlan) -> None:
+        super().__init__(settings.name, world, faults)
+        self._settings = settings
+        self._restarted = False
+        self._streams = [
+            _Stream(name, world.units[each.place], each, world) for name, each in settings.channels.items()
+        ]
+        world.integrate_with(self._before_change)
+
+    def _before_change(self) -> None:
+        """Sends what is due, and takes in what has come since under the stimulus that is about to change."""
+        self._catch_up()
+        for each in self._streams:
+            each.integrate(self._world.now())
+
+    def _catch_up(self) -> None:
+        if self.faults.active("restart") and not self._restarted:
+            self._restarted = True
+            for each in self._streams:
+                each.begin(each.integrated_s)
+        frozen, blocks = self.faults.active("frozen"), list[FrameBlock]()
+        for each in self._streams:
+            numbers, at_s, codes = each.samples(self._world.now(), frozen=frozen)
+            if len(numbers) and not each.unit.faults.active("silent"):
+                host_s = self._world.host_time(at_s)
+                blocks.append(encode_frames(self._settings.dbc, host_s, each.values(numbers, codes)))
+                blocks.append(self._warmth(each, at_s[numbers % each.warmth_samples == 0]))
+        if blocks:
+            self._sent.append(in_order(blocks))
+
+    def _warmth(self, each: _Stream, at_s: Array) -> FrameBlock:
+        """What the thermometers in a unit say, once a second."""
+        fields = {
+            name: field
+            for name, field in self._settings.dbc.fields_in("°C").items()
+            if self._settings.readings.get(name) == each.settings.place
+        }
+        return temperature_frames(
+            self._settings.dbc, fields, lambda _: each.unit.thermometer_c(at_s), self._world.host_time(at_s)
+        )
+
+
+class _Stream:
+    """The samples of one channel: means of its unit's output from one sample to the next."""
+
+    def __init__(self, name: str, unit: SimulatedUnit, settings: ChannelSettings, world: World) -> None:
+        self.unit, self.settings = unit, settings
+        self.warmth_samples = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
+        self._sample_s = settings.period_s / (1 + unit.truth.clock)  # true seconds from sample to sample
+        self._noise = stream(world.settings.seed, "noise", unit.place, f"telemetry {name}")
+        self._powered_at_s: float | None = None
+        self._shown: tuple[int, int] = (0, 0)  # the last number and code that a frame showed
+        self.begin(world.now())
+
+    def begin(self, at_s: float) -> None:
+        """Its clock and its numbers begin at 0."""
+        self._origin_s = self.integrated_s = at_s
+        self._number = 0
+        self._owed = 0.0  # of the sample under way, codes times seconds from before a stimulus changed
+
+    def integrate(self, until_s: float) -> None:
+        """Takes in what has come since the last sample."""
+        if until_s > self.integrated_s:
+            mean = float(self.unit.mean_codes(np.array([self.integrated_s, until_s]))[0])
+            self._owed += mean * (until_s - self.integrated_s)
+            self.integrated_s = until_s
+
+    def samples(self, now_s: float, *, frozen: bool) -> tuple[Integers, Array, Integers]:
+        """Numbers, true times and codes of the samples that are due; none without power."""
+        if self.unit.powered_at_s is None:
+            self.integrate(now_s)  # the unit's history goes on
+            return np.empty(0, np.int64), np.empty(0), np.empty(0, np.int64)
+        if self._powered_at_s != self.unit.powered_at_s:
+            self._powered_at_s = self.unit.powered_at_s
+            self.begin(self.unit.powered_at_s)
+        due = max(math.floor((now_s - self._origin_s) / self._sample_s) - self._number, 0)
+        numbers = np.arange(self._number + 1, self._number + due + 1, dtype=np.int64)
+        at_s: Array = np.asarray(self._origin_s + numbers * self._sample_s, np.float64)
+        if not due:
+            return numbers, at_s, numbers
+        edges_s = np.concatenate(([self.integrated_s], at_s))
+        charge = self.unit.mean_codes(edges_s) * np.diff(edges_s)
+        charge[0] += self._owed
+        self._number, self.integrated_s, self._owed = int(numbers[-1]), float(at_s[-1]), 0.0
+        noise = self.unit.truth.noise_code * self._noise.standard_normal(due)
+        codes = np.rint(charge / self._sample_s + noise).astype(np.int64)
+        if self.unit.faults.active("dead"):
+            codes = np.full_like(codes, round(self.unit.truth.zero_code))
+        if frozen:
+            return np.full_like(numbers, self._shown[0]), at_s, np.full_like(codes, self._shown[1])
+        self._shown = int(numbers[-1]), int(codes[-1])
+        return numbers, at_s, codes
+
+    def values(self, numbers: Integers, codes: Integers) -> Mapping[str, Mapping[str, Integers]]:
+        """What its frames say, by message and signal; the status is that of a good sample."""
+        form = self.settings.form
+        ticks = np.rint(numbers * (self.settings.period_s / self.settings.tick_period_s)).astype(np.int64)
+        said = ((form.value, codes), (form.tick, ticks), (form.sequence, numbers))
+        return {form.value.message.name: {each.signal.name: integers for each, integers in said}}
