@@ -18,6 +18,7 @@ from drivers.transport.can import open_slcan
 from drivers.transport.frames import FrameLink
 from drivers.transport.memory import Line, join
 from simulators.can_counter import CounterSettings, SimulatedCounter
+from simulators.can_node import CanNode
 from simulators.faults import FaultPlan
 from simulators.settings import WorldSettings
 from simulators.slcan_adapter import SimulatedAdapter
@@ -38,12 +39,12 @@ def options(folder: Path = ROOT / "config", **changes: Any) -> CounterOptions:
 
 
 class Bus:
-    """A Wires to a simulated counter, directly or through a serial-line adapter. `alter` makes of the frames what
+    """A Wires to a simulated node, directly or through a serial-line adapter. `alter` makes of the frames what
     the driver gets; `closed` counts how often it has let go."""
 
-    def __init__(self, counter: SimulatedCounter) -> None:
-        self._counter = counter
-        self._link: FrameLink = counter
+    def __init__(self, node: CanNode) -> None:
+        self._node = node
+        self._link: FrameLink = node
         self.by_adapter = False
         self.alter: Callable[[FrameBlock], FrameBlock] = lambda block: block
         self.refuses = False
@@ -59,7 +60,7 @@ class Bus:
 
             async def joined(factory: Callable[[], P]) -> P:
                 client = factory()
-                join(client, SimulatedAdapter(self._counter), Line.serial(1_000_000), str(address))
+                join(client, SimulatedAdapter(self._node), Line.serial(1_000_000), str(address))
                 return client
 
             self._link = await open_slcan(device, address, joined)
