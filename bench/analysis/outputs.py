@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from bench.analysis.codes import begins_anew, mean_code, sampled_at_s, stuck
-from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
+from bench.analysis.codes import FEWEST_CODES, begins_anew, mean_code, sampled_at_s, stuck
+from bench.analysis.counts import LEAST_SHARE, RESOLUTION_COUNTS, mean_rate
 from bench.analysis.rundata import Acquisition, Array, Codes, Counts, UnitUnderTest, Voltages
 
 FEWEST_VOLTAGES = 2  # which a scatter needs
@@ -120,15 +120,25 @@ def outputs_between(found: Measured, edges_s: Array) -> tuple[Array, Array, Coun
         output = means_between(found.at_s, found.values_v, edges_s)
         return edges_s, output, Counter(too_few_voltages=int(np.count_nonzero(np.isnan(output))))
     if isinstance(found, Codes):
+        output = _means_of_codes(found, edges_s)
         problem = "irregular_clock" if begins_anew(found) else "too_few_codes"
-        values = np.where(stuck(found), np.nan, found.values) if problem == "too_few_codes" else found.values * np.nan
-        output = means_between(sampled_at_s(found), values, edges_s)
         return edges_s, output, Counter({problem: int(np.count_nonzero(np.isnan(output)))})
     latches = np.searchsorted(found.host_s, edges_s)
     latches = latches[latches < len(found.host_s)]
     rates = [mean_rate(found.part(first, last)) for first, last in pairwise(latches.tolist())]
     problems = Counter(problem for rate in rates for problem in rate.problems)
     return found.host_s[latches], np.array([np.nan if rate.problems else rate.net_pps for rate in rates]), problems
+
+
+def _means_of_codes(found: Codes, edges_s: Array) -> Array:
+    """Means of samples between edges, of which so many must have come as of a whole acquisition."""
+    if len(found.values) < FEWEST_CODES or begins_anew(found):
+        return np.full(max(len(edges_s) - 1, 0), np.nan)
+    at_s, usable = sampled_at_s(found), ~stuck(found)
+    usual_s = float(np.median(np.diff(at_s) / np.diff(found.sequence)))
+    came = np.diff(np.searchsorted(at_s[usable], edges_s))
+    means = means_between(at_s[usable], found.values[usable], edges_s)
+    return np.where(came < LEAST_SHARE * np.diff(edges_s) / usual_s, np.nan, means)
 
 
 def means_between(at_s: Array, values: Array, edges_s: Array) -> Array:

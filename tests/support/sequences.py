@@ -54,7 +54,7 @@ ELSEWHERE = {
     "gyro_response": ("gyro",),
     "accel_range": ("centrifuge",),
     "accel_response": ("response",),
-    "indexing_static": ("indexing", "indexing_pulses"),
+    "indexing_static": ("indexing", "indexing_pulses", "indexing_telemetry"),
     "imu_24_position": ("imu",),
     "imu_start_up": ("imu",),
     "imu_two_mountings": ("imu_two_axis",),
