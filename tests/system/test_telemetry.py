@@ -181,6 +181,39 @@ def test_a_unit_that_falls_silent_ends_the_run(tmp_path):
     assert "telemetry: no sample (0x200) for more than 0.5 s while it is acquired" in run.problems[0]
 
 
+SECOND = """\
+        y:
+          value: AccY.Code
+          tick: AccY.Tick
+          tick_period: 10 µs
+          sequence: AccY.Sequence
+          period: 50 ms
+    identity: {serial: SIM-ACC-01}
+"""
+TWO = (
+    ("telemetry.yaml", "    identity: {serial: SIM-ACC-01}\n", SECOND),
+    ("telemetry.yaml", "places:\n", "places:\n  b: {telemetry: y, temperature: unit_temperature, supply: supply}\n"),
+    ("telemetry.yaml", "{a: uut/digital.yaml}", "{a: uut/digital.yaml, b: uut/digital.yaml}"),
+    ("telemetry.yaml", "max: 110 mA}", "max: 200 mA}"),
+)
+
+
+def test_of_two_units_one_that_falls_silent_is_dropped(tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text(steps(ON.replace("120 mA", "200 mA"), *TUMBLE) + TAIL, "utf-8")
+    bench = edited(tmp_path / "config", *TWO, faults="[{unit: b, kind: silent, at: 110 s}]")
+    run = run_short(tmp_path / "runs", sequence=str(path), bench=bench, units=("a=A-1", "b=B-1"))
+    assert run.outcome.how == "completed"
+    with open_run(run.path) as stored:
+        (dropped,) = stored.reader.events("unit_dropped")
+        codes = [each.codes for each in stored.data("tumble").acquisitions]
+    assert dropped.data["place"] == "b"
+    assert "the frames of its channel 'y' have stopped" in str(dropped.data)
+    assert [len(each["x"].values) for each in codes] == pytest.approx([3000] * 4, abs=1)
+    assert len(codes[0]["y"].values) == pytest.approx(1200, abs=1)
+    assert len(codes[3]["y"].values) == 0
+
+
 # What files may say
 
 
