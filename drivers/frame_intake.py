@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-from collections.abc import AsyncIterator, Callable, Iterable
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 from drivers.can_options import IDLE_BLOCK_S
-from drivers.dbc import Dbc, DbcError
-from drivers.description import IdentityPin
+from drivers.dbc import Dbc, DbcError, Field, readings_of
+from drivers.description import Nothing, OptionsT, Setup
 from drivers.errors import BadAnswer, DriverError, InstrumentFault
 from drivers.frame_block import EXTENDED, FrameBlock
 from drivers.transport.frames import FrameLink
-from drivers.values import Identity
+from drivers.values import Heard, Identity, Reading
 
 ACQUIRING_BLOCK_S = 1.0  # what is not yet durable when the power fails
 SILENT_PERIODS = 25
@@ -121,6 +121,60 @@ class _Blocks(AsyncIterator[FrameBlock]):
         raise item
 
 
+class FrameDriver(Generic[OptionsT]):
+    """What all drivers are alike in to whose devices nothing is ever sent.
+
+    An heir opens its link, begins with `_begin`, and looks at every block: it keeps `_readings`, new ones by channel,
+    and `_heard`, and raises what is wrong with a block.
+    """
+
+    def __init__(self, setup: Setup[OptionsT, Nothing, Nothing]) -> None:
+        self.name = setup.name
+        self._setup = setup
+        self._options = setup.options
+        self._readings: dict[str, list[Reading]] = {}
+        self._heard: dict[str, Heard] = {}
+        self._fingerprint = ""
+        self._intake: FrameIntake
+
+    async def __aexit__(self, *exc: object) -> None:
+        """Closes the channel."""
+        await self._intake.end()
+
+    async def identify(self) -> Identity:
+        """Who the bench file says that is there; the fingerprint is that of the frames' description."""
+        stated = self._setup.identity
+        return Identity(
+            maker=stated.maker or "", model=stated.model or "", serial=stated.serial or "",
+            firmware=stated.firmware or "", verified=False, fingerprint=self._fingerprint,
+        )  # fmt: skip
+
+    async def poll(self) -> Mapping[str, Sequence[Reading]]:
+        """Temperatures in the frames since the last poll; raises what has gone wrong with the frames."""
+        self._intake.check()
+        readings, self._readings = self._readings, {}
+        return readings
+
+    def heard(self) -> Mapping[str, Heard]:
+        """When each channel was last heard of, as far as its frames have been taken in."""
+        return self._heard
+
+    async def make_safe(self) -> None:
+        """Nothing to do: who only listens energises nothing."""
+
+    def acquire(self) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
+        """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one."""
+        return self._intake.acquire()
+
+    def _begin(self, link: FrameLink, look: Callable[[FrameBlock], None]) -> None:
+        self._intake = FrameIntake(self.name, link, look)
+        self._intake.begin()
+
+    def _keep_readings(self, fields: Mapping[str, Field], block: FrameBlock) -> None:
+        for name, (at_s, values) in readings_of(fields, block).items():
+            self._readings.setdefault(name, []).extend(map(Reading, at_s.tolist(), values.tolist()))
+
+
 def bound_format(name: str, dbc: Path, bind: Callable[[Dbc], FormatT]) -> tuple[FormatT, str]:
     """What `bind` makes of a DBC, and a fingerprint of its text; BadAnswer when it is not what the bench file says."""
     text = dbc.read_text(encoding="utf-8", errors="replace")
@@ -129,14 +183,6 @@ def bound_format(name: str, dbc: Path, bind: Callable[[Dbc], FormatT]) -> tuple[
     except DbcError as problem:
         raise BadAnswer(name, f"{dbc.name}: {problem}", remedy="Correct the bench file.") from problem
     return form, f"dbc sha256:{hashlib.sha256(text.encode()).hexdigest()[:16]}"
-
-
-def stated_identity(stated: IdentityPin, fingerprint: str) -> Identity:
-    """Who a bench file says that is there: frames tell no serial number, only how they are described."""
-    return Identity(
-        maker=stated.maker or "", model=stated.model or "", serial=stated.serial or "", firmware=stated.firmware or "",
-        verified=False, fingerprint=fingerprint,
-    )  # fmt: skip
 
 
 def frames_named(ids: Iterable[int]) -> str:

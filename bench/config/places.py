@@ -157,8 +157,8 @@ class PlaceEntry(StrictModel):
         return self.voltmeter is None and self.telemetry is None
 
     @property
-    def makes_output_of_g(self) -> str:
+    def makes_output_of_g(self) -> tuple[str, ...]:
         """The keys of `nominal` that say what 1 g changes its output by."""
         if self.telemetry is not None:
-            return "output"
-        return "K1 and S" if self.voltmeter is None else "K1 and resistor"
+            return ("output",)
+        return ("K1", "S" if self.voltmeter is None else "resistor")

@@ -164,8 +164,8 @@ def _without_nominal(step: Acquire, bench: BenchFile) -> Found:
     for name, place in bench.places.items() if step.until_stable is not None else ():
         if bench.nominal_per_g(name) is None:
             parts = place.makes_output_of_g
-            makes = "which make it of g" if "and" in parts else "which makes it of g"
-            yield "until_stable", f"places.{name} of the bench file has no nominal {parts}, {makes}"
+            makes = "which makes it of g" if len(parts) == 1 else "which make it of g"
+            yield "until_stable", f"places.{name} of the bench file has no nominal {' and '.join(parts)}, {makes}"
 
 
 def _move(step: Move, head: DeviceEntry, target_deg: float) -> Found:

@@ -30,7 +30,8 @@ def no_nominal(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                 yield (
                     (*place, "method"),
                     f"a step passes by the nominal scale factor, and place '{name}' of the bench does not state it",
-                    f"Give nominal {entry.makes_output_of_g} of places.{name} in the bench file",
+                    f"Give {' and '.join(f'nominal.{key}' for key in entry.makes_output_of_g)} of places.{name} in the "
+                    "bench file",
                 )
 
 

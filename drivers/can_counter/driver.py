@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Collection, Mapping, Sequence
-from contextlib import AbstractAsyncContextManager
+from collections.abc import Collection
 from typing import Self
 
 import numpy as np
@@ -18,18 +17,17 @@ from drivers.frame_block import EXTENDED, FrameBlock
 from drivers.frame_intake import (
     SILENT_PERIODS,
     STANDING_FRAMES,
-    FrameIntake,
+    FrameDriver,
     bound_format,
     frames_named,
-    stated_identity,
 )
 from drivers.transport.frames import FrameLink
-from drivers.values import Heard, Identity, Reading
+from drivers.values import Heard
 
 FIRST_FRAME_S = 3.0
 
 
-class CanCounter:
+class CanCounter(FrameDriver[CounterOptions]):
     """Counters that run freely; nothing is ever sent to them.
 
     Lifetime: a task of its own takes frames in from entry to exit. What it finds wrong is raised by the next `poll`
@@ -37,18 +35,12 @@ class CanCounter:
     """
 
     def __init__(self, setup: Setup[CounterOptions, Nothing, Nothing]) -> None:
-        self.name = setup.name
-        self._setup = setup
-        self._options = setup.options
-        self._readings: dict[str, list[Reading]] = {}
+        super().__init__(setup)
         self._last_latch_s = 0.0
         self._last_numbers = np.empty(0, np.int64)  # of the last latches
-        self._heard: dict[str, Heard] = {}
         self._newest: dict[str, tuple[int, int]] = {}  # counts by channel
         self._link: FrameLink
         self._format: wire.CounterFormat
-        self._fingerprint = ""
-        self._intake: FrameIntake
 
     async def __aenter__(self) -> Self:
         """Opens the channel and waits for a first latch; raises CannotConnect, NoAnswer, BadAnswer."""
@@ -60,34 +52,8 @@ class CanCounter:
         except BaseException:
             self._link.close()
             raise
-        self._intake = FrameIntake(self.name, self._link, self._look)
-        self._intake.begin()
+        self._begin(self._link, self._look)
         return self
-
-    async def __aexit__(self, *exc: object) -> None:
-        """Closes the channel."""
-        await self._intake.end()
-
-    async def identify(self) -> Identity:
-        """The wire tells no serial number; the fingerprint is that of the frames' description."""
-        return stated_identity(self._setup.identity, self._fingerprint)
-
-    async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """Temperatures in the frames since the last poll; raises what has gone wrong with the frames."""
-        self._intake.check()
-        readings, self._readings = self._readings, {}
-        return readings
-
-    def heard(self) -> Mapping[str, Heard]:
-        """When each channel was last heard of, as far as its frames have been taken in."""
-        return self._heard
-
-    async def make_safe(self) -> None:
-        """Nothing to do: a counter energises nothing."""
-
-    def acquire(self) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
-        """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one."""
-        return self._intake.acquire()
 
     def _bind(self, dbc: Dbc) -> wire.CounterFormat:
         options = self._options
@@ -121,8 +87,7 @@ class CanCounter:
 
     def _look(self, block: FrameBlock) -> None:
         """Takes readings and the newest counts from a block; raises when something is wrong with it."""
-        for name, (at_s, values) in wire.temperatures(self._format, block).items():
-            self._readings.setdefault(name, []).extend(map(Reading, at_s.tolist(), values.tolist()))
+        self._keep_readings(self._format.temperatures, block)
         self._watch(block)
         self._listen(block)
 

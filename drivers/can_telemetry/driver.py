@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import AsyncIterator, Mapping, Sequence
-from contextlib import AbstractAsyncContextManager
+from collections.abc import Mapping
 from typing import Self
 
 import numpy as np
 
 from drivers.can_telemetry import wire
 from drivers.can_telemetry.description import TelemetryOptions
-from drivers.dbc import Dbc, Field, readings_of
+from drivers.dbc import Dbc, Field
 from drivers.description import Nothing, Setup, check_identity
 from drivers.errors import InstrumentFault, NoAnswer
 from drivers.frame_block import FrameBlock
@@ -20,16 +19,15 @@ from drivers.frame_intake import (
     MOST_NAMED,
     SILENT_PERIODS,
     STANDING_FRAMES,
-    FrameIntake,
+    FrameDriver,
     bound_format,
     frames_named,
-    stated_identity,
 )
 from drivers.sequence_numbers import Integers
-from drivers.values import Heard, Identity, Reading
+from drivers.values import Heard
 
 
-class CanTelemetry:
+class CanTelemetry(FrameDriver[TelemetryOptions]):
     """What units send of their own output; nothing is ever sent to them.
 
     A unit without power sends nothing, so that silence is no fault until somebody acquires. Lifetime: a task of its own
@@ -38,18 +36,13 @@ class CanTelemetry:
     """
 
     def __init__(self, setup: Setup[TelemetryOptions, Nothing, Nothing]) -> None:
-        self.name = setup.name
-        self._setup = setup
-        self._options = setup.options
-        self._readings: dict[str, list[Reading]] = {}
+        super().__init__(setup)
         self._heard = dict.fromkeys(self._options.channels, Heard(-math.inf, -math.inf))
         self._numbers: dict[str, Integers] = {}  # of the last samples, by channel
         self._codes: dict[str, int] = {}  # the last one of each channel
         self._others: set[int] = set()  # frames that are none of the channels'
         self._formats: Mapping[str, wire.SampleFormat] = {}
         self._temperatures: Mapping[str, Field] = {}
-        self._fingerprint = ""
-        self._intake: FrameIntake
 
     async def __aenter__(self) -> Self:
         """Opens the channel; raises CannotConnect, BadAnswer."""
@@ -60,34 +53,8 @@ class CanTelemetry:
         except BaseException:
             link.close()
             raise
-        self._intake = FrameIntake(self.name, link, self._look)
-        self._intake.begin()
+        self._begin(link, self._look)
         return self
-
-    async def __aexit__(self, *exc: object) -> None:
-        """Closes the channel."""
-        await self._intake.end()
-
-    async def identify(self) -> Identity:
-        """The wire tells no serial number; the fingerprint is that of the frames' description."""
-        return stated_identity(self._setup.identity, self._fingerprint)
-
-    async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """Temperatures in the frames since the last poll; raises what has gone wrong with the frames."""
-        self._intake.check()
-        readings, self._readings = self._readings, {}
-        return readings
-
-    def heard(self) -> Mapping[str, Heard]:
-        """When each channel was last heard of, as far as its frames have been taken in."""
-        return self._heard
-
-    async def make_safe(self) -> None:
-        """Nothing to do: who only listens energises nothing."""
-
-    def acquire(self) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
-        """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one."""
-        return self._intake.acquire()
 
     def _bind(self, dbc: Dbc) -> Mapping[str, wire.SampleFormat]:
         self._temperatures = dbc.fields_in("°C")
@@ -95,8 +62,7 @@ class CanTelemetry:
 
     def _look(self, block: FrameBlock) -> None:
         """Takes readings and the newest samples from a block; raises when something is wrong with it."""
-        for name, (at_s, values) in readings_of(self._temperatures, block).items():
-            self._readings.setdefault(name, []).extend(map(Reading, at_s.tolist(), values.tolist()))
+        self._keep_readings(self._temperatures, block)
         known = {form.value.message.id for form in self._formats.values()}
         self._others |= set(sorted(set(block.ids.tolist()) - known)[:MOST_NAMED])
         for channel, form in self._formats.items():

@@ -22,20 +22,10 @@ from drivers.can_counter.wire import (
 from drivers.dbc import Dbc, DbcError, encode_frames
 from drivers.frame_block import FrameBlock
 from drivers.transport import slcan
+from tests.support.frames import frames
 from tests.support.laboratory import CHANNELS, DBC, LATCH, ROOT, counter_form
 
 FORM = counter_form()
-
-
-def frames(*lines: str) -> FrameBlock:
-    """Frames as an adapter's lines, `ID LENGTH BYTES`, one every 10 ms."""
-    blocks = []
-    for number, line in enumerate(lines):
-        block, _, junk = slcan.parse(f"t{line.replace(' ', '')}\r".encode(), number / 100)
-        assert (len(block), junk) == (1, 0), line
-        blocks.append(block)
-    return FrameBlock.joined(blocks)
-
 
 # 1.0 s and 1.1 s on the device's clock (0x000F4240, 0x0010C8E0), latches 42 and 43, third power-on
 TWO_LATCHES = (

@@ -10,21 +10,10 @@ import pytest
 from drivers.can_telemetry.wire import Samples, arrivals, decode_samples, sample_formats
 from drivers.dbc import Dbc, DbcError, encode_frames, readings_of
 from drivers.frame_block import FrameBlock
-from drivers.transport import slcan
+from tests.support.frames import frames
 from tests.support.telemetry import DBC, FORMS
 
 X, Y = FORMS["x"], FORMS["y"]
-
-
-def frames(*lines: str) -> FrameBlock:
-    """Frames as an adapter's lines, `ID LENGTH BYTES`, one every 10 ms."""
-    blocks = []
-    for number, line in enumerate(lines):
-        block, _, junk = slcan.parse(f"t{line.replace(' ', '')}\r".encode(), number / 100)
-        assert (len(block), junk) == (1, 0), line
-        blocks.append(block)
-    return FrameBlock.joined(blocks)
-
 
 FOUR = (
     "200 8 80 1A 06 E8 03 00 01 00",  # + 400 000 at 1000 ticks, sample 1
