@@ -19,6 +19,20 @@ def unwrapped(raw: Integers, bits: int) -> Integers:
     return np.concatenate([raw[:1], raw[:1] + np.cumsum(shortest(np.diff(raw), bits))])
 
 
+def unwrapped_by_clock(raw: Integers, bits: int, ticks: Integers, tick_bits: int) -> Integers:
+    """The same of numbers that come with a clock, which tells of a gap how often the number has gone round in it.
+
+    Up to half the range of the clock; what goes back by its number, and does not fit the clock, stays a step back.
+    """
+    steps, clock = shortest(np.diff(raw), bits), np.diff(ticks) % (1 << tick_bits)
+    forward = steps > 0
+    if not forward.any():
+        return unwrapped(raw, bits)
+    told = np.rint(clock / np.median(clock[forward] / steps[forward])).astype(np.int64)
+    fits = ((told - steps) % (1 << bits) == 0) & (told > 0) & (clock < 1 << (tick_bits - 1))
+    return np.concatenate([raw[:1], raw[:1] + np.cumsum(np.where(fits, told, steps))])
+
+
 def ascending(numbers: Integers) -> NDArray[np.bool_]:
     """Which of the numbers are above all before them."""
     fresh = np.ones(len(numbers), dtype=bool)

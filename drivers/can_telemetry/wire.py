@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from drivers.dbc import Dbc, DbcError, Field
 from drivers.frame_block import FrameBlock
-from drivers.sequence_numbers import Integers, ascending, unwrapped
+from drivers.sequence_numbers import Integers, ascending, unwrapped_by_clock
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,16 +84,17 @@ def decode_samples(form: SampleFormat, block: FrameBlock) -> Samples:
     """The samples of one channel in a block."""
     rows = form.value.message.rows(block)
     data = block.data[rows]
-    numbers = unwrapped(form.sequence.signal.raw(data), form.sequence.signal.length)
+    number, tick = form.sequence.signal, form.tick.signal
+    numbers = unwrapped_by_clock(number.raw(data), number.length, tick.raw(data), tick.length)
     fresh = ascending(numbers)
     usable = fresh & _valid(form, data)
     signal, kept = form.value.signal, data[usable]
     return Samples(
         sequence=numbers[usable],
-        tick=form.tick.signal.raw(kept),
+        tick=tick.raw(kept),
         values=signal.physical(kept) if form.decoded else signal.raw(kept).astype(np.float64),
         host_s=block.at_s[rows[usable]],
-        tick_bits=form.tick.signal.length,
+        tick_bits=tick.length,
         lost=int(numbers.max() - numbers[0]) + 1 - int(np.count_nonzero(fresh)) if len(rows) else 0,
         dropped=int(np.count_nonzero(~fresh)),
         invalid=int(np.count_nonzero(fresh & ~usable)),

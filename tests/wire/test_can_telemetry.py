@@ -84,6 +84,8 @@ def test_an_empty_block_holds_nothing() -> None:
         ((sample(1), sample(3), sample(2), sample(4)), [1, 3, 4], 1, 1),  # one late: a gap
         ((sample(254), sample(255), sample(256), sample(257)), [254, 255, 256, 257], 0, 0),  # the number goes round
         ((sample(254), sample(258)), [254, 258], 3, 0),  # a gap over the end of its range
+        ((sample(1), sample(2), sample(1000), sample(1001)), [1, 2, 1000, 1001], 997, 0),  # the clock tells how long
+        ((sample(1), sample(2), sample(200), sample(199), sample(201)), [1, 2, 200, 201], 197, 1),  # more than half
         ((sample(100), sample(0, tick=0), sample(1, tick=2000)), [100], 0, 2),  # a reset: smaller numbers come late
         ((sample(250), sample(0, tick=0), sample(1, tick=2000)), [250, 256, 257], 5, 0),  # one that looks like a gap
         ((sample(5), "200 7 07 00 00 70 17 00 06", sample(7)), [5, 7], 1, 0),  # a frame of another length
