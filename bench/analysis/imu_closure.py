@@ -2,8 +2,8 @@
 
 The unit stands with one axis up at opposite headings, at the beginning and again at the end. Of an accelerometer that
 is level half the sum of two opposite readings is its bias, half their difference the tilt of the table along it: the
-same as at 0° and 180° of a head. What is common to both times, as misalignments and the errors of the table are, is in
-neither change.
+same as at 0° and 180° of a head. What is common to both times, as misalignments are, is in neither change, nor are the
+errors of a table that comes to an attitude by the same angles.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.analysis.attitude_errors import ErrorSource, table_errors
+from bench.analysis.attitude_errors import table_errors
 from bench.analysis.attitudes import AXES
 from bench.analysis.finding import BudgetLine, Finding, Subject
-from bench.analysis.fit import Array, LinearFit, NotDetermined, least_squares
+from bench.analysis.fit import LinearFit, NotDetermined, least_squares
 from bench.analysis.orientation import unit_axes
 from bench.analysis.rundata import Acquisition, BenchRecord, RunData, UnitUnderTest
 
@@ -101,7 +101,7 @@ def _changes(
     warmer_c = last.temperature_c - first.temperature_c
     for index, (quantity, of) in enumerate(first.names):
         change = float(last.fit.coefficients[index] - first.fit.coefficients[index])
-        lines = [*_scatter(first, last, index, sensitive), *_fresh(first, last, index, unit, data.bench)]
+        lines = [*_scatter(first, last, index, sensitive), *_of_table(first, last, index, unit, data.bench)]
         at: dict[str, str] = {"direction": of}
         name = "change of the tilt of the table from the beginning of the run to its end; positive raises that side"
         if quantity == "K0":
@@ -125,23 +125,19 @@ def _scatter(first: _Entry, last: _Entry, index: int, sensitive: Mapping[int, Se
     yield BudgetLine(READINGS, "A", math.sqrt(square), max(dofs))
 
 
-def _fresh(first: _Entry, last: _Entry, index: int, unit: UnitUnderTest, bench: BenchRecord) -> Iterator[BudgetLine]:
-    """What of the table is drawn anew whenever it goes somewhere; all else is common to both times."""
+def _of_table(first: _Entry, last: _Entry, index: int, unit: UnitUnderTest, bench: BenchRecord) -> Iterator[BudgetLine]:
+    """What its errors do to a change: nothing where they are the same, but an attitude may be had by other angles."""
+    readings = (*first.readings, *last.readings)
+    weights = np.concatenate([-first.fit.gain[index], last.fit.gain[index]])
+    errors = table_errors([window for window, _ in readings], unit, bench)
+    of_reading = np.arange(len(readings)), np.array([axis for _, axis in readings])
+    steps = np.array([window.step for window, _ in readings])
+    in_window = np.unique(steps)[:, np.newaxis] == steps
     squares: dict[str, float] = {}
-    for entry in (first, last):
-        windows = list(dict.fromkeys(window.step for window, _ in entry.readings))
-        acquired = {window.step: window for window, _ in entry.readings}
-        errors = table_errors([acquired[step] for step in windows], unit, bench)
-        for source in (each for each in errors.sources if each.fresh):
-            felt = _felt(entry, index, windows, errors.axes, source)
-            squares[source.name] = squares.get(source.name, 0.0) + float(felt @ felt) * source.u_rad**2
-    yield from (BudgetLine(name, "B", math.sqrt(square)) for name, square in squares.items())
-
-
-def _felt(entry: _Entry, index: int, windows: Sequence[str], axes: Array, source: ErrorSource) -> Array:
-    """What 1 rad of an error in each window does to a coefficient, through all readings of the window."""
-    seen, felt = source.seen(axes, UP), np.zeros(len(windows))
-    for weight, (window, axis) in zip(entry.fit.gain[index], entry.readings, strict=True):
-        number = windows.index(window.step)
-        felt[number] += weight * seen[number, axis]
-    return felt
+    for source in errors.sources:
+        felt = in_window @ (weights * source.seen(errors.axes, UP)[of_reading])
+        part = float(np.linalg.norm(felt)) if source.fresh else float(felt.sum())
+        squares[source.name] = squares.get(source.name, 0.0) + (part * source.u_rad) ** 2
+    for name, square in squares.items():
+        shared = None if name.endswith("repeatability") else name.replace(": ", ".")
+        yield BudgetLine(name, "B", math.sqrt(square), None, shared)

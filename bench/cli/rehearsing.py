@@ -63,7 +63,8 @@ def rehearse(
     )  # fmt: skip
     checked = load_checked(as_it_is)
     warn(checked.plan, checked.warnings)
-    prepared = prepare(replace(as_it_is, simulate=True, not_after=None))
+    units = tuple(f"{place}={released.content.uut}" for place, released in checked.released.items())
+    prepared = prepare(replace(as_it_is, simulate=True, not_after=None, units=units))
     with TerminalProgress(prepared.plan) as progress:
         rehearsal = rehearsed(prepared, progress, faults)
     for line in _told(rehearsal):

@@ -52,17 +52,18 @@ SHOWN = {
     "K1/repeatability": (1e6, "ppm"),
     "D0/repeatability": (3600.0, "°/h"),
     "KG/repeatability": (1e6, "ppm"),
-    **{
-        f"{quantity}/{at}": shown
-        for quantity, shown in {
-            "K0": (1e6, "µg"),
-            "K1": (1e6, "ppm"),
-            "D0": (3600.0, "°/h"),
-            "KG": (1e6, "ppm"),
-        }.items()
-        for at in ("power_on", "warm")
-    },
-    **{f"{quantity}/settling": (1 / 60, "min") for quantity in ("K0", "K1", "D0", "KG")},
+    "K0/power_on": (1e6, "µg"),
+    "K1/power_on": (1e6, "ppm"),
+    "D0/power_on": (3600.0, "°/h"),
+    "KG/power_on": (1e6, "ppm"),
+    "K0/warm": (1e6, "µg"),
+    "K1/warm": (1e6, "ppm"),
+    "D0/warm": (3600.0, "°/h"),
+    "KG/warm": (1e6, "ppm"),
+    "K0/settling": (1 / 60, "min"),
+    "K1/settling": (1 / 60, "min"),
+    "D0/settling": (1 / 60, "min"),
+    "KG/settling": (1 / 60, "min"),
     "rest_rate": (3600.0, "°/h"),
     "rate_error/relative": (1e6, "ppm"),
     "rest_output": (1e6, "µg"),

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from bench.analysis.finding import COVERAGE, Finding, UnitResult
-from bench.analysis.imu_start_up import StartUpDetail, Watched
+from bench.analysis.finding import COVERAGE, LOWER_BOUND, Finding, UnitResult
+from bench.analysis.imu_start_up import FROM_THE_START, StartUpDetail, Watched
 from bench.report.imu_plots import AXES, STYLES
 from bench.report.languages import tr
 from bench.report.plots import Plot
@@ -61,7 +61,10 @@ def _settling(found: Mapping[tuple[int, str, str], Finding]) -> Sheet:
 
 
 def _time(finding: Finding) -> str:
-    return f"> {shown(finding)}" if "more_than" in finding.flags else shown(finding)
+    """In minutes; one that was never outside has no uncertainty that says anything."""
+    if FROM_THE_START in finding.flags:
+        return "0"
+    return f"> {shown(finding)}" if LOWER_BOUND in finding.flags else shown(finding)
 
 
 def _courses(set_c: float, watched: Sequence[Watched], name: str) -> Plot:

@@ -80,6 +80,27 @@ def test_the_repeatability_of_the_axes_is_in_its_uncertainty():
     assert east.u == pytest.approx(np.radians(1e-3), rel=0.5)
 
 
+def test_an_attitude_that_is_had_by_other_angles_has_other_errors_of_the_table():
+    """The outer and the inner axis coincide where the x axis is up."""
+    bench = record(BENCH)
+    off = {role: dataclasses.replace(axis, zero_u_deg=1e-2) for role, axis in bench.axes.items()}
+    first, same = looked("s/opening"), looked("s/closing")
+    other = [
+        dataclasses.replace(each, angles_deg={**each.angles_deg, "outer": each.angles_deg["outer"] + 90.0,
+                                              "inner": each.angles_deg["inner"] - 90.0})
+        if "/Ax" in each.step else each for each in same
+    ]  # fmt: skip
+    assert unit_axes(other[2], UNIT, bench) == pytest.approx(unit_axes(same[2], UNIT, bench), abs=1e-9)
+
+    def zero(closing):
+        data = RunData("imu", (UNIT,), (), dataclasses.replace(bench, axes=off), (*first, *closing))
+        found = {each.at.get("axis"): each for each in closure_findings(data, UNIT, SENSITIVE)}
+        return sum(line.u for line in found["z"].budget if line.source.endswith(": zero"))
+
+    assert zero(same) < 1e-9
+    assert zero(other) > 1e-5
+
+
 def test_looking_once_or_without_opposite_headings_tells_nothing():
     assert closed(looked("s/opening")) == {}
     assert closed(looked("s/opening", attitudes=("Az1",)), looked("s/closing", attitudes=("Az1",))) == {}
