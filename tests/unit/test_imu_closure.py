@@ -94,8 +94,8 @@ def test_an_attitude_that_is_had_by_other_angles_has_other_errors_of_the_table()
 
     def zero(closing):
         data = RunData("imu", (UNIT,), (), dataclasses.replace(bench, axes=off), (*first, *closing))
-        found = {each.at.get("axis"): each for each in closure_findings(data, UNIT, SENSITIVE)}
-        return sum(line.u for line in found["z"].budget if line.source.endswith(": zero"))
+        budgets = [each.budget for each in closure_findings(data, UNIT, SENSITIVE)]
+        return max((line.u for budget in budgets for line in budget if line.source.endswith(": zero")), default=0.0)
 
     assert zero(same) < 1e-9
     assert zero(other) > 1e-5
