@@ -50,6 +50,14 @@ def largest_u(values: Array, sd: float) -> tuple[float, float]:
     return float(np.std(found, ddof=1)), float(np.mean(found) - np.max(np.abs(calm)))
 
 
+def span_u(values: Array, sd: float) -> tuple[float, float]:
+    """The same of the span of (n,), the largest value less the smallest."""
+    calm = _calm(values - np.mean(values), sd)
+    draws = np.random.default_rng(0).standard_normal((TRIALS, len(values)))
+    found = np.ptp(calm + sd * draws, axis=-1)
+    return float(np.std(found, ddof=1)), float(np.mean(found) - np.ptp(calm))
+
+
 def interval_of_largest(values: Array, sd: Array | float) -> Interval:
     """The range of the largest |value| of (n,) that scatter by `sd`, one or (n,), whatever they are without scatter.
 

@@ -23,6 +23,7 @@ from bench.analysis.ramp_samples import RampLeg
 from bench.analysis.ramp_scale import RampScale
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.temperature_dynamic import UG_PER_G, Differences, DynamicCharacteristic, RampJump, RampLimits
+from bench.analysis.tilt_findings import TiltOrigin, tilt_findings
 
 SCATTER = "samples: scatter"
 SELECTION = "samples: scatter makes the largest of many larger"
@@ -51,6 +52,7 @@ class RampFindings:
         yield from self._jumps()
         yield from self._lag()
         yield self._scale_slope()
+        yield from self._tilt()
 
     def models(self, left_out: tuple[str, ...]) -> Iterator[TemperatureModel]:
         """The straight line of the bias, misalignment included, and the scale factor."""
@@ -166,6 +168,17 @@ class RampFindings:
         legs = self.found.legs
         rate_c_per_s = float(np.median([np.ptp(leg.temperature_c) / np.ptp(leg.time_s) for leg in legs]))
         return 1 / (rate_c_per_s * float(np.sqrt(len(self.found.line.residuals))))
+
+    # As a tilt meter
+
+    def _tilt(self) -> Iterator[Finding]:
+        bias_g = np.concatenate([leg.output_g for leg in self.found.legs])
+        residuals_g = np.concatenate(self.found.residuals_ug) / UG_PER_G
+        origin = TiltOrigin(
+            prefix=self._id(""), uut=self.unit.serial, steps=tuple(leg.step for leg in self.level), sd_g=self._sd_g(),
+            dof=None, scale_u=self.misalignment_u_rad, scale_shared=self._id("K1"), contained=LAG,
+        )  # fmt: skip
+        return tilt_findings(bias_g, bias_g - residuals_g, origin)
 
     # The scale factor
 

@@ -22,6 +22,7 @@ from bench.analysis.finding import NOT_CLOSED, BudgetLine, Finding, Interval, Un
 from bench.analysis.fit import NotDetermined, PolynomialFit, fit_polynomial
 from bench.analysis.models import TemperatureModel
 from bench.analysis.rundata import Array, RunData, UnitUnderTest
+from bench.analysis.tilt_findings import TiltOrigin, tilt_findings
 from bench.analysis.tumble import hysteresis
 
 UNITS = {"K0": "g", "misalignment": "rad", "K2": "g/g²", "K3": "g/g³", "Kip": "g/g²", "asymmetry": "1"}
@@ -78,6 +79,7 @@ class _Unit:
     def result(self) -> UnitResult:
         findings = [finding for dwell in self._dwells for finding in self._at_dwell(dwell)]
         findings += [finding for quantity in MODELLED for finding in self._over_temperature(quantity)]
+        findings += self._tilt()
         if (closure := self._closure()) is not None:
             findings.append(closure)
             if abs(closure.value) > self._closure_limit_g:
@@ -355,6 +357,16 @@ class _Unit:
     def _by_readings(self, quantity: str, weights: Array) -> Array:
         """How what depends on a quantity at the dwells by `weights` depends on all readings."""
         return np.concatenate([dwell.gain_of(quantity) * w for dwell, w in zip(self._dwells, weights, strict=True)])
+
+    def _tilt(self) -> Iterator[Finding]:
+        """What the bias makes of the unit as a tilt meter, with a constant and with the model of K0."""
+        model = self._models["K0"]
+        if model is None:
+            return iter(())
+        bias_g = np.array([dwell.values["K0"] for dwell in self._dwells])
+        sd_g = self._sd * float(np.mean([np.linalg.norm(dwell.gain_of("K0")) for dwell in self._dwells]))
+        origin = TiltOrigin(self._id(""), self._unit.serial, (self._root,), sd_g, self._dof or None)
+        return tilt_findings(bias_g, bias_g - model.residuals, origin)
 
     def _closure(self) -> Finding | None:
         """The bias of the last dwell less that of the first, where the profile returns to its first temperature.

@@ -41,7 +41,7 @@ def compare_tilt(
     raw = (output_v - nominal_bias_v) / scale_v_per_g
     compensated = (output_v - bias_v[0] - bias_v[1] * temperature_c) / scale_v_per_g
     possible = (np.abs(raw) <= 1) & (np.abs(compensated) <= 1)
-    raw_deg, compensated_deg = (np.degrees(np.arcsin(sine[possible])) for sine in (raw, compensated))
+    raw_deg, compensated_deg = (indicated_deg(sine[possible]) for sine in (raw, compensated))
     some = bool(possible.any())
     return TiltComparison(
         raw_span_deg=float(np.ptp(raw_deg)) if some else None,
@@ -51,6 +51,12 @@ def compare_tilt(
         flags=() if possible.all() else ("out_of_range",),
         excluded={"missing": int(np.sum(~present)), "out_of_range": int(np.sum(~possible))},
     )
+
+
+@np.errstate(invalid="ignore")
+def indicated_deg(force_g: Array) -> Array:
+    """The tilt (n,) that an accelerometer indicates by its specific force; NaN beyond ±90°."""
+    return np.asarray(np.degrees(np.arcsin(force_g)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,9 @@ from bench.runner.quiet import Quiet
 from tests.support.runs import ROOT, copy_bench, read_json, run_short
 
 SCRIPT = "<script>alert(1)</script>"
-SHOWN_FACTORS = {"K0": 1e6, "K1": 1, "K1_si": 1, "K2": 1e6, "misalignment": 1e6}
+SHOWN_FACTORS = {
+    "K0": 1e6, "K1": 1, "K1_si": 1, "K2": 1e6, "misalignment": 1e6, "tilt/uncompensated": 1, "tilt/compensated": 1,
+}  # fmt: skip
 VALUE = re.compile(r"(-?\d+(?:\.\d+)?) ± (\d+(?:\.\d+)?)")
 EMPTY_TAGS = {"meta"}
 
@@ -188,7 +190,7 @@ def test_models_budgets_and_what_cannot_be_separated_are_told(tumble):
     assert f"{model['powers_of_T'][1] * 1e6:.9g}" in page.text
     assert "part of the value; this method cannot separate it, and it is not in u" in page.text
     assert "contains the asymmetry of converter or voltmeter" in page.text
-    assert page.text.count("combined") == 5 + 9 + 5  # of the first dwell, over the run, of all dwells
+    assert page.text.count("combined") == 5 + 11 + 5  # of the first dwell, over the run, of all dwells
     assert page.count("svg") == 5
 
 
