@@ -63,7 +63,7 @@ class Simulated3458A:
         self._world, self._settings, self._line_hz = world, settings, line_hz
         self._unit = world.units[settings.place]
         seed = world.settings.seed
-        self._unit_noise = Noise(self._unit.truth, seed, f"{settings.place}/{name}")
+        self._unit_noise, self._looked_s = Noise(self._unit.truth, seed, f"{settings.place}/{name}"), 0.0
         self._noise = stream(seed, "noise", name, "reading")
         self._read_v = 0.0
         self._told: Mapping[str, Callable[[], str]] = {
@@ -137,6 +137,9 @@ class Simulated3458A:
             return
         until_s = min(self._world.now(), reading.end_s)
         if until_s > reading.integrated_s:
+            if reading.integrated_s > self._looked_s:  # between two readings the bias of the unit wanders on
+                self._unit_noise.pass_over(reading.integrated_s - self._looked_s)
+            self._looked_s = until_s
             mean_a = self._unit.mean_current_a(reading.integrated_s, until_s, self._unit_noise)
             reading.current_as += mean_a * (until_s - reading.integrated_s)
             reading.integrated_s = until_s

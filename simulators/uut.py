@@ -209,11 +209,16 @@ class Noise:
 
     def mean_g(self, interval_s: Array) -> Array:
         """The noise as the mean of each of the consecutive intervals."""
-        keep = math.exp(-float(interval_s.sum()) / INSTABILITY_S)
-        before, fresh = self._wander, float(self._slow.standard_normal())
-        self._wander = keep * before + math.sqrt(1 - keep * keep) * self._instability * fresh
+        before = self._wander
+        self.pass_over(float(interval_s.sum()))
         white = self._white.standard_normal(len(interval_s)) * (self._density * np.sqrt(0.5 / interval_s))
         return white + (before + (self._wander - before) * np.arange(1, len(white) + 1) / len(white))
+
+    def pass_over(self, passed_s: float) -> None:
+        """Lets time pass in which nobody looks; the bias wanders on meanwhile."""
+        keep = math.exp(-passed_s / INSTABILITY_S)
+        fresh = float(self._slow.standard_normal())
+        self._wander = keep * self._wander + math.sqrt(1 - keep * keep) * self._instability * fresh
 
 
 class Integrator:
