@@ -74,7 +74,8 @@ class AccelerometerFit:
 class GyroFit:
     """Zero in pulse/s and sensitivity to x, y and z in pulse/s/g (3,), NaN where it is not determined; u is type A.
 
-    `weights` (4, n) are what zero and sensitivities change by for a change of each reading used.
+    `weights` (4, n) are what zero and sensitivities change by for a change of each reading used. `squares` is the sum
+    of the squares of the residuals, `dof` are their degrees of freedom.
     """
 
     d0_pps: float
@@ -82,6 +83,8 @@ class GyroFit:
     u_d0_pps: float
     u_g_sensitivity_pps_per_g: Array
     weights: Array
+    squares: float
+    dof: int
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -134,7 +137,8 @@ def _gyro(fit: LinearFit, known: list[bool]) -> GyroFit:
     """The first four coefficients; sensitivities that are not `known` are NaN."""
     u = fit.residual_sd * np.linalg.norm(fit.gain, axis=-1)
     sensitivity, u_sensitivity = (np.where(known, values[1:4], math.nan) for values in (fit.coefficients, u))
-    return GyroFit(float(fit.coefficients[0]), sensitivity, float(u[0]), u_sensitivity, fit.gain[:4])
+    squares = float(np.sum(fit.residuals**2))
+    return GyroFit(float(fit.coefficients[0]), sensitivity, float(u[0]), u_sensitivity, fit.gain[:4], squares, fit.dof)
 
 
 def _g_sensitivities() -> list[str]:

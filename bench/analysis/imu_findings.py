@@ -16,6 +16,7 @@ from bench.analysis.attitudes import AXES, EARTH_RATE_DPS, SPECIFIC_FORCE_G, blo
 from bench.analysis.finding import BudgetLine, Finding, combined
 from bench.analysis.fit import NotDetermined, least_squares
 from bench.analysis.imu_calibration import AxisCalibration
+from bench.analysis.imu_noise import Noise, about_another
 from bench.analysis.imu_windows import Turning, Visit
 from bench.analysis.rundata import Acquisition, Array, BenchRecord, UnitUnderTest
 
@@ -42,22 +43,14 @@ CONTAINS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Noise:
-    """The scatter of one reading in pulse/s about its fit, pooled over the run, and its degrees of freedom."""
-
-    accelerometer: tuple[float, int]
-    gyro_at_rest: tuple[float, int]
-    gyro_turning: tuple[float, int]
-
-
-@dataclass(frozen=True, slots=True)
 class AxisAtVisit:
     """One axis at one visit, and all that its budgets need.
 
     `slopes` are those of K0, K1, D0 and KG over temperature, in their units, NaN where they are not known; `used` (24,)
     are the attitudes that the fit over all of them has of the accelerometer. `accelerometer_c` and `gyro_c` (24,) are
-    the temperatures in each attitude, which is not quite that of the findings: that is a mean over rates too. `errors`
-    are those of the table in all attitudes, of those that are missing any.
+    the temperatures in each attitude, which is not quite that of the findings: that is a mean over rates too.
+    `turned_s` (r,) is for how long each of the rates about the axis was counted. `errors` are those of the table in all
+    attitudes, of those that are missing any.
     """
 
     label: str
@@ -72,6 +65,7 @@ class AxisAtVisit:
     used: NDArray[np.bool_]
     accelerometer_c: Array
     gyro_c: Array
+    turned_s: Array
     errors: TableErrors
 
     def findings(self) -> Iterator[Finding]:
@@ -114,7 +108,7 @@ class AxisAtVisit:
         seen = errors.seen(self._earth(), self.axis)
         zero_dps = one.d0_pps / kg
         gain = one.gyro_at_rest.gain[0]
-        turning = one.gyro_turning.gain[1]
+        turning = one.gyro_turning.gain[1] / np.sqrt(self.turned_s)
         lines = [
             _scatter(self.noise.gyro_at_rest, gain / kg),
             _scatter(self.noise.gyro_turning, turning * zero_dps / kg, "readings of the rates: scatter"),
@@ -212,22 +206,18 @@ class AxisAtVisit:
                 if not source.name.startswith("fixture: level")  # the axis of the table is tilted with it
             ]
             yield self._finding(
-                "gyro_misalignment", value, [_scatter(self.noise.gyro_turning, gain), *_merged(lines)], toward=other
+                "gyro_misalignment", value, [_scatter(self.noise.gyro_across, gain), *_merged(lines)], toward=other
             )
 
     def _cross(self, other: int) -> tuple[float | None, Array | None]:
-        """The slope of this gyro over the rates about another axis, over its scale; and what readings do to it."""
-        rates = self.visit.turned(other)
-        channel = self.unit.channels[f"gyro_{AXES[self.axis]}"]
-        rate_dps = np.array([each.rate_dps for each in rates])
-        pps = np.array([each.acquisition.windows[channel].net_pps for each in rates])
-        good = np.isfinite(pps) & np.isfinite(rate_dps)
+        """The slope of this gyro over the rates about another axis, over its scale; and what its noise does to it."""
+        rate_dps, span_s, pps = about_another(self.axis, other, self.unit, self.visit)
         try:
-            fit = least_squares(np.stack([np.ones(good.sum()), rate_dps[good]], axis=-1), pps[good])
+            fit = least_squares(np.stack([np.ones_like(rate_dps), rate_dps], axis=-1), pps)
         except NotDetermined:
             return None, None
         kg = self.calibration.kg_pulse_per_deg
-        return float(fit.coefficients[1] / kg), fit.gain[1] / kg
+        return float(fit.coefficients[1] / kg), fit.gain[1] / np.sqrt(span_s) / kg
 
     # Parts of findings
 

@@ -56,9 +56,10 @@ class RateRecord:
 
 @dataclass(frozen=True, slots=True)
 class RateReadings:
-    """What one axis read while it was turned, one per commanded rate; arrays (r,)."""
+    """What one axis read while it was turned, one per commanded rate, and for how long; arrays (r,)."""
 
     rate_dps: Array
+    dwell_s: Array
     gyro_pps: Array
     accelerometer_c: Array
     gyro_c: Array
@@ -144,7 +145,9 @@ def _turning(
     place = point[rows] * len(AXES) + record.axis[rows]
     members = np.split(rows, np.searchsorted(place, np.arange(1, points * len(AXES))))
     readings = [
-        RateReadings(record.rate_dps[of], pps[of], record.accelerometer_c[own][of], record.gyro_c[own][of])
+        RateReadings(
+            record.rate_dps[of], record.dwell_s[of], pps[of], record.accelerometer_c[own][of], record.gyro_c[own][of]
+        )
         for of in members
     ]
     return tuple(tuple(readings[i * len(AXES) : (i + 1) * len(AXES)]) for i in range(points))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,15 +18,14 @@ from bench.analysis.attitude_errors import table_errors
 from bench.analysis.attitude_fit import AttitudeFits, fit_attitudes
 from bench.analysis.attitudes import AXES, NAMES
 from bench.analysis.compensation import Compensation
-from bench.analysis.counts import RESOLUTION_COUNTS
 from bench.analysis.extremes import interval_of_largest
 from bench.analysis.finding import NOT_CLOSED, BudgetLine, Finding, Interval, UnitResult, combined
-from bench.analysis.fit import Array, LinearFit, NotDetermined, least_squares
-from bench.analysis.imu_calibration import AxisCalibration, ImuCalibration, Scatter, calibrate
+from bench.analysis.fit import Array
+from bench.analysis.imu_calibration import AxisCalibration, ImuCalibration, calibrate
 from bench.analysis.imu_closure import Sensitivity, closure_findings
 from bench.analysis.imu_compensation import SAME_KNOT_C, TemperatureTable, check_model, temperature_table
-from bench.analysis.imu_findings import READINGS, AxisAtVisit, Noise
-from bench.analysis.imu_readings import ImuReadings
+from bench.analysis.imu_findings import READINGS, AxisAtVisit
+from bench.analysis.imu_noise import noise_of
 from bench.analysis.imu_windows import Visit, readings, visits
 from bench.analysis.models import KnotModel
 from bench.analysis.rundata import RunData, UnitUnderTest
@@ -63,8 +61,12 @@ class _Unit:
         self._visits = visits(data, unit)
         self._readings = readings(self._visits, unit, settings["rate_tolerance"])
         self._found = calibrate(self._readings, settings["attitude_tolerance_g"], data.bench.latitude_deg)
-        resolution_pps = _resolution_pps(self._visits)
-        self._noise = [_noise(self._found, self._readings, resolution_pps, axis) for axis in range(len(AXES))]
+        self._fits = [self._fitted(number) for number in range(len(self._visits))]
+        gyros = [fits.gyros for _, fits in self._fits]
+        self._noise = [
+            noise_of(axis, unit, self._visits, self._readings, self._found, [each[axis] for each in gyros])
+            for axis in range(len(AXES))
+        ]
         self._curves = {
             (quantity, axis): _curve(self._found.over_temperature(axis), quantity)
             for quantity in MODELLED
@@ -108,7 +110,7 @@ class _Unit:
 
     def _at_visits(self) -> Iterator[AxisAtVisit]:
         for number, (visit, point) in enumerate(zip(self._visits, self._found.points, strict=True)):
-            used, fits = self._fits(number)
+            used, fits = self._fits[number]
             windows = [visit.window_of(attitude) for attitude in range(len(NAMES))]
             any_other = next(filter(None, windows), None)
             there = [window or any_other for window in windows]
@@ -128,10 +130,11 @@ class _Unit:
                         used=used[:, axis],
                         accelerometer_c=self._readings.accelerometer_c[number, :, axis],
                         gyro_c=self._readings.gyro_c[number, :, axis],
+                        turned_s=self._readings.rates[number][axis].dwell_s,
                         errors=errors,
                     )
 
-    def _fits(self, number: int) -> tuple[NDArray[np.bool_], AttitudeFits]:
+    def _fitted(self, number: int) -> tuple[NDArray[np.bool_], AttitudeFits]:
         """The least squares over the attitudes of a visit without doubtful ones; which readings it has (24, 3)."""
         point = self._found.points[number]
         doubted = point.doubted[:, np.newaxis]
@@ -282,44 +285,6 @@ def _curve(every: Sequence[AxisCalibration], quantity: str) -> tuple[Array, Arra
     if not len(table.temperature_c) or quantity in RELATIVE:
         return table.temperature_c, table.scale
     return table.temperature_c, np.asarray(table.zero_pps / table.scale)
-
-
-def _resolution_pps(found: Sequence[Visit]) -> float:
-    """What the count resolves in the usual window at rest."""
-    spans_s = [
-        window.span_s
-        for visit in found
-        for each in visit.at_rest
-        for window in each.acquisition.windows.values()
-        if window.span_s
-    ]
-    return RESOLUTION_COUNTS / float(np.median(spans_s)) if spans_s else 0.0
-
-
-def _noise(found: ImuCalibration, arranged: ImuReadings, resolution_pps: float, axis: int) -> Noise:
-    """The pooled scatter of one axis, with its degrees of freedom.
-
-    A reading is not believed to scatter less than what the count resolves: equal counts in equal windows show nothing
-    of it. Of the rates what is even in the rate is taken away: a gyro's asymmetry scatters nothing, and turns no line.
-    """
-    scatter: Scatter = found.scatter[axis]
-    every = found.over_temperature(axis)
-
-    def dof(fits: Sequence[LinearFit]) -> int:
-        return sum(fit.dof for fit in fits)
-
-    squares = turned = 0.0
-    for rates in (visit[axis] for visit in arranged.rates):
-        columns = np.stack([np.ones_like(rates.rate_dps), rates.rate_dps, np.abs(rates.rate_dps)], axis=-1)
-        with suppress(NotDetermined):
-            fit = least_squares(columns, rates.gyro_pps)
-            squares, turned = squares + float(np.sum(fit.residuals**2)), turned + fit.dof
-    turning = (math.sqrt(squares / turned), int(turned)) if turned else (scatter.gyro_turning_pps, 0)
-    return Noise(
-        (max(scatter.accelerometer_pps, resolution_pps), dof([one.accelerometer for one in every])),
-        (max(scatter.gyro_at_rest_pps, resolution_pps), dof([one.gyro_at_rest for one in every])),
-        turning,
-    )
 
 
 def _own(finding: Finding) -> float:

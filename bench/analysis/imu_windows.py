@@ -244,5 +244,5 @@ def _mean_c(values: Array) -> float:
 
 def _no_rates() -> tuple[tuple[RateReadings, ...], ...]:
     """The rates of a set point without any."""
-    nothing = RateReadings(np.empty(0), np.empty(0), np.empty(0), np.empty(0))
+    nothing = RateReadings(*(np.empty(0) for _ in range(5)))
     return ((nothing,) * len(AXES),)

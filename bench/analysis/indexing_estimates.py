@@ -106,15 +106,19 @@ class IndexingEstimates:
 
     @cached_property
     def budget(self) -> IndexingBudget:
-        """What makes all of it uncertain; during the clocking the head stands still, so that it adds no scatter."""
-        spread = {name: fit.repeats[0] for name, fit in self.fits.items()}
-        pooled = float(np.sqrt(np.mean(np.square([*spread.values()])))) if spread else 0.0
-        each = [np.full(len(self._used[name]), sd) for name, sd in spread.items()]
-        scale = float(np.mean([fit.scale_v_per_g for fit in self.fits.values()])) if spread else 0.0
+        """What makes all of it uncertain; during the clocking the head stands still, so that it adds no scatter.
+
+        The scatter is that of both ends together: they are read in the same way, and a few repeats on one of them tell
+        a standard deviation badly.
+        """
+        repeats = [fit.repeats for fit in self.fits.values()]
+        dof = sum(each for _, each in repeats)
+        pooled = float(np.sqrt(sum(sd**2 * each for sd, each in repeats) / dof)) if dof else 0.0
+        swept = sum(len(used) for used in self._used.values())
+        scale = float(np.mean([fit.scale_v_per_g for fit in self.fits.values()])) if self.fits else 0.0
         come_back = scale * float(np.radians(self._data.bench.head.repeatability_u_deg))
         still = float(np.sqrt(max(pooled**2 - come_back**2, 0.0)))
-        sd = np.concatenate([*each, np.full(len(self._clocked), still)])
-        dof = sum(fit.repeats[1] for fit in self.fits.values())
+        sd = np.repeat([pooled, still], [swept, len(self._clocked)])
         return IndexingBudget(self._unit, self._data.bench, self.rows, sd, dof, scale)
 
     @property

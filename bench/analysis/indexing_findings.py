@@ -131,13 +131,14 @@ class IndexingFindings:
 
     def _linearity(self, end: str, fit: EndFit) -> Finding:
         span = abs(fit.scale_v_per_g) * float(np.ptp(np.sin(fit.dwells.angle_rad)))
-        by_scatter, by_selection = largest_u(fit.residuals, fit.repeats[0])
+        sd = self.estimates.reading_sd_g * abs(self.estimates.budget.scale)
+        by_scatter, by_selection = largest_u(fit.residuals, sd)
         lines = [
             BudgetLine(SCATTER, "A", by_scatter / span, self.estimates.budget.dof or None),
             BudgetLine(SELECTION, "A", by_selection / span),
         ]
         name = "largest residual as a part of the span of the output"
-        interval = interval_of_largest(fit.residuals, fit.repeats[0]).times(1 / span)
+        interval = interval_of_largest(fit.residuals, sd).times(1 / span)
         at = {"end": end}
         return self._of("linearity", name, fit.linearity, "1", lines, at, tail=f"/{end}", interval=interval)
 
