@@ -33,7 +33,7 @@ class ErrorSource:
 
     def seen(self, axes: Array, vector: Array) -> Array:
         """What a level vector changes by along the rows of `axes` (n, 3, 3), for 1 rad: (n, 3)."""
-        return np.asarray(np.einsum("nij,nj->ni", axes, np.cross(vector, self.turns)))
+        return np.asarray(np.einsum("nij,nj->ni", axes, self.turns @ _crossing(vector).T))
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +111,11 @@ def _square_to(axis: Array) -> tuple[Array, Array]:
 
 def _turn(axis: Array, angle_rad: float) -> Array:
     """What turns a vector about a unit vector, after Rodrigues, (3, 3)."""
-    x, y, z = axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    cross = _crossing(axis)
     return np.asarray(np.eye(3) + math.sin(angle_rad) * cross + (1 - math.cos(angle_rad)) * (cross @ cross))
+
+
+def _crossing(vector: Array) -> Array:
+    """What makes the product vector × r of any r, (3, 3)."""
+    x, y, z = vector
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

