@@ -1,7 +1,7 @@
 """A channel over temperature and input level against the truth: the lines of its levels, and how they compare.
 
-`python -m tests.truth.channel` runs `channel_full` with many seeds on a perfect and on a full bench, and then reduces
-the runs anew with errors planted.
+`python -m tests.truth.channel` runs `channel_full` with many seeds at record level, on a perfect and on a full bench.
+Then it reduces runs through all wires anew with errors planted.
 """
 
 from __future__ import annotations
@@ -22,20 +22,26 @@ from bench.analysis import channel_runs, channel_temperature
 from bench.app.request import RunRequest
 from bench.report.stored import open_run
 from tests.truth.campaign import Comparison, campaign, full_bench, perfect_bench, results_of
+from tests.truth.replay import at_record_level
 
-BENCH = "channel.yaml"
+BENCH = "channel"
 OF_A_LEVEL = ("rate", "rate/temperature_coefficient", "rate/relative_temperature_coefficient")
 OF_TWO = ("deviation/raw", "deviation/normalised")
 OF_ALL = ("tempco_offset", "tempco_scale")
 REFERENCE_C = 25.0
+THROUGH_ALL_WIRES = 3  # seeds, in whose runs errors are planted
 MUCH = 3.0  # times the error without a planted mistake
 Line = tuple[float, float]
 
 
 def compare_channel(folder: Path, results: dict | None = None) -> dict[str, Comparison]:
     """Every result of a run beside its truth, by the id of the result without its label and place."""
-    truth = json.loads((folder / "truth.json").read_text("utf-8"))
-    found = (results or results_of(folder))["findings"]
+    return compared(json.loads((folder / "truth.json").read_text("utf-8")), results or results_of(folder))
+
+
+def compared(truth: dict, results: dict) -> dict[str, Comparison]:
+    """The same of a truth and of results at hand."""
+    found = results["findings"]
     lines = {each["at"]["run"]: true_line(truth, each) for each in found if each["quantity"] == "rate"}
     compared = {}
     for each in found:
@@ -170,28 +176,28 @@ def table(found: dict[str, list[Comparison]]) -> str:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
     options = parser.parse_args()
     told: list[str] = []
     with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        folders: dict[str, list[Path]] = {}
+        requests: dict[str, list[RunRequest]] = {}
         for name, make in (("perfect", perfect_bench), ("full", full_bench)):
-            bench = make(folder / name, BENCH)
-            requests = [
+            folder = Path(temporary) / name
+            bench = make(folder / "config", BENCH)
+            requests[name] = [
                 RunRequest("channel_full", bench=str(bench), preset="quick", seed=seed, settings=tuple(options.set),
-                           runs=folder / f"{name}-runs")
+                           runs=folder)
                 for seed in range(1, options.seeds + 1)
             ]  # fmt: skip
-            folders[name] = campaign(requests, options.processes)
-            found = by_result([compare_channel(run) for run in folders[name]])
-            print(f"\n{name} bench, {options.seeds} seeds\n{table(found)}")
+            found = by_result(at_record_level(requests[name], compared, options.processes))
+            print(f"\n{name} bench, {options.seeds} seeds\n{table(found)}", flush=True)
             told += [f"{name} bench: {problem}" for problem in problems(found, 1.35)]
-        honest = comparisons_with(nullcontext, folders["perfect"])
+        folders = campaign(requests["perfect"][:THROUGH_ALL_WIRES], options.processes)
+        honest = comparisons_with(nullcontext, folders)
         for name, plant in PLANTED.items():
-            seen = worse(comparisons_with(plant, folders["perfect"]), honest)
+            seen = worse(comparisons_with(plant, folders), honest)
             print(f"{name:<40} {'seen: ' + seen[0] if seen else 'NOT SEEN'}")
             told += [] if seen else [f"planted error not seen: {name}"]
     print("\n".join([*told, f"channel truth: {'FAILED' if told else 'ok'}"]))

@@ -8,20 +8,17 @@ import sys
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from multiprocessing import Pool
 from pathlib import Path
 
 import numpy as np
 
 from bench.app.request import RunRequest
-from bench.config.bench import load_bench
-from bench.config.models import BenchFile
 from simulators.gyro import GyroTruth
 from simulators.imu import ImuTruth, ZeroDrift
 from simulators.truth_imu import accelerometer_constants, gyro_constants
 from simulators.uut import UnitTruth
 from tests.truth.campaign import Comparison, campaign, full_bench, results_of
-from tests.truth.replay import Template, replayed, template_of
+from tests.truth.replay import at_record_level
 
 OF_ACCELEROMETERS = ("K0", "K1", "K1_si", "K2", "misalignment")
 OF_GYROS = ("D0", "KG", "g_sensitivity", "gyro_misalignment")
@@ -130,18 +127,9 @@ def through_all_wires(requests: Sequence[RunRequest], processes: int) -> list[Co
     return [each for run in campaign(requests, processes) for each in compare_imu(run)]
 
 
-def at_record_level(requests: Sequence[RunRequest], processes: int) -> list[Comparison]:
-    """The same, but the first alone goes through all wires: what it did is done again with the seeds of all."""
-    template = template_of(requests[0])
-    bench = load_bench(Path(requests[0].bench)).bench
-    replays = [(template, bench, request.seed) for request in requests]
-    with Pool(processes) as pool:
-        return [each for run in pool.starmap(_replayed, replays, chunksize=1) for each in run]
-
-
-def _replayed(template: Template, bench: BenchFile, seed: int) -> list[Comparison]:
-    run = replayed(template, bench, seed)
-    return compared(run.truth, run.results)
+def by_records(requests: Sequence[RunRequest], processes: int) -> list[Comparison]:
+    """The same at the level of records: the first run alone goes through all wires."""
+    return [each for run in at_record_level(requests, compared, processes) for each in run]
 
 
 def main() -> int:
@@ -155,7 +143,7 @@ def main() -> int:
     parser.add_argument("--wires", action="store_true", help="every seed through all wires")
     parser.add_argument("--only", choices=("perfect", "full"))
     options = parser.parse_args()
-    runs = through_all_wires if options.wires else at_record_level
+    runs = through_all_wires if options.wires else by_records
     problems = []
     with tempfile.TemporaryDirectory() as temporary:
         for kind in [options.only] if options.only else ["perfect", "full"]:

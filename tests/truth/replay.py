@@ -7,21 +7,24 @@ without engine, wires and drivers. That takes seconds instead of minutes. Units 
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from multiprocessing import Pool
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from unittest import mock
 
 import numpy as np
 
 from bench.analysis.counts import window_of
 from bench.analysis.rundata import Acquisition, Counts, RunData, Turned, UnitUnderTest
-from bench.app.execute import _dwells, _legs, _readings, _windows
-from bench.app.laboratory import unit_files, world_settings
+from bench.app.execute import _dwells, _legs, _levels, _readings, _windows
+from bench.app.laboratory import _current_errors, unit_files, world_settings
 from bench.app.request import RunRequest
+from bench.config.bench import load_bench
 from bench.config.models import BenchFile
 from bench.report.findings import evaluate
 from bench.report.measured import OnTheWay
@@ -30,8 +33,10 @@ from bench.report.stored import open_run
 from bench.sequence.methods import known_methods
 from bench.sequence.model import SequenceFile
 from drivers.can_counter.description import CounterOptions
+from simulators.current_source import Feed
 from simulators.imu import SENSORS
 from simulators.truth import truth_record
+from simulators.truth_channel import levels_record
 from simulators.truth_imu import imu_record
 from simulators.unit_file import stream
 from simulators.uut import Integrator
@@ -42,6 +47,7 @@ STIMULI = ("move", "turn", "swing", "stop", "ramp", "power", "fix_units", "conne
 LATCHES = 20  # worked out together: much shorter than the wander of a bias takes
 PAUSE_S = 60.0  # as long at most, while nothing is acquired
 TICK_S, BITS = 1e-6, 62
+Compared = TypeVar("Compared")
 
 
 @dataclass(frozen=True)
@@ -72,8 +78,13 @@ def template_of(request: RunRequest) -> Template:
         path = run_one(request)
     with open_run(path) as stored:
         labels = dict.fromkeys(entry.data for entry in stored.sequence.results)
-        data = {label: stored.data(label) for label in labels}
+        data = {label: _without_counts(stored.data(label)) for label in labels}
         return Template(origins_s[0], stimuli, stored.sequence, data)
+
+
+def _without_counts(data: RunData) -> RunData:
+    """What another seed counts instead is worked out anew."""
+    return replace(data, acquisitions=tuple(replace(each, counts={}) for each in data.acquisitions))
 
 
 @contextmanager
@@ -108,10 +119,33 @@ def replayed(template: Template, bench: BenchFile, seed: int, uut_model: Path | 
     data = player.play()
     stored = _Stored(template.sequence, data)
     truth = truth_record(player.world, _dwells(stored), _legs(stored), None, _readings(stored))
+    truth |= levels_record(player.world, _levels(stored))
     if player.world.imus:
         truth |= imu_record(player.world, list(_windows(stored)))
     found = evaluate(template.sequence, data.__getitem__, "completed", OnTheWay())
-    return Replayed(truth, found.to_json())
+    return Replayed(*(json.loads(json.dumps(each)) for each in (truth, found.to_json())))  # as files have them
+
+
+def at_record_level(
+    requests: Sequence[RunRequest], compared: Callable[[dict, dict], Compared], processes: int = 2
+) -> list[Compared]:
+    """What `compared` makes of the truth and of the results of each; the first alone goes through all wires."""
+    template = template_of(requests[0])
+    bench = load_bench(Path(requests[0].bench)).bench
+    with Pool(processes) as pool:
+        return pool.starmap(_compared, [(template, bench, each.seed, compared) for each in requests], chunksize=1)
+
+
+def _compared(template: Template, bench: BenchFile, seed: int, compared: Callable[[dict, dict], Compared]) -> Compared:
+    run = replayed(template, bench, seed)
+    return compared(run.truth, run.results)
+
+
+@dataclass
+class _SetSource:
+    """A current source that gives what it was read back to give; None while its output is off."""
+
+    feeds_a: float | None = None
 
 
 @dataclass(frozen=True)
@@ -142,6 +176,11 @@ class _Player:
         self._integrators = {name: Integrator(float(draws.uniform(0, 1)), 0, 0) for name in self._counted}
         self._origin_s = self._now_s = self.world.now()  # true times of a latch, and up to which all is counted
         self._to_come = list(template.stimuli)
+        self._sources = {
+            unit.source: _SetSource() for data in template.data.values() for unit in data.units if unit.source
+        }
+        for role, source in self._sources.items():
+            self.world.sources[role] = Feed(source, _current_errors(bench, role, seed))
 
     def play(self) -> dict[str, RunData]:
         """The acquisitions of the template, with what this world gives."""
@@ -186,6 +225,8 @@ class _Player:
         first, last = (math.floor((end_s - self._origin_s) / self._latch_s) for end_s in ends_s)
         at_s = self._origin_s + self._latch_s * np.arange(first + 1, last + 1)
         self._pause_until(float(at_s[0]))
+        for role, source in self._sources.items():
+            source.feeds_a = was.sources_a.get(role)
         parts = {name: [(np.array([i.positive]), np.array([i.negative]))] for name, i in self._integrators.items()}
         told: dict[str, list[tuple[float, float]]] = {}
         for block in range(0, len(at_s) - 1, LATCHES):
