@@ -81,7 +81,7 @@ class RampFindings:
         largest_g = found.max_residual_ug / UG_PER_G
         lines = [
             BudgetLine(SCATTER, "A", by_scatter), BudgetLine(SELECTION, "A", by_selection),
-            self._scale_error(largest_g), BudgetLine(LAG, "alias", 0.0),
+            self._scale_error(largest_g), self._scale_left(), BudgetLine(LAG, "alias", 0.0),
         ]  # fmt: skip
         yield self._finding(
             "K0/model_residual", "largest residual of the straight line", largest_g, "g", lines, self._at_largest(),
@@ -92,7 +92,7 @@ class RampFindings:
         lines = [
             BudgetLine(SCATTER, "A", sd_g / np.sqrt(len(residuals_g))),
             BudgetLine("samples: scatter is part of it", "A", added_g),
-            self._scale_error(rms_g), BudgetLine(LAG, "alias", 0.0),
+            self._scale_error(rms_g), self._scale_left(), BudgetLine(LAG, "alias", 0.0),
         ]  # fmt: skip
         yield self._finding("K0/model_residual_rms", "root mean square of the residuals", rms_g, "g", lines, {})
 
@@ -127,7 +127,7 @@ class RampFindings:
             self._scale_error(value_g),
         ]  # fmt: skip
         if quantity == "K0/hysteresis":
-            lines.append(BudgetLine(LAG, "alias", 0.0))
+            lines += [self._scale_left(np.sqrt(2)), BudgetLine(LAG, "alias", 0.0)]
         interval = interval_of_largest(values_g, sd_g)
         return self._finding(quantity, name, value_g, "g", lines, at, flags, interval=interval)
 
@@ -176,7 +176,8 @@ class RampFindings:
         residuals_g = np.concatenate(self.found.residuals_ug) / UG_PER_G
         origin = TiltOrigin(
             prefix=self._subject.id(""), uut=self.unit.serial, steps=tuple(leg.step for leg in self.level),
-            sd_g=self._sd_g(), dof=None, scale_u=self.misalignment_u_rad, scale_shared=self._subject.id("K1"), contained=LAG,
+            sd_g=self._sd_g(), dof=None, scale_u=self.misalignment_u_rad, scale_shared=self._subject.id("K1"),
+            contained=LAG,
         )  # fmt: skip
         return tilt_findings(bias_g, bias_g - residuals_g, origin)
 
@@ -245,6 +246,18 @@ class RampFindings:
         return BudgetLine(
             "K1: misalignment in it", "B", abs(value_g) * self.misalignment_u_rad, None, self._subject.id("K1")
         )
+
+    def _scale_left(self, factor: float = 1.0) -> BudgetLine:
+        """What K1 is not known by over temperature, on all that a head off the level puts out at 0 g beside the bias.
+
+        What the polynomials of K1 leave of the 1 g part, beside scatter, is an error of K1 that changes with the
+        temperature; 1° off the level it acts on 17 mg. Between two cycles it cancels.
+        """
+        k1 = abs(float(self.scale.line.coefficients[0]))
+        scatter = _known_sd(scatter_sd([_finite(leg.output) for leg in self.upright], COUNT_STRIDE), 0.0) / k1
+        left = float(np.sqrt(max(self.scale.left**2 - scatter**2, 0.0)))
+        read_g = float(np.mean([np.nanmean(leg.output) for leg in self.level])) / k1
+        return BudgetLine("K1: what its polynomial leaves", "B", float(factor * abs(read_g) * left))
 
     # Forms
 

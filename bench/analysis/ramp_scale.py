@@ -22,12 +22,15 @@ DEGREE = 4  # that of K0 and K1 over temperature in methods.md 6.2
 class RampScale:
     """K1 in pulse/s/g or V/g over the temperature in °C, by the direction of the temperature: 1 rising, -1 falling.
 
-    `model` and `line` are the polynomial and the straight line through the readings of both.
+    `model` and `line` are the polynomial and the straight line through the readings of both. `left` is the relative
+    root mean square of what the polynomials by direction leave: where a ramp turns, the unit is not as warm at a
+    temperature as it is half way.
     """
 
     by_direction: Mapping[int, PolynomialFit]
     model: PolynomialFit
     line: PolynomialFit
+    left: float
 
     def output_g(self, leg: RampLeg) -> Array:
         """What a leg read, less gravity at its angle: at 0 g the bias and the misalignment, which is constant.
@@ -55,7 +58,9 @@ def scale_over_temperature(level: Sequence[RampLeg], upright: Sequence[RampLeg])
             scales.append(k1)
     if not by_direction:
         raise NotDetermined(["K1"], rank=0, of=1, condition=np.inf)
-    return RampScale(by_direction, _fitted(temperatures, scales, DEGREE), _fitted(temperatures, scales, 1))
+    model = _fitted(temperatures, scales, DEGREE)
+    left = np.concatenate([fit.residuals for fit in by_direction.values()]) / model.value(model.centre)
+    return RampScale(by_direction, model, _fitted(temperatures, scales, 1), float(np.sqrt(np.mean(left**2))))
 
 
 def _within(fit: PolynomialFit, temperature_c: Array) -> Array:

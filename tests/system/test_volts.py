@@ -69,10 +69,9 @@ def test_the_report_tells_volts(tumble):
 def test_a_ramp_in_volts_finds_the_truth(tmp_path):
     result = run_short(tmp_path, bench=ROOT / "config/volts.yaml", sequence="ramp_dynamic", settings=RAMP, seed=1)
     assert result.problems == []
-    found = {comparison.quantity: comparison for comparison in compare_ramp(result.path)}
-    rms = found.pop("K0/model_residual_rms")  # of legs that are all turns K1 is behind its temperature, which it holds
-    assert max(abs(comparison.ratio) for comparison in found.values()) < 3.5
-    assert abs(rms.value - rms.truth) < 1e-6
+    comparisons = compare_ramp(result.path)  # of legs that are all turns, where K1 is behind its temperature
+    assert "K0/model_residual_rms" in {comparison.quantity for comparison in comparisons}
+    assert max(abs(comparison.ratio) for comparison in comparisons) < 2.5
 
 
 def test_limits_are_in_the_unit_that_the_bench_measures(tmp_path):
