@@ -48,10 +48,19 @@ def soak_never_stable(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 
 def unsuited_unit(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A method for inertial units where a place has one channel, or the other way round."""
+    """A method for inertial units where a place has one channel, or the other way round, or for pulses without any."""
     for index, entry in enumerate(plan.sequence.results):
-        wanted = known_methods()[entry.method].measures
+        method = known_methods()[entry.method]
+        wanted = method.measures
         for name, place in bench.places.items():
+            if method.counts_at == "table" and not place.is_counted:
+                yield (
+                    ("results", index, "method"),
+                    f"{entry.method} needs pulses on the clock of the table's encoder; in place '{name}' none are "
+                    "counted",
+                    "Use a bench where a counter counts the unit and latches the encoder",
+                )
+                continue
             found = "channel" if place.channels is None else "inertial unit"
             if found != wanted:
                 kinds = {"channel": "units with one channel", "inertial unit": "inertial units"}
