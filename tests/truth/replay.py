@@ -21,9 +21,9 @@ import numpy as np
 
 from bench.analysis.counts import window_of
 from bench.analysis.rundata import Acquisition, Counts, RunData, Turned, UnitUnderTest
-from bench.app.execute import _dwells, _legs, _levels, _readings, _windows
 from bench.app.laboratory import _current_errors, unit_files, world_settings
 from bench.app.request import RunRequest
+from bench.app.truth import _dwells, _legs, _levels, _readings, _windows
 from bench.config.bench import load_bench
 from bench.config.models import BenchFile
 from bench.report.findings import evaluate
