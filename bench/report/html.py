@@ -99,7 +99,7 @@ def _environment() -> Environment:
 
 def _data(run: StoredRun) -> list[RunData]:
     """What was acquired under the labels that the sequence evaluates."""
-    return [run.data(label) for label in dict.fromkeys(entry.data for entry in run.sequence.results)]
+    return [run.data(label) for label in dict.fromkeys(each for entry in run.sequence.results for each in entry.labels)]
 
 
 def _meanings(run: StoredRun) -> list[str]:

@@ -49,8 +49,7 @@ class StoredRun:
     def data(self, label: str) -> RunData:
         """What was acquired under a label."""
         if label not in self._data:
-            counted = {known_methods()[each.method].counts_at for each in self.sequence.results
-                       if label in (each.data, each.closure)}  # fmt: skip
+            counted = {known_methods()[each.method].counts_at for each in self.sequence.results if label in each.labels}
             windows = counted == {"windows"}
             data = run_data(self.reader, self.bench, self.serials, label, windows=windows)
             self._data[label] = replace(data, units=tuple(map(self._with_calibration, data.units)))
@@ -65,8 +64,7 @@ class StoredRun:
     def counted_at(self, what: CountsAt) -> list[RunData]:
         """What was acquired for methods that count in one of these ways."""
         entries = [entry for entry in self.sequence.results if known_methods()[entry.method].counts_at == what]
-        labels = [label for entry in entries for label in (entry.data, entry.closure) if label is not None]
-        return [self.data(label) for label in dict.fromkeys(labels)]
+        return [self.data(label) for label in dict.fromkeys(label for entry in entries for label in entry.labels)]
 
     def evaluate(self) -> Results:
         """The findings of the methods that the sequence asks for."""
@@ -75,7 +73,7 @@ class StoredRun:
 
     def corrections(self) -> Iterator[str]:
         """A line for each instrument whose readings are corrected in the reduction of this run."""
-        labels = dict.fromkeys(entry.data for entry in self.sequence.results)
+        labels = dict.fromkeys(label for entry in self.sequence.results for label in entry.labels)
         return told(self.bench, [self.data(label) for label in labels])
 
 

@@ -117,6 +117,11 @@ class ResultEntry(StrictModel):
     )
     limits: Mapping[str, Annotated[LimitEntry, WrapValidator(_without_names)]] = {}
 
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Those of all that it reduces."""
+        return (self.data,) if self.closure is None else (self.data, self.closure)
+
 
 class Outline(StrictModel):
     """All that a sequence file says besides its steps."""

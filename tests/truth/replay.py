@@ -77,7 +77,7 @@ def template_of(request: RunRequest) -> Template:
     with _noting(stimuli, origins_s):
         path = run_one(request)
     with open_run(path) as stored:
-        labels = dict.fromkeys(entry.data for entry in stored.sequence.results)
+        labels = dict.fromkeys(label for entry in stored.sequence.results for label in entry.labels)
         data = {label: _without_counts(stored.data(label)) for label in labels}
         return Template(origins_s[0], stimuli, stored.sequence, data)
 
@@ -156,8 +156,8 @@ class _Stored:
     data: Mapping[str, RunData]
 
     def counted_at(self, what: str) -> list[RunData]:
-        wanted = [each.data for each in self.sequence.results if known_methods()[each.method].counts_at == what]
-        return [self.data[label] for label in dict.fromkeys(wanted)]
+        wanted = [each.labels for each in self.sequence.results if known_methods()[each.method].counts_at == what]
+        return [self.data[label] for label in dict.fromkeys(label for labels in wanted for label in labels)]
 
 
 class _Player:
