@@ -85,6 +85,18 @@ def _largest_scatter(sd: Array, probability: float) -> tuple[float, float]:
     return float(np.trapezoid(1 - below, limit)), float(np.interp(probability, below, limit))
 
 
+def interval_of_span(values: Array, sd: float) -> Interval:
+    """The range of the span of (n,) that scatter by `sd`, whatever they are without scatter.
+
+    Any two differ by no more than they do here and their scatter; the span cannot be less than this one by more than
+    that of as many errors. Either is so at 97.5 %.
+    """
+    spans = np.ptp(sd * np.random.default_rng(0).standard_normal((TRIALS, len(values))), axis=-1)
+    one_sided, span = (1 + CONFIDENCE) / 2, float(np.ptp(values))
+    low = max(span - float(np.quantile(spans, one_sided)), 0.0)
+    return Interval(low, span + float(ndtri(one_sided) * np.sqrt(2) * sd), float(np.mean(spans)))
+
+
 def _calm(values: Array, sd: float) -> Array:
     together = np.ones(min(NEIGHBOURS, len(values)))
     count = np.convolve(np.ones(len(values)), together, "same")

@@ -175,9 +175,8 @@ class RampFindings:
         bias_g = np.concatenate([leg.output_g for leg in self.found.legs])
         residuals_g = np.concatenate(self.found.residuals_ug) / UG_PER_G
         origin = TiltOrigin(
-            prefix=self._subject.id(""), uut=self.unit.serial, steps=tuple(leg.step for leg in self.level),
-            sd_g=self._sd_g(), dof=None, scale_u=self.misalignment_u_rad, scale_shared=self._subject.id("K1"),
-            contained=LAG,
+            self._subject, tuple(leg.step for leg in self.level), self._sd_g(), None, scale_u=self.misalignment_u_rad,
+            scale_shared=self._subject.id("K1"), contained=LAG,
         )  # fmt: skip
         return tilt_findings(bias_g, bias_g - residuals_g, origin)
 

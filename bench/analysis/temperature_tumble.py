@@ -18,7 +18,7 @@ from bench.analysis.coefficient_findings import Origin, coefficient_findings
 from bench.analysis.compensation import Compensation
 from bench.analysis.dwells import Dwell, solve_dwells
 from bench.analysis.extremes import interval_of_largest
-from bench.analysis.finding import NOT_CLOSED, BudgetLine, Finding, Interval, UnitResult, combined
+from bench.analysis.finding import NOT_CLOSED, BudgetLine, Finding, Interval, Subject, UnitResult, combined
 from bench.analysis.fit import NotDetermined, PolynomialFit, fit_polynomial
 from bench.analysis.models import TemperatureModel
 from bench.analysis.rundata import Array, RunData, UnitUnderTest
@@ -365,7 +365,8 @@ class _Unit:
             return iter(())
         bias_g = np.array([dwell.values["K0"] for dwell in self._dwells])
         sd_g = self._sd * float(np.mean([np.linalg.norm(dwell.gain_of("K0")) for dwell in self._dwells]))
-        origin = TiltOrigin(self._id(""), self._unit.serial, (self._root,), sd_g, self._dof or None)
+        subject = Subject(self._label, self._unit.place, self._unit.serial)
+        origin = TiltOrigin(subject, (self._root,), sd_g, self._dof or None)
         return tilt_findings(bias_g, bias_g - model.residuals, origin)
 
     def _closure(self) -> Finding | None:

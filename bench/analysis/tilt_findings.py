@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.analysis.extremes import span_u
-from bench.analysis.finding import BudgetLine, Finding, combined
+from bench.analysis.extremes import interval_of_span, span_u
+from bench.analysis.finding import BudgetLine, Finding, Subject
 from bench.analysis.fit import Array
 from bench.analysis.tilt import indicated_deg
 
@@ -27,13 +27,12 @@ NAMES = {
 
 @dataclass(frozen=True, slots=True)
 class TiltOrigin:
-    """Where the tilt comes from: `prefix` begins the ids, `sd_g` is how one bias scatters, with `dof`.
+    """Where the tilt comes from; `sd_g` is how one bias scatters, with `dof`.
 
     `scale_u` is the relative uncertainty of K1, `contained` names what the compensated span contains, "" for nothing.
     """
 
-    prefix: str
-    uut: str
+    subject: Subject
     steps: tuple[str, ...]
     sd_g: float
     dof: int | None
@@ -53,9 +52,9 @@ def tilt_findings(bias_g: Array, modelled_g: Array, origin: TiltOrigin) -> Itera
         if not np.isfinite(span_deg):
             return
         contained = origin.contained if quantity == "tilt/compensated" else ""
-        yield Finding(
-            id=f"{origin.prefix}{quantity}", uut=origin.uut, quantity=quantity, name=NAMES[quantity], at={},
-            value=span_deg, unit="°", budget=combined(_lines(left_g, span_deg, origin, contained)), steps=origin.steps,
+        yield origin.subject.finding(
+            quantity, NAMES[quantity], span_deg, "°", _lines(left_g, span_deg, origin, contained), {}, origin.steps,
+            interval=interval_of_span(left_g, origin.sd_g).times(float(np.degrees(1.0))),
         )  # fmt: skip
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from bench.analysis.extremes import span_u
+from bench.analysis.finding import Subject
 from bench.analysis.tilt_findings import TiltOrigin, tilt_findings
 
 TEMPERATURE_C = np.linspace(-40, 60, 21)
@@ -11,7 +12,7 @@ BIAS_G = 2.4e-4 + 1.1e-5 * TEMPERATURE_C
 
 
 def found(bias_g, modelled_g, sd_g=1e-6, **changed):
-    origin = TiltOrigin("tumble/a/", "QF-1", ("steps",), sd_g, 20, **changed)
+    origin = TiltOrigin(Subject("tumble", "a", "QF-1"), ("steps",), sd_g, 20, **changed)
     return {each.quantity: each for each in tilt_findings(bias_g, modelled_g, origin)}
 
 
@@ -29,7 +30,7 @@ def test_a_constant_of_the_bias_has_no_part_in_it():
 
 
 def test_its_uncertainty_covers_what_scatter_makes_of_a_span():
-    rng, sd_g, ratios = np.random.default_rng(7), 20e-6, []
+    rng, sd_g, ratios, inside = np.random.default_rng(7), 20e-6, [], 0
     for _ in range(200):
         bias_g = BIAS_G + sd_g * rng.standard_normal(len(BIAS_G))
         spans = found(bias_g, BIAS_G, sd_g=sd_g)
@@ -37,6 +38,9 @@ def test_its_uncertainty_covers_what_scatter_makes_of_a_span():
             (spans["tilt/uncompensated"].value - np.degrees(1.1e-3)) / spans["tilt/uncompensated"].u,
             spans["tilt/compensated"].value / spans["tilt/compensated"].u,
         ])  # fmt: skip
+        interval = spans["tilt/uncompensated"].interval
+        inside += interval.low <= np.degrees(1.1e-3) <= interval.high and spans["tilt/compensated"].interval.low == 0
+    assert inside >= 180, "either is so in 95 of 100"
     uncompensated, compensated = np.sqrt(np.mean(np.square(ratios), axis=0))
     assert 0.7 < uncompensated < 1.3
     assert compensated < 1.3, "all of the span is scatter, and its budget says so"
