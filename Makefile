@@ -46,6 +46,7 @@ profile: $(VENV)/.dev
 benchmark: $(VENV)/.dev
 	$(BIN)/python -m benchmarks.can_decode
 	$(BIN)/python -m benchmarks.step_overhead
+	$(BIN)/python -m benchmarks.long_acquisition
 
 # Programs that other people wrote, for the tests that let them talk to ours.
 peers: $(VENV)/.dev

@@ -112,8 +112,11 @@ class Source(Device, Protocol):
 class FrameSource(Device, Protocol):
     """What sends frames by itself."""
 
-    def acquire(self) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
-        """Blocks of frames from entry to exit: the first frame arrived after entry, the last before exit."""
+    def acquire(self, *, block_s: float = ...) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
+        """Blocks of frames from entry to exit: the first frame arrived after entry, the last before exit.
+
+        A block comes every `block_s` or more often; without it, as often as what is recorded must be on the disk.
+        """
 
     def heard(self) -> Mapping[str, Heard]:
         """When each channel was last heard of, as far as its frames have been taken in."""

@@ -147,7 +147,7 @@ def readings_of(
     for name, field in fields.items():
         rows = field.message.rows(block)
         if len(rows):
-            found[name] = (block.at_s[rows], field.signal.physical(block.data[rows]))
+            found[name] = (block.at_s[rows], field.signal.physical(block.payloads(rows)))
     return found
 
 
@@ -159,13 +159,13 @@ def encode_frames(
     `values` gives (N,) integers by message and signal name; signals not named are 0.
     """
     messages = sorted((dbc.message(name) for name in values), key=lambda message: message.id)
-    words = np.zeros((len(at_s), len(messages)), np.uint64)
-    for column, message in enumerate(messages):
+    words = np.zeros((len(messages), len(at_s)), np.uint64)
+    for of_message, message in zip(words, messages, strict=True):
         for name, integers in values[message.name].items():
-            words[:, column] |= message.signal(name).bits(integers)
+            of_message |= message.signal(name).bits(integers)
     return FrameBlock(
         ids=np.array([[message.id for message in messages]], np.uint32).repeat(len(at_s), axis=0).ravel(),
         at_s=at_s.repeat(len(messages)),
         dlc=np.array([[message.length for message in messages]], np.uint8).repeat(len(at_s), axis=0).ravel(),
-        data=words.astype("<u8", copy=False).view(np.uint8).reshape(-1, 8),
+        data=np.ascontiguousarray(words.T, "<u8").view(np.uint8).reshape(-1, 8),
     )

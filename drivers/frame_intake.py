@@ -17,7 +17,6 @@ from drivers.frame_block import EXTENDED, FrameBlock
 from drivers.transport.frames import FrameLink
 from drivers.values import Heard, Identity, Reading
 
-ACQUIRING_BLOCK_S = 1.0  # what is not yet durable when the power fails
 SILENT_PERIODS = 25
 STANDING_FRAMES = 3  # as many with one sequence number mean that who sends them stands still
 MOST_NAMED = 8  # of the frames that came instead of others
@@ -56,13 +55,16 @@ class FrameIntake:
             raise self._failure
 
     @asynccontextmanager
-    async def acquire(self) -> AsyncIterator[AsyncIterator[FrameBlock]]:
-        """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one."""
+    async def acquire(self, block_s: float) -> AsyncIterator[AsyncIterator[FrameBlock]]:
+        """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one.
+
+        They are taken every `block_s`, or more often where the link must not be left with them so long.
+        """
         if self._acquisition is not None:
             raise InstrumentFault(self._name, "an acquisition is under way already")
         self._absorb()
         self.check()
-        blocks = self._acquisition = _Blocks()
+        blocks = self._acquisition = _Blocks(min(block_s, self._link.block_s))
         self.acquiring_since_s = asyncio.get_running_loop().time()
         self._wake.set()
         try:
@@ -74,7 +76,7 @@ class FrameIntake:
 
     async def _take_in(self) -> None:
         while self._failure is None:
-            block_s = IDLE_BLOCK_S if self._acquisition is None else ACQUIRING_BLOCK_S
+            block_s = IDLE_BLOCK_S if self._acquisition is None else self._acquisition.block_s
             try:
                 async with asyncio.timeout(block_s):
                     await self._wake.wait()
@@ -99,9 +101,10 @@ class FrameIntake:
 
 
 class _Blocks(AsyncIterator[FrameBlock]):
-    """Blocks from the intake to whoever acquires."""
+    """Blocks from the intake to whoever acquires, one every `block_s`."""
 
-    def __init__(self) -> None:
+    def __init__(self, block_s: float) -> None:
+        self.block_s = block_s
         self._queue: asyncio.Queue[FrameBlock | DriverError | None] = asyncio.Queue()
 
     def put(self, block: FrameBlock) -> None:
@@ -162,9 +165,12 @@ class FrameDriver(Generic[OptionsT]):
     async def make_safe(self) -> None:
         """Nothing to do: who only listens energises nothing."""
 
-    def acquire(self) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
-        """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one."""
-        return self._intake.acquire()
+    def acquire(self, *, block_s: float = IDLE_BLOCK_S) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
+        """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one.
+
+        They are taken every `block_s`, or more often where the link must not be left with them so long.
+        """
+        return self._intake.acquire(block_s)
 
     def _begin(self, link: FrameLink, look: Callable[[FrameBlock], None]) -> None:
         self._intake = FrameIntake(self.name, link, look)

@@ -11,7 +11,7 @@ Integers = NDArray[np.int64]
 def shortest(steps: Integers, bits: int) -> Integers:
     """Steps of a number that wraps; half its range or more is a step back."""
     half = 1 << (bits - 1)
-    return (steps + half) % (2 * half) - half
+    return ((steps + half) & (2 * half - 1)) - half
 
 
 def unwrapped(raw: Integers, bits: int) -> Integers:

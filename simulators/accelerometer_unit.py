@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # it is the world that makes it
 Array = NDArray[np.float64]
 Input = Literal["accelerometer", "source"]  # what a converter is connected to
 LOOK_S = 0.02  # how finely a mean current follows the head
+HYSTERESIS_STEP_S = 1.0  # how closely it follows the temperature, however long a block is
 
 
 class UnitState(NamedTuple):
@@ -56,7 +57,7 @@ class SimulatedUnit:
         self.warmth = Warmth(world.thermal, index, file, start_c, settings.thermometer_lag_s)
         self._thermometer, self._board_thermometer = self._thermometers(settings)
         self.board = Board(self.warmth, start_c)
-        self._last_c = start_c
+        self._last_c, self._last_g = start_c, (0.0, 0.0)  # of hysteresis, and of the rate of temperature
         self.powered_at_s: float | None = None
         self.history: list[UnitState] = []
         self.input: Input = "accelerometer"
@@ -117,24 +118,37 @@ class SimulatedUnit:
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
         now_c = self.warmth.sensor_c
         span = edges_s[-1] - edges_s[0]
-        temperature = self._last_c + (middle - edges_s[0]) * ((now_c - self._last_c) / span)
-        hysteresis_g = self._hysteresis.bias_g(now_c)
-        self.history.append(self._state(float(edges_s[-1]), hysteresis_g))
+        passed = (middle - edges_s[0]) / span
+        temperature = self._last_c + passed * (now_c - self._last_c)
+        bias_g = self._followed_g(now_c, passed, float(span))
+        self.history.append(self._state(float(edges_s[-1]), self._last_g[0]))
         self._last_c = now_c
         board_c = self.board.followed_c(edges_s, middle, self.history[-1].drifted_g)
         if self.powered_at_s is None:
             return np.zeros_like(middle), board_c
         noise_g = self._noise.mean_g(interval)
         if self._follower is None:
-            current = self._current_a(middle, temperature, hysteresis_g, noise_g)
+            current = self._current_a(middle, temperature, bias_g, noise_g)
         else:
             look_s = look_at_s(edges_s, self.truth.delay_s)
-            temperature, noise_g = (np.repeat(values, len(POINTS)) for values in (temperature, noise_g))
-            looked_at = self._current_a(look_s.ravel(), temperature, hysteresis_g, noise_g)
+            temperature, bias_g, noise_g = (np.repeat(each, len(POINTS)) for each in (temperature, bias_g, noise_g))
+            looked_at = self._current_a(look_s.ravel(), temperature, bias_g, noise_g)
             current = self._follower.mean(looked_at.reshape(look_s.shape), interval)
         if self.input == "source":
             current = self._world.source_a(self.settings.source, middle)
         return current, board_c
+
+    def _followed_g(self, now_c: float, passed: Array, over_s: float) -> Array:
+        """What hysteresis and the rate of temperature add, after these parts of a time that ends now.
+
+        The temperature has gone evenly; hysteresis follows it by the second.
+        """
+        steps = math.ceil(over_s / HYSTERESIS_STEP_S)
+        hysteresis_g, moving_g = self._last_g
+        by_step = [self._hysteresis.bias_g(at_c) for at_c in np.linspace(self._last_c, now_c, steps + 1)[1:].tolist()]
+        self._last_g = by_step[-1], self._moving_g()
+        followed_g = np.interp(passed, np.linspace(0, 1, steps + 1), [hysteresis_g, *by_step])
+        return np.asarray(followed_g + moving_g + passed * (self._last_g[1] - moving_g))
 
     def mean_current_a(self, begin_s: float, end_s: float, noise: Noise) -> float:
         """What flows from the accelerometer, as a mean from `begin_s` to `end_s`; 0 without power.
@@ -151,7 +165,8 @@ class SimulatedUnit:
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
         since_s = middle - self._world.thermal.now_s
         temperature = self.warmth.sensor_c + since_s * self.warmth.sensor_rate_c_per_s
-        return float(self._current_a(middle, temperature, hysteresis_g, noise.mean_g(interval)).mean())
+        bias_g = hysteresis_g + self._moving_g()
+        return float(self._current_a(middle, temperature, bias_g, noise.mean_g(interval)).mean())
 
     def _state(self, true_s: float, hysteresis_g: float) -> UnitState:
         drifted_g = hysteresis_g + float(self._slow_bias_g(np.array([true_s]))[0])
@@ -161,8 +176,8 @@ class SimulatedUnit:
         """What the rate of temperature adds to the bias."""
         return self.truth.kd * self.warmth.sensor_rate_c_per_s
 
-    def _current_a(self, at_s: Array, temperature_c: Array, hysteresis_g: float, noise_g: Array) -> Array:
-        drifting = self._slow_bias_g(at_s) + (hysteresis_g + self._moving_g())
+    def _current_a(self, at_s: Array, temperature_c: Array, bias_g: Array | float, noise_g: Array) -> Array:
+        drifting = self._slow_bias_g(at_s) + bias_g
         return self.truth.current_a(self.force_g(at_s), temperature_c, drifting + noise_g)
 
     def _slow_bias_g(self, at_s: Array) -> Array:

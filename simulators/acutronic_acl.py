@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import IntFlag
 
 from drivers import scpi
 from drivers.acutronic_acl import wire
@@ -26,6 +27,7 @@ BRAKE_DPS2 = 400.0  # how the table slows down when its drive drops out
 TURN_DEG = 360.0
 DEFAULT_DPS, DEFAULT_DPS2 = 100.0, 100.0
 MESSAGE_LIMIT_BYTES = 32_768
+SWINGING = Dynamics.AT_AMPLITUDE | Dynamics.AT_FREQUENCY
 OK = Reply(wire.NO_ERROR, "OK")
 Handler = Callable[[Sequence[str]], str | None]
 
@@ -74,6 +76,12 @@ class SimulatedAcutrol:
         self._tripped, self._inputs = SoftwareFault(0), InterlockInput(0)
         self._latched: Dynamics | None = None  # the status of before a fault
         self._seen = (0.0, 0.0)
+        self._registers: dict[str, Callable[[], IntFlag]] = {
+            f"A{axis}DYN": self._dynamics,
+            f"A{axis}SWFAULT": lambda: self._tripped,
+            f"A{axis}INTLK": lambda: self._inputs,
+            "SUP0": lambda: self.supervisor,
+        }
         self._known: dict[str, Handler] = {}  # commands as they have come, cut short or not
         self._commands: dict[str, Handler] = {
             "*IDN?": lambda _: self._identity,
@@ -268,25 +276,25 @@ class SimulatedAcutrol:
         return self._seen
 
     def _register(self, words: Sequence[str]) -> str:
-        registers: dict[str, int] = {
-            f"A{self._axis}DYN": self._dynamics(),
-            f"A{self._axis}SWFAULT": self._tripped,
-            f"A{self._axis}INTLK": self._inputs,
-            "SUP0": self.supervisor,
-        }
-        if words[0].upper() not in registers:
+        register = self._registers.get(words[0].upper())
+        if register is None:
             raise Refusal(BAD_ARGUMENT, "no such register")
-        return str(int(registers[words[0].upper()]))
+        return str(register().value)
 
     def _dynamics(self) -> Dynamics:
         if self._latched is not None:
             return self._latched
         now, axis = self._world.now(), self._driven
-        swinging = Dynamics.AT_AMPLITUDE | Dynamics.AT_FREQUENCY if axis.moving(now) else Dynamics(0)
-        reached = {
-            Mode.POSITION: Dynamics.POSITION_COMPLETE, Mode.RATE: Dynamics.RATE_COMPLETE, Mode.SYNTHESIS: swinging
-        }  # fmt: skip
-        return reached.get(self.mode, Dynamics(0)) if axis.done(now) else Dynamics(0)
+        if not axis.done(now):
+            return Dynamics(0)
+        match self.mode:
+            case Mode.POSITION:
+                return Dynamics.POSITION_COMPLETE
+            case Mode.RATE:
+                return Dynamics.RATE_COMPLETE
+            case Mode.SYNTHESIS if axis.moving(now):
+                return SWINGING
+        return Dynamics(0)
 
 
 class AclSession:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.can_options import IDLE_BLOCK_S
 from drivers.dbc import Dbc, Field, encode_frames
 from drivers.errors import LinkLost
 from drivers.frame_block import FrameBlock
@@ -28,6 +29,11 @@ class CanNode(ABC):
         self.faults = faults
         self._name, self._world = name, world
         self._sent: list[FrameBlock] = []
+
+    @property
+    def block_s(self) -> float:
+        """As long as frames are left together at all: what a power cut costs a rehearsal is done again."""
+        return IDLE_BLOCK_S
 
     def take(self) -> FrameBlock:
         """Every frame sent since the last call; LinkLost when the connection is cut."""
@@ -50,7 +56,7 @@ def in_order(blocks: list[FrameBlock]) -> FrameBlock:
     """Frames of several blocks in the order of their times."""
     frames = FrameBlock.joined(blocks)
     order = np.argsort(frames.at_s, kind="stable")
-    return FrameBlock(frames.ids[order], frames.at_s[order], frames.dlc[order], frames.data[order])
+    return FrameBlock(frames.ids[order], frames.at_s[order], frames.dlc[order], frames.payloads(order))
 
 
 def temperature_frames(

@@ -55,7 +55,7 @@ class Carried:
         self._level_deg, self._gravity_mps2 = level_deg, gravity_mps2
         latitude = math.radians(latitude_deg)
         self._earth_dps = EARTH_DPS * np.array([0.0, math.cos(latitude), math.sin(latitude)])
-        self._at_rest: tuple[tuple[float, ...], Array] = (), np.empty((1, 3, 3))
+        self._at_rest: tuple[tuple[float | None, ...], Array] = (), np.empty((1, 3, 3))
 
     def at_rest(self, at_s: Array) -> bool:
         """Whether no axis moves."""
@@ -63,11 +63,13 @@ class Carried:
 
     def attitude(self, at_s: Array) -> Array:
         """Level frame to fixture, (n, 3, 3); (1, 3, 3) at rest."""
-        still_deg = tuple(angle for axis in self._axes if (angle := axis.still_deg(float(at_s[0]))) is not None)
-        if len(still_deg) < len(self._axes):
+        still_deg = tuple(axis.still_deg(float(at_s[0])) for axis in self._axes)
+        if still_deg.count(None) == 1 and not self._table.wobble_deg:
+            return self._swept(still_deg, self._axes[still_deg.index(None)].true_deg(at_s))
+        if None in still_deg:
             return self._turned([axis.true_deg(at_s) for axis in self._axes])
         if still_deg != self._at_rest[0]:
-            self._at_rest = still_deg, self._turned([np.array([angle_deg]) for angle_deg in still_deg])
+            self._at_rest = still_deg, self._turned([np.full(1, angle_deg) for angle_deg in still_deg])
         return self._at_rest[1]
 
     def upward(self, at_s: Array) -> Array:
@@ -92,6 +94,16 @@ class Carried:
         rates = [axis.true_rates(at_s) for axis in self._axes]
         angles_deg = [axis.true_deg(at_s) for axis in self._axes]
         return self._fixture.turning(angles_deg, [rate for rate, _ in rates], [change for _, change in rates])
+
+    def _swept(self, still_deg: tuple[float | None, ...], angle_deg: Array) -> Array:
+        """`_turned` while one axis, the one without an angle, turns: in its angle a constant, a cosine and a sine."""
+        quarters_deg = np.array([0.0, 90.0, 180.0])
+        ahead, aside, back = self._turned([quarters_deg if at is None else np.full(3, at) for at in still_deg])
+        middle = (ahead + back) / 2
+        parts = np.stack([middle, ahead - middle, aside - middle]).reshape(3, 9)
+        angle = np.radians(angle_deg)
+        waves = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=-1)
+        return np.asarray((waves @ parts).reshape(-1, 3, 3))
 
     def _turned(self, angles_deg: list[Array]) -> Array:
         """Level frame to fixture, with the tilts of the base and of the outer axis."""

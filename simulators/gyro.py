@@ -19,7 +19,7 @@ from drivers.fields import Celsius, Hertz, InUnit, Seconds, StrictModel
 from drivers.wording import telling
 from simulators.dynamics import Dynamics
 from simulators.unit_file import Draw, DrawIn, Ratio, stream
-from simulators.uut import INSTABILITY_S
+from simulators.uut import Wander
 
 Array = NDArray[np.float64]
 Vectors = tuple[Array, Array, Array]
@@ -167,15 +167,11 @@ class GyroNoise:
     """Angle random walk and a first-order Gauss-Markov wander of the bias, each from its own stream."""
 
     def __init__(self, truth: GyroTruth, seed: int, *path: str) -> None:
-        self._random_walk, self._instability_dps = truth.random_walk, truth.instability_dps
+        self._random_walk = truth.random_walk
         self._white = stream(seed, "noise", *path, "random walk")
-        self._slow = stream(seed, "noise", *path, "instability")
-        self._wander_dps = self._instability_dps * float(self._slow.standard_normal())
+        self._wander = Wander(truth.instability_dps, stream(seed, "noise", *path, "instability"))
 
     def mean_dps(self, interval_s: Array) -> Array:
-        """The noise as the mean of each of the consecutive intervals; the wander changes evenly over all of them."""
-        keep = float(np.exp(-interval_s.sum() / INSTABILITY_S))
-        before, fresh = self._wander_dps, float(self._slow.standard_normal())
-        self._wander_dps = keep * before + float(np.sqrt(1 - keep**2)) * self._instability_dps * fresh
+        """The noise as the mean of each of the consecutive intervals."""
         white = self._white.standard_normal(len(interval_s)) * (self._random_walk / np.sqrt(interval_s))
-        return np.asarray(white + np.linspace(before, self._wander_dps, len(interval_s) + 1)[1:])
+        return np.asarray(white + self._wander.at_ends(interval_s))

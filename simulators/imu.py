@@ -6,7 +6,7 @@ acts on them has a row for each axis. The accelerometers are taken to be where t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -203,12 +203,21 @@ class SimulatedImu:
                 self._at_rest = key, into_unit @ world.carried.attitude(middle_s[:1])[0]
             lies = self._at_rest[1]
             return lies[:, 2:], lies @ self._earth_dps()
-        lies = into_unit @ world.carried.attitude(middle_s)
-        angles_deg = [axis.true_deg(edges_s) for axis in world.axes.values()]
+        attitude = world.carried.attitude(middle_s)
+        by_earth_dps = (attitude.reshape(-1, 3) @ self._earth_dps()).reshape(-1, 3).T
+        return into_unit @ attitude[:, :, 2].T, into_unit @ (by_earth_dps + self._turning_dps(edges_s, still_deg))
+
+    def _turning_dps(self, edges_s: Array, still_deg: Sequence[float | None]) -> Array:
+        """How fast the table turns its fixture in each interval, in the fixture's frame, (3, n)."""
+        axes, fixture = list(self._world.axes.values()), self._world.fixture
+        if still_deg.count(None) == 1:  # about a direction that stands still in the fixture
+            angles_deg = [np.full(1, at or 0.0) for at in still_deg]
+            along = fixture.rate(angles_deg, [np.full(1, float(at is None)) for at in still_deg]).T
+            return along * (np.diff(axes[still_deg.index(None)].true_deg(edges_s)) / np.diff(edges_s))
+        angles_deg = [axis.true_deg(edges_s) for axis in axes]
         rates_dps = [np.diff(angle_deg) / np.diff(edges_s) for angle_deg in angles_deg]
         middle_deg = [(angle_deg[1:] + angle_deg[:-1]) / 2 for angle_deg in angles_deg]
-        turning_dps = into_unit @ world.fixture.rate(middle_deg, rates_dps).T
-        return lies[:, :, 2].T, (lies @ self._earth_dps())[:, :, 0].T + turning_dps
+        return fixture.rate(middle_deg, rates_dps).T
 
     def _earth_dps(self) -> Array:
         latitude = np.radians(self._world.settings.latitude_deg)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -48,7 +49,7 @@ class Profile(Protocol):
         """The rate at one time, °/s."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Move:
     """A trapezoid of rate from rest to rest, beginning at `start_s`."""
 
@@ -60,12 +61,12 @@ class Move:
 
     endless = False
 
-    @property
+    @cached_property
     def _ramp_s(self) -> float:
         triangle = math.sqrt(abs(self.distance_deg) / self.acceleration_dps2)
         return min(self.rate_dps / self.acceleration_dps2, triangle)
 
-    @property
+    @cached_property
     def duration_s(self) -> float:
         """From start to rest."""
         if self.distance_deg == 0:

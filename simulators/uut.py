@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from simulators.unit_file import Draw, Polynomial, UnitFile, stream
 
 Array = NDArray[np.float64]
 INSTABILITY_S = 10.0  # correlation time of the slow wander of the bias
+WANDER_STEP_S = 1.0  # how closely it is drawn, however long a block is
 _CONVERTER_REFERENCE_C = 25.0
 
 
@@ -198,27 +200,50 @@ class Hysteresis:
         return self._jumped_g
 
 
+class Wander:
+    """A first-order Gauss-Markov process, drawn at least every second; in between it changes evenly."""
+
+    def __init__(self, sd: float, draws: np.random.Generator) -> None:
+        self._sd, self._draws = sd, draws
+        self._value = sd * float(draws.standard_normal())
+
+    def at_ends(self, interval_s: Array) -> Array:
+        """What it has come to at the end of each of the consecutive intervals, which are about equal."""
+        over_s = float(interval_s.sum())
+        steps = math.ceil(over_s / WANDER_STEP_S)
+        values = [self._value, *(self.pass_over(over_s / steps) for _ in range(steps))]
+        return np.interp(*_even(len(interval_s), steps), values)
+
+    def pass_over(self, passed_s: float) -> float:
+        """What it has come to after a time."""
+        keep = math.exp(-passed_s / INSTABILITY_S)
+        fresh = float(self._draws.standard_normal())
+        self._value = keep * self._value + math.sqrt(1 - keep * keep) * self._sd * fresh
+        return self._value
+
+
+@lru_cache(maxsize=16)
+def _even(intervals: int, steps: int) -> tuple[Array, Array]:
+    """The ends of intervals, and of steps that share them out evenly, both counted in intervals."""
+    return np.arange(1.0, intervals + 1), np.linspace(0, intervals, steps + 1)
+
+
 class Noise:
     """White noise and a first-order Gauss-Markov wander of the bias, each from its own stream."""
 
     def __init__(self, truth: UnitTruth, seed: int, place: str) -> None:
-        self._density, self._instability = truth.noise_density, truth.instability_g
+        self._density = truth.noise_density
         self._white = stream(seed, "noise", place, "white")
-        self._slow = stream(seed, "noise", place, "instability")
-        self._wander = self._instability * float(self._slow.standard_normal())
+        self._wander = Wander(truth.instability_g, stream(seed, "noise", place, "instability"))
 
     def mean_g(self, interval_s: Array) -> Array:
         """The noise as the mean of each of the consecutive intervals."""
-        before = self._wander
-        self.pass_over(float(interval_s.sum()))
         white = self._white.standard_normal(len(interval_s)) * (self._density * np.sqrt(0.5 / interval_s))
-        return white + (before + (self._wander - before) * np.arange(1, len(white) + 1) / len(white))
+        return np.asarray(white + self._wander.at_ends(interval_s))
 
     def pass_over(self, passed_s: float) -> None:
         """Lets time pass in which nobody looks; the bias wanders on meanwhile."""
-        keep = math.exp(-passed_s / INSTABILITY_S)
-        fresh = float(self._slow.standard_normal())
-        self._wander = keep * self._wander + math.sqrt(1 - keep * keep) * self._instability * fresh
+        self._wander.pass_over(passed_s)
 
 
 class Integrator:
@@ -232,12 +257,21 @@ class Integrator:
         """Cumulative + and - counts after each of the consecutive increments of charge, in pulses."""
         if not len(pulses):
             return np.empty(0, np.int64), np.empty(0, np.int64)
-        one_way = pulses.min() >= 0 or pulses.max() <= 0
-        net = self._one_way(pulses) if one_way else self._both_ways(pulses)
-        steps = net.copy()
-        steps[1:] -= net[:-1]
-        positive = self.positive + np.maximum(steps, 0).cumsum()
-        negative = self.negative - np.minimum(steps, 0).cumsum()
+        charge = self._residue + pulses.cumsum()
+        if pulses.min() >= 0:
+            positive = np.maximum(np.floor(charge), 0).astype(np.int64)
+            negative = np.zeros_like(positive)
+        elif pulses.max() <= 0:
+            negative = np.maximum(np.floor(-charge), 0).astype(np.int64)
+            positive = np.zeros_like(negative)
+        else:
+            net = _both_ways(charge)
+            steps = net.copy()
+            steps[1:] -= net[:-1]
+            positive, negative = np.maximum(steps, 0).cumsum(), np.maximum(-steps, 0).cumsum()
+        self._residue = float(charge[-1] - (positive[-1] - negative[-1]))
+        positive += self.positive
+        negative += self.negative
         self.positive, self.negative = int(positive[-1]), int(negative[-1])
         return positive, negative
 
@@ -261,27 +295,25 @@ class Integrator:
         positive, negative = self.count(np.insert(rest, into, first))
         return positive[latches], negative[latches]
 
-    def _one_way(self, pulses: Array) -> NDArray[np.int64]:
-        charge = self._residue + pulses.cumsum()
-        net = np.maximum(np.floor(charge), 0) if pulses.max() > 0 else np.minimum(np.ceil(charge), 0)
-        self._residue = float(charge[-1] - net[-1])
-        return net.astype(np.int64)
 
-    def _both_ways(self, pulses: Array) -> NDArray[np.int64]:
-        """Through zero the state of the thresholds matters.
+def _both_ways(charge: Array) -> NDArray[np.int64]:
+    """Net counts after a charge that may have gone through zero, where the state of the thresholds matters.
 
-        A pulse is fired when the charge is a whole one away from what was fired: the net count is held between the
-        whole numbers below and above the charge. Only where these change can it change.
-        """
-        charge = self._residue + pulses.cumsum()
-        low, high = np.floor(charge), np.ceil(charge)
-        changes = np.flatnonzero((np.diff(low, prepend=np.nan) != 0) | (np.diff(high, prepend=np.nan) != 0))
-        net, held = [], 0.0
-        for below, above in zip(low[changes].tolist(), high[changes].tolist(), strict=True):
-            held = min(max(held, below), above)
-            net.append(held)
-        self._residue = float(charge[-1] - held)
-        return np.repeat(np.array(net), np.diff(changes, append=len(charge))).astype(np.int64)
+    A pulse is fired when the charge is a whole one away from what was fired: the net count is held between the
+    whole numbers below and above the charge. Only where these change can it change.
+    """
+    low, high = np.floor(charge), np.ceil(charge)
+    changed = np.ones(len(charge), np.bool_)
+    changed[1:] = (low[1:] != low[:-1]) | (high[1:] != high[:-1])
+    changes = np.flatnonzero(changed)
+    net, held = [], 0.0
+    for below, above in zip(low[changes].tolist(), high[changes].tolist(), strict=True):
+        if held < below:
+            held = below
+        elif held > above:
+            held = above
+        net.append(held)
+    return np.repeat(np.array(net), np.diff(changes, append=len(charge))).astype(np.int64)
 
 
 def _horner(coefficients: Polynomial, t: Array) -> Array:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import takewhile
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.analysis.thermometer import beyond_possible
 from bench.config.channels import period_s
@@ -26,7 +26,10 @@ from drivers.errors import DriverError
 from drivers.values import Reading
 
 KEPT_S = 4 * 3600.0
+ROWS = 256  # of a channel to begin with
 WINDOW_GRACE_S = 2.0  # after switching a supply, before its current is judged
+
+Values = NDArray[np.float64]
 
 
 @dataclass
@@ -38,19 +41,35 @@ class Window:
     on_since_s: float | None = None
 
 
-@dataclass
 class _Channel:
     """A reading of a device: its latest values, and the name it has on this bench."""
 
-    name: str
-    unit: str
-    values: deque[Reading] = field(default_factory=deque)
+    def __init__(self, name: str, unit: str) -> None:
+        self.name, self.unit = name, unit
+        self.newest: Reading | None = None
+        self._table = np.empty((ROWS, 2))
+        self._rows = 0
 
     def extend(self, readings: Sequence[Reading]) -> None:
-        self.values.extend(readings)
-        newest_s = self.values[-1].at_s
-        while self.values[0].at_s < newest_s - KEPT_S:
-            self.values.popleft()
+        """Takes values in, in the order of their times."""
+        self.newest = readings[-1]
+        if self._rows + len(readings) > len(self._table):
+            self._make_room(len(readings))
+        self._table[self._rows : self._rows + len(readings)] = readings
+        self._rows += len(readings)
+
+    def last(self, span_s: float) -> Values:
+        """The values over the last `span_s` before the newest: (N, 2), time and value."""
+        if self.newest is None:
+            return np.empty((0, 2))
+        table = self._table[: self._rows]
+        return table[np.searchsorted(table[:, 0], self.newest.at_s - span_s - 1e-6) :].copy()
+
+    def _make_room(self, rows: int) -> None:
+        """For so many rows at least, and as many as are kept, so that it is seldom made."""
+        kept = self.last(KEPT_S)
+        self._table, self._rows = np.empty((2 * (len(kept) + rows), 2)), len(kept)
+        self._table[: self._rows] = kept
 
 
 class Monitor:
@@ -106,11 +125,15 @@ class Monitor:
     def latest(self, name: str) -> Reading | None:
         """The newest value of a named reading, or of DEVICE.CHANNEL."""
         channel = self._channels.get(self._source(name))
-        return channel.values[-1] if channel and channel.values else None
+        return channel.newest if channel is not None else None
 
     def newest(self) -> dict[str, tuple[Reading, str]]:
         """The newest value of every channel that was read, by its name on this bench, with its unit."""
-        return {channel.name: (channel.values[-1], channel.unit) for channel in self._channels.values()}
+        return {
+            channel.name: (channel.newest, channel.unit)
+            for channel in self._channels.values()
+            if channel.newest is not None
+        }
 
     def unit_of(self, name: str) -> str:
         """The unit of a reading."""
@@ -120,14 +143,10 @@ class Monitor:
         """DEVICE.CHANNEL of a named reading, and of one that is named so already."""
         return self._bench.readings[name].from_ if name in self._bench.readings else name
 
-    def last(self, name: str, span_s: float) -> np.ndarray[Any, np.dtype[np.float64]]:
+    def last(self, name: str, span_s: float) -> Values:
         """The values of a reading over the last `span_s` before the newest: (N, 2), time and value."""
         channel = self._channels.get(self._source(name))
-        if channel is None or not channel.values:
-            return np.empty((0, 2))
-        begin_s = channel.values[-1].at_s - span_s - 1e-6
-        newest_first = list(takewhile(lambda reading: reading.at_s >= begin_s, reversed(channel.values)))
-        return np.array(newest_first[::-1])
+        return channel.last(span_s) if channel is not None else np.empty((0, 2))
 
     async def _watch(self, role: str) -> None:
         every_s, device = period_s(role, self._bench), self._rig.devices[role]
@@ -240,9 +259,8 @@ class Monitor:
 
     def _problem_with_current(self, role: str, window: Window) -> tuple[Kind, str] | None:
         current = self._channels.get(f"{role}.current")
-        if window.on_since_s is None or current is None:
+        if window.on_since_s is None or current is None or (newest := current.newest) is None:
             return None
-        newest = current.values[-1]
         if newest.at_s < window.on_since_s + WINDOW_GRACE_S or window.low <= newest.value <= window.high:
             return None
         return (

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import defaultdict
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from contextlib import AbstractAsyncContextManager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,13 +19,14 @@ from bench.store.codes import CodeDecoder
 from bench.store.counts import CountDecoder
 from drivers.can_counter.description import CounterOptions
 from drivers.can_telemetry.description import TelemetryOptions
-from drivers.capabilities import FrameSource, RateTable, Voltmeter
+from drivers.capabilities import RateTable, Voltmeter
 from drivers.frame_block import FrameBlock
 from drivers.values import Reading
 
 if TYPE_CHECKING:  # which calls the functions here
     from bench.engine.actions import Bench
 
+WATCHED_BLOCK_S = 1.0  # how fresh frames are whose steadiness is looked at
 TURN_LOOK_S = 0.02  # how closely the end of the last turn is looked for
 
 
@@ -75,7 +77,9 @@ async def _record(role: str, step_id: str, bench: Bench, over: asyncio.Event, wa
     if "voltmeter" in bench.file.devices[role].description.capabilities:
         await _record_voltages(bench.rig.voltmeter(role), keep_readings, over)
     else:
-        await _record_frames(bench.rig.frame_source(role), keep_frames, over)
+        source = bench.rig.frame_source(role)
+        acquiring = source.acquire() if watched is None else source.acquire(block_s=WATCHED_BLOCK_S)
+        await _record_frames(acquiring, keep_frames, over)
 
 
 async def _record_voltages(
@@ -86,12 +90,16 @@ async def _record_voltages(
         keep_readings(await meter.measure(1, nplc=None))
 
 
-async def _record_frames(source: FrameSource, keep_frames: Callable[[FrameBlock], None], over: asyncio.Event) -> None:
+async def _record_frames(
+    acquiring: AbstractAsyncContextManager[AsyncIterator[FrameBlock]],
+    keep_frames: Callable[[FrameBlock], None],
+    over: asyncio.Event,
+) -> None:
     async def keep(blocks: AsyncIterator[FrameBlock]) -> None:
         async for block in blocks:
             keep_frames(block)
 
-    async with source.acquire() as blocks:
+    async with acquiring as blocks:
         recording, ending = asyncio.ensure_future(keep(blocks)), asyncio.ensure_future(over.wait())
         try:
             await asyncio.wait([ending, recording], return_when=asyncio.FIRST_COMPLETED)

@@ -26,9 +26,9 @@ class CountDecoder:
 
     def counts(self, block: FrameBlock) -> dict[str, Counts]:
         """The counts of every channel in these frames."""
-        found = {}
+        found, latches = {}, wire.latches_of(self._format, block)
         for name in self._options.channels:
-            raw = wire.decode_counts(self._format, name, block)
+            raw = wire.decode_counts(self._format, name, block, latches)
             found[name] = Counts(
                 sequence=raw.sequence,
                 tick=raw.tick,

@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import sqlite3
+from collections import deque
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +20,7 @@ from bench.errors import StoreError
 from bench.store import database
 from drivers.frame_block import FrameBlock
 
+BLOCKS_AHEAD = 8  # which are unpacked while one is looked at
 _SEQS_OF_STEPS = "SELECT step, MIN(seq), MAX(seq) FROM block GROUP BY step ORDER BY MIN(seq)"
 
 
@@ -53,18 +56,23 @@ class RunReader:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._database = database.open_to_read(folder / database.FILE_NAME)
+        self._unpackers = ThreadPoolExecutor(thread_name_prefix="unpack")  # zlib lets other threads work meanwhile
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exc: object) -> None:
+        self._unpackers.shutdown()
         self._database.close()
 
     def _rows(self, query: str, *values: object) -> Iterator[tuple[Any, ...]]:
         try:
             yield from self._database.execute(query, values)
         except sqlite3.Error as problem:
-            raise StoreError(f"{self.folder}: cannot be read ({problem})") from problem
+            raise self._unreadable(problem) from problem
+
+    def _unreadable(self, problem: sqlite3.Error) -> StoreError:
+        return StoreError(f"{self.folder}: cannot be read ({problem})")
 
     def events(self, *kinds: str) -> Iterator[Event]:
         """The journal in order; only these kinds when some are given."""
@@ -76,9 +84,13 @@ class RunReader:
         """(stream, step, frames) in order; only those of one step when it is given."""
         where = "" if step is None else "WHERE step = ? AND seq BETWEEN ? AND ?"
         values = () if step is None else (step, *self._seqs_of_steps.get(step, (0, -1)))
-        query = f"SELECT stream, step, frames, crc, data FROM block {where} ORDER BY seq"  # noqa: S608  no input in it
-        for stream, of_step, frames, crc, data in self._rows(query, *values):
-            yield stream, of_step, database.unpack(data, frames, crc)
+        query = f"SELECT stream, step, data, frames, crc FROM block {where} ORDER BY seq"  # noqa: S608  no input in it
+        ahead: deque[tuple[str, str, Future[FrameBlock]]] = deque()
+        for stream, of_step, *packed in self._rows(query, *values):
+            ahead.append((stream, of_step, self._unpackers.submit(database.unpack, *packed)))
+            if len(ahead) > BLOCKS_AHEAD:
+                yield _done(ahead.popleft())
+        yield from map(_done, ahead)
 
     @cached_property
     def _seqs_of_steps(self) -> dict[str, tuple[int, int]]:
@@ -130,14 +142,14 @@ class RunReader:
 
     def series(self, name: str) -> Series:
         """One channel over the whole run; empty when it was never read."""
-        rows = list(
-            self._rows(
-                "SELECT reading.at_s, value FROM reading JOIN channel ON channel.id = channel "
-                "WHERE name = ? ORDER BY reading.seq",
-                name,
-            )
+        query = (
+            "SELECT reading.at_s, value FROM reading JOIN channel ON channel.id = channel "
+            "WHERE name = ? ORDER BY reading.seq"
         )
-        table = np.array(rows, np.float64).reshape(-1, 2)
+        try:
+            table = np.array(self._database.execute(query, (name,)).fetchall(), np.float64).reshape(-1, 2)
+        except sqlite3.Error as problem:
+            raise self._unreadable(problem) from problem
         return Series(name, self.channels().get(name, ""), table[:, 0].copy(), table[:, 1].copy())
 
     def digest(self) -> str:
@@ -157,3 +169,8 @@ class RunReader:
         for row in self._samples():
             total.update(repr(row).encode())
         return total.hexdigest()
+
+
+def _done(unpacking: tuple[str, str, Future[FrameBlock]]) -> tuple[str, str, FrameBlock]:
+    stream, step, block = unpacking
+    return stream, step, block.result()

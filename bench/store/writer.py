@@ -63,8 +63,7 @@ class RunWriter:
 
     def samples(self, stream: str, step: str, readings: Sequence[Reading]) -> None:
         """What a device read during a step that acquires."""
-        for at_s, value in readings:
-            self._put("sample", (at_s, stream, step, value))
+        self._put("sample", *((at_s, stream, step, value) for at_s, value in readings))
 
     def readings(self, name: str, unit: str, readings: Sequence[Reading]) -> None:
         """Values of one channel."""
@@ -72,8 +71,7 @@ class RunWriter:
         if channel is None:
             channel = self._channels[name] = len(self._channels) + 1
             self._put("channel", (name, unit))
-        for at_s, value in readings:
-            self._put("reading", (at_s, channel, value))
+        self._put("reading", *((at_s, channel, value) for at_s, value in readings))
 
     async def commit(self) -> None:
         """Returns when everything given so far is on the disk; raises StoreError when it cannot be."""
@@ -93,15 +91,16 @@ class RunWriter:
         self._thread.join()
         self._raise_failure()
 
-    def _put(self, table: str, row: tuple[Any, ...]) -> None:
+    def _put(self, table: str, *rows: tuple[Any, ...]) -> None:
         with self._changed:
             self._raise_failure()
             if len(self._rows) > WAITING_LIMIT:
                 self._changed.notify_all()
                 if not self._changed.wait_for(lambda: len(self._rows) <= WAITING_LIMIT, SLOW_DISK_S):
                     raise StoreError(f"the disk has not taken data for {SLOW_DISK_S:g} s; is it failing, or full?")
-            self._numbers[table] += 1
-            self._rows.append((table, (self._numbers[table], *row)))
+            first = self._numbers[table] + 1
+            self._rows += ((table, (number, *row)) for number, row in enumerate(rows, start=first))
+            self._numbers[table] += len(rows)
 
     def _raise_failure(self) -> None:
         if self._failure is not None:

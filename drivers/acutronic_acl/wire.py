@@ -7,6 +7,7 @@ the prefix come, how registers are spelled (read here as decimal numbers), and w
 from __future__ import annotations
 
 from enum import Enum, IntFlag
+from functools import lru_cache
 from typing import Literal, NamedTuple, TypeVar
 
 from drivers import scpi
@@ -58,6 +59,9 @@ class Supervisor(IntFlag):
 
 
 LOCKED_OUT = Supervisor.LOCKOUT | Supervisor.REMOTE_LOCKOUT
+
+
+_DYNAMICS, _SUPERVISOR = sum(Dynamics), sum(Supervisor)
 
 
 class SoftwareFault(IntFlag):
@@ -210,7 +214,7 @@ def read_state(text: str) -> State:
     angle, rate, interlock, mode, dynamics, supervisor = scpi.answers(text.encode("ascii"), 6)
     return State(
         scpi.number(angle), scpi.number(rate), spelled(interlock, Interlock), spelled(mode, Mode),
-        Dynamics(scpi.integer(dynamics) & sum(Dynamics)), Supervisor(scpi.integer(supervisor) & sum(Supervisor)),
+        Dynamics(scpi.integer(dynamics) & _DYNAMICS), Supervisor(scpi.integer(supervisor) & _SUPERVISOR),
     )  # fmt: skip
 
 
@@ -222,6 +226,7 @@ def read_faults(text: str) -> str:
     return ", ".join(name.lower().replace("_", " ") for name in names)
 
 
+@lru_cache(maxsize=256)
 def spelled(text: str, words: type[E]) -> E:
     """The member that is spelled so, in full or cut short, in any case; ValueError."""
     for word in words:

@@ -17,6 +17,8 @@ from drivers.dbc import Dbc, Field, readings_of
 from drivers.frame_block import FrameBlock
 from drivers.sequence_numbers import Integers, ascending, shortest, unwrapped
 
+NEWEST_FRAMES = 64  # of a block, among which the newest of each message are as a rule
+
 
 @dataclass(frozen=True, slots=True)
 class ChannelFormat:
@@ -114,6 +116,29 @@ def counter_format(
 
 
 @dataclass(frozen=True, slots=True)
+class Latches:
+    """The latches of a block: where they stand, their data (N, 8), their raw numbers, and these unwrapped.
+
+    `fresh` are those with a number above all before them.
+    """
+
+    rows: NDArray[np.intp]
+    data: NDArray[np.uint8]
+    raw: Integers
+    numbers: Integers
+    fresh: NDArray[np.bool_]
+    restarts: int
+
+
+def latches_of(form: CounterFormat, block: FrameBlock) -> Latches:
+    """The latches of a block, which all channels are paired with."""
+    rows, data, raw = _numbered(form.sequence, block)
+    numbers = unwrapped(raw, form.sequence.signal.length)
+    boots = form.boot_count.signal.raw(data) if form.boot_count else np.empty(0, np.int64)
+    return Latches(rows, data, raw, numbers, ascending(numbers), int(np.count_nonzero(np.diff(boots))))
+
+
+@dataclass(frozen=True, slots=True)
 class _Paired:
     """Frames of one message and the latches that they belong to: their data (N, 8), and what did not fit."""
 
@@ -126,10 +151,10 @@ class _Paired:
     restarts: int
 
 
-def decode_counts(form: CounterFormat, channel: str, block: FrameBlock) -> Counts:
-    """The counts of one channel in a block, paired with their latches."""
+def decode_counts(form: CounterFormat, channel: str, block: FrameBlock, latches: Latches | None = None) -> Counts:
+    """The counts of one channel in a block, paired with their latches; those that are known need not be found again."""
     pair = form.channels[channel]
-    found = _paired(form, pair.sequence, block)
+    found = _paired(form, pair.sequence, block, latches or latches_of(form, block))
     return Counts(
         sequence=found.sequence,
         tick=form.tick.signal.raw(found.latch),
@@ -147,7 +172,7 @@ def decode_counts(form: CounterFormat, channel: str, block: FrameBlock) -> Count
 def decode_positions(form: CounterFormat, name: str, block: FrameBlock) -> Positions:
     """What one encoder read, paired with the latches; rows with one sequence number belong to those of the counts."""
     encoder = form.positions[name]
-    found = _paired(form, encoder.sequence, block)
+    found = _paired(form, encoder.sequence, block, latches_of(form, block))
     return Positions(
         sequence=found.sequence,
         tick=form.tick.signal.raw(found.latch),
@@ -159,45 +184,64 @@ def decode_positions(form: CounterFormat, name: str, block: FrameBlock) -> Posit
     )
 
 
-def _paired(form: CounterFormat, other: Field, block: FrameBlock) -> _Paired:
+def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latches) -> _Paired:
     """The frames with a sequence number `other` and their latches."""
-    latch_rows, latch_raw = _numbers(form.sequence, block)
-    latch_numbers = unwrapped(latch_raw, form.sequence.signal.length)
-    axis_rows, axis_raw = _numbers(other, block)
-    before = np.searchsorted(latch_rows, axis_rows) - 1  # the last latch that came before
-    near = latch_numbers[np.maximum(before, 0)] if len(latch_rows) else np.zeros_like(axis_raw)
-    axis_numbers = near + shortest(axis_raw - near, other.signal.length)
-    fresh_latch, fresh_axis = ascending(latch_numbers), ascending(axis_numbers)
-    sequence, of_latch, of_axis = np.intersect1d(
-        latch_numbers[fresh_latch], axis_numbers[fresh_axis], assume_unique=True, return_indices=True
-    )
-    boots = form.boot_count.signal.raw(block.data[latch_rows]) if form.boot_count else np.empty(0, np.int64)
-    expected = int(latch_numbers.max() - latch_numbers[0]) + 1 if len(latch_rows) else 0
+    rows, data, raw = _numbered(other, block)
+    of_latch: slice | NDArray[np.intp] = slice(None)
+    of_other: slice | NDArray[np.intp] = slice(None)
+    if other.signal.length == form.sequence.signal.length and _in_step(latches, rows, raw):
+        sequence, stale = latches.numbers, 0
+    else:
+        numbers = _unwrapped_beside(latches, rows, raw, other.signal.length)
+        fresh = ascending(numbers)
+        sequence, latch_places, other_places = np.intersect1d(
+            latches.numbers[latches.fresh], numbers[fresh], assume_unique=True, return_indices=True
+        )
+        of_latch, of_other = np.flatnonzero(latches.fresh)[latch_places], np.flatnonzero(fresh)[other_places]
+        stale = int(np.count_nonzero(~latches.fresh) + np.count_nonzero(~fresh))
+    expected = int(latches.numbers.max() - latches.numbers[0]) + 1 if len(latches.rows) else 0
     return _Paired(
         sequence=sequence,
-        latch=block.data[latch_rows[fresh_latch][of_latch]],
-        other=block.data[axis_rows[fresh_axis][of_axis]],
-        host_s=block.at_s[latch_rows[fresh_latch][of_latch]],
+        latch=latches.data[of_latch],
+        other=data[of_other],
+        host_s=block.at_s[latches.rows[of_latch]],
         lost=expected - len(sequence),
-        dropped=int(np.count_nonzero(~fresh_latch) + np.count_nonzero(~fresh_axis)),
-        restarts=int(np.count_nonzero(np.diff(boots))),
+        dropped=stale,
+        restarts=latches.restarts,
     )
+
+
+def _in_step(latches: Latches, rows: NDArray[np.intp], raw: Integers) -> bool:
+    """Whether after each latch comes one frame with its number, as when nothing is lost, late or twice."""
+    if len(rows) != len(latches.rows) or not latches.fresh.all():
+        return False
+    between = (rows > latches.rows).all() and (rows[:-1] < latches.rows[1:]).all()
+    return bool(between and (raw == latches.raw).all())
+
+
+def _unwrapped_beside(latches: Latches, rows: NDArray[np.intp], raw: Integers, bits: int) -> Integers:
+    """Numbers that wrap as those nearest to the number of the last latch that came before."""
+    before = np.searchsorted(latches.rows, rows) - 1
+    near = latches.numbers[np.maximum(before, 0)] if len(latches.rows) else np.zeros_like(raw)
+    return near + shortest(raw - near, bits)
 
 
 def latches(form: CounterFormat, block: FrameBlock) -> tuple[Integers, NDArray[np.float64]]:
     """Raw sequence numbers of the latches in a block, and when they arrived."""
     rows = form.sequence.message.rows(block)
-    return form.sequence.signal.raw(block.data[rows]), block.at_s[rows]
+    return form.sequence.signal.raw(block.payloads(rows)), block.at_s[rows]
 
 
 def newest_counts(form: CounterFormat, channel: str, block: FrameBlock) -> tuple[float, tuple[int, int]] | None:
     """When the last frame of a channel in a block arrived, and its raw counts; None without one."""
     pair = form.channels[channel]
-    rows = pair.sequence.message.rows(block)[-1:]
-    if not len(rows):
-        return None
-    positive, negative = (int(field.signal.raw(block.data[rows])[0]) for field in (pair.positive, pair.negative))
-    return float(block.at_s[rows[0]]), (positive, negative)
+    for part in (block.last(NEWEST_FRAMES), block):
+        rows = pair.sequence.message.rows(part)[-1:]
+        if len(rows):
+            data = part.payloads(rows)
+            positive, negative = (int(field.signal.raw(data)[0]) for field in (pair.positive, pair.negative))
+            return float(part.at_s[rows[0]]), (positive, negative)
+    return None
 
 
 def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
@@ -205,7 +249,8 @@ def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDAr
     return readings_of(form.temperatures, block)
 
 
-def _numbers(sequence: Field, block: FrameBlock) -> tuple[NDArray[np.intp], Integers]:
-    """The rows of a block with a message, and the raw sequence numbers in them."""
+def _numbered(sequence: Field, block: FrameBlock) -> tuple[NDArray[np.intp], NDArray[np.uint8], Integers]:
+    """The rows of a block with a message, their data, and the raw sequence numbers in it."""
     rows = sequence.message.rows(block)
-    return rows, sequence.signal.raw(block.data[rows])
+    data = block.payloads(rows)
+    return rows, data, sequence.signal.raw(data)

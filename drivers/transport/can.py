@@ -16,7 +16,7 @@ from drivers.errors import CannotConnect, InstrumentFault, LinkLost
 from drivers.frame_block import EXTENDED, FrameBlock
 from drivers.transport import slcan
 from drivers.transport.address import Address
-from drivers.transport.frames import FrameLink
+from drivers.transport.frames import DURABLE_BLOCK_S, FrameLink
 from drivers.transport.serial import open_serial
 
 P = TypeVar("P", bound=asyncio.Protocol)
@@ -51,6 +51,8 @@ async def open_slcan(
 
 class Slcan(asyncio.Protocol):
     """A serial-line adapter as a frame link. What arrives is kept as bytes until `take` parses it in one go."""
+
+    block_s = DURABLE_BLOCK_S
 
     def __init__(self, device: str) -> None:
         self._device = device
@@ -121,6 +123,8 @@ class PythonCan:
     With a file descriptor the running loop reads it; an adapter without one gets a reader thread, which is why such a
     link belongs to real time only.
     """
+
+    block_s = DURABLE_BLOCK_S
 
     def __init__(self, device: str, address: Address) -> None:
         self._device = device

@@ -19,6 +19,7 @@ from drivers.capabilities import PulseCounter
 from drivers.description import known_drivers
 from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, LinkLost, NoAnswer
 from drivers.frame_block import FrameBlock
+from drivers.transport.can import PythonCan, Slcan
 from simulators.faults import FaultKind
 from tests.support.counters import OPTIONS, RATE_PPS, Bench, dbc_file, options, with_bench, with_driver
 from tests.support.laboratory import CHANNELS, ROOT, counter_form
@@ -235,6 +236,27 @@ def test_blocks_come_every_second_while_somebody_acquires() -> None:
         assert np.diff(arrived) == pytest.approx(np.ones(4))
 
     with_driver(use)
+
+
+@pytest.mark.parametrize(("link_s", "asked_s", "every_s"), [(10.0, None, 10.0), (10.0, 2.0, 2.0), (1.0, 5.0, 1.0)])
+def test_blocks_come_as_often_as_the_link_or_whoever_acquires_needs_them(
+    link_s: float, asked_s: float | None, every_s: float
+) -> None:
+    async def use(bench: Bench, driver: CanCounter) -> None:
+        bench.bus.block_s = link_s
+        arrived = []
+        async with driver.acquire() if asked_s is None else driver.acquire(block_s=asked_s) as blocks:
+            async for _ in blocks:
+                arrived.append(now_s())
+                if len(arrived) == 4:
+                    break
+        assert np.diff(arrived) == pytest.approx(np.full(3, every_s))
+
+    with_driver(use)
+
+
+def test_a_power_cut_costs_a_second_of_real_frames_at_most() -> None:
+    assert (Slcan.block_s, PythonCan.block_s) == (1.0, 1.0)
 
 
 def test_acquisitions_follow_one_another_without_a_frame_in_both() -> None:

@@ -15,7 +15,7 @@ from drivers.errors import CannotConnect
 from drivers.frame_block import FrameBlock
 from drivers.transport.address import Address
 from drivers.transport.can import open_slcan
-from drivers.transport.frames import FrameLink
+from drivers.transport.frames import DURABLE_BLOCK_S, FrameLink
 from drivers.transport.memory import Line, join
 from simulators.can_counter import CounterSettings, SimulatedCounter
 from simulators.can_node import CanNode
@@ -41,6 +41,8 @@ def options(folder: Path = ROOT / "config", **changes: Any) -> CounterOptions:
 class Bus:
     """A Wires to a simulated node, directly or through a serial-line adapter. `alter` makes of the frames what
     the driver gets; `closed` counts how often it has let go."""
+
+    block_s = DURABLE_BLOCK_S
 
     def __init__(self, node: CanNode) -> None:
         self._node = node

@@ -45,8 +45,8 @@ def host_time() -> Iterator[None]:
     """Rates over the arrival times at the host instead of the device's own clock."""
     decode = wire.decode_counts
 
-    def mistaken(form: wire.CounterFormat, channel: str, block: object) -> wire.Counts:
-        honest = decode(form, channel, block)
+    def mistaken(form: wire.CounterFormat, channel: str, *given: object) -> wire.Counts:
+        honest = decode(form, channel, *given)
         ticks = np.rint(honest.host_s / form.tick_period_s).astype(np.int64)
         return dataclasses.replace(honest, tick=ticks, tick_bits=62)
 
@@ -104,8 +104,8 @@ def swapped_lines() -> Iterator[None]:
     """The + and - lines of the converter the wrong way round."""
     decode = wire.decode_counts
 
-    def mistaken(form: wire.CounterFormat, channel: str, block: object) -> wire.Counts:
-        honest = decode(form, channel, block)
+    def mistaken(form: wire.CounterFormat, channel: str, *given: object) -> wire.Counts:
+        honest = decode(form, channel, *given)
         return dataclasses.replace(honest, positive=honest.negative, negative=honest.positive)
 
     with mock.patch.object(wire, "decode_counts", mistaken):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from bench.analysis.tumble import solve_tumble
 from simulators.unit_file import UnitFile
-from simulators.uut import Hysteresis, Integrator, Noise, UnitTruth, draw_unit
+from simulators.uut import Hysteresis, Integrator, Noise, UnitTruth, Wander, draw_unit
 from tests.support.laboratory import Laboratory, place, unit
 
 PERFECT = draw_unit(unit(), 1, "a")
@@ -291,3 +291,11 @@ def test_counts_never_go_back_when_current_swings_through_zero() -> None:
     positive, negative = integrator.count(swing)
     assert np.diff(positive).min() == np.diff(negative).min() == 0
     assert np.abs((positive - negative) - swing.cumsum()).max() <= 1 + 1e-9
+
+
+def test_a_wander_does_not_depend_on_how_long_the_blocks_are() -> None:
+    by_second, at_once = (Wander(1.0, np.random.default_rng(5)) for _ in range(2))
+    intervals_s = np.full(100, 0.1)
+    expected = np.concatenate([by_second.at_ends(part_s) for part_s in np.split(intervals_s, 10)])
+    assert at_once.at_ends(intervals_s) == pytest.approx(expected, abs=1e-12)
+    assert np.ptp(expected) > 0.1
