@@ -28,10 +28,13 @@ pytest: $(VENV)/.dev
 	$(BIN)/pytest -n 2 --cov --cov-report= --dist worksteal --durations 20
 	$(BIN)/coverage report --fail-under=90
 
-# Results against the simulated truth, 40 seeds on a perfect and on a full bench, then with errors planted.
+# Results against the simulated truth, 40 seeds on a perfect and on a full bench, then with errors planted: half an hour.
 truth: $(VENV)/.dev
 	$(BIN)/python -m tests.truth --seeds 40
-	$(BIN)/python -m tests.truth.channel --seeds 20
+	$(BIN)/python -m tests.truth.indexing --seeds 40
+	$(BIN)/python -m tests.truth.imu --seeds 40
+	$(BIN)/python -m tests.truth.channel --seeds 40
+	$(BIN)/python -m tests.truth.repeatability --seeds 40
 	$(BIN)/python -m tests.truth.table --seeds 10
 	$(BIN)/python -m tests.truth.ladder --seeds 20
 

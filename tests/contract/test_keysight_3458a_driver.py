@@ -3,6 +3,7 @@
 import asyncio
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
@@ -11,7 +12,12 @@ from drivers.description import known_drivers
 from drivers.errors import BadAnswer, BeyondLimit, Refused, WrongIdentity
 from drivers.keysight_3458a.description import DESCRIPTION, VoltmeterOptions, VoltmeterUncertainty
 from drivers.keysight_3458a.driver import Keysight3458A
-from tests.support.voltmeter import CYCLE_S, Meter, now_s, with_driver, with_meter
+from simulators.attitude import planar
+from simulators.faults import FaultPlan
+from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
+from simulators.world import World, WorldSettings
+from tests.support.laboratory import STILL_AIR, place, unit
+from tests.support.voltmeter import CYCLE_S, LOAD_OHM, Meter, now_s, with_driver, with_meter
 
 SET_UP = b"PRESET NORM;TARM HOLD;TRIG AUTO;INBUF ON;END ALWAYS;QFORMAT NORM;DCV 1;NPLC 10;AZERO ON;TARM?\n"
 STATE = [b"TARM?\n", b"FUNC?\n", b"NPLC?\n", b"AZERO?\n", b"MATH?\n", b"INBUF?\n"]
@@ -230,3 +236,20 @@ def test_a_setting_that_is_lost_is_refused_and_not_repeated() -> None:
         assert meter.wire.count(b"NPLC 5") == 1
 
     with_driver(use)
+
+
+def test_between_readings_the_bias_of_the_unit_wanders_on() -> None:
+    now = [0.0]
+    wandering = unit(accelerometer={"noise": {"instability": "1 mg"}})
+    settings = WorldSettings(
+        seed=1, gravity_mps2=9.8, fixture=planar(1, 90.0), chamber=STILL_AIR, places={"a": place(unit=wandering)}
+    )
+    world = World(settings, lambda: now[0])
+    world.power("supply", True)
+    meter, read = Simulated3458A(world, FaultPlan(now_s=lambda: now[0]), VoltmeterSettings("a", LOAD_OHM)), []
+    for _ in range(300):
+        now[0] += meter.begin_reading()
+        read.append(float(meter.end_reading()))
+        now[0] += 30.0
+    assert np.std(read) == pytest.approx(1e-3 * 0.5, rel=0.2)
+    assert abs(np.corrcoef(read[:-1], read[1:])[0, 1]) < 0.2, "it forgets in 10 s"

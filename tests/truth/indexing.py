@@ -104,6 +104,8 @@ def judged(comparisons: list[Comparison], name: str) -> Iterator[str]:
             print(f"{quantity:<18} n {len(ratios):>3}  rms(error/u) {rms:.3f}  largest {worst:.2f}")
             if not low <= rms <= high:
                 yield f"{quantity}: rms(error/u) is {rms:.3f}"
+            if (far := sum(abs(ratio) > 3 for ratio in ratios)) > max(1, len(ratios) // 40):
+                yield f"{quantity}: {far} of {len(ratios)} runs are beyond k = 3"
 
 
 if __name__ == "__main__":

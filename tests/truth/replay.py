@@ -62,8 +62,9 @@ class Stimulus:
 
 @dataclass(frozen=True)
 class Template:
-    """What a run did, what it acquired under each label, and how that is to be reduced."""
+    """What the run in a folder did, what it acquired under each label, and how that is to be reduced."""
 
+    folder: Path
     origin_s: float
     stimuli: Sequence[Stimulus]
     sequence: SequenceFile
@@ -79,7 +80,7 @@ def template_of(request: RunRequest) -> Template:
     with open_run(path) as stored:
         labels = dict.fromkeys(label for entry in stored.sequence.results for label in entry.labels)
         data = {label: _without_counts(stored.data(label)) for label in labels}
-        return Template(origins_s[0], stimuli, stored.sequence, data)
+        return Template(path, origins_s[0], stimuli, stored.sequence, data)
 
 
 def _without_counts(data: RunData) -> RunData:

@@ -9,10 +9,12 @@ import pytest
 
 from bench.analysis import imu_windows
 from bench.app.request import RunRequest
+from bench.config.bench import load_bench
 from bench.report.stored import open_run
 from tests.support.runs import read_json
-from tests.truth.campaign import results_of, run_one
-from tests.truth.imu import QUANTITIES, bench_file, compare_imu, rms_of
+from tests.truth.campaign import results_of
+from tests.truth.imu import QUANTITIES, bench_file, compare_imu, compared, rms_of
+from tests.truth.replay import replayed, template_of
 
 SHORT = (
     "temperatures=[20 °C, 30 °C]", "warm_up=30 min", "soak=30 min", "dwell=10 s", "settle=1 s", "rate_dwell=3 s",
@@ -21,10 +23,19 @@ SHORT = (
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def bench(tmp_path_factory):
+    return bench_file(tmp_path_factory.mktemp("bench"), "imu", perfect=False)
+
+
+@pytest.fixture(scope="module")
+def template(tmp_path_factory, bench):
     folder = tmp_path_factory.mktemp("imu")
-    bench = bench_file(folder / "config", "imu", perfect=False)
-    return run_one(RunRequest("imu_24_position", bench=str(bench), seed=3, settings=SHORT, runs=folder))
+    return template_of(RunRequest("imu_24_position", bench=str(bench), seed=3, settings=SHORT, runs=folder))
+
+
+@pytest.fixture(scope="module")
+def run(template):
+    return template.folder
 
 
 def reduced(run):
@@ -35,6 +46,17 @@ def reduced(run):
 def test_every_finding_is_within_its_uncertainty(run):
     comparisons = compare_imu(run)
     assert {each.quantity for each in comparisons} == set(QUANTITIES)
+    assert max(abs(each.ratio) for each in comparisons) < 4.5
+    assert all(rms < 3 for rms in rms_of(comparisons).values())
+
+
+def test_the_same_is_found_at_the_level_of_records(template, bench):
+    """With the seed of the run through all wires it is the same unit on the same bench; only noise comes otherwise."""
+    wires = {(each.quantity, each.dwell) for each in compare_imu(template.folder)}
+    again = replayed(template, load_bench(bench).bench, seed=3)
+    comparisons = compared(again.truth, again.results)
+    assert again.truth["imus"] == read_json(type("Run", (), {"path": template.folder}), "truth.json")["imus"]
+    assert {(each.quantity, each.dwell) for each in comparisons} == wires
     assert max(abs(each.ratio) for each in comparisons) < 4.5
     assert all(rms < 3 for rms in rms_of(comparisons).values())
 

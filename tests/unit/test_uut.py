@@ -176,6 +176,17 @@ def test_the_wander_has_its_size_and_forgets_in_ten_seconds(block_s: float) -> N
     assert np.corrcoef(values[:-after_ten_s], values[after_ten_s:])[0, 1] == pytest.approx(math.exp(-1), abs=0.1)
 
 
+def test_the_bias_wanders_on_while_nobody_looks() -> None:
+    noise, second = Noise(but(instability_g=0.5e-6), seed=3, place="a"), np.array([1.0])
+    looks = []
+    for _ in range(4000):
+        looks.append(noise.mean_g(second)[0])
+        noise.pass_over(9.0)
+    values = np.array(looks)
+    assert values.std() == pytest.approx(0.5e-6, rel=0.1)
+    assert np.corrcoef(values[:-1], values[1:])[0, 1] == pytest.approx(math.exp(-1), abs=0.1)
+
+
 def test_noise_belongs_to_seed_and_place() -> None:
     truth, interval_s = but(noise_density=2e-6, instability_g=1e-6), np.full(5, 0.1)
     first = Noise(truth, 3, "a").mean_g(interval_s)
