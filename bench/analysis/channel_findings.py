@@ -80,13 +80,15 @@ class ChannelFindings:
             yield BudgetLine(f"{source}: gain", "B", rate_pps * certificate.gain_u, None, f"{source}.gain")
             offset_pps = abs(rate_pps / at.current_a) * certificate.offset_u_a
             yield BudgetLine(f"{source}: offset", "B", offset_pps, None, f"{source}.offset")
-            drifted = level.drift_u_per_h * self._hours_of_source(level)
-            yield BudgetLine(f"{source}: drift since its first point", "B", rate_pps * drifted, None, f"{source}.drift")
+            drifted = level.drift_u_per_h * self._hours_of_run(level)
+            yield BudgetLine(f"{source}: drift since the run began", "B", rate_pps * drifted, None, f"{source}.drift")
 
-    def _hours_of_source(self, level: Level) -> float:
-        """From the first time that the source was counted to the middle of the ramp."""
-        begun_s = [point.middle_s for each in self.found.values() if each.level.kind == "source"
-                   for point in each.points]  # fmt: skip
+    def _hours_of_run(self, level: Level) -> float:
+        """From the first point of the run, at whatever level, to the middle of the ramp.
+
+        The certificate holds for a source that has just warmed up: it drifts also while levels of gravity are measured.
+        """
+        begun_s = [point.middle_s for each in self.found.values() for point in each.points]
         times_s = level.run.gates.time_s
         return (float(np.mean(times_s)) - min([*begun_s, float(times_s[0])])) / HOUR_S
 

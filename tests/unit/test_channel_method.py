@@ -286,6 +286,18 @@ def test_the_certificate_counts_where_the_points_find_less():
     assert of_source["source: drift during the ramp"] == pytest.approx(1e-6 * hours_per_c, rel=0.01)
 
 
+def test_a_source_drifts_while_levels_of_gravity_are_measured():
+    stated = replace(BENCH, sources={"source": SourceRecord(0.0, 0.0, 1e-6 / 3600)})
+    alone, after = Made().level("source", 1.0), Made().level("gravity", 1.0).level("source", 1.0)
+    drifted = []
+    for made in (alone, after):
+        rate = found(reduced(made, stated))["rate@src_1g"]
+        (line,) = (line for line in rate.budget if line.source == "source: drift since the run began")
+        drifted.append(line.u / rate.value)
+    level_h = (RAMP_S + 2 * POINT_S) / 3600
+    assert drifted[1] - drifted[0] == pytest.approx(1e-6 * level_h, rel=0.02)
+
+
 def test_a_level_without_points_of_its_own_takes_the_drift_that_the_source_showed_at_another():
     made = Made(drift=8e-6).level("source", 1.0).ramp("source", 12.0).point("source", 1.0)
     result = reduced(made, drift_limit=5e-6)
