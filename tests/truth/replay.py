@@ -21,9 +21,9 @@ import numpy as np
 
 from bench.analysis.counts import window_of
 from bench.analysis.rundata import Acquisition, Counts, RunData, Turned, UnitUnderTest
-from bench.app.laboratory import _current_errors, unit_files, world_settings
+from bench.app.laboratory import Laboratory, _current_errors, unit_files, world_settings
 from bench.app.request import RunRequest
-from bench.app.truth import _dwells, _legs, _levels, _readings, _windows
+from bench.app.truth import truth_of
 from bench.config.bench import load_bench
 from bench.config.models import BenchFile
 from bench.report.findings import evaluate
@@ -35,9 +35,6 @@ from bench.sequence.model import SequenceFile
 from drivers.can_counter.description import CounterOptions
 from simulators.current_source import Feed
 from simulators.imu import SENSORS
-from simulators.truth import truth_record
-from simulators.truth_channel import levels_record
-from simulators.truth_imu import imu_record
 from simulators.unit_file import stream
 from simulators.uut import Integrator
 from simulators.world import World
@@ -118,11 +115,7 @@ def replayed(template: Template, bench: BenchFile, seed: int, uut_model: Path | 
     """The run of the template with everything drawn by another seed; `bench` may also state other uncertainties."""
     player = _Player(template, bench, seed, uut_model)
     data = player.play()
-    stored = _Stored(template.sequence, data)
-    truth = truth_record(player.world, _dwells(stored), _legs(stored), None, _readings(stored))
-    truth |= levels_record(player.world, _levels(stored))
-    if player.world.imus:
-        truth |= imu_record(player.world, list(_windows(stored)))
+    truth = truth_of(_Stored(template.sequence, data), Laboratory(player.world, {}, {}))
     found = evaluate(template.sequence, data.__getitem__, "completed", OnTheWay())
     return Replayed(*(json.loads(json.dumps(each)) for each in (truth, found.to_json())))  # as files have them
 
