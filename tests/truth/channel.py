@@ -152,7 +152,7 @@ def problems(found: dict[str, list[Comparison]], highest: float) -> list[str]:
     for key, comparisons in found.items():
         if rms(comparisons) > highest:
             told.append(f"{key}: rms(error/u) is {rms(comparisons):.3g} over {len(comparisons)} runs")
-        if beyond := sum(abs(each.ratio) > 3 for each in comparisons):
+        if (beyond := sum(abs(each.ratio) > 3 for each in comparisons)) > max(1, len(comparisons) // 40):
             told.append(f"{key}: {beyond} of {len(comparisons)} runs are beyond k = 3")
     return told
 
