@@ -91,12 +91,11 @@ class RangeForm:
 
     def of_rest(self, blocks: RangeBlocks, gain: float) -> BudgetLine:
         """Of the bias, which is one for all readings."""
-        dof = blocks.rest.dof if blocks.rest is not None else None
-        return BudgetLine(BIAS, "A", gain * blocks.bias.u_output, dof, self.subject.id("rest"))
+        return BudgetLine(BIAS, "A", gain * blocks.bias.u_output, _dof(blocks), self.subject.id("rest"))
 
     def at_rest(self, blocks: RangeBlocks, quantity: str, name: str) -> Finding:
         """The bias."""
-        lines = [BudgetLine("readings at rest", "A", blocks.bias.u_output)]
+        lines = [BudgetLine(BIAS, "A", blocks.bias.u_output, _dof(blocks))]
         if self.symbol == "g" and blocks.rest is not None and blocks.rest.of_one_angle:
             lines.append(BudgetLine(TILT, "B", float(np.radians(self.data.bench.level_u_deg)), None, "fixture.level"))
         return self.subject.finding(
@@ -204,3 +203,8 @@ class RangeForm:
             place=self.unit.place, uut=self.unit.serial, findings=tuple(findings), models=(),
             left_out=tuple(blocks.left_out), flags=tuple(dict.fromkeys(flags)), detail=curve,
         )  # fmt: skip
+
+
+def _dof(blocks: RangeBlocks) -> int | None:
+    """Those of the readings at rest, of which there are few beside what is fitted to them."""
+    return blocks.rest.dof if blocks.rest is not None else None
