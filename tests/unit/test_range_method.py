@@ -50,6 +50,11 @@ def test_the_errors_of_a_gyro_are_those_of_its_scale():
     assert (unit.flags, unit.left_out) == ((), ())
 
 
+def test_the_scatter_of_few_readings_at_rest_is_told_as_that_of_few():
+    (rest,) = [each for each in gyro(*REST, *REST).findings if each.quantity == "rest_rate"]
+    assert [line.dof for line in rest.budget] == [len([*REST, *REST]) - 4], "bias, drift, and two of a harmonic"
+
+
 def test_relative_to_the_full_scale_it_is_that_part_of_it():
     unit = gyro(*REST, at_rate(100, 50 + 10_005), linearity_basis="full_scale")
     assert values(unit, "rate_error/relative") == pytest.approx([0.05 / 400], abs=2e-5)
