@@ -26,7 +26,6 @@ def wheel(tmp_path_factory):
     return path
 
 
-@pytest.mark.timeout(120)
 def test_the_wheel_runs_the_smoke_sequence_in_an_empty_folder(wheel, tmp_path):
     installed, empty = tmp_path / "installed", tmp_path / "empty"
     empty.mkdir()

@@ -62,7 +62,6 @@ def run_smoke(bench: Path, runs: Path, *arguments: str) -> list[str]:
     ]  # fmt: skip
 
 
-@pytest.mark.timeout(150)
 def test_the_smoke_sequence_passes_over_real_wires(wired_bench, tmp_path):
     with simulating(wired_bench):
         done = subprocess.run(
@@ -83,7 +82,6 @@ def test_the_smoke_sequence_passes_over_real_wires(wired_bench, tmp_path):
     assert not (tmp_path / "itb").exists() or not list((tmp_path / "itb").iterdir()), "the links are gone"
 
 
-@pytest.mark.timeout(150)
 def test_when_the_laboratory_goes_away_the_run_ends_in_words(wired_bench, tmp_path):
     with simulating(wired_bench) as laboratory:
         run = subprocess.Popen(

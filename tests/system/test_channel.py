@@ -46,7 +46,6 @@ def findings(result):
     return {each["id"].removeprefix("channel/a/"): each for each in read_json(result, "results.json")["findings"]}
 
 
-@pytest.mark.timeout(180)  # it makes the run
 def test_all_levels_are_found_each_with_its_decision(full):
     assert (full.outcome.how, full.problems) == ("completed", [])
     assert full.results.verdict == "PASS"

@@ -55,7 +55,6 @@ def by_end(data, end):
     return [each for each in data.acquisitions if f"end={end}/" not in each.step]
 
 
-@pytest.mark.timeout(120)
 def test_errors_stay_within_their_uncertainties(volts, pulses):
     for run in (volts, pulses):
         assert run.problems == []
@@ -175,7 +174,6 @@ def test_a_planted_mistake_is_seen(volts, data, plant, quantity):
 # Decisions in a run
 
 
-@pytest.mark.timeout(120)
 def test_ends_that_differ_are_measured_again_and_then_marginal(tmp_path):
     coupled = ("uut/micro_g.yaml", "Kip: {mean: 0 µg/g², sd: 10 µg/g²}", "Kip: 500 µg/g²")
     run = calibrated(tmp_path, "indexing", (*SHORTEST, "max_repeats=1"), [coupled])
@@ -190,7 +188,6 @@ def test_ends_that_differ_are_measured_again_and_then_marginal(tmp_path):
     assert "The scale factors of both ends still differ after 2 attempts." in page
 
 
-@pytest.mark.timeout(120)
 def test_what_does_not_become_stable_is_not_fitted(tmp_path):
     restless = (*SHORTEST, "max_repeats=0", "stable_sd=0.001 µg", "stable_by=1 min")
     run = calibrated(tmp_path, "indexing_pulses", restless)

@@ -173,7 +173,6 @@ def test_a_killed_run_is_interrupted_and_its_data_open(started):
     assert "INCOMPLETE" in (run.path / "report.html").read_text("utf-8")
 
 
-@pytest.mark.timeout(120)
 def test_a_full_disk_ends_the_run_in_words_with_the_bench_safe(started):
     long_gates = [word.replace("gate=10 s", "gate=1 h") for word in FEW_TEMPERATURES]
     run = started("tumble_static", *long_gates, limit_bytes=4 * 1024 * 1024 + 4096)

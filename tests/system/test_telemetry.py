@@ -133,7 +133,6 @@ def test_decoded_values_are_in_the_unit_of_the_dbc(tmp_path):
     assert found["K0"]["value"] == pytest.approx(0.01, abs=3e-3), "what the DBC adds is in the bias"
 
 
-@pytest.mark.timeout(120)
 def test_a_calibration_on_an_indexing_table_of_codes_finds_the_truth(tmp_path):
     bench = ROOT / "config/indexing_telemetry.yaml"
     settings = ("step=0.5°", "warm_up=20 min")
@@ -145,7 +144,6 @@ def test_a_calibration_on_an_indexing_table_of_codes_finds_the_truth(tmp_path):
     assert by_quantity(run)["bias"]["unit"] == "code"
 
 
-@pytest.mark.timeout(120)
 def test_a_ramp_of_codes_finds_the_truth(tmp_path):
     bench = ROOT / "config/telemetry.yaml"
     run = run_short(tmp_path, bench=bench, sequence="ramp_dynamic", settings=RAMP, seed=1)

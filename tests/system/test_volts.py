@@ -65,7 +65,6 @@ def test_the_report_tells_volts(tumble):
     assert "pulse/s/g" not in page
 
 
-@pytest.mark.timeout(120)
 def test_a_ramp_in_volts_finds_the_truth(tmp_path):
     result = run_short(tmp_path, bench=ROOT / "config/volts.yaml", sequence="ramp_dynamic", settings=RAMP, seed=1)
     assert result.problems == []

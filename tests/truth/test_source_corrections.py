@@ -56,7 +56,6 @@ def backwards():
     return mock.patch.object(Corrections, "current_a", turned)
 
 
-@pytest.mark.timeout(120)  # it makes the run
 def test_a_rate_is_that_of_the_current_that_the_certificate_says(run):
     assert len(rates(run)) == 1
     assert worst(run) < 4

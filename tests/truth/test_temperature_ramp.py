@@ -37,7 +37,6 @@ def jumping_run(tmp_path_factory):
     return ramped(tmp_path_factory.mktemp("jumping"), 2, JUMPING)
 
 
-@pytest.mark.timeout(120)
 def test_errors_stay_within_their_uncertainties(good_run, jumping_run):
     comparisons = [comparison for run in (good_run, jumping_run) for comparison in compare_ramp(run)]
     assert [comparison.quantity for comparison in comparisons] == [*QUANTITIES, *QUANTITIES]
