@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-from bench.app.laboratory import simulated_mount
+from bench.app.drawn import simulated_mount
 from bench.config.answers import AnswersFile, ScriptedAnswer
 from bench.config.document import Problem, read_document
 from bench.config.load import load

@@ -21,7 +21,8 @@ import numpy as np
 
 from bench.analysis.counts import window_of
 from bench.analysis.rundata import Acquisition, Counts, RunData, Turned, UnitUnderTest
-from bench.app.laboratory import Laboratory, _current_errors, unit_files, world_settings
+from bench.app.drawn import current_errors, world_settings
+from bench.app.laboratory import Laboratory, unit_files
 from bench.app.request import RunRequest
 from bench.app.truth import truth_of
 from bench.config.bench import load_bench
@@ -174,7 +175,7 @@ class _Player:
             unit.source: _SetSource() for data in template.data.values() for unit in data.units if unit.source
         }
         for role, source in self._sources.items():
-            self.world.sources[role] = Feed(source, _current_errors(bench, role, seed))
+            self.world.sources[role] = Feed(source, current_errors(bench, role, seed))
 
     def play(self) -> dict[str, RunData]:
         """The acquisitions of the template, with what this world gives."""

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from bench.analysis.rundata import Voltages
-from bench.app.laboratory import unit_files, world_settings
+from bench.app.drawn import world_settings
+from bench.app.laboratory import unit_files
 from bench.app.request import RunRequest, load_checked, prepare
 from bench.config.bench import load_bench
 from bench.errors import InputError

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.app.laboratory import make_laboratory, unit_files, world_settings
+from bench.app.drawn import world_settings
+from bench.app.laboratory import make_laboratory, unit_files
 from bench.config.bench import load_bench
 from bench.errors import InputError
 from drivers.can_counter.wire import decode_counts, latches, temperatures

@@ -1,0 +1,236 @@
+"""The errors of a simulated laboratory, drawn for one run from what certificates and the bench file admit.
+
+Each is drawn under a name of its own, so that one more leaves all others as they are.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Mapping
+
+from bench.analysis.rundata import AxisRecord
+from bench.app.can_nodes import decoding_of
+from bench.config.fixture import Mount
+from bench.config.models import BenchFile
+from bench.config.places import PlaceEntry
+from bench.config.simulation import SourceSimulation, TableSimulation
+from bench.errors import InputError
+from bench.report.corrections import Table as CorrectionTable
+from bench.report.corrections import corrections_of
+from bench.report.rundata import HOUR_S, bench_record
+from simulators import attitude
+from simulators.attitude import SOUTH, Fixture, Vector, tilted
+from simulators.carried import NOWHERE, TableErrors
+from simulators.corrections import Table
+from simulators.current_source import CurrentErrors
+from simulators.gyro_unit import GyroFile
+from simulators.imu import SENSORS, ImuPlace
+from simulators.imu_file import ImuFile
+from simulators.keysight_3458a import VoltmeterSettings
+from simulators.motion import AxisErrors
+from simulators.settings import PlaceSettings, WorldSettings
+from simulators.table import Loop, Ripple
+from simulators.thermal import ChamberPhysics
+from simulators.unit_file import UnitFile, stream
+
+ARCSEC_PER_DEG = 3600
+AnyUnitFile = UnitFile | GyroFile | ImuFile
+
+
+def world_settings(bench: BenchFile, units: Mapping[str, AnyUnitFile], seed: int) -> WorldSettings:
+    """The laboratory of one run, with the truth of the unit in each place."""
+    return _Draws(bench, seed).settings(units)
+
+
+class _Draws:
+    """Draws for one bench file and one seed."""
+
+    def __init__(self, bench: BenchFile, seed: int) -> None:
+        self._bench, self._seed = bench, seed
+        self._stated, self._corrections = bench_record(bench), corrections_of(bench)
+
+    def settings(self, units: Mapping[str, AnyUnitFile]) -> WorldSettings:
+        """Everything that the simulated world is made from."""
+        bench, stated, simulation = self._bench, self._stated, self._bench.simulation
+        fixture = Fixture(tuple(bench.axes.values()) or (SOUTH,), bench.fixture.x, bench.fixture.z)
+        entries = [(name, units[name], entry) for name, entry in bench.places.items()]
+        clock = next(iter(self._corrections.clocks.values()), 0.0)
+        axes = enumerate(bench.axes or ["head"])
+        return WorldSettings(
+            seed=self._seed,
+            gravity_mps2=stated.gravity_mps2 + self._draw(stated.gravity_u_mps2, "gravity"),
+            host_clock=self._draw(simulation.host_clock, "host clock"),
+            device_clock=self._draw(stated.time_base_u, "counter", "time base") - clock,
+            encoder_skew_s=self._draw(stated.encoder_skew_u_s, "counter", "encoder skew"),
+            axes={role: self._axis(role, () if number == 0 else (role,)) for number, role in axes},
+            axis_acceleration_dps2=simulation.head.acceleration,
+            mount=simulated_mount(bench.fixture.mount()),
+            level_deg=stated.level_deg + self._draw(stated.level_u_deg, "level"),
+            latitude_deg=bench.site.latitude,
+            table=TableErrors() if simulation.table is None else self._table(simulation.table),
+            fixture=fixture,
+            built=self._built(fixture),
+            chamber=_chamber(bench),
+            remount_deg=simulation.remount / ARCSEC_PER_DEG,
+            thermometer_lag_s=simulation.thermometer.lag,
+            thermometer_noise_c=simulation.thermometer.noise,
+            places={name: self._place(name, unit, at) for name, unit, at in entries if not isinstance(unit, ImuFile)},
+            imus={name: self._imu(name, unit, at) for name, unit, at in entries if isinstance(unit, ImuFile)},
+        )
+
+    def _draw(self, sd: float, *path: str) -> float:
+        return float(sd * stream(self._seed, "bench", *path).standard_normal())
+
+    def _thermometer(self, reading: str) -> tuple[float, float, Table]:
+        """Offset, gain, and what its certificate corrects."""
+        offset_u, gain_u = self._stated.thermometers_u.get(reading, (0.0, 0.0))
+        table = columns(self._corrections.thermometers.get(reading))
+        return self._draw(offset_u, reading, "offset"), self._draw(gain_u, reading, "gain"), table
+
+    def _place(self, name: str, unit: UnitFile | GyroFile, entry: PlaceEntry) -> PlaceSettings:
+        simulation = self._bench.simulation
+        offset_c, gain, table = self._thermometer(entry.temperature)
+        converter_offset_c, converter_gain, converter_table = self._thermometer(entry.converter_temperature or "")
+        return PlaceSettings(
+            unit=unit,
+            channel=entry.channel,
+            supply=entry.supply,
+            mount_angle_deg=entry.mount_angle,
+            thermometer_offset_c=offset_c,
+            thermometer_gain=gain,
+            thermometer_table=table,
+            faults=self._faults(name),
+            load_ohm=next((each.load for role, each in simulation.voltmeters.items() if role == entry.voltmeter), None),
+            converter_offset_c=converter_offset_c,
+            converter_gain=converter_gain,
+            converter_table=converter_table,
+            source=entry.source or "",
+            arm_m=self._arm_m(name, entry),
+            decoding=decoding_of(self._bench, entry),
+        )
+
+    def _imu(self, name: str, unit: ImuFile, entry: PlaceEntry) -> ImuPlace:
+        readings = (entry.temperature, entry.gyro_temperature or entry.temperature)
+        return ImuPlace(
+            unit=unit,
+            channels=entry.channels.model_dump() if entry.channels is not None else {},
+            supply=entry.supply,
+            mount_angle_deg=entry.mount_angle,
+            thermometers={
+                sensor: self._thermometer(reading) for sensor, reading in zip(SENSORS, readings, strict=True)
+            },
+            faults=self._faults(name),
+        )
+
+    def _faults(self, place: str) -> dict[str, float]:
+        """The kinds of fault of the unit in a place, each with its time."""
+        return {fault.kind: fault.at for fault in self._bench.simulation.faults if fault.unit == place}
+
+    def _axis(self, role: str, path: tuple[str, ...]) -> AxisErrors:
+        known = self._stated.axes.get(role, AxisRecord())
+        harmonics = enumerate(known.harmonics_u_deg, start=1)
+        amplitudes = [
+            [self._draw(u, "head", *path, str(order), shape) for shape in ("cosine", "sine")] for order, u in harmonics
+        ]
+        return AxisErrors(
+            zero_deg=self._draw(known.zero_u_deg, "head", *path, "zero"),
+            cosines=tuple(cosine for cosine, _ in amplitudes),
+            sines=tuple(sine for _, sine in amplitudes),
+            backlash_deg=self._bench.simulation.head.backlash / ARCSEC_PER_DEG,
+            repeatability_deg=known.repeatability_u_deg,
+            table=columns(self._corrections.axes.get(role)),
+        )
+
+    def _built(self, fixture: Fixture) -> Fixture:
+        """A table with several axes as it was put up: turned about the vertical, tilted eastwards, not quite square."""
+        if len(fixture.axes) < 2:
+            return fixture
+        stated = self._stated
+        east_deg, azimuth_deg = (
+            self._draw(stated.level_u_deg, "level", "east"), self._draw(stated.azimuth_u_deg, "azimuth"),
+        )  # fmt: skip
+        apart = [
+            (self._draw(stated.orthogonality_u_deg, "orthogonality", str(number), "first"),
+             self._draw(stated.orthogonality_u_deg, "orthogonality", str(number), "second"))
+            for number in range(1, len(fixture.axes))
+        ]  # fmt: skip
+        return tilted(fixture, (east_deg, 0.0, azimuth_deg), apart)
+
+    def _arm_m(self, place: str, entry: PlaceEntry) -> Vector:
+        """Where the sensor truly is: as the bench file says, with the errors that it admits."""
+        if entry.arm is None:
+            return NOWHERE
+        u_m = entry.arm.U / entry.arm.k
+        at_m = zip(entry.arm.vector_m, "xyz", strict=True)
+        x_m, y_m, z_m = (stated_m + self._draw(u_m, place, "arm", axis) for stated_m, axis in at_m)
+        return x_m, y_m, z_m
+
+    def _table(self, table: TableSimulation) -> TableErrors:
+        """What the table does that it is not told; a base level within u about one axis is so about the other."""
+        stated = self._stated
+        phases = stream(self._seed, "bench", "table", "ripple").uniform(0, 2 * math.pi, 3)
+        wobble = complex(
+            *(self._draw(stated.head.wobble_u_deg, "table", "wobble", shape) for shape in ("cosine", "sine"))
+        )
+        return TableErrors(
+            loop=Loop(table.loop, table.damping, math.degrees(table.torque / table.inertia)),
+            ripple=Ripple(table.ripple, (1, 2, 2 * table.pole_pairs), tuple(phases.tolist())),
+            rate=self._draw(table.rate, "table", "rate"),
+            across_deg=self._draw(stated.level_u_deg, "level", "across"),
+            wobble_deg=abs(wobble),
+            wobble_phase_rad=-cmath.phase(wobble),
+        )
+
+
+def _chamber(bench: BenchFile) -> ChamberPhysics:
+    chamber = bench.simulation.chamber
+    return ChamberPhysics(
+        start_c=chamber.start,
+        natural_period_s=chamber.natural_period,
+        damping=chamber.damping,
+        limit_cycle_c=chamber.limit_cycle,
+        limit_cycle_period_s=chamber.limit_cycle_period,
+    )
+
+
+def columns(table: CorrectionTable | None) -> Table:
+    """A table of corrections as the simulated world knows it."""
+    return (tuple(table.at.tolist()), tuple(table.add.tolist())) if table is not None else ((), ())
+
+
+def simulated_mount(mount: Mount) -> attitude.Mount:
+    """A mount as the simulated world knows it."""
+    return attitude.Mount(mount.angle, mount.roll, mount.clock)
+
+
+def current_errors(bench: BenchFile, role: str, seed: int) -> CurrentErrors:
+    """A source's errors, drawn from its certificate, or else as the bench file's `simulation:` says."""
+    certified, own = bench_record(bench).sources.get(role), bench.simulation.sources.get(role, SourceSimulation())
+
+    def draw(error: str, certified_u: float, otherwise: float) -> float:
+        return float((certified_u or otherwise) * stream(seed, "bench", role, error).standard_normal())
+
+    return CurrentErrors(
+        gain=draw("gain", certified.gain_u if certified else 0.0, own.gain),
+        offset_a=draw("offset", certified.offset_u_a if certified else 0.0, own.offset),
+        drift_per_h=draw("drift", certified.drift_u_per_s * HOUR_S if certified else 0.0, own.drift),
+        fresh=own.fresh,
+        warm_up_s=own.warm_up,
+    )
+
+
+def voltmeter_settings(bench: BenchFile, role: str, seed: int) -> VoltmeterSettings:
+    """What a voltmeter is connected to, and its errors as drawn from its certificate; InputError."""
+    connected, certificate = bench.simulation.voltmeters.get(role), bench.devices[role].calibration
+    if connected is None:
+        raise InputError(f"nothing is connected to '{role}': add it to simulation.voltmeters of the bench file")
+
+    def draw(error: str) -> float:
+        """What is left of an error once the certificate has corrected it, less that correction."""
+        if certificate is None:
+            return 0.0
+        sd, corrected = getattr(certificate.U, error) / certificate.k, getattr(certificate.corrections, error)
+        return float(sd * stream(seed, "bench", role, error).standard_normal() - corrected)
+
+    return VoltmeterSettings(connected.place, connected.load, draw("gain"), draw("offset"), connected.noise)
