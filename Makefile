@@ -34,7 +34,9 @@ truth: $(VENV)/.dev
 	$(BIN)/python -m tests.truth.indexing --seeds 40
 	$(BIN)/python -m tests.truth.imu --seeds 40
 	$(BIN)/python -m tests.truth.channel --seeds 40
+	$(BIN)/python -m tests.truth.ramp --seeds 40
 	$(BIN)/python -m tests.truth.repeatability --seeds 40
+	$(BIN)/python -m tests.truth.imu_start_up --seeds 20
 	$(BIN)/python -m tests.truth.table --seeds 10
 	$(BIN)/python -m tests.truth.ladder --seeds 20
 

@@ -34,6 +34,12 @@ class Comparison:
     value: float
     truth: float
     u: float
+    interval: tuple[float, float] = (-math.inf, math.inf)
+
+    @property
+    def held(self) -> bool:
+        """Whether the truth is in the interval, where there is one."""
+        return self.interval[0] <= self.truth <= self.interval[1]
 
     @property
     def ratio(self) -> float:
