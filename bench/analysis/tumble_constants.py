@@ -1,0 +1,132 @@
+"""The constants of a unit at each dwell, with budgets by the derivatives of the solution (methods.md 6.2)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.analysis.codes import by_position
+from bench.analysis.dwells import Dwell
+from bench.analysis.finding import BudgetLine, Finding
+from bench.analysis.fit import PolynomialFit
+from bench.analysis.rundata import Array
+from bench.analysis.tumble_unit import TumbleUnit, type_b
+
+NAMES = {
+    "K0": "bias of the channel",
+    "K1": "scale factor of the channel, per local g",
+    "K1_si": "scale factor of the channel, per m/s²",
+    "K2": "K2 + asymmetry: second-order nonlinearity, and the asymmetry of what measures it",
+    "misalignment": "misalignment of the input axis in the plane of the tumble",
+    "K3": "third-order nonlinearity",
+    "Kip": "cross coupling of input and pendulous axis",
+    "asymmetry": "asymmetry of the converter: its scale for positive pulses less that for negative, relative",
+}
+CONTAINS = {"K1": ("K3",), "K1_si": ("K3",), "K2": ("asymmetry",)}  # unless these are found by themselves
+WEIGHT_SHOWN = 0.05  # of the largest weight: readings with less are not named as a finding's source
+
+
+@dataclass(frozen=True, slots=True)
+class TumbleConstants:
+    """`models` over temperature turn errors of the thermometer into errors of constants, None where there is no model.
+
+    `extra` are the further terms that the angles separate.
+    """
+
+    of: TumbleUnit
+    models: Mapping[str, PolynomialFit | None]
+    extra: tuple[str, ...]
+
+    def findings(self, dwell: Dwell) -> Iterator[Finding]:
+        """All constants at a dwell, the scale factor also per m/s²."""
+        at = {
+            "cycle": dwell.cycle,
+            "dwell": dwell.number,
+            "leg": "up" if dwell.rising else "down",
+            "temperature_set_c": None if math.isnan(dwell.set_c) else dwell.set_c,
+            "temperature_c": dwell.temperature_c,
+            "temperature_u_c": self.of.temperature_u_c(dwell.temperature_c),
+        }
+        for quantity in ("K0", "K1", "K2", "misalignment", *self.extra):
+            gain = dwell.gain_of(quantity)
+            weights = np.abs(gain) / np.max(np.abs(gain))
+            steps = tuple(s for s, weight in zip(dwell.steps, weights, strict=True) if weight > WEIGHT_SHOWN)
+            finding = self.of.subject.finding(
+                quantity, self._name(quantity), dwell.values[quantity], self.of.units[quantity],
+                self._budget(quantity, gain, dwell), at, steps, _tail(dwell), self._contains(quantity),
+            )  # fmt: skip
+            yield finding
+            if quantity == "K1":
+                yield self._per_mps2(finding, dwell)
+
+    def _contains(self, quantity: str) -> tuple[str, ...]:
+        """What is in a value because these angles do not separate it."""
+        return tuple(f"contains:{name}" for name in CONTAINS.get(quantity, ()) if name not in self.extra)
+
+    def _name(self, quantity: str) -> str:
+        if quantity == "K2" and "asymmetry" in self.extra:
+            return "second-order nonlinearity"
+        return NAMES[quantity]
+
+    def _per_mps2(self, k1: Finding, dwell: Dwell) -> Finding:
+        g = self.of.bench.gravity_mps2
+        lines = [
+            BudgetLine("K1", "B", k1.u / g, k1.dof, k1.id),
+            BudgetLine("site: gravity", "B", k1.value / g * self.of.bench.gravity_u_mps2 / g, None, "site.gravity"),
+        ]
+        return self.of.subject.finding(
+            "K1_si", NAMES["K1_si"], k1.value / g, self.of.units["K1_si"], lines, k1.at, (dwell.group,), _tail(dwell),
+            self._contains("K1_si"),
+        )  # fmt: skip
+
+    def _budget(self, quantity: str, gain: Array, dwell: Dwell) -> list[BudgetLine]:
+        """Each source by its derivative; the head's errors turn the input axis at every reading."""
+        bench, turned = self.of.bench, gain * dwell.turn
+        together = abs(float(turned.sum()))  # all positions turned alike
+        harmonics = [
+            float(turned @ shape(order * dwell.head_rad)) * np.radians(u_deg)
+            for order, u_deg in enumerate(bench.head.harmonics_u_deg, start=1)
+            for shape in (np.cos, np.sin)
+        ]
+        lines = [
+            self.of.scatter(gain),
+            type_b("head: zero", together * np.radians(bench.head.zero_u_deg), "head.zero"),
+            type_b("head: harmonics", np.linalg.norm(harmonics), "head.harmonics"),
+            type_b("head: repeatability", np.linalg.norm(turned) * np.radians(bench.head.repeatability_u_deg), None),
+            type_b("fixture: level", together * np.radians(bench.level_u_deg), "fixture.level"),
+            *self._of_the_instrument(gain, dwell),
+        ]
+        model, thermometer = self.models.get(quantity), self.of.unit.temperature
+        if model is not None:
+            u = abs(float(model.slope(dwell.temperature_c))) * self.of.temperature_u_c(dwell.temperature_c)
+            lines.append(type_b(f"{thermometer}: offset, gain", u, thermometer))
+        if quantity == "K2" and "asymmetry" not in self.extra:
+            instrument = "converter" if self.of.unit.voltmeter is None else "voltmeter"
+            contained = f"asymmetry of the {instrument}: contained, inseparable at four positions"
+            lines.append(BudgetLine(contained, "alias", 0))
+        return lines
+
+    def _of_the_instrument(self, gain: Array, dwell: Dwell) -> list[BudgetLine]:
+        """What the certificate of the counter or of the voltmeter gives; an error of the gain is as the output is.
+
+        A unit that sends its output has no instrument but itself, only the steps of its codes.
+        """
+        scaled, meter = abs(float(gain @ dwell.readings)), self.of.unit.voltmeter
+        if self.of.unit.telemetry is not None:
+            hidden = np.linalg.norm(by_position(gain, dwell.step_u, dwell.head_rad))
+            return [type_b(f"{self.of.unit.telemetry}: steps of the codes", hidden, None)]
+        if meter is None:
+            return [type_b("counter: time base", scaled * self.of.bench.time_base_u, "counter.time_base")]
+        gain_u, offset_u_v = self.of.bench.voltmeters_u.get(meter, (0.0, 0.0))
+        return [
+            type_b(f"{meter}: gain", scaled * gain_u, f"{meter}.gain"),
+            type_b(f"{meter}: offset", abs(float(gain.sum())) * offset_u_v, f"{meter}.offset"),
+        ]
+
+
+def _tail(dwell: Dwell) -> str:
+    """What an id ends with at a dwell."""
+    return f"@{dwell.path}" if dwell.path else ""

@@ -1,0 +1,95 @@
+"""The dwells of one unit, with what its readings scatter by and what is known of its thermometer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from bench.analysis.dwells import Dwell
+from bench.analysis.finding import BudgetLine, Subject
+from bench.analysis.rundata import Array, BenchRecord, RunData, UnitUnderTest
+
+UNITS = {"K0": "g", "misalignment": "rad", "K2": "g/g²", "K3": "g/g³", "Kip": "g/g²", "asymmetry": "1"}
+READINGS = "readings: scatter pooled over the run"
+
+
+@dataclass(frozen=True, slots=True)
+class TumbleUnit:
+    """One unit over a run.
+
+    `sd` is the standard deviation of a reading about its tumble, pooled over all dwells, with `dof` degrees of freedom;
+    where no reading repeats another dof is 0 and `sd` what a reading alone tells.
+    """
+
+    data: RunData
+    unit: UnitUnderTest
+    dwells: tuple[Dwell, ...]
+    sd: float
+    dof: int
+
+    @classmethod
+    def of(cls, data: RunData, unit: UnitUnderTest, dwells: tuple[Dwell, ...]) -> Self:
+        """With the scatter of its readings pooled."""
+        dof = sum(dwell.tumble.fit.dof for dwell in dwells)
+        if dof == 0:
+            return cls(data, unit, dwells, max((dwell.alone_u for dwell in dwells), default=0.0), 0)
+        squares = sum(float(np.sum(dwell.tumble.fit.residuals**2)) for dwell in dwells)
+        return cls(data, unit, dwells, float(np.sqrt(squares / dof)), dof)
+
+    @property
+    def subject(self) -> Subject:
+        """Whom findings are of."""
+        return self.data.subject(self.unit)
+
+    @property
+    def bench(self) -> BenchRecord:
+        """What is known of the bench."""
+        return self.data.bench
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """The units of the constants of a dwell."""
+        output = self.unit.output_unit
+        return {**UNITS, "K1": f"{output}/g", "K1_si": f"{output}/(m/s²)"}
+
+    @property
+    def root(self) -> str:
+        """The part of the run that holds all dwells."""
+        return self.dwells[0].group.rpartition("/")[0]
+
+    @property
+    def thermometer_u(self) -> tuple[float, float]:
+        """Standard uncertainties of offset (°C) and gain of the thermometer at the unit."""
+        return self.bench.thermometers_u.get(self.unit.temperature, (0.0, 0.0))
+
+    def temperature_u_c(self, temperature_c: float) -> float:
+        """Standard uncertainty of a temperature that it shows."""
+        offset_c, gain = self.thermometer_u
+        return float(np.hypot(offset_c, gain * temperature_c))
+
+    def scatter(self, gain: Array) -> BudgetLine:
+        """The uncertainty that the readings give to what depends on them by `gain` (n,)."""
+        u = self.sd * float(np.linalg.norm(gain))
+        if self.dof:
+            return BudgetLine(READINGS, "A", u, self.dof)
+        if self.unit.telemetry is not None:
+            return BudgetLine("readings: scatter of the samples, no repeats", "A", u)
+        if self.unit.voltmeter is not None:
+            return BudgetLine("readings: scatter of the voltmeter, no repeats", "A", u)
+        return BudgetLine("readings: resolution of the count, no repeats", "B", u)
+
+    def scatter_of(self, quantity: str) -> Array:
+        """What the readings give to a constant at each dwell, (n,), in its unit."""
+        return np.array([self.scatter(dwell.gain_of(quantity)).u for dwell in self.dwells])
+
+    def by_readings(self, quantity: str, weights: Array) -> Array:
+        """How what depends on a quantity at the dwells by `weights` depends on all readings."""
+        return np.concatenate([dwell.gain_of(quantity) * w for dwell, w in zip(self.dwells, weights, strict=True)])
+
+
+def type_b(source: str, u: float | np.floating, shared: str | None) -> BudgetLine:
+    """A line of what is known beforehand."""
+    return BudgetLine(source, "B", float(u), None, shared)
