@@ -42,7 +42,11 @@ class CanNode(ABC):
         sent, self._sent = self._sent, []
         if self.faults.active("cut"):
             raise LinkLost(self._name, "the connection was cut", remedy="Check the cable, then run again.")
-        return FrameBlock.empty() if self.faults.active("silent") else FrameBlock.joined(sent)
+        if self.faults.active("silent"):
+            return _before(
+                FrameBlock.joined(sent), float(self._world.host_time(np.array(self.faults.since_s("silent"))))
+            )
+        return FrameBlock.joined(sent)
 
     def close(self) -> None:  # noqa: B027  nothing is to be done
         """Nobody listens any more; the node does not care."""
@@ -55,8 +59,16 @@ class CanNode(ABC):
 def in_order(blocks: list[FrameBlock]) -> FrameBlock:
     """Frames of several blocks in the order of their times."""
     frames = FrameBlock.joined(blocks)
-    order = np.argsort(frames.at_s, kind="stable")
-    return FrameBlock(frames.ids[order], frames.at_s[order], frames.dlc[order], frames.payloads(order))
+    return _rows(frames, np.argsort(frames.at_s, kind="stable"))
+
+
+def _before(frames: FrameBlock, at_s: float) -> FrameBlock:
+    """What was sent before a time of the host's clock."""
+    return _rows(frames, np.flatnonzero(frames.at_s < at_s))
+
+
+def _rows(frames: FrameBlock, rows: NDArray[np.intp]) -> FrameBlock:
+    return FrameBlock(frames.ids[rows], frames.at_s[rows], frames.dlc[rows], frames.payloads(rows))
 
 
 def temperature_frames(

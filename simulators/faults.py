@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Literal
 
@@ -28,8 +29,11 @@ class FaultPlan:
 
     def active(self, kind: FaultKind) -> bool:
         """Whether a fault is there now."""
-        start = self._starts_s.get(kind)
-        return start is not None and self._now_s() >= start
+        return self._now_s() >= self.since_s(kind)
+
+    def since_s(self, kind: FaultKind) -> float:
+        """When a fault begins; infinite for never."""
+        return self._starts_s.get(kind, math.inf)
 
     def begin(self, kind: FaultKind) -> None:
         """From now on."""

@@ -86,8 +86,9 @@ def fit_nonlinear(
     """Fits `model` to `y` (n,) from the parameters `start` (p,), whose names are `names`.
 
     It ends when no parameter x would change by more than 1e-9 |x| + 1e-6 u(x), or by more than the rounding of the
-    readings accounts for. Raises NotDetermined when on the way the Jacobian has a rank below p, which names the
-    parameters that cannot be told apart; NotConverged when no solution is found.
+    readings accounts for, or when no step can make the residuals smaller by more than that. Raises NotDetermined when
+    on the way the Jacobian has a rank below p, which names the parameters that cannot be told apart; NotConverged when
+    no solution is found.
     """
     names = names or [f"parameter {i}" for i in range(len(start))]
     rounding = ROUNDING * float(np.max(np.abs(y), initial=0.0))
@@ -100,10 +101,12 @@ def fit_nonlinear(
         step, reading_sd = linear.coefficients, np.nan_to_num(linear.residual_sd)
         per_reading = np.sqrt(np.diag(linear.unscaled_covariance))
         enough = RELATIVE_STEP * np.abs(place.parameters) + (STEP_PER_U * reading_sd + rounding) * per_reading
-        if np.all(np.abs(step) <= enough):
+        whole = _place(model, y, place.parameters + step)
+        at_the_bottom = whole.misfit >= place.misfit and _gain(place, step) <= rounding * np.sqrt(len(y))
+        if np.all(np.abs(step) <= enough) or at_the_bottom:
             doubt = doubt or _doubt(place, names, condition_limit)
-            return NonlinearFit(place.parameters + step, linear, iteration, doubt)
-        nearer = _nearer(model, y, place, step)
+            return NonlinearFit(whole.parameters, linear, iteration, doubt)
+        nearer = whole if whole.misfit < place.misfit else _nearer(model, y, place, step)
         if nearer is None:
             raise NotConverged("no step makes the residuals smaller", doubt)
         place = nearer
@@ -120,9 +123,15 @@ def _place(model: Model, y: Array, parameters: Array) -> _Place:
 
 
 def _nearer(model: Model, y: Array, place: _Place, step: Array) -> _Place | None:
-    """The first of step, step/2, step/4 .. that makes the residuals smaller."""
-    places = (_place(model, y, place.parameters + step / 2**halvings) for halvings in range(MOST_HALVINGS))
+    """The first of step/2, step/4 .. that makes the residuals smaller."""
+    places = (_place(model, y, place.parameters + step / 2**halvings) for halvings in range(1, MOST_HALVINGS))
     return next((then for then in places if then.misfit < place.misfit), None)
+
+
+def _gain(place: _Place, step: Array) -> float:
+    """By how much a step would make the norm of the residuals smaller, were the model a straight one."""
+    gained = float(np.sum((place.jacobian @ step) ** 2))
+    return gained / (2 * place.misfit) if place.misfit else 0.0
 
 
 def _doubt(place: _Place, names: Sequence[str], condition_limit: float) -> NotDetermined | None:

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from bench.analysis import second_order
 from bench.analysis.fit import NotDetermined, least_squares
 from bench.analysis.nonlinear_fit import NotConverged, fit_nonlinear
 from tests.support.strd_nonlinear import MODELS, reference, with_jacobian
@@ -120,3 +121,18 @@ def test_uncertainties_are_those_of_repeated_experiments():
     ]
     relative = np.array([(fit.parameters - truth) / fit.u for fit in fits])
     assert np.sqrt(np.mean(relative**2, axis=0)) == pytest.approx([1.0, 1.0], abs=0.12)
+
+
+def test_a_fit_ends_where_a_step_would_improve_it_by_less_than_rounding():
+    """Readings known to 2e-4 of themselves: the sum of their squares is rounded before the parameters stand still."""
+    frequency_hz, u = np.array([10.37, 30.37, 57.37, 61.37, 90.37]), 2e-4
+    middle_hz = float(np.mean(frequency_hz))
+    true = np.array([1.0, 59.4 / middle_hz, 0.7, -5.8e-5 * middle_hz])
+    model = second_order._model(frequency_hz / middle_hz, np.full(5, 1 / u))
+    exact = second_order.second_order(frequency_hz, 1.0, 59.4, 0.7, -5.8e-5)
+    for seed in range(600):
+        parts = np.random.default_rng(seed).standard_normal((2, 5)) * u
+        response = exact + parts[0] + 1j * parts[1]
+        start = second_order._start(frequency_hz, response, middle_hz)
+        fit = fit_nonlinear(model, np.r_[response.real, response.imag] / u, start)
+        assert np.all(np.abs(fit.parameters - true) < 10 * fit.u)
