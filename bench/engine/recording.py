@@ -109,6 +109,8 @@ async def _record_frames(
                 task.cancel()
             if open_tasks:
                 await asyncio.wait(open_tasks)
+            elif not recording.cancelled():
+                recording.exception()  # looked at, also where the step was cut at the instant that it failed
         if not recording.cancelled() and (problem := recording.exception()) is not None:
             raise problem
     await keep(blocks)
