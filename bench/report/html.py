@@ -17,6 +17,7 @@ from bench.report import page, tables
 from bench.report.budgets import Budget, BudgetsOfDwells, budget, budgets_of_dwells, budgets_of_points
 from bench.report.course import course_of, course_plot
 from bench.report.findings import Results
+from bench.report.flag_words import flag_in_words
 from bench.report.head import head, report_number
 from bench.report.languages import current, tr
 from bench.report.measured import OnTheWay
@@ -24,7 +25,6 @@ from bench.report.plots import Plot
 from bench.report.revision import Revision
 from bench.report.stored import BENCH_COPY, StoredRun
 from bench.report.svg import drawing, font_of
-from bench.report.words import flag_in_words
 from bench.sequence.limits import limits_in
 from bench.sequence.methods import CHANNEL, MethodDescription, known_methods
 

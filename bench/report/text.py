@@ -6,10 +6,11 @@ from collections.abc import Iterator
 
 from bench.analysis.finding import Finding, UnitResult
 from bench.report.findings import Results
+from bench.report.flag_words import flag_in_words
 from bench.report.measured import OnTheWay
 from bench.report.shown import shown
 from bench.report.tables import over_run_rows, verdict_rows
-from bench.report.words import flag_in_words, unit_shown
+from bench.report.words import unit_shown
 
 _AT_DWELLS = ("K0", "K1_si", "K2", "misalignment")
 

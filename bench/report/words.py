@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -49,177 +48,11 @@ SOURCES = (
     "lowest frequency",
     "lag behind the thermometer, and the unit's response to the rate",
 )  # fmt: skip
-ON_A_TABLE = {"acceleration_g": "g", "rate_dps": "°/s", "frequency_hz": "Hz"}  # conditions of a point, and their units
 CONTENTS = {
     "contains:K2": "contains K2",
     "contains:K3": "contains K3",
     "contains:asymmetry": "contains the asymmetry of converter or voltmeter",
 }
-
-_READINGS = {
-    **table_words.READINGS,
-    **imu_words.READINGS,
-    "too_few_latches": "fewer than half of its counter readings came",
-    "counter_restarted": "the counter began anew",
-    "irregular_clock": "its clock and its reading numbers do not go together, as when the counter begins anew",
-    "ambiguous_gap": "a gap in which a counter may have gone round unseen",
-    "impossible_rate": "more pulses than the converter can give",
-    "dead_band": "no pulse for much longer than its rate lets expect, as in the dead band of the converter",
-    "unstable": "it did not become stable in the time that it had",
-    "too_few_voltages": "fewer than two readings of the voltmeter",
-    "too_few_codes": "fewer than half of the samples that the unit sends came and are valid",
-    "stuck_code": "one value again and again, as of a unit that does not measure any more",
-    "no_temperature": "no temperature of the unit",
-    "thermometer": "a temperature that a working thermometer cannot say",
-    "no_attitude": "the unit stood in none of the 24 attitudes, or was turned about none of its axes",
-    "missing": "a counter or a thermometer gave nothing",
-    "saturated": "as many pulses as the converter can give: its input is beyond its range",
-    "stuck": "no pulse for much longer than the other rates let expect",
-    "outlier": "a rate far from the line through the others, as where pulses are lost",
-    "accelerometer_temperature": "the accelerometer was not at its temperature",
-}
-_UNITS = {
-    **table_words.UNITS,
-    "not_closed": (
-        "Back at its first temperature the bias was further from where it began than the method's closure_limit "
-        "allows: every verdict is marginal."
-    ),
-    "too_few_repetitions": "Fewer than three repetitions could be solved, so that nothing is said of how they scatter.",
-    "type_a:no_repeats": (
-        "No dwell has more readings than unknowns, so their scatter is not known; what a reading alone tells of its "
-        "uncertainty stands in the budgets instead."
-    ),
-    "nominal_unknown": (
-        "The bench file does not say its nominal scale factor (nominal of its place), without which it is not known "
-        "what a step lets expect."
-    ),
-    "no_sweep": "There is no reading of a sweep, without which nothing can be determined.",
-    "no_clocking": (
-        "The unit was not clocked on its seat: the tilt of the seat is in the bias, but for what the level and the "
-        "platform tell of it, and in its uncertainty."
-    ),
-    "end_up_missing": (
-        "The unit was not measured with its +Z up. Over small angles one end does not tell bias and misalignment "
-        "apart: only the equation of the other end is found, for tests in that orientation."
-    ),
-    "end_down_missing": (
-        "The unit was not measured with its +Z down. Over small angles one end does not tell bias and misalignment "
-        "apart: only the equation of the other end is found, for tests in that orientation."
-    ),
-    "invalid": "The readings of an end are no calibration.",
-    "ill_conditioned": "The angles hardly tell the terms of the model apart.",
-    "marginal": "The calibration is marginal: the temperature changed, or both ends differ by more than they may.",
-    "K2_K3:range_too_small": (
-        "Angles below ±30° do not tell K2 and K3 from noise; what they do is in the linearity, the bias and the scale "
-        "factor."
-    ),
-}
-_LEFT_OUT = {
-    "saturated": "the output was at its limit",
-    "outlier": "far from the line and its scatter",
-    "missing": "something of them is missing",
-    "duplicate": "they are there twice",
-}
-_QUANTITIES = {
-    **imu_words.QUANTITIES,
-    "too_few_temperatures": "fewer temperatures than the model asked for needs; its degree is lower, or there is none.",
-    "ill_conditioned": "the temperatures do not determine the model.",
-    "not_determined": "it has a limit, and the run does not hold what it takes to determine it.",
-    "insufficient_temperature_span": "its temperatures span too little, so that nothing is decided.",
-    "ramp_too_fast": "its temperature went faster than it may.",
-    "invalid": "too little of it could be used.",
-    "input_drifted": (
-        "its input drifted more than it may between the points at rest; its verdicts, and what is decided by it, are "
-        "marginal."
-    ),
-    "no_points": "no two points at rest tell how its input drifted.",
-    "slope_follows_level": (
-        "its slope is not that of its reference, because its level is not: the drift is in proportion to the rate. "
-        "Relative to the rates the slopes agree; slopes as they are (basis raw) deviate for this reason alone, which "
-        "is no fault of the channel."
-    ),
-    "slope_same_at_all_levels": (
-        "its slope is that of its reference, though its level is another: the drift is an offset. Relative to the "
-        "rates the slopes deviate for this reason."
-    ),
-    "out_of_proportion": (
-        "its rate is out of proportion to that of the other levels: a wrong fixture, current or polarity, or what "
-        "feeds the converter is not what the record says."
-    ),
-    "drift_not_linear": (
-        "the slopes are not a part that is the same at all levels and one in proportion to the rate: the drift depends "
-        "on the level in another way."
-    ),
-    "no_thermometer": "nothing reads its temperature.",
-    "not_counted": "the unit is read by a voltmeter or sends its output itself, and has none that counts.",
-    "not_certified": "it has no certificate, so that its gain, offset and drift have no part in U.",
-    "temperature_slope_unknown": "how it changes with temperature is not known, so the thermometer has no part in U.",
-}
-_PARTS = {
-    **table_words.PARTS,
-    **imu_words.PARTS,
-    "part_missing": "part: there is no leg at this input, without which nothing can be determined.",
-    "leg_incomplete": "more than half of its samples could not be used.",
-    "no_steps": "left out: it has no step between two readings at the position.",
-    "not_one_leg": "left out: it is no leg, its set point ends where it began.",
-    "not_zero": "the source gave nothing, and the channel counted: is the accelerometer still connected?",
-    "another_angle": "left out: the part has legs at another angle, and the method is of one.",
-}
-_ATTITUDES = {
-    "missing_position": "Set point {set_c} °C: attitude {what} has no usable reading; its axis is left out there.",
-    "missing_rate": "Set point {set_c} °C: rates about {what} are missing; the axis is left out there.",
-    "attitude_inconsistent": (
-        "Set point {set_c} °C: in attitude {what} the unit seems to have stood otherwise; its axis is left out there."
-    ),
-}
-_ATTITUDE = re.compile(r"T=(\S+?):(\w+):(\w+)")
-_FREQUENCIES = table_words.FREQUENCIES
-_AT_FREQUENCY = re.compile(r"([\d.e+-]+ Hz) (\w+)")
-_SAMPLES = re.compile(r"(?:(.+): )?(\d+) samples(?:: (\w+))")
-_LEFT = re.compile(r"(\d+) readings: (\w+)")
-_DIFFER = re.compile(r"ends_differ_after:(\d+)")
-_INCOMPLETE = re.compile(r"dwell (\d+) incomplete: (.+)")
-
-
-def _of_one_point(flag: str) -> str:
-    """A flag of an attitude or of a frequency in words; empty for any other."""
-    attitude = _ATTITUDE.fullmatch(flag)
-    if attitude and attitude[2] in _ATTITUDES:
-        return tr(_ATTITUDES[attitude[2]], set_c=attitude[1], what=attitude[3])
-    at_frequency = _AT_FREQUENCY.fullmatch(flag)
-    if at_frequency and at_frequency[2] in _FREQUENCIES:
-        return f"{at_frequency[1]}: {tr(_FREQUENCIES[at_frequency[2]])}"
-    return ""
-
-
-def flag_in_words(flag: str) -> str:
-    """A flag of a unit as a sentence; one that is not known here as it stands."""
-    if flag in _UNITS:
-        return tr(_UNITS[flag])
-    if found := _of_one_point(flag):
-        return found
-    incomplete = _INCOMPLETE.fullmatch(flag)
-    if incomplete:
-        number, missing = incomplete.groups()
-        if missing == "ill_conditioned":
-            return tr("Dwell {number} is left out: its readings do not determine the four unknowns.", number=number)
-        angles = missing.replace(", ", "°, ") + "°"
-        return tr("Dwell {number} is left out: no usable reading near {angles}.", number=number, angles=angles)
-    samples = _SAMPLES.fullmatch(flag)
-    if samples and samples[3] in _READINGS:
-        told = tr("{count} samples are left out: {why}", count=samples[2], why=tr(_READINGS[samples[3]]))
-        return told + (f" ({samples[1]})." if samples[1] else ".")
-    if (left := _LEFT.fullmatch(flag)) and left[2] in _LEFT_OUT:
-        return tr("{count} readings are left out: {why}.", count=left[1], why=tr(_LEFT_OUT[left[2]]))
-    if differ := _DIFFER.fullmatch(flag):
-        return tr("The scale factors of both ends still differ after {count} attempts.", count=differ[1])
-    step, _, problem = flag.rpartition(": ")
-    if problem in _PARTS:
-        return f"{tr(step) if problem == 'part_missing' else step}: {tr(_PARTS[problem])}"
-    if problem in _READINGS:
-        return tr("A reading is left out: {why} ({step}).", why=tr(_READINGS[problem]), step=step)
-    quantity, _, problem = flag.partition(":")
-    return f"{quantity}: {tr(_QUANTITIES[problem])}" if problem in _QUANTITIES else flag
 
 
 def quantity_in_words(quantity: str) -> str:

@@ -25,7 +25,7 @@ from bench.analysis.rundata import (
     SourceRecord,
     UnitUnderTest,
 )
-from bench.report.words import flag_in_words
+from bench.report.flag_words import flag_in_words
 from bench.sequence.methods.channel import CHANNEL_TEMPERATURE
 
 LOW_C, HIGH_C, RAMP_S, POINT_S = 10.0, 40.0, 4000.0, 600.0

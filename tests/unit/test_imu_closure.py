@@ -10,7 +10,7 @@ from bench.analysis.imu_closure import Sensitivity, closure_findings
 from bench.analysis.limits import Limits
 from bench.analysis.orientation import unit_axes
 from bench.analysis.rundata import Mount, RunData
-from bench.report.words import flag_in_words
+from bench.report.flag_words import flag_in_words
 from tests.unit.test_imu_windows import BENCH, K1, SETTINGS, TWO, UNIT, acquired, block, record, reduce
 
 SENSITIVE = {axis: Sensitivity(K1, 0.02, 100, 10e-6) for axis in range(3)}

@@ -14,7 +14,7 @@ from bench.analysis.imu_start_up_readings import PowerOn
 from bench.analysis.limits import Limits
 from bench.analysis.models import Constant, KnotModel
 from bench.analysis.rundata import Mount, ReleasedCalibration, RunData, Turned
-from bench.report.words import flag_in_words
+from bench.report.flag_words import flag_in_words
 from bench.sequence.methods.imu import ImuStartUpSettings
 from tests.unit.test_imu_windows import BENCH, K1, KG, LATITUDE, UNIT, acquired, record
 

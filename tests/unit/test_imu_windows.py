@@ -10,7 +10,7 @@ from bench.analysis.imu_run import reduce
 from bench.analysis.imu_windows import CHANNELS_OF, visits
 from bench.analysis.rundata import Acquisition, AxisRecord, BenchRecord, Mount, RunData, Turned, UnitUnderTest, Window
 from bench.config.bench import load_bench
-from bench.report.words import flag_in_words
+from bench.report.flag_words import flag_in_words
 from bench.sequence.methods.imu import ImuCalibrationSettings
 from bench.sequence.orienting import Orient, Pose, targets_deg
 from tests.support.runs import ROOT

@@ -10,7 +10,7 @@ import pytest
 from jinja2 import Environment, nodes
 
 from bench.config.fixture import Compass, Direction
-from bench.report import languages, svg, words
+from bench.report import flag_words, languages, svg, words
 from bench.report.languages import LANGUAGES, catalogue_of, language, tr
 from bench.report.stored import open_run
 from bench.report.write import write_report
@@ -77,13 +77,13 @@ def texts_in_tables():
         words.ENDINGS,
         words.REASONS,
         words.CONTENTS,
-        words._READINGS,
-        words._UNITS,
-        words._QUANTITIES,
-        words._LEFT_OUT,
-        words._FREQUENCIES,
+        flag_words._READINGS,
+        flag_words._UNITS,
+        flag_words._QUANTITIES,
+        flag_words._LEFT_OUT,
+        flag_words._FREQUENCIES,
     )
-    for table in (*tables, words._PARTS):
+    for table in (*tables, flag_words._PARTS):
         yield from table.values()
     yield from (*words.SOURCES, *get_args(Direction), *get_args(Compass))
     yield from VERDICTS

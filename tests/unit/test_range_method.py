@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench.analysis.range_method import reduce_accelerometer, reduce_gyro
-from bench.report.words import flag_in_words
+from bench.report.flag_words import flag_in_words
 from bench.sequence.methods.response import ACCELEROMETER_RANGE, GYRO_RANGE
 from tests.support.table_runs import at_rate, at_rest, data
 

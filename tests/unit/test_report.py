@@ -13,10 +13,11 @@ import pytest
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
 from bench.report.course import BINS, envelope
+from bench.report.flag_words import flag_in_words
 from bench.report.page import simulated
 from bench.report.stored import open_run
 from bench.report.text import results_text
-from bench.report.words import flag_in_words, where
+from bench.report.words import where
 from bench.report.write import write_report
 from bench.runner.quiet import Quiet
 from tests.support.runs import ROOT, copy_bench, read_json, run_short

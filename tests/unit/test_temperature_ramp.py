@@ -12,7 +12,8 @@ import pytest
 from bench.analysis.finding import Finding, UnitResult
 from bench.analysis.rundata import Acquisition, AxisRecord, BenchRecord, Counts, RunData, UnitUnderTest
 from bench.analysis.temperature_ramp import reduce
-from bench.report.words import flag_in_words, where
+from bench.report.flag_words import flag_in_words
+from bench.report.words import where
 from bench.sequence.methods.temperature import TEMPERATURE_RAMP
 
 LOW_C, HIGH_C, LEG_S = 10.0, 60.0, 2400
