@@ -13,8 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bench.analysis.acquired import Acquisition, Array
+from bench.analysis.bench_record import BenchRecord
 from bench.analysis.orientation import unit_axes
-from bench.analysis.rundata import Acquisition, Array, BenchRecord, UnitUnderTest
+from bench.analysis.rundata import UnitUnderTest
 
 EAST, NORTH, UP = np.eye(3)
 

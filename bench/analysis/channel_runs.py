@@ -8,11 +8,12 @@ from typing import Literal
 
 import numpy as np
 
+from bench.analysis.acquired import Acquisition, Array, Counts
 from bench.analysis.channel_temperature import ChannelRecord
 from bench.analysis.counts import mean_rate
 from bench.analysis.orientation import specific_force_g
 from bench.analysis.outputs import means_between
-from bench.analysis.rundata import Acquisition, Array, Counts, RunData, UnitUnderTest
+from bench.analysis.rundata import RunData, UnitUnderTest
 
 LEVEL_DIGITS_G = 3  # levels closer to each other are one level
 SKEW_G = 0.577  # of three axes alike about the vertical, 1/√3

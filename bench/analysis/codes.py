@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.analysis.acquired import Array, Codes
 from bench.analysis.counts import LEAST_SHARE, is_irregular, steps_of
-from bench.analysis.rundata import Array, Codes
 
 FEWEST_CODES = 2  # which a scatter needs
 DITHERED_STEPS = 0.55  # scatter from which on it is no toggling between two codes, which has at most 0.5

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.analysis.rundata import Array, Counts, Integers, Window
+from bench.analysis.acquired import Array, Counts, Integers, Window
 
 RESOLUTION_COUNTS = 0.408  # 1/sqrt(6): standard deviation of a count between two unsynchronised edges
 LEAST_SHARE = 0.5  # of the latches must have come

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bench.analysis.acquired import Acquisition, Array
+from bench.analysis.bench_record import BenchRecord
 from bench.analysis.orientation import elevation_rad
 from bench.analysis.outputs import Output, mean_output
-from bench.analysis.rundata import Acquisition, Array, BenchRecord, RunData, UnitUnderTest
+from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.tumble import IncompleteTumble, Tumble, further_terms, solve_tumble
 
 

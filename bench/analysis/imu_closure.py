@@ -14,12 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bench.analysis.acquired import Acquisition
 from bench.analysis.attitude_errors import table_errors
 from bench.analysis.attitudes import AXES
+from bench.analysis.bench_record import BenchRecord
 from bench.analysis.finding import BudgetLine, Finding, Subject
 from bench.analysis.fit import LinearFit, NotDetermined, least_squares
 from bench.analysis.orientation import unit_axes
-from bench.analysis.rundata import Acquisition, BenchRecord, RunData, UnitUnderTest
+from bench.analysis.rundata import RunData, UnitUnderTest
 
 LEVEL = 0.1  # of g along an axis that counts as level
 DIRECTIONS = ("east", "north")

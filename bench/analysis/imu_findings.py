@@ -10,15 +10,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.analysis.acquired import Acquisition, Array
 from bench.analysis.attitude_errors import TableErrors, table_errors
 from bench.analysis.attitude_fit import AttitudeFits
 from bench.analysis.attitudes import AXES, EARTH_RATE_DPS, SPECIFIC_FORCE_G, block
+from bench.analysis.bench_record import BenchRecord
 from bench.analysis.finding import BudgetLine, Finding, combined
 from bench.analysis.fit import NotDetermined, least_squares
 from bench.analysis.imu_calibration import AxisCalibration
 from bench.analysis.imu_noise import Noise, about_another
 from bench.analysis.imu_windows import Turning, Visit
-from bench.analysis.rundata import Acquisition, Array, BenchRecord, UnitUnderTest
+from bench.analysis.rundata import UnitUnderTest
 
 READINGS = "readings: scatter pooled over the run"
 UP = np.array([0.0, 0.0, 1.0])

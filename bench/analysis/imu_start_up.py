@@ -16,11 +16,12 @@ import numpy as np
 
 from bench.analysis.attitude_errors import table_errors
 from bench.analysis.attitudes import AXES, EARTH_RATE_DPS
+from bench.analysis.bench_record import BenchRecord
 from bench.analysis.finding import LOWER_BOUND, BudgetLine, Finding, Subject, UnitResult
 from bench.analysis.fit import Array, NotDetermined
 from bench.analysis.imu_start_up_readings import PowerOn, Readings
 from bench.analysis.imu_windows import visits
-from bench.analysis.rundata import BenchRecord, ReleasedCalibration, RunData, UnitUnderTest
+from bench.analysis.rundata import ReleasedCalibration, RunData, UnitUnderTest
 from bench.analysis.start_up import Courses, Part, Settling, fit_courses, settling
 
 PARTS: Mapping[str, Part] = {"K0": "zero", "K1": "scale", "D0": "zero", "KG": "scale"}

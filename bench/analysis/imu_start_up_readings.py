@@ -11,11 +11,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from bench.analysis.acquired import Acquisition
 from bench.analysis.attitudes import AXES, SPECIFIC_FORCE_G, block, earth_rate_dps
+from bench.analysis.bench_record import BenchRecord
 from bench.analysis.counts import RESOLUTION_COUNTS
 from bench.analysis.fit import Array
 from bench.analysis.imu_windows import Visit
-from bench.analysis.rundata import Acquisition, BenchRecord, ReleasedCalibration, UnitUnderTest
+from bench.analysis.rundata import ReleasedCalibration, UnitUnderTest
 
 HARMLESS = frozenset({"dead_band"})  # to a gyro at rest, which may well give no pulse for long
 

@@ -13,10 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bench.analysis.acquired import Acquisition, Array
 from bench.analysis.attitudes import AXES, BODY_AXES, NAMES
+from bench.analysis.bench_record import BenchRecord
 from bench.analysis.imu_readings import ImuReadings, PositionRecord, RateReadings, RateRecord, arrange
 from bench.analysis.orientation import unit_axes
-from bench.analysis.rundata import Acquisition, Array, BenchRecord, RunData, UnitUnderTest
+from bench.analysis.rundata import RunData, UnitUnderTest
 
 ACCELEROMETERS, GYROS = (tuple(f"{sensor}_{axis}" for axis in AXES) for sensor in ("acc", "gyro"))
 CHANNELS_OF = (*ACCELEROMETERS, *GYROS)

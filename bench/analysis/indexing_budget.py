@@ -13,12 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bench.analysis.bench_record import BenchRecord
 from bench.analysis.codes import by_position
 from bench.analysis.finding import BudgetLine, combined
 from bench.analysis.fit import Array
 from bench.analysis.indexing_readings import IndexingReading
 from bench.analysis.propagation import Estimate
-from bench.analysis.rundata import BenchRecord, UnitUnderTest
+from bench.analysis.rundata import UnitUnderTest
 
 SCATTER = "readings: scatter"
 REPEATABILITY = "head: repeatability"

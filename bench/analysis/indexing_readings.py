@@ -13,11 +13,13 @@ from typing import Literal
 
 import numpy as np
 
+from bench.analysis.acquired import Acquisition
+from bench.analysis.bench_record import BenchRecord
 from bench.analysis.fit import Array
 from bench.analysis.indexing_sweep import SweepRecord
 from bench.analysis.orientation import unit_axes
 from bench.analysis.outputs import mean_output
-from bench.analysis.rundata import Acquisition, BenchRecord, RunData, UnitUnderTest
+from bench.analysis.rundata import RunData, UnitUnderTest
 
 CLOCKING, VERIFICATION = "clocking", "verification"
 TURN_DEG = 1e-3  # by which the head is turned in thought, to see what that does

@@ -16,11 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from bench.analysis.acquired import Acquisition
 from bench.analysis.counts import RESOLUTION_COUNTS
 from bench.analysis.finding import LOWER_BOUND, BudgetLine, Finding, UnitResult, combined
 from bench.analysis.orientation import elevation_rad
 from bench.analysis.outputs import Output, mean_output
-from bench.analysis.rundata import Acquisition, RunData, UnitUnderTest
+from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.threshold import LadderRecord, LadderStep, Threshold, find_threshold
 
 NAMES = {

@@ -13,7 +13,9 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bench.analysis.rundata import Acquisition, Array, BenchRecord, Mount, UnitUnderTest, Vector
+from bench.analysis.acquired import Acquisition, Array, Mount
+from bench.analysis.bench_record import BenchRecord, Vector
+from bench.analysis.rundata import UnitUnderTest
 
 SOUTH = np.array([0.0, -1.0, 0.0])
 IN_PLANE = 1e-6  # of g along the output axis of a unit that is turned in the plane of its input axis

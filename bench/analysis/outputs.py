@@ -8,9 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from bench.analysis.acquired import Acquisition, Array, Codes, Counts, Voltages
 from bench.analysis.codes import FEWEST_CODES, begins_anew, mean_code, sampled_at_s, stuck
 from bench.analysis.counts import LEAST_SHARE, RESOLUTION_COUNTS, mean_rate
-from bench.analysis.rundata import Acquisition, Array, Codes, Counts, UnitUnderTest, Voltages
+from bench.analysis.rundata import UnitUnderTest
 
 FEWEST_VOLTAGES = 2  # which a scatter needs
 NO_VOLTAGES = Voltages(np.empty(0), np.empty(0))

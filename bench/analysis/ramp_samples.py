@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bench.analysis.acquired import Acquisition, Array
 from bench.analysis.outputs import means_between, measured, outputs_between
-from bench.analysis.rundata import Acquisition, Array, UnitUnderTest
+from bench.analysis.rundata import UnitUnderTest
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
+from bench.analysis.bench_record import AxisRecord
 from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
 from bench.analysis.rest import Rest, RestReading, fit_rest
-from bench.analysis.rundata import AxisRecord, RunData, UnitUnderTest
+from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.steady_turning import Steady
 from bench.analysis.table_samples import harmonics_u_dps, steady, table_samples
 

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri
 
+from bench.analysis.acquired import Array
 from bench.analysis.dwells import Dwell, SolvedDwells, solve_dwells
 from bench.analysis.finding import CONFIDENCE, BudgetLine, Finding, Interval, UnitResult
-from bench.analysis.rundata import Array, RunData, UnitUnderTest
+from bench.analysis.rundata import RunData, UnitUnderTest
 
 UNITS = {"K0": "g", "K1": "1", "misalignment": "rad"}
 NAMES = {"K0": "bias", "K1": "scale factor, relative", "misalignment": "misalignment of the input axis"}

@@ -13,10 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import j1
 
+from bench.analysis.bench_record import AxisRecord
 from bench.analysis.finding import BudgetLine, Finding, Subject
 from bench.analysis.frequency_response import HALF_POWER, FrequencyResponse, ResponsePoint, SweepPoint, Swing
 from bench.analysis.lever_arm import LeverArm
-from bench.analysis.rundata import AxisRecord, RunData, UnitUnderTest
+from bench.analysis.rundata import RunData, UnitUnderTest
 
 SENSOR = "sensor: noise and steps of counting"
 ENCODER = "encoder: noise and resolution"

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bench.analysis.acquired import Acquisition, Array, Integers, Motion, Positions
 from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
 from bench.analysis.fit import LinearFit, NotDetermined, least_squares
-from bench.analysis.rundata import Acquisition, Array, Integers, Motion, Positions, UnitUnderTest
+from bench.analysis.rundata import UnitUnderTest
 from bench.analysis.steady_turning import Steady
 from bench.analysis.table_blocks import Block
 

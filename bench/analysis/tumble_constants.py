@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bench.analysis.acquired import Array
 from bench.analysis.codes import by_position
 from bench.analysis.dwells import Dwell
 from bench.analysis.finding import BudgetLine, Finding
 from bench.analysis.fit import PolynomialFit
-from bench.analysis.rundata import Array
 from bench.analysis.tumble_unit import TumbleUnit, type_b
 
 NAMES = {

@@ -8,9 +8,11 @@ from typing import Self
 
 import numpy as np
 
+from bench.analysis.acquired import Array
+from bench.analysis.bench_record import BenchRecord
 from bench.analysis.dwells import Dwell
 from bench.analysis.finding import BudgetLine, Subject
-from bench.analysis.rundata import Array, BenchRecord, RunData, UnitUnderTest
+from bench.analysis.rundata import RunData, UnitUnderTest
 
 UNITS = {"K0": "g", "misalignment": "rad", "K2": "g/g²", "K3": "g/g³", "Kip": "g/g²", "asymmetry": "1"}
 READINGS = "readings: scatter pooled over the run"

@@ -9,7 +9,7 @@ import cmath
 import math
 from collections.abc import Mapping
 
-from bench.analysis.rundata import AxisRecord
+from bench.analysis.bench_record import AxisRecord
 from bench.app.can_nodes import decoding_of
 from bench.config.fixture import Mount
 from bench.config.models import BenchFile

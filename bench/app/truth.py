@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from bench.analysis.acquired import Acquisition
 from bench.analysis.dwells import axis_rad
 from bench.analysis.ladder import by_position
-from bench.analysis.rundata import Acquisition, UnitUnderTest
+from bench.analysis.rundata import UnitUnderTest
 from bench.analysis.tumble import further_terms
 from bench.app.laboratory import Laboratory
 from bench.report.stored import StoredRun

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bench.analysis.acquired import Voltages
 from bench.analysis.outputs import STABLE_PART_S, Measured, steadiness
-from bench.analysis.rundata import Voltages
 from bench.errors import StepError
 from bench.sequence.measuring import Acquire, Stable
 from bench.sequence.stimulus import TURN_DEG

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
+from bench.analysis.acquired import Mount
+from bench.analysis.bench_record import Vector
 from bench.analysis.orientation import turned_axes
-from bench.analysis.rundata import Mount, Vector
 from bench.config.models import BenchFile
 from bench.config.places import PlaceEntry
 from drivers.values import Heard

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bench.analysis.rundata import Array, Counts, RunData, Voltages
+from bench.analysis.acquired import Array, Counts, Voltages
+from bench.analysis.rundata import RunData
 from bench.config.devices import Calibration
 from bench.config.models import BenchFile
 from bench.report.languages import tr

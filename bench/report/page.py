@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from bench.analysis.rundata import Codes, RunData
+from bench.analysis.acquired import Codes
+from bench.analysis.rundata import RunData
 from bench.config.devices import Calibration
 from bench.config.fixture import FixtureEntry
 from bench.report.languages import tr

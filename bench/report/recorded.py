@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from bench.analysis.rundata import Acquisition, Counts
+from bench.analysis.acquired import Acquisition, Counts
 from bench.report.rundata import acquisitions
 from bench.report.stored import StoredRun
 from bench.store.reader import Event, Series

@@ -9,22 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from bench.analysis.acquired import Acquisition, Codes, Counts, Motion, Mount, Positions, Turned, Voltages
+from bench.analysis.bench_record import AxisRecord, BenchRecord, SourceRecord
 from bench.analysis.counts import window_of
-from bench.analysis.rundata import (
-    Acquisition,
-    AxisRecord,
-    BenchRecord,
-    Codes,
-    Counts,
-    Motion,
-    Mount,
-    Positions,
-    RunData,
-    SourceRecord,
-    Turned,
-    UnitUnderTest,
-    Voltages,
-)
+from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.config.fixture import Vector
 from bench.config.models import BenchFile
 from bench.report.corrections import Corrections, corrections_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bench.analysis.rundata import Codes
+from bench.analysis.acquired import Codes
 from bench.store.kept_dbc import kept_format
 from drivers.can_telemetry import wire
 from drivers.can_telemetry.description import TelemetryOptions

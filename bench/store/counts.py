@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bench.analysis.rundata import Counts, Positions
+from bench.analysis.acquired import Counts, Positions
 from bench.store.kept_dbc import kept_format
 from drivers.can_counter import wire
 from drivers.can_counter.description import CounterOptions

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from bench.analysis.acquired import Counts
 from bench.analysis.counts import mean_rate
-from bench.analysis.rundata import Counts
 from drivers.can_counter import wire
 from drivers.can_counter.description import DESCRIPTION, IDLE_BLOCK_S, CounterOptions
 from drivers.can_counter.driver import FIRST_FRAME_S, CanCounter

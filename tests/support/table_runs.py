@@ -6,16 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from bench.analysis.rundata import (
-    Acquisition,
-    AxisRecord,
-    BenchRecord,
-    Counts,
-    Motion,
-    Positions,
-    RunData,
-    UnitUnderTest,
-)
+from bench.analysis.acquired import Acquisition, Counts, Motion, Positions
+from bench.analysis.bench_record import AxisRecord, BenchRecord
+from bench.analysis.rundata import RunData, UnitUnderTest
 from simulators.uut import Integrator
 
 UNIT = UnitUnderTest("a", "SN", "x", 0.0, "warm")

@@ -11,8 +11,9 @@ from unittest import mock
 import numpy as np
 
 from bench.analysis import counts as counting
+from bench.analysis.acquired import Acquisition, Counts
 from bench.analysis.dwells import Dwell
-from bench.analysis.rundata import Acquisition, Counts, RunData
+from bench.analysis.rundata import RunData
 from bench.report import rundata
 from bench.report.stored import open_run
 from drivers.can_counter import wire

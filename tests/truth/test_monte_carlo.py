@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 
 from bench.analysis import dwells, ramp_findings, temperature_ramp
+from bench.analysis.acquired import Acquisition, Counts, Mount
+from bench.analysis.bench_record import AxisRecord, BenchRecord
 from bench.analysis.orientation import elevation_rad
 from bench.analysis.ramp_samples import RampLeg
-from bench.analysis.rundata import Acquisition, AxisRecord, BenchRecord, Counts, Mount, RunData, UnitUnderTest
+from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.temperature_tumble import reduce as reduce_tumble
 from bench.sequence.methods.temperature import TEMPERATURE_RAMP, TEMPERATURE_TUMBLE
 

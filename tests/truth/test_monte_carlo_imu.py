@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from bench.analysis.acquired import Acquisition, Turned, Window
 from bench.analysis.attitudes import BODY_AXES, EARTH_RATE_DPS, NAMES
+from bench.analysis.bench_record import AxisRecord, BenchRecord
 from bench.analysis.imu_run import reduce
 from bench.analysis.orientation import unit_axes
-from bench.analysis.rundata import Acquisition, AxisRecord, BenchRecord, RunData, Turned, UnitUnderTest, Window
+from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.sequence.methods.imu import IMU_CALIBRATION
 
 ARCSEC_DEG = 1 / 3600

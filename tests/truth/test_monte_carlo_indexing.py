@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.analysis.acquired import Acquisition, Mount, Voltages
+from bench.analysis.bench_record import AxisRecord, BenchRecord
 from bench.analysis.indexing_static import reduce
-from bench.analysis.rundata import Acquisition, AxisRecord, BenchRecord, Mount, RunData, UnitUnderTest, Voltages
+from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.sequence.methods.indexing import INDEXING_STATIC
 
 TRIALS = 250

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from bench.analysis.acquired import Acquisition
 from bench.analysis.attitude_errors import table_errors
-from bench.analysis.rundata import Acquisition, AxisRecord, BenchRecord, UnitUnderTest
+from bench.analysis.bench_record import AxisRecord, BenchRecord
+from bench.analysis.rundata import UnitUnderTest
 from simulators.attitude import EAST, NORTH, UP, Fixture, tilted
 
 AXES = (UP, NORTH, EAST)

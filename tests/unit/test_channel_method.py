@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.analysis.acquired import Acquisition, Counts, Mount
+from bench.analysis.bench_record import AxisRecord, BenchRecord, SourceRecord
 from bench.analysis.channel_method import reduce
 from bench.analysis.channel_scatter import line_scatter
 from bench.analysis.channel_temperature import Gates
@@ -15,16 +17,7 @@ from bench.analysis.finding import Finding, UnitResult
 from bench.analysis.fit import NotDetermined
 from bench.analysis.limits import Limits
 from bench.analysis.models import Equation
-from bench.analysis.rundata import (
-    Acquisition,
-    AxisRecord,
-    BenchRecord,
-    Counts,
-    Mount,
-    RunData,
-    SourceRecord,
-    UnitUnderTest,
-)
+from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.report.flag_words import flag_in_words
 from bench.sequence.methods.channel import CHANNEL_TEMPERATURE
 

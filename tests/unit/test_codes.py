@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from bench.analysis.acquired import Acquisition, Codes
 from bench.analysis.codes import begins_anew, by_position, hidden_by_steps, mean_code, sampled_at_s, stuck
 from bench.analysis.outputs import NO_CODES, mean_output, outputs_between, steadiness
-from bench.analysis.rundata import Acquisition, Codes, UnitUnderTest
+from bench.analysis.rundata import UnitUnderTest
 
 PERIOD_S, TICK_S = 0.02, 1e-5
 UNIT = UnitUnderTest("a", "S", "", 0.0, "t", telemetry="x", sent_unit="m/s²")

@@ -5,7 +5,7 @@ import datetime as dt
 import numpy as np
 import pytest
 
-from bench.analysis.rundata import Voltages
+from bench.analysis.acquired import Voltages
 from bench.app.drawn import world_settings
 from bench.app.laboratory import unit_files
 from bench.app.request import RunRequest, load_checked, prepare

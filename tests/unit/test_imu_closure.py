@@ -5,11 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
+from bench.analysis.acquired import Mount
 from bench.analysis.attitudes import NAMES, SPECIFIC_FORCE_G
 from bench.analysis.imu_closure import Sensitivity, closure_findings
 from bench.analysis.limits import Limits
 from bench.analysis.orientation import unit_axes
-from bench.analysis.rundata import Mount, RunData
+from bench.analysis.rundata import RunData
 from bench.report.flag_words import flag_in_words
 from tests.unit.test_imu_windows import BENCH, K1, SETTINGS, TWO, UNIT, acquired, block, record, reduce
 

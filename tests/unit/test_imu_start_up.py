@@ -7,13 +7,14 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from bench.analysis.acquired import Mount, Turned
 from bench.analysis.attitudes import NAMES, SPECIFIC_FORCE_G, earth_rate_dps
 from bench.analysis.compensation import Compensation
 from bench.analysis.imu_start_up import reduce
 from bench.analysis.imu_start_up_readings import PowerOn
 from bench.analysis.limits import Limits
 from bench.analysis.models import Constant, KnotModel
-from bench.analysis.rundata import Mount, ReleasedCalibration, RunData, Turned
+from bench.analysis.rundata import ReleasedCalibration, RunData
 from bench.report.flag_words import flag_in_words
 from bench.sequence.methods.imu import ImuStartUpSettings
 from tests.unit.test_imu_windows import BENCH, K1, KG, LATITUDE, UNIT, acquired, record

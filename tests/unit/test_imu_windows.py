@@ -5,10 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
+from bench.analysis.acquired import Acquisition, Mount, Turned, Window
 from bench.analysis.attitudes import NAMES, SPECIFIC_FORCE_G, earth_rate_dps
+from bench.analysis.bench_record import AxisRecord, BenchRecord
 from bench.analysis.imu_run import reduce
 from bench.analysis.imu_windows import CHANNELS_OF, visits
-from bench.analysis.rundata import Acquisition, AxisRecord, BenchRecord, Mount, RunData, Turned, UnitUnderTest, Window
+from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.config.bench import load_bench
 from bench.report.flag_words import flag_in_words
 from bench.sequence.methods.imu import ImuCalibrationSettings

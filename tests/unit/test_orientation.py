@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bench.analysis.acquired import Acquisition, Mount
+from bench.analysis.bench_record import AxisRecord, BenchRecord
 from bench.analysis.orientation import elevation_rad, specific_force_g, unit_axes
-from bench.analysis.rundata import Acquisition, AxisRecord, BenchRecord, Mount, UnitUnderTest
+from bench.analysis.rundata import UnitUnderTest
 from simulators import attitude
 from simulators.attitude import EAST, NORTH, SOUTH, UP, Fixture, planar, to_unit
 

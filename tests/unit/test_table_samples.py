@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bench.analysis.acquired import Motion
 from bench.analysis.converter_play import without_play
 from bench.analysis.rest import RestReading, fit_rest
-from bench.analysis.rundata import Motion
 from bench.analysis.sine_fit import fit_sine
 from bench.analysis.table_samples import harmonics_u_dps, steady, table_samples
 from tests.support.table_runs import UNIT, acquired

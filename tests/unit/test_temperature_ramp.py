@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.analysis.acquired import Acquisition, Counts
+from bench.analysis.bench_record import AxisRecord, BenchRecord
 from bench.analysis.finding import Finding, UnitResult
-from bench.analysis.rundata import Acquisition, AxisRecord, BenchRecord, Counts, RunData, UnitUnderTest
+from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.temperature_ramp import reduce
 from bench.report.flag_words import flag_in_words
 from bench.report.words import where

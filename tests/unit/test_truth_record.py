@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.analysis.acquired import Counts
 from bench.analysis.counts import mean_rate
-from bench.analysis.rundata import Counts
 from bench.analysis.tumble import Tumble, solve_tumble
 from drivers.can_counter.wire import decode_counts
 from simulators.attitude import planar

@@ -1,0 +1,65 @@
+"""What is known of a bench before anything is measured with it, as standard uncertainties."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class AxisRecord:
+    """An axis of the table: where its positive end points while all angles are 0 (east, north, up), and its errors.
+
+    `harmonics_u_deg` are those of the cosine and of the sine amplitude of harmonics 1, 2, … of its error,
+    `wobble_u_deg` those of how far it tilts to and fro once a turn.
+    """
+
+    points: Vector = (0.0, -1.0, 0.0)
+    zero_u_deg: float = 0.0
+    harmonics_u_deg: tuple[float, ...] = ()
+    repeatability_u_deg: float = 0.0
+    wobble_u_deg: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class SourceRecord:
+    """What a certificate says of a current source, as standard uncertainties: gain (1), offset (A), drift (1/s)."""
+
+    gain_u: float
+    offset_u_a: float
+    drift_u_per_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class BenchRecord:
+    """What certificates and surveys say of the bench; every `u` is a standard uncertainty.
+
+    `axes` are those of the table, outer first; `x` and `z` are where those of the fixture point while all angles are 0.
+    `level_deg` tilts the whole table about south. `thermometers_u` gives offset (°C) and gain (on the temperature in
+    °C) by the name of the reading, `voltmeters_u` gain (of the reading) and offset (V) by voltmeter, `sources` the
+    current sources that have a certificate, by their roles. `orthogonality_u_deg` is of each axis against the one that
+    carries it, in two directions. `encoder_skew_u_s` is that of the time between an encoder's latch and the pulses'.
+    """
+
+    gravity_mps2: float
+    gravity_u_mps2: float
+    axes: Mapping[str, AxisRecord]
+    x: Vector
+    z: Vector
+    level_deg: float
+    level_u_deg: float
+    time_base_u: float
+    thermometers_u: Mapping[str, tuple[float, float]]
+    voltmeters_u: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    latitude_deg: float = 0.0
+    azimuth_u_deg: float = 0.0
+    orthogonality_u_deg: float = 0.0
+    sources: Mapping[str, SourceRecord] = field(default_factory=dict)
+    encoder_skew_u_s: float = 0.0
+
+    @property
+    def head(self) -> AxisRecord:
+        """The head, which is the outermost axis; one without errors when there is none."""
+        return next(iter(self.axes.values()), AxisRecord())
