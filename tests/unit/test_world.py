@@ -288,11 +288,13 @@ def test_a_thermometer_has_an_offset_a_gain_and_a_lag() -> None:
 # Faults
 
 
-def test_a_silent_counter_sends_nothing() -> None:
+def test_a_counter_that_falls_silent_has_sent_what_it_sent_before() -> None:
     lab = Laboratory()
     counter = lab.counter(faults=FaultPlan({"silent": 10}, lambda: lab.host_s))
     lab.wait(5)
     assert len(counter.take()) == 5 * 40 + 5
+    lab.wait(10)
+    assert len(counter.take()) == 5 * 40, "the latch at 10 s, and the temperature then, are not sent any more"
     lab.wait(10)
     assert len(counter.take()) == 0
 
