@@ -2,7 +2,8 @@
 
     python -m tests.truth.ramp --seeds 40
 
-runs short ramps on full benches; errors must be as large as stated, and the intervals of largest values must hold.
+runs the preset `quick` on full benches; errors must not exceed what is stated, and the intervals of largest values must
+hold.
 """
 
 from __future__ import annotations
@@ -107,7 +108,11 @@ def main() -> int:
     options = parser.parse_args()
     bad = []
     with tempfile.TemporaryDirectory() as temporary:
-        requests = [quick_request(Path(temporary) / str(seed), seed) for seed in range(1, options.seeds + 1)]
+        bench = full_bench(Path(temporary) / "config")
+        requests = [
+            RunRequest("ramp_dynamic", bench=str(bench), preset="quick", seed=seed, runs=Path(temporary) / "runs")
+            for seed in range(1, options.seeds + 1)
+        ]
         comparisons = [each for folder in campaign(requests, options.processes) for each in compare_ramp(folder)]
     for quantity in QUANTITIES:
         found = [each for each in comparisons if each.quantity == quantity]
