@@ -90,7 +90,7 @@ class ImuStartUpSettings(StrictModel):
         50e-6, description="how far off the scale factor of an accelerometer may be, either way"
     )
     gyro_zero_dps: Annotated[float, InUnit("°/s", above=0)] = Field(
-        0.2 / 3600, alias="gyro_zero", description="what may be left of the zero of a gyro, either way"
+        5e-5, alias="gyro_zero", description="what may be left of the zero of a gyro, either way"
     )
     gyro_scale: Annotated[Ratio, InUnit("", above=0)] = Field(
         50e-6, description="how far off the scale factor of a gyro may be, either way"
