@@ -54,17 +54,23 @@ class TableErrors:
         """What each error changes a level vector by along one axis of the unit, for 1 rad: (n,) each."""
         return [source.seen(self.axes, vector)[:, axis] for source in self.sources]
 
-    def propagated(self, effects: Sequence[Array], weights: Array) -> dict[str, float]:
+    def propagated(self, effects: Sequence[Array], weights: Array) -> dict[str, Array]:
         """The standard uncertainties by the names of the sources, of what depends on the windows by `weights` (n,).
 
-        `effects` (n,) are what each source changes the window's reading by for 1 rad.
+        Of several such things the weights are (m, n), and so many are the uncertainties. `effects` (n,) are what each
+        source changes the window's reading by for 1 rad.
         """
-        squares: dict[str, float] = {}
+        squares: dict[str, Array] = {}
         for source, effect in zip(self.sources, effects, strict=True):
             felt = weights * effect
-            part = float(np.linalg.norm(felt)) if source.fresh else abs(float(felt.sum()))
+            part = np.linalg.norm(felt, axis=-1) if source.fresh else np.abs(felt.sum(axis=-1))
             squares[source.name] = squares.get(source.name, 0.0) + (part * source.u_rad) ** 2
-        return {name: float(np.sqrt(square)) for name, square in squares.items()}
+        return {name: np.sqrt(square) for name, square in squares.items()}
+
+
+def shared_by(name: str) -> str | None:
+    """What findings with a source of this name share; what is drawn anew for each attitude is common to nothing."""
+    return None if name.endswith("repeatability") else name.replace(": ", ".")
 
 
 def table_errors(acquisitions: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord) -> TableErrors:

@@ -32,10 +32,14 @@ EARTH_RATE_DPS = float(np.degrees(7.292115e-5))
 
 
 def earth_rate_dps(latitude_deg: float) -> Array:
-    """What perfect gyros x, y and z read at rest, in °/s: (24, 3); northern latitudes are positive."""
+    """What perfect gyros x, y and z read at rest, in °/s: (24, 3)."""
+    return np.asarray(BODY_AXES @ local_earth_rate_dps(latitude_deg))
+
+
+def local_earth_rate_dps(latitude_deg: float) -> Array:
+    """The rate of the earth in east, north and up, in °/s; northern latitudes are positive."""
     latitude = np.radians(latitude_deg)
-    local = EARTH_RATE_DPS * (np.cos(latitude) * _NORTH + np.sin(latitude) * _UP)
-    return np.asarray(BODY_AXES @ local)
+    return np.asarray(EARTH_RATE_DPS * (np.cos(latitude) * _NORTH + np.sin(latitude) * _UP))
 
 
 def block(axis: int) -> slice:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -58,6 +59,15 @@ class BenchRecord:
     orthogonality_u_deg: float = 0.0
     sources: Mapping[str, SourceRecord] = field(default_factory=dict)
     encoder_skew_u_s: float = 0.0
+
+    def thermometer_u(self, name: str) -> tuple[float, float]:
+        """Offset (°C) and gain of the thermometer behind a reading; zeros without a certificate."""
+        return self.thermometers_u.get(name, (0.0, 0.0))
+
+    def temperature_u_c(self, name: str, temperature_c: float) -> float:
+        """The standard uncertainty of a temperature that it shows."""
+        offset_c, gain = self.thermometer_u(name)
+        return math.hypot(offset_c, gain * temperature_c)
 
     @property
     def head(self) -> AxisRecord:

@@ -187,7 +187,7 @@ class ChannelFindings:
     @property
     def _thermometer(self) -> tuple[float, float]:
         """Offset in °C and gain of the thermometer at the converter, as standard uncertainties."""
-        return self.data.bench.thermometers_u.get(self.unit.converter, (0.0, 0.0))
+        return self.data.bench.thermometer_u(self.unit.converter)
 
     @property
     def _source_offset_u_a(self) -> float:

@@ -7,7 +7,7 @@ than one; the slopes of all of them together tell the converter's two temperatur
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -86,7 +86,7 @@ def _with_drift(findings: Sequence[Finding], levels: Sequence[Level], limit: flo
     drifted = {level.name for level in levels if has_drifted(level, limit)}
     for finding in findings:
         of = {finding.at["run"], finding.at.get("reference")} if "run" in finding.at else drifted
-        yield finding if drifted.isdisjoint(of) else replace(finding, flags=(*finding.flags, NOT_CLOSED))
+        yield finding if drifted.isdisjoint(of) else finding.flagged(NOT_CLOSED)
 
 
 def _lost_its_thermostat(level: Level) -> bool:

@@ -8,7 +8,7 @@ from math import sqrt
 
 from scipy.special import fdtr
 
-from bench.analysis.finding import BudgetLine, Finding, combined
+from bench.analysis.finding import BudgetLine, Finding, Subject
 from bench.analysis.fit import Array, PolynomialFit
 from bench.analysis.temperature_coefficients import bias_coefficients, scale_coefficients
 
@@ -18,14 +18,13 @@ TERMS = ("linear", "quadratic")
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a model comes from: `prefix` begins the ids, `steps` are those of the run.
+    """Where a model comes from: of whom it is, and the steps of the run.
 
     `thermometer_u` are the standard uncertainties of its offset (°C) and of its gain. `scatter` is the budget line of
     what depends on the values that were fitted by weights (n,).
     """
 
-    prefix: str
-    uut: str
+    subject: Subject
     steps: tuple[str, ...]
     thermometer: str
     thermometer_u: tuple[float, float]
@@ -48,18 +47,12 @@ def coefficient_findings(quantity: str, model: PolynomialFit, reference_c: float
             BudgetLine(f"{origin.thermometer}: gain", "B", float(by_gain[index]), None, origin.thermometer),
             BudgetLine(f"{origin.thermometer}: offset", "B", float(by_offset[index]), None, origin.thermometer),
         ]
-        yield Finding(
-            id=f"{origin.prefix}{quantity}T{index + 1}",
-            uut=origin.uut,
-            quantity=f"{quantity}T{index + 1}",
-            name=f"{TERMS[index]} temperature coefficient of the {'bias' if of_bias else 'scale factor'}",
-            at={"at_c": reference_c},
-            value=value,
-            unit=("g/°C" if of_bias else "1/°C") + "²" * index,
-            budget=combined(lines),
-            steps=origin.steps,
+        name = f"{TERMS[index]} temperature coefficient of the {'bias' if of_bias else 'scale factor'}"
+        unit = ("g/°C" if of_bias else "1/°C") + "²" * index
+        yield origin.subject.finding(
+            f"{quantity}T{index + 1}", name, value, unit, lines, {"at_c": reference_c}, origin.steps,
             flags=("extrapolated",) if found.extrapolated else (),
-        )
+        )  # fmt: skip
 
 
 def _pooled(fit: BudgetLine, readings: BudgetLine) -> BudgetLine:

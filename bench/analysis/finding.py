@@ -102,6 +102,10 @@ class Finding:
         """
         return self.limits is not None and (NOT_CLOSED in self.flags or self.limits.is_marginal(self.value, self.u))
 
+    def flagged(self, flag: str) -> Finding:
+        """The same finding with one more flag."""
+        return replace(self, flags=(*self.flags, flag))
+
     def judged(self, limits: Limits) -> Finding:
         """The same finding with limits and, unless it is invalid already, a verdict, flagged where that needs a reason.
 
@@ -128,6 +132,10 @@ class Subject:
     def id(self, quantity: str) -> str:
         """The id of a finding; of one of several `tail` comes behind it."""
         return f"{self.label}/{self.place}/{quantity}"
+
+    def part(self, name: str) -> Subject:
+        """One axis or direction of the unit."""
+        return replace(self, place=f"{self.place}/{name}")
 
     def finding(
         self,

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.analysis.acquired import Acquisition
-from bench.analysis.attitude_errors import table_errors
+from bench.analysis.attitude_errors import shared_by, table_errors
 from bench.analysis.attitudes import AXES
 from bench.analysis.bench_record import BenchRecord
-from bench.analysis.finding import BudgetLine, Finding, Subject
+from bench.analysis.finding import BudgetLine, Finding
 from bench.analysis.fit import LinearFit, NotDetermined, least_squares
 from bench.analysis.orientation import unit_axes
 from bench.analysis.rundata import RunData, UnitUnderTest
@@ -111,8 +111,7 @@ def _changes(
             change -= followed_g if math.isfinite(followed_g) else 0.0
             at = {"axis": of}
             name = "change of the bias from the beginning of the run to its end, brought to one temperature"
-        subject = Subject(data.label, f"{unit.place}/{of}", unit.serial)
-        symbol = "g" if quantity == "K0" else "rad"
+        subject, symbol = data.subject(unit).part(of), "g" if quantity == "K0" else "rad"
         yield subject.finding(f"{quantity}/closure", name, change, symbol, lines, at, steps, suffix)
 
 
@@ -129,17 +128,13 @@ def _scatter(first: _Entry, last: _Entry, index: int, sensitive: Mapping[int, Se
 
 def _of_table(first: _Entry, last: _Entry, index: int, unit: UnitUnderTest, bench: BenchRecord) -> Iterator[BudgetLine]:
     """What its errors do to a change: nothing where they are the same, but an attitude may be had by other angles."""
-    readings = (*first.readings, *last.readings)
-    weights = np.concatenate([-first.fit.gain[index], last.fit.gain[index]])
-    errors = table_errors([window for window, _ in readings], unit, bench)
-    of_reading = np.arange(len(readings)), np.array([axis for _, axis in readings])
-    steps = np.array([window.step for window, _ in readings])
-    in_window = np.unique(steps)[:, np.newaxis] == steps
-    squares: dict[str, float] = {}
-    for source in errors.sources:
-        felt = in_window @ (weights * source.seen(errors.axes, UP)[of_reading])
-        part = float(np.linalg.norm(felt)) if source.fresh else float(felt.sum())
-        squares[source.name] = squares.get(source.name, 0.0) + (part * source.u_rad) ** 2
-    for name, square in squares.items():
-        shared = None if name.endswith("repeatability") else name.replace(": ", ".")
-        yield BudgetLine(name, "B", math.sqrt(square), None, shared)
+    windows = list({window.step: window for entry in (first, last) for window, _ in entry.readings}.values())
+    number = {window.step: row for row, window in enumerate(windows)}
+    weights = np.zeros((len(windows), len(AXES)))
+    for entry, sign in ((first, -1.0), (last, 1.0)):
+        for weight, (window, axis) in zip(entry.fit.gain[index], entry.readings, strict=True):
+            weights[number[window.step], axis] += sign * weight
+    errors = table_errors(windows, unit, bench)
+    effects = [np.sum(weights * source.seen(errors.axes, UP), axis=-1) for source in errors.sources]
+    for name, u in errors.propagated(effects, np.ones(len(windows))).items():
+        yield BudgetLine(name, "B", float(u), None, shared_by(name))

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.analysis.acquired import Acquisition, Array
-from bench.analysis.attitude_errors import TableErrors, table_errors
+from bench.analysis.attitude_errors import TableErrors, shared_by, table_errors
 from bench.analysis.attitude_fit import AttitudeFits
-from bench.analysis.attitudes import AXES, EARTH_RATE_DPS, SPECIFIC_FORCE_G, block
+from bench.analysis.attitudes import AXES, SPECIFIC_FORCE_G, block, local_earth_rate_dps
 from bench.analysis.bench_record import BenchRecord
-from bench.analysis.finding import BudgetLine, Finding, combined
+from bench.analysis.finding import BudgetLine, Finding, Subject
 from bench.analysis.fit import NotDetermined, least_squares
 from bench.analysis.imu_calibration import AxisCalibration
 from bench.analysis.imu_noise import Noise, about_another
@@ -55,7 +55,7 @@ class AxisAtVisit:
     attitudes, of those that are missing any.
     """
 
-    label: str
+    subject: Subject
     unit: UnitUnderTest
     bench: BenchRecord
     visit: Visit
@@ -107,7 +107,7 @@ class AxisAtVisit:
     def _gyro(self) -> Iterator[Finding]:
         one, kg = self.calibration, self.calibration.kg_pulse_per_deg
         errors = self.errors.of(self._own)
-        seen = errors.seen(self._earth(), self.axis)
+        seen = errors.seen(local_earth_rate_dps(self.bench.latitude_deg), self.axis)
         zero_dps = one.d0_pps / kg
         gain = one.gyro_at_rest.gain[0]
         turning = one.gyro_turning.gain[1] / np.sqrt(self.turned_s)
@@ -144,7 +144,7 @@ class AxisAtVisit:
 
     def _leakage(self, rates: list[Turning]) -> float:
         """What earth rate across a misaligned gyro leaves, relative; it is gone over whole turns (methods.md 4.3)."""
-        across_dps = EARTH_RATE_DPS * math.cos(math.radians(self.bench.latitude_deg))
+        across_dps = float(local_earth_rate_dps(self.bench.latitude_deg)[1])
         total = 0.0
         for weight, each in zip(self._rate_weights(rates), rates, strict=True):
             turned = each.acquisition.turned
@@ -236,14 +236,10 @@ class AxisAtVisit:
     def _others(self) -> list[int]:
         return [other for other in range(len(AXES)) if other != self.axis]
 
-    def _earth(self) -> Array:
-        latitude = math.radians(self.bench.latitude_deg)
-        return EARTH_RATE_DPS * np.array([0.0, math.cos(latitude), math.sin(latitude)])
-
     def _thermometer(self, quantity: str, temperature_c: float) -> BudgetLine:
         name = self.unit.temperature if quantity in ("K0", "K1") else self.unit.gyro_temperature
         slope = self.slopes.get(quantity, math.nan)
-        u = 0.0 if math.isnan(slope) else abs(slope) * self.temperature_u_c(name, temperature_c)
+        u = 0.0 if math.isnan(slope) else abs(slope) * self.bench.temperature_u_c(name, temperature_c)
         return BudgetLine(f"{name}: offset, gain", "B", u, None, name)
 
     def _slope(self, quantity: str) -> float:
@@ -268,35 +264,23 @@ class AxisAtVisit:
         """What the change of temperature during a visit does, which is not corrected."""
         return BudgetLine("temperature: changes during the visit", "B", abs(float(moved)))
 
-    def temperature_u_c(self, name: str, temperature_c: float) -> float:
-        """The standard uncertainty of a thermometer at a temperature."""
-        offset_c, gain = self.bench.thermometers_u.get(name, (0.0, 0.0))
-        return math.hypot(offset_c, gain * temperature_c)
-
     def _finding(self, quantity: str, value: float, lines: list[BudgetLine], toward: int | None = None) -> Finding:
         of_gyro = quantity in ("D0", "KG", "g_sensitivity", "gyro_misalignment")
         name = self.unit.gyro_temperature if of_gyro else self.unit.temperature
         temperature_c = self.calibration.gyro_c if of_gyro else self.calibration.accelerometer_c
-        path = f"{AXES[self.axis]}{'' if toward is None else AXES[toward]}/{quantity}"
-        return Finding(
-            id=f"{self.label}/{self.unit.place}/{path}" + (f"@{self.visit.path}" if self.visit.path else ""),
-            uut=self.unit.serial,
-            quantity=quantity,
-            name=NAMES[quantity],
-            at={
-                "visit": self.visit.number,
-                "axis": AXES[self.axis],
-                **({"toward": AXES[toward]} if toward is not None else {}),
-                "temperature_set_c": None if math.isnan(self.visit.set_c) else self.visit.set_c,
-                "temperature_c": temperature_c,
-                "temperature_u_c": self.temperature_u_c(name, temperature_c),
-            },
-            value=value,
-            unit=UNITS[quantity],
-            budget=combined(lines),
-            steps=self._steps(of_gyro, toward),
-            flags=CONTAINS.get(quantity, ()),
-        )
+        at = {
+            "visit": self.visit.number,
+            "axis": AXES[self.axis],
+            **({"toward": AXES[toward]} if toward is not None else {}),
+            "temperature_set_c": self.visit.told_set_c,
+            "temperature_c": temperature_c,
+            "temperature_u_c": self.bench.temperature_u_c(name, temperature_c),
+        }
+        axes = f"{AXES[self.axis]}{'' if toward is None else AXES[toward]}"
+        return self.subject.part(axes).finding(
+            quantity, NAMES[quantity], value, UNITS[quantity], lines, at, self._steps(of_gyro, toward), self.visit.tail,
+            CONTAINS.get(quantity, ()),
+        )  # fmt: skip
 
     def _steps(self, of_gyro: bool, toward: int | None) -> tuple[str, ...]:
         if toward is not None and of_gyro:
@@ -309,10 +293,9 @@ def _scatter(noise: tuple[float, int], gain: Array, name: str = READINGS) -> Bud
     return BudgetLine(name, "A", sd_pps * float(np.linalg.norm(gain)), dof)
 
 
-def _shared(name: str, u: float | np.floating) -> BudgetLine:
-    """A type B line; what is drawn anew for each attitude is common to nothing."""
-    shared = None if name.endswith("repeatability") else name.replace(": ", ".")
-    return BudgetLine(name, "B", float(u), None, shared)
+def _shared(name: str, u: float | np.floating | Array) -> BudgetLine:
+    """A type B line of an error that several findings have."""
+    return BudgetLine(name, "B", float(u), None, shared_by(name))
 
 
 def _merged(lines: list[BudgetLine]) -> list[BudgetLine]:

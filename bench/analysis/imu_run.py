@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from bench.analysis.attitude_fit import AttitudeFits, fit_attitudes
 from bench.analysis.attitudes import AXES, NAMES
 from bench.analysis.compensation import Compensation
 from bench.analysis.extremes import interval_of_largest
-from bench.analysis.finding import NOT_CLOSED, BudgetLine, Finding, Interval, UnitResult, combined
+from bench.analysis.finding import NOT_CLOSED, BudgetLine, Finding, Interval, UnitResult
 from bench.analysis.fit import Array
 from bench.analysis.imu_calibration import AxisCalibration, ImuCalibration, calibrate
 from bench.analysis.imu_closure import Sensitivity, closure_findings
@@ -82,7 +82,7 @@ class _Unit:
         limits = {"K0/closure": self._settings["closure_limit_g"], "level/closure": self._settings["level_limit_rad"]}
         moved = list(dict.fromkeys(each.quantity for each in closure if abs(each.value) > limits[each.quantity]))
         if moved:
-            findings = [replace(each, flags=(*each.flags, NOT_CLOSED)) for each in findings]
+            findings = [each.flagged(NOT_CLOSED) for each in findings]
         return UnitResult(
             place=self._unit.place,
             uut=self._unit.serial,
@@ -118,7 +118,7 @@ class _Unit:
             for axis, calibration in enumerate(point.axes):
                 if calibration is not None:
                     yield AxisAtVisit(
-                        label=self._data.label,
+                        subject=self._data.subject(self._unit),
                         unit=self._unit,
                         bench=self._data.bench,
                         visit=visit,
@@ -210,17 +210,11 @@ class _Unit:
         base = quantity.partition("/")[0]
         scattered = [line for each in found for line in each.budget if line.source == READINGS]
         dof = min((line.dof for line in scattered if line.dof), default=0)
-        return Finding(
-            id=f"{self._data.label}/{self._unit.place}/{AXES[axis]}/{quantity}",
-            uut=self._unit.serial,
-            quantity=quantity,
-            name=name,
-            at={"axis": AXES[axis]},
-            value=abs(value),
-            unit=MODELLED[base],
-            budget=combined([BudgetLine(READINGS, "A", abs(u), dof or None)]),
-            steps=tuple(dict.fromkeys(step for each in found for step in each.steps)),
-            interval=interval,
+        lines = [BudgetLine(READINGS, "A", abs(u), dof or None)]
+        steps = tuple(dict.fromkeys(step for each in found for step in each.steps))
+        subject = self._data.subject(self._unit).part(AXES[axis])
+        return subject.finding(
+            quantity, name, abs(value), MODELLED[base], lines, {"axis": AXES[axis]}, steps, interval=interval
         )
 
     # What a user computes with

@@ -14,10 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bench.analysis.attitude_errors import table_errors
-from bench.analysis.attitudes import AXES, EARTH_RATE_DPS
-from bench.analysis.bench_record import BenchRecord
-from bench.analysis.finding import LOWER_BOUND, BudgetLine, Finding, Subject, UnitResult
+from bench.analysis.attitude_errors import shared_by, table_errors
+from bench.analysis.attitudes import AXES, local_earth_rate_dps
+from bench.analysis.finding import LOWER_BOUND, BudgetLine, Finding, UnitResult
 from bench.analysis.fit import Array, NotDetermined
 from bench.analysis.imu_start_up_readings import PowerOn, Readings
 from bench.analysis.imu_windows import visits
@@ -103,7 +102,7 @@ class _Watch:
         self, data: RunData, unit: UnitUnderTest, released: ReleasedCalibration, power_on: PowerOn,
         settings: Mapping[str, Any],
     ) -> None:  # fmt: skip
-        self._label, self._bench = data.label, data.bench
+        self._subject, self._bench = data.subject(unit), data.bench
         self._unit, self._released, self._settings = unit, released, settings
         self.power_on = power_on
         self.watched: list[Watched] = []
@@ -164,7 +163,7 @@ class _Watch:
         yield _Source(SCATTER, scatter * np.linalg.norm(weights, axis=-1), max(fit.dof, 1))
         if quantity == "KG":
             return  # of whole turns by the table's own angle, in seconds of the counter
-        earth_dps = _earth_dps(self._bench)
+        earth_dps = local_earth_rate_dps(self._bench.latitude_deg)
         along = earth_dps if quantity == "D0" else UP
         yield from self._of_table(along, axis, readings, weights)
         if quantity == "D0":
@@ -180,28 +179,16 @@ class _Watch:
     def _of_table(self, along: Array, axis: int, readings: Readings, weights: Array) -> Iterator[_Source]:
         """What the errors of the table do, of which each is one rotation in every attitude."""
         errors = table_errors(readings.windows, self._unit, self._bench)
-        squares: dict[str, Array] = {}
-        for source, effect in zip(errors.sources, errors.seen(along, axis), strict=True):
-            felt = weights * effect
-            part = np.linalg.norm(felt, axis=-1) if source.fresh else np.abs(felt.sum(axis=-1))
-            squares[source.name] = squares.get(source.name, 0.0) + (part * source.u_rad) ** 2
-        for name, square in squares.items():
-            shared = None if name.endswith("repeatability") else name.replace(": ", ".")
-            yield _Source(name, np.sqrt(square), None, shared)
+        for name, u in errors.propagated(errors.seen(along, axis), weights).items():
+            yield _Source(name, u, None, shared_by(name))
 
     def _finding(
         self, quantity: str, axis: int, name: str, value: float, unit: str, lines: Sequence[BudgetLine],
         steps: tuple[str, ...], flags: tuple[str, ...] = (),
     ) -> Finding:  # fmt: skip
-        visit = self.power_on.visit
-        at = {
-            "visit": visit.number,
-            "axis": AXES[axis],
-            "temperature_set_c": None if math.isnan(visit.set_c) else visit.set_c,
-        }
-        tail = f"@{visit.path}" if visit.path else ""
-        subject = Subject(self._label, f"{self._unit.place}/{AXES[axis]}", self._unit.serial)
-        return subject.finding(quantity, name, value, unit, lines, at, steps, tail, flags)
+        visit, subject = self.power_on.visit, self._subject.part(AXES[axis])
+        at = {"visit": visit.number, "axis": AXES[axis], "temperature_set_c": visit.told_set_c}
+        return subject.finding(quantity, name, value, unit, lines, at, steps, visit.tail, flags)
 
 
 def _lines(sources: Sequence[_Source], index: int, factor: float) -> list[BudgetLine]:
@@ -210,9 +197,3 @@ def _lines(sources: Sequence[_Source], index: int, factor: float) -> list[Budget
         BudgetLine(each.name, "B" if each.dof is None else "A", factor * float(each.u[index]), each.dof, each.shared)
         for each in sources
     ]
-
-
-def _earth_dps(bench: BenchRecord) -> Array:
-    """The rate of the earth in east, north and up."""
-    latitude = math.radians(bench.latitude_deg)
-    return EARTH_RATE_DPS * np.array([0.0, math.cos(latitude), math.sin(latitude)])

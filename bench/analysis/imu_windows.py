@@ -60,6 +60,16 @@ class Visit:
     unplaced: tuple[str, ...]
 
     @property
+    def tail(self) -> str:
+        """What an id ends with at this visit."""
+        return f"@{self.path}" if self.path else ""
+
+    @property
+    def told_set_c(self) -> float | None:
+        """The set point; None where there was none."""
+        return None if np.isnan(self.set_c) else self.set_c
+
+    @property
     def attitudes(self) -> frozenset[int]:
         """The attitudes that it has."""
         return frozenset(each.attitude for each in self.at_rest)

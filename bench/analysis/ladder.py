@@ -18,7 +18,7 @@ import numpy as np
 
 from bench.analysis.acquired import Acquisition
 from bench.analysis.counts import RESOLUTION_COUNTS
-from bench.analysis.finding import LOWER_BOUND, BudgetLine, Finding, UnitResult, combined
+from bench.analysis.finding import LOWER_BOUND, BudgetLine, Finding, UnitResult
 from bench.analysis.orientation import elevation_rad
 from bench.analysis.outputs import Output, mean_output
 from bench.analysis.rundata import RunData, UnitUnderTest
@@ -118,21 +118,15 @@ def _ladder(
 def _finding(ladder: Ladder, used: Sequence[Acquisition], data: RunData, unit: UnitUnderTest) -> Finding:
     found = ladder.found
     flags = [*found.flags, *({"at_most": ("at_most",), "more_than": (LOWER_BOUND,)}.get(found.relation, ()))]
-    return Finding(
-        id=f"{data.label}/{unit.place}/{ladder.quantity}/position={ladder.position_deg:g}",
-        uut=unit.serial,
-        quantity=ladder.quantity,
-        name=NAMES[ladder.quantity],
-        at={
-            "position_deg": ladder.position_deg,
-            "above_g": found.low_g,
-            "up_to_g": found.high_g if np.isfinite(found.high_g) else None,
-        },
-        value=found.low_g if found.relation == "more_than" else found.threshold_g,
-        unit="g",
-        budget=combined(list(_budget(found))),
-        steps=(_common([each.step for each in used]),),
-        flags=tuple(flags),
+    at = {
+        "position_deg": ladder.position_deg,
+        "above_g": found.low_g,
+        "up_to_g": found.high_g if np.isfinite(found.high_g) else None,
+    }
+    value_g = found.low_g if found.relation == "more_than" else found.threshold_g
+    steps, tail = (_common([each.step for each in used]),), f"/position={ladder.position_deg:g}"
+    return data.subject(unit).finding(
+        ladder.quantity, NAMES[ladder.quantity], value_g, "g", list(_budget(found)), at, steps, tail, tuple(flags)
     )
 
 

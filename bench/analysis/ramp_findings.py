@@ -237,7 +237,7 @@ class RampFindings:
         return BudgetLine(SCATTER, "A", sd * gain, line.dof or None)
 
     def _thermometer(self, slope: float) -> BudgetLine:
-        _, gain = self.data.bench.thermometers_u.get(self.unit.temperature, (0.0, 0.0))
+        _, gain = self.data.bench.thermometer_u(self.unit.temperature)
         return BudgetLine(f"{self.unit.temperature}: gain", "B", abs(slope) * gain, None, self.unit.temperature)
 
     def _scale_error(self, value_g: float) -> BudgetLine:

@@ -7,7 +7,7 @@ seat, and the scatter of the readings, which the standard deviations contain.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +15,10 @@ import numpy as np
 from scipy.special import chdtri
 
 from bench.analysis.acquired import Array
-from bench.analysis.dwells import Dwell, SolvedDwells, solve_dwells
+from bench.analysis.dwells import solve_dwells
 from bench.analysis.finding import CONFIDENCE, BudgetLine, Finding, Interval, UnitResult
 from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.analysis.tumble_unit import TumbleUnit
 
 UNITS = {"K0": "g", "K1": "1", "misalignment": "rad"}
 NAMES = {"K0": "bias", "K1": "scale factor, relative", "misalignment": "misalignment of the input axis"}
@@ -53,10 +54,9 @@ def _reduced(data: RunData, unit: UnitUnderTest) -> UnitResult:
     if len(solved.dwells) < LEAST:
         flags.append("too_few_repetitions")
         return UnitResult(unit.place, unit.serial, (), (), solved.left_out, tuple(flags))
-    scatter, dof = _pooled(solved)
-    repeated = [_over(quantity, solved.dwells, scatter) for quantity in UNITS]
-    findings = [_deviation(data.label, unit, each, solved.dwells) for each in repeated]
-    findings.append(_closure(data.label, unit, solved.dwells, scatter, dof))
+    of = TumbleUnit.of(data, unit, solved.dwells)
+    repeated = [_over(quantity, of) for quantity in UNITS]
+    findings = [*(_deviation(each, of) for each in repeated), _closure(of)]
     return UnitResult(
         place=unit.place,
         uut=unit.serial,
@@ -68,63 +68,41 @@ def _reduced(data: RunData, unit: UnitUnderTest) -> UnitResult:
     )
 
 
-def _pooled(solved: SolvedDwells) -> tuple[float, int]:
-    """Standard deviation of one reading about its tumble, and its dof; what a reading alone tells without."""
-    dof = sum(dwell.tumble.fit.dof for dwell in solved.dwells)
-    if not dof:
-        return max(dwell.alone_u for dwell in solved.dwells), 0
-    return math.sqrt(sum(float(np.sum(dwell.tumble.fit.residuals**2)) for dwell in solved.dwells) / dof), dof
-
-
-def _over(quantity: str, dwells: Sequence[Dwell], scatter: float) -> Repeated:
+def _over(quantity: str, of: TumbleUnit) -> Repeated:
     """A constant over the repetitions; the scale factor less 1, relative to its mean."""
-    values = np.array([dwell.values[quantity] for dwell in dwells])
+    values = np.array([dwell.values[quantity] for dwell in of.dwells])
     relative = 1 / float(values.mean()) if quantity == "K1" else 1.0
     values = values * relative - (1.0 if quantity == "K1" else 0.0)
-    own = [scatter * float(np.linalg.norm(dwell.gain_of(quantity))) * relative for dwell in dwells]
-    sd = float(values.std(ddof=1))
-    numbers = tuple(dwell.number + 1 for dwell in dwells)
-    return Repeated(quantity, numbers, values, np.array(own), sd, interval_of(sd, len(dwells) - 1))
+    sd, numbers = float(values.std(ddof=1)), tuple(dwell.number + 1 for dwell in of.dwells)
+    return Repeated(quantity, numbers, values, of.scatter_of(quantity) * relative, sd, interval_of(sd, len(values) - 1))
 
 
-def _deviation(label: str, unit: UnitUnderTest, found: Repeated, dwells: Sequence[Dwell]) -> Finding:
+def _deviation(found: Repeated, of: TumbleUnit) -> Finding:
     """A standard deviation: of n values it is uncertain by its part in √(2 (n - 1)) (JCGM 100, E.4.3)."""
-    dof = len(found.values) - 1
+    count, dof = len(found.values), len(found.values) - 1
     own = float(np.sqrt(np.mean(found.own**2)))
-    return Finding(
-        id=f"{label}/{unit.place}/{found.quantity}/sd",
-        uut=unit.serial,
-        quantity=f"{found.quantity}/sd",
-        name=f"{NAMES[found.quantity]}: standard deviation over the repetitions",
-        at={"repetitions": len(found.values)},
-        value=found.sd,
-        unit=UNITS[found.quantity],
-        budget=(
-            BudgetLine(f"{len(found.values)} repetitions are few", "A", found.sd / math.sqrt(2 * dof), dof),
-            BudgetLine("scatter of the readings of a tumble: contained, not taken out", "alias", 0),
-        ),
-        steps=tuple(dwell.group for dwell in dwells),
+    lines = [
+        BudgetLine(f"{count} repetitions are few", "A", found.sd / math.sqrt(2 * dof), dof),
+        BudgetLine("scatter of the readings of a tumble: contained, not taken out", "alias", 0),
+    ]
+    name = f"{NAMES[found.quantity]}: standard deviation over the repetitions"
+    steps = tuple(dwell.group for dwell in of.dwells)
+    return of.subject.finding(
+        f"{found.quantity}/sd", name, found.sd, UNITS[found.quantity], lines, {"repetitions": count}, steps,
         interval=Interval(*found.interval, own),
-    )
+    )  # fmt: skip
 
 
-def _closure(label: str, unit: UnitUnderTest, dwells: Sequence[Dwell], scatter: float, dof: int) -> Finding:
+def _closure(of: TumbleUnit) -> Finding:
     """The bias of the last repetition less that of the first; only the readings are not common to both."""
-    first, last = dwells[0], dwells[-1]
-    u = scatter * math.hypot(*(float(np.linalg.norm(dwell.gain_of("K0"))) for dwell in (first, last)))
-    source = "readings: scatter pooled over the run" if dof else "readings: what one alone tells, no repeats"
+    first, last = of.dwells[0], of.dwells[-1]
+    u = of.sd * math.hypot(*(float(np.linalg.norm(dwell.gain_of("K0"))) for dwell in (first, last)))
+    source = "readings: scatter pooled over the run" if of.dof else "readings: what one alone tells, no repeats"
+    lines = [BudgetLine(source, "A" if of.dof else "B", u, of.dof or None)]
     value = last.values["K0"] - first.values["K0"]
-    return Finding(
-        id=f"{label}/{unit.place}/K0/closure",
-        uut=unit.serial,
-        quantity="K0/closure",
-        name="closure: last repetition less first",
-        at={"temperature_c": (first.temperature_c + last.temperature_c) / 2, "ratio": value / u},
-        value=value,
-        unit="g",
-        budget=(BudgetLine(source, "A" if dof else "B", u, dof or None),),
-        steps=(first.group, last.group),
-    )
+    at = {"temperature_c": (first.temperature_c + last.temperature_c) / 2, "ratio": value / u}
+    name = "closure: last repetition less first"
+    return of.subject.finding("K0/closure", name, value, "g", lines, at, (first.group, last.group))
 
 
 def rows(detail: object) -> Iterator[Repeated]:

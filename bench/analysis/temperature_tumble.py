@@ -7,7 +7,7 @@ the bench by the derivatives of the solution. The temperature is what the unit's
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -66,7 +66,7 @@ class _Unit:
             findings.append(closure)
             if abs(closure.value) > self._settings["closure_limit_g"]:
                 self._flags.append(NOT_CLOSED)
-                findings = [replace(finding, flags=(*finding.flags, NOT_CLOSED)) for finding in findings]
+                findings = [finding.flagged(NOT_CLOSED) for finding in findings]
         models = [self._model(quantity, fit) for quantity in MODELLED for fit in self._fits(quantity)]
         return UnitResult(
             place=self._of.unit.place,

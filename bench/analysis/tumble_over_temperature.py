@@ -100,8 +100,7 @@ class TumbleOverTemperature:
     def _about_reference(self, quantity: str, model: PolynomialFit) -> Iterator[Finding]:
         """The first coefficients of the model's series about the reference temperature."""
         origin = Origin(
-            prefix=self.of.subject.id(""),
-            uut=self.of.unit.serial,
+            subject=self.of.subject,
             steps=(self.of.root,),
             thermometer=self.of.unit.temperature,
             thermometer_u=self.of.thermometer_u,

@@ -65,12 +65,11 @@ class TumbleUnit:
     @property
     def thermometer_u(self) -> tuple[float, float]:
         """Standard uncertainties of offset (°C) and gain of the thermometer at the unit."""
-        return self.bench.thermometers_u.get(self.unit.temperature, (0.0, 0.0))
+        return self.bench.thermometer_u(self.unit.temperature)
 
     def temperature_u_c(self, temperature_c: float) -> float:
         """Standard uncertainty of a temperature that it shows."""
-        offset_c, gain = self.thermometer_u
-        return float(np.hypot(offset_c, gain * temperature_c))
+        return self.bench.temperature_u_c(self.unit.temperature, temperature_c)
 
     def scatter(self, gain: Array) -> BudgetLine:
         """The uncertainty that the readings give to what depends on them by `gain` (n,)."""

@@ -84,7 +84,7 @@ class _Draws:
 
     def _thermometer(self, reading: str) -> tuple[float, float, Table]:
         """Offset, gain, and what its certificate corrects."""
-        offset_u, gain_u = self._stated.thermometers_u.get(reading, (0.0, 0.0))
+        offset_u, gain_u = self._stated.thermometer_u(reading)
         table = columns(self._corrections.thermometers.get(reading))
         return self._draw(offset_u, reading, "offset"), self._draw(gain_u, reading, "gain"), table
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from bench.analysis.coefficient_findings import Origin, coefficient_findings
-from bench.analysis.finding import BudgetLine
+from bench.analysis.finding import BudgetLine, Subject
 from bench.analysis.fit import fit_polynomial
 from bench.analysis.temperature_coefficients import bias_coefficients, scale_coefficients
 
@@ -108,7 +108,9 @@ def test_what_a_wrong_thermometer_makes_of_them_is_told(truth, coefficients, at_
 
 def test_they_become_findings_with_a_budget_each():
     values = bias_g(SET_C) + 1e-7 * np.random.default_rng(2).standard_normal(23)
-    origin = Origin("tumble/a/", "S1", ("steps",), "unit", (0.3, 1e-3), lambda _: BudgetLine("readings", "A", 1.0))
+    origin = Origin(
+        Subject("tumble", "a", "S1"), ("steps",), "unit", (0.3, 1e-3), lambda _: BudgetLine("readings", "A", 1.0)
+    )
     linear, quadratic = coefficient_findings("K0", fit_polynomial(SET_C, values, 4), REFERENCE_C, origin)
     assert (linear.id, linear.unit, linear.flags) == ("tumble/a/K0T1", "g/°C", ())
     assert (quadratic.id, quadratic.unit, quadratic.at) == ("tumble/a/K0T2", "g/°C²", {"at_c": REFERENCE_C})
@@ -127,7 +129,9 @@ def test_they_become_findings_with_a_budget_each():
 )
 def test_few_residuals_are_pooled_with_the_readings_unless_they_tell_more(readings_u, source):
     values = bias_g(SET_C) + 3e-6 * np.random.default_rng(3).standard_normal(23)
-    origin = Origin("", "S1", (), "unit", (0.0, 0.0), lambda _: BudgetLine("readings", "A", readings_u, 100))
+    origin = Origin(
+        Subject("tumble", "a", "S1"), (), "unit", (0.0, 0.0), lambda _: BudgetLine("readings", "A", readings_u, 100)
+    )
     found, _ = coefficient_findings("K0", fit_polynomial(SET_C, values, 4), REFERENCE_C, origin)
     (line,) = found.budget
     assert line.source == source
