@@ -9,7 +9,7 @@ from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from drivers.can_options import IDLE_BLOCK_S
+from drivers.can_options import IDLE_BLOCK_S, text_of
 from drivers.dbc import Dbc, DbcError, Field, readings_of
 from drivers.description import Nothing, OptionsT, Setup
 from drivers.errors import BadAnswer, DriverError, InstrumentFault
@@ -183,7 +183,7 @@ class FrameDriver(Generic[OptionsT]):
 
 def bound_format(name: str, dbc: Path, bind: Callable[[Dbc], FormatT]) -> tuple[FormatT, str]:
     """What `bind` makes of a DBC, and a fingerprint of its text; BadAnswer when it is not what the bench file says."""
-    text = dbc.read_text(encoding="utf-8", errors="replace")
+    text = text_of(dbc)
     try:
         form = bind(Dbc(text))
     except DbcError as problem:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.can_telemetry.wire import SampleFormat
-from drivers.dbc import Dbc, encode_frames
+from drivers.dbc import Dbc, Field, encode_frames
 from drivers.frame_block import FrameBlock
 from simulators.accelerometer_unit import SimulatedUnit
 from simulators.can_node import TEMPERATURE_PERIOD_S, CanNode, in_order, temperature_frames
@@ -55,6 +55,10 @@ class SimulatedTelemetry(CanNode):
         self._streams = [
             _Stream(name, world.units[each.place], each, world) for name, each in settings.channels.items()
         ]
+        self._temperatures: dict[str, dict[str, Field]] = {each.place: {} for each in settings.channels.values()}
+        for name, of_signal in settings.dbc.fields_in("°C").items():
+            if (place := settings.readings.get(name)) in self._temperatures:
+                self._temperatures[place][name] = of_signal
         world.integrate_with(self._before_change)
 
     def _before_change(self) -> None:
@@ -80,14 +84,8 @@ class SimulatedTelemetry(CanNode):
 
     def _warmth(self, each: _Stream, at_s: Array) -> FrameBlock:
         """What the thermometers in a unit say, once a second."""
-        fields = {
-            name: field
-            for name, field in self._settings.dbc.fields_in("°C").items()
-            if self._settings.readings.get(name) == each.settings.place
-        }
-        return temperature_frames(
-            self._settings.dbc, fields, lambda _: each.unit.thermometer_c(at_s), self._world.host_time(at_s)
-        )
+        fields, host_s = self._temperatures[each.settings.place], self._world.host_time(at_s)
+        return temperature_frames(self._settings.dbc, fields, lambda _: each.unit.thermometer_c(at_s), host_s)
 
 
 class _Stream:

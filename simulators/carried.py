@@ -22,6 +22,12 @@ EARTH_DPS = math.degrees(7.292115e-5)  # methods.md 1.1
 NOWHERE: Vector = (0.0, 0.0, 0.0)
 
 
+def earth_dps(latitude_deg: float) -> Array:
+    """The rate of the earth in east, north and up, (3,)."""
+    latitude = math.radians(latitude_deg)
+    return np.asarray(EARTH_DPS * np.array([0.0, math.cos(latitude), math.sin(latitude)]))
+
+
 @dataclass(frozen=True, slots=True)
 class TableErrors:
     """What a table does that it is not told.
@@ -53,8 +59,7 @@ class Carried:
     ) -> None:
         self._fixture, self._axes, self._table = fixture, list(axes.values()), table
         self._level_deg, self._gravity_mps2 = level_deg, gravity_mps2
-        latitude = math.radians(latitude_deg)
-        self._earth_dps = EARTH_DPS * np.array([0.0, math.cos(latitude), math.sin(latitude)])
+        self.earth_dps = earth_dps(latitude_deg)
         self._at_rest: tuple[tuple[float | None, ...], Array] = (), np.empty((1, 3, 3))
 
     def at_rest(self, at_s: Array) -> bool:
@@ -87,7 +92,7 @@ class Carried:
 
     def rate_dps(self, at_s: Array) -> Array:
         """How fast it turns against the stars."""
-        by_earth = np.broadcast_to((self.attitude(at_s) @ self._earth_dps).T, (3, len(at_s)))
+        by_earth = np.broadcast_to((self.attitude(at_s) @ self.earth_dps).T, (3, len(at_s)))
         return by_earth if self.at_rest(at_s) else by_earth + np.degrees(self._turning(at_s)[0]).T
 
     def _turning(self, at_s: Array) -> tuple[Array, Array]:

@@ -9,7 +9,6 @@ from typing import Literal
 OPEN_C = 320.0  # what an open thermometer reads
 FaultKind = Literal["silent", "cut", "frozen", "stuck", "restart", "dead", "open_thermometer", "current"]
 
-OPEN_C = 320.0  # what an open sensor reads
 BROKEN_DRAWS = 3.0  # times its current
 
 

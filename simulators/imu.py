@@ -32,7 +32,6 @@ Array = NDArray[np.float64]
 OF_EACH = ("thresholds_c", "jumps")  # what hysteresis is made of, which each accelerometer has for itself
 SENSORS = ("accelerometers", "gyros")
 CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("acc", "gyro") for axis in NAMES)
-EARTH_RATE_DPS = float(np.degrees(7.292115e-5))
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,9 +201,9 @@ class SimulatedImu:
             if key != self._at_rest[0]:
                 self._at_rest = key, into_unit @ world.carried.attitude(middle_s[:1])[0]
             lies = self._at_rest[1]
-            return lies[:, 2:], lies @ self._earth_dps()
+            return lies[:, 2:], lies @ world.carried.earth_dps[:, np.newaxis]
         attitude = world.carried.attitude(middle_s)
-        by_earth_dps = (attitude.reshape(-1, 3) @ self._earth_dps()).reshape(-1, 3).T
+        by_earth_dps = (attitude.reshape(-1, 3) @ world.carried.earth_dps).reshape(-1, 3).T
         return into_unit @ attitude[:, :, 2].T, into_unit @ (by_earth_dps + self._turning_dps(edges_s, still_deg))
 
     def _turning_dps(self, edges_s: Array, still_deg: Sequence[float | None]) -> Array:
@@ -218,10 +217,6 @@ class SimulatedImu:
         rates_dps = [np.diff(angle_deg) / np.diff(edges_s) for angle_deg in angles_deg]
         middle_deg = [(angle_deg[1:] + angle_deg[:-1]) / 2 for angle_deg in angles_deg]
         return fixture.rate(middle_deg, rates_dps).T
-
-    def _earth_dps(self) -> Array:
-        latitude = np.radians(self._world.settings.latitude_deg)
-        return np.asarray(EARTH_RATE_DPS * np.array([[0.0], [np.cos(latitude)], [np.sin(latitude)]]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.imu import EARTH_RATE_DPS, ImuTruth
+from simulators.carried import earth_dps
+from simulators.imu import ImuTruth
 from simulators.world import World
 
 Array = NDArray[np.float64]
@@ -65,9 +66,8 @@ def gyro_constants(
     truth: ImuTruth, axis: int, latitude_deg: float, temperature_c: float, drifted_dps: float
 ) -> dict[str, float]:
     """True D0 (°/s), KG (pulse/°), g-sensitivities (°/s/g) and misalignments (rad), by the axis that they are of."""
-    attitudes, latitude = _attitudes(), np.radians(latitude_deg)
-    earth_dps = EARTH_RATE_DPS * np.array([0.0, np.cos(latitude), np.sin(latitude)])
-    force_g, rate_dps = attitudes[:, :, 2], attitudes @ earth_dps
+    attitudes, local_dps = _attitudes(), earth_dps(latitude_deg)
+    force_g, rate_dps = attitudes[:, :, 2], attitudes @ local_dps
 
     def output_pps(rate: Array, force: Array) -> Array:
         rates, forces = (tuple(each[:, (axis + shift) % 3] for shift in range(3)) for each in (rate, force))
@@ -75,7 +75,7 @@ def gyro_constants(
         return truth.gyros[axis].output_pps(rates, forces, temperature_c, drifted)  # type: ignore[arg-type]  # threes
 
     at_rest = output_pps(rate_dps, force_g)
-    slopes = [_slope(output_pps, about, earth_dps[2]) for about in range(3)]
+    slopes = [_slope(output_pps, about, local_dps[2]) for about in range(3)]
     kg, vertical = slopes[axis], np.abs(force_g[:, axis]) > 0.5
     fitted = _solved(np.column_stack([np.ones(len(force_g)), force_g, rate_dps]), at_rest)
     found = {"D0": float(at_rest[vertical].mean()) / kg, "KG": kg}

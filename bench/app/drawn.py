@@ -19,6 +19,7 @@ from bench.errors import InputError
 from bench.report.corrections import Table as CorrectionTable
 from bench.report.corrections import corrections_of
 from bench.report.rundata import HOUR_S, bench_record
+from drivers.corrections import ARCSEC_PER_DEG
 from simulators import attitude
 from simulators.attitude import SOUTH, Fixture, Vector, tilted
 from simulators.carried import NOWHERE, TableErrors
@@ -34,7 +35,6 @@ from simulators.table import Loop, Ripple
 from simulators.thermal import ChamberPhysics
 from simulators.unit_file import UnitFile, stream
 
-ARCSEC_PER_DEG = 3600
 AnyUnitFile = UnitFile | GyroFile | ImuFile
 
 

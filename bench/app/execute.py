@@ -30,6 +30,7 @@ from bench.store.reader import RunReader
 from bench.store.runs import RunDirectory
 from bench.store.writer import RunWriter
 from drivers.can_counter.description import CounterOptions
+from drivers.can_options import text_of
 from drivers.can_telemetry.description import TelemetryOptions
 from drivers.values import Reading
 
@@ -162,7 +163,7 @@ def _keep_inputs(prepared: PreparedRun, folder: Path) -> dict[str, str]:
     copies |= {f"{CALLED}/{document.path.name}": document.text for document in called}
     for entry in prepared.loaded.bench.devices.values():
         if isinstance(entry.options, CounterOptions | TelemetryOptions):
-            copies[entry.options.dbc.name] = entry.options.dbc.read_text(encoding="utf-8", errors="replace")
+            copies[entry.options.dbc.name] = text_of(entry.options.dbc)
     if called:
         (folder / CALLED).mkdir()
     for name, text in copies.items():

@@ -123,6 +123,11 @@ class Watched:
         self.frames: defaultdict[str, list[FrameBlock]] = defaultdict(list)
         self.readings: defaultdict[str, list[Reading]] = defaultdict(list)
         self._rule, self._bench = rule, bench
+        self._decoders = {
+            role: _decoder(options)
+            for role, entry in bench.file.devices.items()
+            if isinstance(options := entry.options, CounterOptions | TelemetryOptions)
+        }
 
     async def until_stable(self, give_up_after_s: float) -> None:
         """Returns when all units that are in are stable, or when that has taken too long."""
@@ -149,14 +154,19 @@ class Watched:
         entry = self._bench.file.places[place]
         if entry.voltmeter is not None:
             return Voltages(*np.array(self.readings[entry.voltmeter], np.float64).reshape(-1, 2).T)
-        for role, blocks in self.frames.items():
-            options = self._bench.file.devices[role].options
-            recent = FrameBlock.joined(blocks[-_blocks_of(blocks, self._rule.over_s + STABLE_PART_S) :])
-            if isinstance(options, TelemetryOptions) and entry.telemetry in options.channels:
-                return CodeDecoder(options, options.dbc.parent).codes(recent)[entry.telemetry]
-            if isinstance(options, CounterOptions) and entry.channel in options.channels:
-                return CountDecoder(options, options.dbc.parent).counts(recent)[entry.channel]
+        for role, decoded in self._decoders.items():
+            if blocks := self.frames.get(role):
+                recent = FrameBlock.joined(blocks[-_blocks_of(blocks, self._rule.over_s + STABLE_PART_S) :])
+                if (found := decoded(recent).get(entry.telemetry or entry.channel)) is not None:
+                    return found
         return None
+
+
+def _decoder(options: CounterOptions | TelemetryOptions) -> Callable[[FrameBlock], Mapping[str, Measured]]:
+    """What makes counts, or codes, by their channels, of the frames of a device."""
+    if isinstance(options, TelemetryOptions):
+        return CodeDecoder(options, options.dbc.parent).codes
+    return CountDecoder(options, options.dbc.parent).counts
 
 
 def _blocks_of(blocks: Sequence[FrameBlock], span_s: float) -> int:

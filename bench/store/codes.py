@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from bench.analysis.acquired import Codes
 from bench.store.kept_dbc import kept_format
 from drivers.can_telemetry import wire
+from drivers.can_telemetry.binding import formats_of
 from drivers.can_telemetry.description import TelemetryOptions
 from drivers.frame_block import FrameBlock
 
@@ -16,8 +18,7 @@ class CodeDecoder:
 
     def __init__(self, options: TelemetryOptions, folder: Path) -> None:
         self._options = options
-        channels = {name: sample.model_dump() for name, sample in options.channels.items()}
-        self._formats = kept_format(folder / options.dbc.name, lambda dbc: wire.sample_formats(dbc, channels))
+        self._formats = kept_format(folder / options.dbc.name, partial(formats_of, options))
 
     def codes(self, block: FrameBlock) -> dict[str, Codes]:
         """The samples of every channel in these frames."""

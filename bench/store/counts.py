@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from bench.analysis.acquired import Counts, Positions
 from bench.store.kept_dbc import kept_format
 from drivers.can_counter import wire
+from drivers.can_counter.binding import format_of
 from drivers.can_counter.description import CounterOptions
 from drivers.frame_block import FrameBlock
 
@@ -16,13 +18,7 @@ class CountDecoder:
 
     def __init__(self, options: CounterOptions, folder: Path) -> None:
         self._options = options
-        channels = {name: channel.model_dump() for name, channel in options.channels.items()}
-        positions = {name: encoder.model_dump() for name, encoder in options.positions.items()}
-        latch = options.latch
-        self._format = kept_format(
-            folder / options.dbc.name,
-            lambda dbc: wire.counter_format(dbc, latch.model_dump(), latch.tick_period, channels, positions),
-        )
+        self._format = kept_format(folder / options.dbc.name, partial(format_of, options))
 
     def counts(self, block: FrameBlock) -> dict[str, Counts]:
         """The counts of every channel in these frames."""
@@ -46,9 +42,11 @@ class CountDecoder:
 
     def positions(self, block: FrameBlock) -> dict[str, Positions]:
         """What the encoders read in these frames, by the devices that drive their axes."""
-        found = {}
+        if not self._options.positions:
+            return {}
+        found, latches = {}, wire.latches_of(self._format, block)
         for name, encoder in self._options.positions.items():
-            raw = wire.decode_positions(self._format, name, block)
+            raw = wire.decode_positions(self._format, name, block, latches)
             found[name] = Positions(
                 sequence=raw.sequence,
                 tick=raw.tick,

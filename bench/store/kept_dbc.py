@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from bench.errors import StoreError
+from drivers.can_options import text_of
 from drivers.dbc import Dbc, DbcError
 
 FormatT = TypeVar("FormatT")
@@ -15,6 +16,6 @@ FormatT = TypeVar("FormatT")
 def kept_format(path: Path, bind: Callable[[Dbc], FormatT]) -> FormatT:
     """What `bind` makes of the DBC in a file; StoreError when that cannot be read, or is another."""
     try:
-        return bind(Dbc(path.read_text(encoding="utf-8", errors="replace")))
+        return bind(Dbc(text_of(path)))
     except (OSError, DbcError) as problem:
         raise StoreError(f"{path}: the frames of this run cannot be decoded ({problem})") from problem

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Collection
+from functools import partial
 from typing import Self
 
 import numpy as np
 
 from drivers.can_counter import wire
+from drivers.can_counter.binding import format_of
 from drivers.can_counter.description import CounterOptions
-from drivers.dbc import Dbc
 from drivers.description import Nothing, Setup, check_identity
 from drivers.errors import InstrumentFault, NoAnswer
 from drivers.frame_block import EXTENDED, FrameBlock
@@ -44,7 +45,8 @@ class CanCounter(FrameDriver[CounterOptions]):
 
     async def __aenter__(self) -> Self:
         """Opens the channel and waits for a first latch; raises CannotConnect, NoAnswer, BadAnswer."""
-        self._format, self._fingerprint = bound_format(self.name, self._options.dbc, self._bind)
+        bind = partial(format_of, self._options)
+        self._format, self._fingerprint = bound_format(self.name, self._options.dbc, bind)
         self._link = await self._setup.wires.frames(self.name, self._setup.address)
         try:
             await self._first_latch()
@@ -54,12 +56,6 @@ class CanCounter(FrameDriver[CounterOptions]):
             raise
         self._begin(self._link, self._look)
         return self
-
-    def _bind(self, dbc: Dbc) -> wire.CounterFormat:
-        options = self._options
-        channels = {name: channel.model_dump() for name, channel in options.channels.items()}
-        positions = {name: encoder.model_dump() for name, encoder in options.positions.items()}
-        return wire.counter_format(dbc, options.latch.model_dump(), options.latch.tick_period, channels, positions)
 
     async def _first_latch(self) -> None:
         loop = asyncio.get_running_loop()

@@ -169,10 +169,10 @@ def decode_counts(form: CounterFormat, channel: str, block: FrameBlock, latches:
     )
 
 
-def decode_positions(form: CounterFormat, name: str, block: FrameBlock) -> Positions:
+def decode_positions(form: CounterFormat, name: str, block: FrameBlock, latches: Latches | None = None) -> Positions:
     """What one encoder read, paired with the latches; rows with one sequence number belong to those of the counts."""
     encoder = form.positions[name]
-    found = _paired(form, encoder.sequence, block, latches_of(form, block))
+    found = _paired(form, encoder.sequence, block, latches or latches_of(form, block))
     return Positions(
         sequence=found.sequence,
         tick=form.tick.signal.raw(found.latch),

@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 
 from drivers.can_telemetry import wire
+from drivers.can_telemetry.binding import formats_of
 from drivers.can_telemetry.description import TelemetryOptions
 from drivers.dbc import Dbc, Field
 from drivers.description import Nothing, Setup, check_identity
@@ -58,7 +59,7 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
 
     def _bind(self, dbc: Dbc) -> Mapping[str, wire.SampleFormat]:
         self._temperatures = dbc.fields_in("°C")
-        return wire.sample_formats(dbc, {name: each.model_dump() for name, each in self._options.channels.items()})
+        return formats_of(self._options, dbc)
 
     def _look(self, block: FrameBlock) -> None:
         """Takes readings and the newest samples from a block; raises when something is wrong with it."""

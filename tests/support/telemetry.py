@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
+from drivers.can_telemetry.binding import formats_of
 from drivers.can_telemetry.description import DESCRIPTION, TelemetryOptions
 from drivers.can_telemetry.driver import CanTelemetry
-from drivers.can_telemetry.wire import sample_formats
 from drivers.dbc import Dbc
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
 from drivers.transport.address import Address
@@ -41,7 +41,7 @@ def options(folder: Path = ROOT / "config", **changes: Any) -> TelemetryOptions:
 
 
 DBC = Dbc((ROOT / "config" / "telemetry.dbc").read_text("utf-8"))
-FORMS = sample_formats(DBC, {name: sample.model_dump() for name, sample in options().channels.items()})
+FORMS = formats_of(options(), DBC)
 
 
 def sending_unit(**telemetry: Any) -> UnitFile:

@@ -1,0 +1,14 @@
+"""From what a bench file says of a counter, and the DBC that it names, to the format of its frames."""
+
+from __future__ import annotations
+
+from drivers.can_counter.description import CounterOptions
+from drivers.can_counter.wire import CounterFormat, counter_format
+from drivers.dbc import Dbc
+
+
+def format_of(options: CounterOptions, dbc: Dbc) -> CounterFormat:
+    """The names of the options bound to the DBC; DbcError names what it does not have."""
+    channels = {name: channel.model_dump() for name, channel in options.channels.items()}
+    positions = {name: encoder.model_dump() for name, encoder in options.positions.items()}
+    return counter_format(dbc, options.latch.model_dump(), options.latch.tick_period, channels, positions)

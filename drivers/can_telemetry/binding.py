@@ -1,0 +1,12 @@
+"""From what a bench file says of telemetry, and the DBC that it names, to the formats of its frames."""
+
+from __future__ import annotations
+
+from drivers.can_telemetry.description import TelemetryOptions
+from drivers.can_telemetry.wire import SampleFormat, sample_formats
+from drivers.dbc import Dbc
+
+
+def formats_of(options: TelemetryOptions, dbc: Dbc) -> dict[str, SampleFormat]:
+    """The names of each channel bound to the DBC; DbcError names what it does not have, or has in several messages."""
+    return sample_formats(dbc, {name: sample.model_dump() for name, sample in options.channels.items()})
