@@ -156,3 +156,4 @@ CAPABILITIES: Mapping[str, type] = {
 THERMOMETER = "thermometer"  # a named reading of any device, in °C
 READING = "reading"  # a named reading of any device, in any unit
 OUTPUT = "output"  # of the units: pulse counters, voltmeters or telemetry, as the places of the bench say
+MEASURES_OUTPUTS = ("pulse_counter", "voltmeter", "telemetry", OUTPUT)  # what a role is that outputs come from

@@ -158,14 +158,14 @@ def means_between(at_s: Array, values: Array, edges_s: Array) -> Array:
     return np.where(is_read, np.diff(np.interp(inside_s, at_s, area)) / np.where(is_read, span_s, 1.0), np.nan)
 
 
-def steadiness(found: Measured, over_s: float) -> tuple[float, float] | None:
-    """Of the last `over_s`: standard deviation of the means of 10 s, and the slope of a line through them per second.
+def steadiness(found: Measured, over_s: float, part_s: float = STABLE_PART_S) -> tuple[float, float] | None:
+    """Of the last `over_s`: standard deviation of the means of parts, and the slope of a line through them per second.
 
     None when not so much was measured yet, or something is wrong with it.
     """
     at_s = _times(found)
-    count = round(over_s / STABLE_PART_S)
-    if not len(at_s) or at_s[-1] - at_s[0] < over_s - STABLE_PART_S / 2:
+    count = round(over_s / part_s)
+    if not len(at_s) or at_s[-1] - at_s[0] < over_s - part_s / 2:
         return None
     edges_s = np.linspace(max(at_s[-1] - over_s, at_s[0]), at_s[-1], count + 1)
     _, means, _ = outputs_between(found, edges_s)

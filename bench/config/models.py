@@ -184,15 +184,19 @@ class BenchFile(StrictModel):
         """The devices that an acquisition of `role` records: it alone, or all that measure the outputs of units."""
         if role in self.devices:
             return (role,)
-        channels = {place.channel for place in self.places.values()}
-        meters = {place.voltmeter for place in self.places.values()}
-        sent = {place.telemetry for place in self.places.values()}
+        measuring = {each for place in self.places.values() for each in self.measuring(place)}
+        return tuple(name for name in self.devices if name in measuring)
+
+    def measuring(self, entry: PlaceEntry) -> tuple[str, ...]:
+        """The devices that measure the output of the unit in a place."""
+        if entry.voltmeter is not None:
+            return (entry.voltmeter,)
+        wanted = set(entry.measured_by.values())
         return tuple(
             name
-            for name, entry in self.devices.items()
-            if name in meters
-            or (sent if isinstance(entry.options, TelemetryOptions) else channels)
-            & set(getattr(entry.options, "channels", {}))
+            for name, device in self.devices.items()
+            if wanted & set(getattr(device.options, "channels", {}))
+            and isinstance(device.options, TelemetryOptions) == (entry.telemetry is not None)
         )
 
     def past_due(self, day: dt.date) -> dict[str, dt.date]:

@@ -4,63 +4,70 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from bench.analysis.counts import mean_rate
-from bench.engine.measuring import frames_of
+from bench.analysis.outputs import steadiness
+from bench.engine.outputs import Watched, taken_in
 from bench.errors import StepError
-from bench.sequence.readings import PULSE_RATE
+from bench.sequence.readings import units_at
 from bench.sequence.waits import STEADY_PARTS, Steady, WaitUntil
-from bench.store.counts import CountDecoder
-from drivers.can_counter.description import CounterOptions
+from drivers.units import customary_unit
 
-if TYPE_CHECKING:  # which calls the function here
+if TYPE_CHECKING:  # which calls the functions here
     from bench.engine.actions import Bench
 
 
 async def until_steady(step: WaitUntil, bench: Bench) -> Mapping[str, Any]:
-    """Until the pulse rates of all units that are in are steady; StepError when that takes too long.
+    """Until the outputs of all units that are in are steady; StepError when that takes too long.
 
-    With several units, one that keeps the others waiting so long is dropped. What is counted here is not recorded.
+    With several units, one that keeps the others waiting so long is dropped. What is measured here is not recorded.
     """
-    role, _, channel = step.reading.partition(".")
-    options, units = bench.file.devices[role].options, bench.monitor.units
-    if not isinstance(options, CounterOptions) or step.steady is None:
-        raise StepError(f"the pulses of {role} cannot be counted here")
-    decoder = CountDecoder(options, options.dbc.parent)
+    if step.steady is None:
+        raise StepError("it is not said what is steady")
+    found: dict[str, Any] = {}
+    part_s = step.steady.over_s / STEADY_PARTS
+    watched = Watched(bench.file, step.steady.over_s)
+    roles = bench.file.acquired_from(step.reading.partition(".")[0])
+    end = _looked(step, step.steady, bench, watched, found)
+    await taken_in(roles, bench.rig, [watched], end, part_s / STEADY_PARTS)
+    return found
+
+
+async def _looked(step: WaitUntil, steady: Steady, bench: Bench, watched: Watched, found: dict[str, Any]) -> None:
+    """Returns when all units are steady, with what `found` takes; drops those that are not in time, or raises."""
     loop = asyncio.get_running_loop()
-    began_s, most_pps = loop.time(), step.steady.change.to(PULSE_RATE)
-    rates: dict[str, deque[float]] = {name: deque(maxlen=STEADY_PARTS) for name in options.channels}
+    began_s, unit = loop.time(), "g" if steady.in_g else customary_unit(steady.change.dimension)
+    most = steady.change.to(unit)
     while True:
-        block = await frames_of(bench.rig.counter(role), step.steady.over_s / STEADY_PARTS)
-        for name, counts in decoder.counts(block).items():
-            rates[name].append(mean_rate(counts).net_pps)
-        wanted = {place: unit.channel for place, unit in units.left.items() if channel in ("", unit.channel)}
-        changes = {place: _change(rates[name]) for place, name in wanted.items()}
-        restless = {place: change for place, change in changes.items() if not abs(change) <= most_pps}
+        await asyncio.sleep(steady.over_s / STEADY_PARTS)
+        left = [place for place in units_at(step.reading, bench.file) if place in bench.monitor.units.left]
+        changes = {place: _change(place, steady, bench, watched) for place in left}
+        restless = {place: change for place, change in changes.items() if not abs(change) <= most}
+        waited_s = loop.time() - began_s
         if not restless:
-            return {"changes_pps": changes, "waited_s": loop.time() - began_s}
-        if loop.time() - began_s >= step.give_up_after_s:
-            text = " ".join(_in_words(place, change, step.steady, most_pps) for place, change in restless.items())
+            found |= {"changes": changes, "unit": unit, "waited_s": waited_s}
+            return
+        if waited_s >= step.give_up_after_s:
+            text = " ".join(_in_words(place, change, steady, f"{most:.3g}", unit) for place, change in restless.items())
             if not bench.monitor.drop_all(restless, "not_settled", text):
                 raise StepError(f"{text} Look whether the temperature still changes, or allow more.")
 
 
-def _change(rates_pps: deque[float]) -> float:
-    """By how much the ends of the line fitted to the rates differ; infinite while there are too few."""
-    if len(rates_pps) < STEADY_PARTS:
+def _change(place: str, steady: Steady, bench: Bench, watched: Watched) -> float:
+    """By how much the ends of the line fitted to the output differ; infinite while that is not known."""
+    measured = watched.measured(place)
+    known = steadiness(measured, steady.over_s, steady.over_s / STEADY_PARTS) if measured is not None else None
+    if known is None:
         return math.inf
-    parts = np.arange(STEADY_PARTS) - (STEADY_PARTS - 1) / 2
-    slope = float(parts @ np.array(rates_pps) / (parts @ parts))
-    return slope * STEADY_PARTS
+    _, slope_per_s = known
+    per_unit = bench.file.nominal_per_g(place) if steady.in_g else 1.0
+    return slope_per_s * steady.over_s / (per_unit or math.nan)
 
 
-def _in_words(place: str, change_pps: float, steady: Steady, most_pps: float) -> str:
-    return (
-        f"The pulse rate of the unit in place {place} still changed by {change_pps:.3g} pulse/s over "
-        f"{steady.over_s / 60:g} min, allowed are {most_pps:.3g} pulse/s."
-    )
+def _in_words(place: str, change: float, steady: Steady, most: str, unit: str) -> str:
+    over = f"over {steady.over_s / 60:g} min"
+    if math.isinf(change):
+        return f"Too little that can be used came of the output of the unit in place {place} {over}."
+    told = f"The output of the unit in place {place} still changed by {change:.3g} {unit} {over}"
+    return f"{told}, allowed are {most} {unit}."

@@ -12,8 +12,8 @@ from typing import Any, assert_never
 
 from bench.engine.actions import Bench
 from bench.engine.control import Control
+from bench.engine.outputs import first_of
 from bench.engine.questions import Question
-from bench.engine.recording import first_of
 from bench.engine.safety import outlast
 from bench.engine.stepper import Stepper, Stopped, Watcher
 from bench.errors import BenchError, StepError, StoreError

@@ -6,7 +6,7 @@ The same rules hold before the run, and in it for a step whose values were measu
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, assert_never
 
 from pydantic import ValidationError
@@ -18,12 +18,12 @@ from bench.sequence.custom import Custom, known_steps
 from bench.sequence.limits import unit_problems
 from bench.sequence.measuring import Acquire, Measure, Tare
 from bench.sequence.orienting import Orient
-from bench.sequence.readings import PULSE_RATE, is_pulse_rate, problem_with, problem_with_counting, unit_of
+from bench.sequence.readings import is_pulse_rate, problem_with, problem_with_output, unit_of, units_at
 from bench.sequence.step_fields import is_known
 from bench.sequence.steps import NEEDS, Step, verb_of
 from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.talk import Alarm, Note, Prompt
-from bench.sequence.waits import Soak, Wait, WaitUntil
+from bench.sequence.waits import Soak, Steady, Wait, WaitUntil
 from drivers.capabilities import OUTPUT
 from drivers.suggest import did_you_mean
 from drivers.units import QuantityError, quoted
@@ -41,7 +41,7 @@ def role_problems(step: Step, needs: Mapping[str, str], bench: BenchFile | None)
         case Orient():
             yield from _without_axes(bench)
         case WaitUntil() if step.steady is not None:
-            if problem := problem_with_counting(step.reading, needs, bench):
+            if problem := problem_with_output(step.reading, needs, bench):
                 yield "wait_until", problem
         case WaitUntil() | Measure() | Tare():
             if problem := problem_with(step.reading, needs, bench):
@@ -105,7 +105,7 @@ def _custom(step: Custom, needs: Mapping[str, str]) -> Found:
 def is_there(step: Step, needs: Mapping[str, str], bench: BenchFile) -> bool:
     """Whether the bench has what the step acts on; what it lacks is told with the needs."""
     if isinstance(step, WaitUntil) and step.steady is not None:
-        return step.reading.partition(".")[0] in bench.devices
+        return bool(units_at(step.reading, bench))
     if isinstance(step, (WaitUntil, Measure, Tare)):
         return unit_of(step.reading, bench) is not None
     if isinstance(step, (Wait, Note, Alarm, Prompt, Soak, Custom, Orient)) or needs[step.role] == OUTPUT:
@@ -136,8 +136,7 @@ def limit_problems(  # noqa: C901  one case for each kind of step
             if step.give_up_after_s is not None and step.give_up_after_s < step.least_s:
                 yield "give_up_after", "is shorter than the soak itself"
         case WaitUntil() if step.steady is not None:
-            if is_known(step.steady.change):
-                yield from _in_unit("steady", step.steady.change, PULSE_RATE)
+            yield from _steady(step.steady, units_at(step.reading, bench), bench)
         case WaitUntil():
             for key, bound in (("above", step.above), ("below", step.below)):
                 if bound is not None and is_known(bound):
@@ -146,7 +145,8 @@ def limit_problems(  # noqa: C901  one case for each kind of step
             yield from _measure(step, bench)
         case Acquire():
             yield from resolution_problems(step)
-            yield from _without_nominal(step, bench)
+            if step.until_stable is not None:
+                yield from _without_nominal("until_stable", bench.places, bench)
         case Tare():
             yield from _one(step.reading, "tare", bench)
         case Custom():
@@ -159,13 +159,24 @@ def limit_problems(  # noqa: C901  one case for each kind of step
             assert_never(step)
 
 
-def _without_nominal(step: Acquire, bench: BenchFile) -> Found:
+def _steady(steady: Steady, places: Iterable[str], bench: BenchFile) -> Found:
+    """What keeps the outputs of units from being held against a rule."""
+    for name in places:
+        if bench.places[name].channels is not None:
+            yield "wait_until", f"'steady' is for units with one channel; place '{name}' is for an inertial unit"
+        elif is_known(steady.change) and not steady.in_g:
+            yield from _in_unit("steady", steady.change, bench.output_unit(name))
+        elif is_known(steady.change):
+            yield from _without_nominal("steady", (name,), bench)
+
+
+def _without_nominal(key: str, places: Iterable[str], bench: BenchFile) -> Found:
     """A unit of which the bench file does not say what 1 g makes of its output, where a step needs that."""
-    for name, place in bench.places.items() if step.until_stable is not None else ():
+    for name in places:
         if bench.nominal_per_g(name) is None:
-            parts = place.makes_output_of_g
+            parts = bench.places[name].makes_output_of_g
             makes = "which makes it of g" if len(parts) == 1 else "which make it of g"
-            yield "until_stable", f"places.{name} of the bench file has no nominal {' and '.join(parts)}, {makes}"
+            yield key, f"places.{name} of the bench file has no nominal {' and '.join(parts)}, {makes}"
 
 
 def _move(step: Move, head: DeviceEntry, target_deg: float) -> Found:

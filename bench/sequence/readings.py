@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from bench.config.models import BenchFile
 from bench.sequence.expressions import Value
-from drivers.capabilities import OUTPUT, READING, THERMOMETER
+from drivers.capabilities import MEASURES_OUTPUTS, OUTPUT, READING, THERMOMETER
 from drivers.quantities import Quantity
 from drivers.suggest import did_you_mean
 from drivers.units import parse_unit
@@ -33,17 +33,30 @@ def problem_with(name: str, needs: Mapping[str, str], bench: BenchFile | None) -
     return f"'{device}' has no channel '{channel}'{did_you_mean(channel, _known(device, bench))}"
 
 
-def problem_with_counting(name: str, needs: Mapping[str, str], bench: BenchFile | None) -> str:
-    """Why pulse rates cannot be counted: of a whole counter, or of a channel of one; empty when they can."""
+def problem_with_output(name: str, needs: Mapping[str, str], bench: BenchFile | None) -> str:
+    """Why outputs cannot be looked at: of all units, of those of one device or channel of it; empty when they can."""
     device, dot, channel = name.partition(".")
     kind = needs.get(device)
     if kind is None:
         return f"'{device}' is not among the devices that the sequence needs{did_you_mean(device, needs)}"
-    if kind != "pulse_counter":
-        return f"'steady' needs a pulse_counter, '{device}' is a {kind}"
-    if dot and bench is not None and device in bench.devices and channel not in (known := _counted(device, bench)):
-        return f"'{device}' counts no channel '{channel}'{did_you_mean(channel, known)}"
-    return ""
+    if kind not in MEASURES_OUTPUTS:
+        return f"'steady' needs a {' or '.join(MEASURES_OUTPUTS)}, '{device}' is a {kind}"
+    if bench is None or (device not in bench.devices and kind != OUTPUT):
+        return ""
+    if dot and channel not in (known := _outputs(device, bench)):
+        return f"'{device}' has no output on a channel '{channel}'{did_you_mean(channel, known)}"
+    return "" if units_at(name, bench) else f"no unit puts out anything that '{name}' measures"
+
+
+def units_at(name: str, bench: BenchFile) -> tuple[str, ...]:
+    """The places of the units whose output a role measures, or one channel of it."""
+    device, _, channel = name.partition(".")
+    roles = set(bench.acquired_from(device))
+    return tuple(
+        place
+        for place, entry in bench.places.items()
+        if roles.intersection(bench.measuring(entry)) and (not channel or channel in entry.measured_by.values())
+    )
 
 
 def unit_of(name: str, bench: BenchFile) -> str | None:
@@ -81,6 +94,11 @@ def _counted(device: str, bench: BenchFile) -> tuple[str, ...]:
     if "pulse_counter" not in entry.description.capabilities:
         return ()
     return tuple(getattr(entry.options, "channels", {}))
+
+
+def _outputs(device: str, bench: BenchFile) -> tuple[str, ...]:
+    """The channels on which a device measures outputs, or units send them; none of a voltmeter."""
+    return tuple(getattr(bench.devices[device].options, "channels", {})) if device in bench.devices else ()
 
 
 def _a_channel(device: str, bench: BenchFile | None) -> str:

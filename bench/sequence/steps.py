@@ -13,7 +13,7 @@ from bench.sequence.orienting import Orient
 from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.talk import Alarm, Note, Prompt
 from bench.sequence.waits import Soak, Wait, WaitUntil
-from drivers.capabilities import OUTPUT, THERMOMETER
+from drivers.capabilities import MEASURES_OUTPUTS, THERMOMETER
 from drivers.suggest import did_you_mean
 from drivers.units import quoted
 from drivers.wording import expected, telling
@@ -40,7 +40,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "set": ("power_supply", "current_source"),
     "ramp": ("thermal_chamber",),
     "soak": (THERMOMETER,),
-    "acquire": ("pulse_counter", "voltmeter", "telemetry", OUTPUT),
+    "acquire": MEASURES_OUTPUTS,
 }
 
 

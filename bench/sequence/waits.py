@@ -18,6 +18,7 @@ from drivers.fields import (
     Seconds,
     StrictModel,
 )
+from drivers.units import parse_unit
 from drivers.wording import telling
 
 LOOK_EVERY_S = 5.0  # how often a step that waits for a reading looks at it
@@ -35,24 +36,31 @@ class Wait(StepBase):
         return self.duration_s
 
 
-STEADY_PARTS = 6  # of the time over which pulse rates are to be steady; their means are compared
+STEADY_PARTS = 6  # of the time over which outputs are to be steady; their means are compared
 
 
 class Steady(StrictModel):
-    """Steady means: of a line fitted to mean rates over that time, the ends differ by no more than `change`.
+    """Steady means: of a line fitted to mean outputs over that time, the ends differ by no more than `change`.
 
-    It is counted in six equal parts, so that what a count resolves over one of them must be small against `change`.
+    It is measured in six equal parts, so that what a count resolves over one of them must be small against `change`.
     """
 
-    change: AnyQuantity = Field(description="in pulse/s")
+    change: AnyQuantity = Field(
+        description="in g, by what the units are made to be, or in the unit of their output, such as pulse/s"
+    )
     over_s: Annotated[float, InUnit("s", at_least=30)] = Field(alias="over", description="the time looked at")
+
+    @property
+    def in_g(self) -> bool:
+        """Whether it is told in g, and what the units are made to be is needed."""
+        return self.change.dimension == parse_unit("g").dimension
 
 
 class WaitUntil(StepBase):
     """Waits until a reading is above one value, below another, or both, and has been so for a time.
 
-    Or, with `steady`, until the pulse rates of a counter no longer drift: those of all units that are in, or that of
-    one channel where one is named.
+    Or, with `steady`, until the outputs of the units that are in no longer drift: of all, of those that one device
+    measures, or of that on one channel where one is named.
     """
 
     reading: ReadingName = Field(alias="wait_until")

@@ -55,7 +55,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--processes", type=int, default=2)
     options = parser.parse_args()
-    settings = ("repetitions=6", "steady_within=0.1 pulse/s", "gate=30 s")
+    settings = ("repetitions=6", "steady_within=9 µg", "gate=30 s")
     with tempfile.TemporaryDirectory() as temporary:
         bench = scattering_bench(Path(temporary) / "config")
         requests = [

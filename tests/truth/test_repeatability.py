@@ -11,7 +11,7 @@ from bench.store.reader import RunReader
 from tests.truth.campaign import results_of, run_one
 from tests.truth.repeatability import compare_repeatability, scattering_bench, true_closure_g
 
-SHORT = ("repetitions=4", "steady_within=3 pulse/s", "gate=20 s", "off_time=1 min")
+SHORT = ("repetitions=4", "steady_within=265 µg", "gate=20 s", "off_time=1 min")
 
 
 def repeated(folder, *settings):

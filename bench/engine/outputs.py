@@ -1,0 +1,152 @@
+"""Takes in what is measured of the outputs of units, of all devices at the same time, while something else goes on."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import defaultdict
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractAsyncContextManager
+from typing import Protocol
+
+import numpy as np
+
+from bench.analysis.acquired import Voltages
+from bench.analysis.outputs import STABLE_PART_S, Measured
+from bench.config.models import BenchFile
+from bench.rig import Rig
+from bench.store.codes import CodeDecoder
+from bench.store.counts import CountDecoder
+from drivers.can_counter.description import CounterOptions
+from drivers.can_telemetry.description import TelemetryOptions
+from drivers.capabilities import Voltmeter
+from drivers.frame_block import FrameBlock
+from drivers.values import Reading
+
+
+class Keeper(Protocol):
+    """Who gets what comes, by the role of the device that it comes from."""
+
+    def frames(self, role: str, block: FrameBlock) -> None:
+        """A block of frames."""
+
+    def readings(self, role: str, readings: Sequence[Reading]) -> None:
+        """Readings of a voltmeter."""
+
+
+async def taken_in(
+    roles: Iterable[str], rig: Rig, keepers: Sequence[Keeper], end: Awaitable[None], block_s: float | None = None
+) -> None:
+    """Gives the keepers what devices say while `end` is awaited; a device that fails ends the waiting.
+
+    Of what sends frames the last block is cut at the end; the reading of a voltmeter that is under way then is the
+    last. Frames come every `block_s`, or as often as what is recorded must be on the disk.
+    """
+    over = asyncio.Event()
+    try:
+        async with asyncio.TaskGroup() as group:
+            for role in roles:
+                group.create_task(_take_in(role, rig, keepers, over, block_s), name=f"take in {role}")
+            await end
+            over.set()
+    except BaseExceptionGroup as problems:
+        raise first_of(problems) from problems
+
+
+async def _take_in(role: str, rig: Rig, keepers: Sequence[Keeper], over: asyncio.Event, block_s: float | None) -> None:
+    def keep_frames(block: FrameBlock) -> None:
+        for keeper in keepers:
+            keeper.frames(role, block)
+
+    def keep_readings(readings: Sequence[Reading]) -> None:
+        for keeper in keepers:
+            keeper.readings(role, readings)
+
+    if isinstance(rig.devices[role], Voltmeter):
+        await _take_voltages(rig.voltmeter(role), keep_readings, over)
+    else:
+        source = rig.frame_source(role)
+        await _take_frames(source.acquire() if block_s is None else source.acquire(block_s=block_s), keep_frames, over)
+
+
+async def _take_voltages(
+    meter: Voltmeter, keep_readings: Callable[[Sequence[Reading]], None], over: asyncio.Event
+) -> None:
+    """One reading at a time, so that each is kept as soon as it is there."""
+    while not over.is_set():
+        keep_readings(await meter.measure(1, nplc=None))
+
+
+async def _take_frames(
+    acquiring: AbstractAsyncContextManager[AsyncIterator[FrameBlock]],
+    keep_frames: Callable[[FrameBlock], None],
+    over: asyncio.Event,
+) -> None:
+    async def keep(blocks: AsyncIterator[FrameBlock]) -> None:
+        async for block in blocks:
+            keep_frames(block)
+
+    async with acquiring as blocks:
+        taking, ending = asyncio.ensure_future(keep(blocks)), asyncio.ensure_future(over.wait())
+        try:
+            await asyncio.wait([ending, taking], return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            open_tasks = [task for task in (ending, taking) if not task.done()]
+            for task in open_tasks:
+                task.cancel()
+            if open_tasks:
+                await asyncio.wait(open_tasks)
+            elif not taking.cancelled():
+                taking.exception()  # looked at, also where the step was cut at the instant that it failed
+        if not taking.cancelled() and (problem := taking.exception()) is not None:
+            raise problem
+    await keep(blocks)
+
+
+def first_of(problems: BaseExceptionGroup[BaseException]) -> BaseException:
+    """The first of several errors that came at once."""
+    problem = problems.exceptions[0]
+    return first_of(problem) if isinstance(problem, BaseExceptionGroup) else problem
+
+
+class Watched:
+    """A keeper that looks at the newest `over_s` of what it gets, unit by unit."""
+
+    def __init__(self, bench: BenchFile, over_s: float) -> None:
+        self._bench, self._over_s = bench, over_s + STABLE_PART_S
+        self._frames: defaultdict[str, list[FrameBlock]] = defaultdict(list)
+        self._readings: defaultdict[str, list[Reading]] = defaultdict(list)
+        self._decoders = {
+            role: _decoder(options)
+            for role, entry in bench.devices.items()
+            if isinstance(options := entry.options, CounterOptions | TelemetryOptions)
+        }
+
+    def frames(self, role: str, block: FrameBlock) -> None:
+        """Keeps a block, and those before it that are still looked at."""
+        if len(block):
+            since_s = float(block.at_s[-1]) - self._over_s
+            self._frames[role] = [each for each in self._frames[role] if each.at_s[-1] >= since_s] + [block]
+
+    def readings(self, role: str, readings: Sequence[Reading]) -> None:
+        """Keeps readings of a voltmeter."""
+        self._readings[role].extend(readings)
+
+    def measured(self, place: str) -> Measured | None:
+        """What was measured last of the unit in a place, for `over_s` and a little more; None as long as nothing was.
+
+        Of an inertial unit nothing is told.
+        """
+        entry = self._bench.places[place]
+        if entry.voltmeter is not None:
+            return Voltages(*np.array(self._readings[entry.voltmeter], np.float64).reshape(-1, 2).T)
+        for role in self._bench.measuring(entry):
+            if blocks := self._frames[role]:
+                return self._decoders[role](FrameBlock.joined(blocks)).get(entry.telemetry or entry.channel)
+        return None
+
+
+def _decoder(options: CounterOptions | TelemetryOptions) -> Callable[[FrameBlock], Mapping[str, Measured]]:
+    """What makes counts, or codes, by their channels, of the frames of a device."""
+    if isinstance(options, TelemetryOptions):
+        return CodeDecoder(options, options.dbc.parent).codes
+    return CountDecoder(options, options.dbc.parent).counts
