@@ -12,7 +12,7 @@ from simulators.attitude import to_unit
 from simulators.dynamics import POINTS, Follower, look_at_s
 from simulators.faults import OPEN_C, FaultPlan
 from simulators.unit_file import UnitFile, stream
-from simulators.uut import Hysteresis, Noise, UnitTruth, draw_unit
+from simulators.uut import Hysteresis, Noise, Sent, UnitTruth, draw_unit
 from simulators.warmth import Board, Thermometer, Warmth
 
 if TYPE_CHECKING:  # it is the world that makes it
@@ -80,6 +80,11 @@ class SimulatedUnit:
                 own.converter_table,
             ),
         )  # fmt: skip
+
+    @property
+    def sent(self) -> Sent:
+        """How it sends codes."""
+        return Sent(self.truth.clock, self.truth.zero_code, self.truth.noise_code)
 
     def power(self, since_s: float | None) -> None:
         """It has power since a time, or none; each power-on steps the bias by a draw of its own."""

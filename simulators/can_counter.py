@@ -64,7 +64,7 @@ class SimulatedCounter(CanNode):
             unit.settings.channel: unit for unit in world.counted.values() if unit.settings.channel
         }
         for imu in world.imus.values():
-            self._units.update(imu.channels)
+            self._units |= {name: unit for name, unit in imu.channels.items() if name in settings.form.channels}
         self._integrators = {
             channel: Integrator(float(draws.uniform(0, 1)), int(draws.integers(0, 1 << 20)), int(draws.integers(0, 99)))
             for channel in settings.form.channels

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +13,37 @@ from numpy.typing import NDArray
 from drivers.can_telemetry.wire import SampleFormat
 from drivers.dbc import Dbc, Field, encode_frames
 from drivers.frame_block import FrameBlock
-from simulators.accelerometer_unit import SimulatedUnit
 from simulators.can_node import TEMPERATURE_PERIOD_S, CanNode, in_order, temperature_frames
 from simulators.faults import FaultPlan
 from simulators.unit_file import stream
+from simulators.uut import Sent
 from simulators.world import World
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+
+class Sender(Protocol):
+    """What sends the samples of one channel: a unit, or a channel of an inertial one."""
+
+    @property
+    def place(self) -> str:
+        """Where the unit is."""
+
+    @property
+    def faults(self) -> FaultPlan:
+        """How the unit breaks."""
+
+    @property
+    def powered_at_s(self) -> float | None:
+        """Since when it has power; None without."""
+
+    @property
+    def sent(self) -> Sent:
+        """How it sends codes."""
+
+    def mean_codes(self, edges_s: Array) -> Array:
+        """What it sends of its mean in each interval between consecutive times, not yet rounded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,12 +58,17 @@ class ChannelSettings:
 
 @dataclass(frozen=True, slots=True)
 class TelemetrySettings:
-    """The telemetry of a bench; `name` is its role, `readings` gives the place that a temperature signal belongs to."""
+    """The telemetry of a bench; `name` is its role.
+
+    `readings` gives the place that a temperature signal belongs to, `imu_readings` the place and the sensors of an
+    inertial unit.
+    """
 
     name: str
     dbc: Dbc
     channels: Mapping[str, ChannelSettings]
     readings: Mapping[str, str] = field(default_factory=dict)
+    imu_readings: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
 
 class SimulatedTelemetry(CanNode):
@@ -52,13 +81,20 @@ class SimulatedTelemetry(CanNode):
         super().__init__(settings.name, world, faults)
         self._settings = settings
         self._restarted = False
-        self._streams = [
-            _Stream(name, world.units[each.place], each, world) for name, each in settings.channels.items()
-        ]
-        self._temperatures: dict[str, dict[str, Field]] = {each.place: {} for each in settings.channels.values()}
+        senders: dict[str, Sender] = {
+            name: world.units[each.place] for name, each in settings.channels.items() if each.place in world.units
+        }
+        for imu in world.imus.values():
+            senders |= imu.channels
+        self._streams = [_Stream(name, senders[name], each, world) for name, each in settings.channels.items()]
+        self._messages: dict[str, list[_Stream]] = {}
+        for each in self._streams:
+            self._messages.setdefault(each.settings.form.value.message.name, []).append(each)
+        self._thermometers: dict[str, dict[str, Field]] = {each.place: {} for each in settings.channels.values()}
         for name, of_signal in settings.dbc.fields_in("°C").items():
-            if (place := settings.readings.get(name)) in self._temperatures:
-                self._temperatures[place][name] = of_signal
+            place = settings.readings.get(name, settings.imu_readings.get(name, ("", ""))[0])
+            if place in self._thermometers:
+                self._thermometers[place][name] = of_signal
         world.integrate_with(self._before_change)
 
     def _before_change(self) -> None:
@@ -73,28 +109,39 @@ class SimulatedTelemetry(CanNode):
             for each in self._streams:
                 each.begin(each.integrated_s)
         frozen, blocks = self.faults.active("frozen"), list[FrameBlock]()
-        for each in self._streams:
-            numbers, at_s, codes = each.samples(self._world.now(), frozen=frozen)
+        warmed = set[str]()
+        for message, streams in self._messages.items():
+            values: dict[str, Integers] = {}
+            for each in streams:  # which sample together
+                numbers, at_s, codes = each.samples(self._world.now(), frozen=frozen)
+                values |= each.values(numbers, codes)
             if len(numbers) and not each.unit.faults.active("silent"):
-                host_s = self._world.host_time(at_s)
-                blocks.append(encode_frames(self._settings.dbc, host_s, each.values(numbers, codes)))
-                blocks.append(self._warmth(each, at_s[numbers % each.warmth_samples == 0]))
+                blocks.append(encode_frames(self._settings.dbc, self._world.host_time(at_s), {message: values}))
+                if each.unit.place not in warmed:
+                    blocks.append(self._warmth(each.unit.place, at_s[numbers % each.warmth_samples == 0]))
+                    warmed.add(each.unit.place)
         if blocks:
             self._sent.append(in_order(blocks))
 
-    def _warmth(self, each: _Stream, at_s: Array) -> FrameBlock:
+    def _warmth(self, place: str, at_s: Array) -> FrameBlock:
         """What the thermometers in a unit say, once a second."""
-        fields, host_s = self._temperatures[each.settings.place], self._world.host_time(at_s)
-        return temperature_frames(self._settings.dbc, fields, lambda _: each.unit.thermometer_c(at_s), host_s)
+        fields, host_s = self._thermometers[place], self._world.host_time(at_s)
+        return temperature_frames(self._settings.dbc, fields, lambda name: self._celsius(name, at_s), host_s)
+
+    def _celsius(self, signal: str, at_s: Array) -> Array:
+        of_imu = self._settings.imu_readings.get(signal)
+        if of_imu is not None:
+            return self._world.imus[of_imu[0]].thermometer_c(of_imu[1], at_s)
+        return self._world.units[self._settings.readings[signal]].thermometer_c(at_s)
 
 
 class _Stream:
     """The samples of one channel: means of its unit's output from one sample to the next."""
 
-    def __init__(self, name: str, unit: SimulatedUnit, settings: ChannelSettings, world: World) -> None:
-        self.unit, self.settings = unit, settings
+    def __init__(self, name: str, unit: Sender, settings: ChannelSettings, world: World) -> None:
+        self.unit, self.settings, self._how = unit, settings, unit.sent
         self.warmth_samples = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
-        self._sample_s = settings.period_s / (1 + unit.truth.clock)  # true seconds from sample to sample
+        self._sample_s = settings.period_s / (1 + self._how.clock)  # true seconds from sample to sample
         self._noise = stream(world.settings.seed, "noise", unit.place, f"telemetry {name}")
         self._powered_at_s: float | None = None
         self._shown: tuple[int, int] = (0, 0)  # the last number and code that a frame showed
@@ -130,18 +177,18 @@ class _Stream:
         charge = self.unit.mean_codes(edges_s) * np.diff(edges_s)
         charge[0] += self._owed
         self._number, self.integrated_s, self._owed = int(numbers[-1]), float(at_s[-1]), 0.0
-        noise = self.unit.truth.noise_code * self._noise.standard_normal(due)
+        noise = self._how.noise_code * self._noise.standard_normal(due)
         codes = np.rint(charge / self._sample_s + noise).astype(np.int64)
         if self.unit.faults.active("dead"):
-            codes = np.full_like(codes, round(self.unit.truth.zero_code))
+            codes = np.full_like(codes, round(self._how.zero_code))
         if frozen:
             return np.full_like(numbers, self._shown[0]), at_s, np.full_like(codes, self._shown[1])
         self._shown = int(numbers[-1]), int(codes[-1])
         return numbers, at_s, codes
 
-    def values(self, numbers: Integers, codes: Integers) -> Mapping[str, Mapping[str, Integers]]:
-        """What its frames say, by message and signal; the status is that of a good sample."""
+    def values(self, numbers: Integers, codes: Integers) -> Mapping[str, Integers]:
+        """What its frames say, by signal; the status is that of a good sample."""
         form = self.settings.form
         ticks = np.rint(numbers * (self.settings.period_s / self.settings.tick_period_s)).astype(np.int64)
         said = ((form.value, codes), (form.tick, ticks), (form.sequence, numbers))
-        return {form.value.message.name: {each.signal.name: integers for each, integers in said}}
+        return {each.signal.name: integers for each, integers in said}

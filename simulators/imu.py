@@ -1,4 +1,4 @@
-"""An inertial unit in its place: what its six channels count, and what its two thermometers say.
+"""An inertial unit in its place: what its six channels count or send, and what its two thermometers say.
 
 Its three accelerometers are worked out together, and so are its gyros: their constants are columns, (3, 1), and what
 acts on them has a row for each axis. The accelerometers are taken to be where the axes of the table meet.
@@ -6,9 +6,9 @@ acts on them has a row for each axis. The accelerometers are taken to be where t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from simulators.attitude import to_unit
 from simulators.corrections import Table
 from simulators.faults import BROKEN_DRAWS, OPEN_C, FaultPlan
-from simulators.gyro import GyroNoise, GyroTruth, draw_gyro
+from simulators.gyro import GyroNoise
 from simulators.imu_file import NAMES, ImuFile
+from simulators.imu_uut import draw_imu, stacked
 from simulators.thermal import UnitPhysics
 from simulators.unit_file import stream
-from simulators.uut import Hysteresis, Noise, UnitTruth, draw_unit
+from simulators.uut import Decoding, Hysteresis, Noise, Sent
 from simulators.warmth import Thermometer
 
 if TYPE_CHECKING:  # which holds the units here
@@ -29,7 +30,6 @@ if TYPE_CHECKING:  # which holds the units here
 
 Array = NDArray[np.float64]
 
-OF_EACH = ("thresholds_c", "jumps")  # what hysteresis is made of, which each accelerometer has for itself
 SENSORS = ("accelerometers", "gyros")
 CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("acc", "gyro") for axis in NAMES)
 
@@ -38,8 +38,9 @@ CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("acc", "gyro") for axis in NA
 class ImuPlace:
     """An inertial unit in its place.
 
-    `channels` are those of the counter, by CHANNELS; `thermometers` are offset (°C), gain and corrections, by SENSORS;
-    `faults` are when it breaks (s), by how.
+    `channels` are those of the counter or of the telemetry, by CHANNELS, and `decodings` what becomes of the codes of
+    those that it sends; `thermometers` are offset (°C), gain and corrections, by SENSORS; `faults` are when it breaks
+    (s), by how.
     """
 
     unit: ImuFile
@@ -48,25 +49,7 @@ class ImuPlace:
     mount_angle_deg: float
     thermometers: Mapping[str, tuple[float, float, Table]]
     faults: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
-class ZeroDrift:
-    """How the zero of a gyro goes on with time: in °/s², and from power-on in °/s with a time constant in s."""
-
-    drift_dps2: float
-    warm_up_dps: float
-    warm_up_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class ImuTruth:
-    """One unit as drawn for one run; accelerometers, gyros and how their zeros drift, x, y, z."""
-
-    accelerometers: tuple[UnitTruth, ...]
-    gyros: tuple[GyroTruth, ...]
-    gyro_drifts: tuple[ZeroDrift, ...]
-    supply_a: float
+    decodings: Mapping[str, Decoding] = field(default_factory=dict)
 
 
 class ImuState(NamedTuple):
@@ -95,6 +78,7 @@ class SimulatedImu:
         self._noise = [Noise(truth, settings.seed, f"{place}/acc_{axis}") for axis, truth, _ in named]
         self._gyro_noise = [GyroNoise(truth, settings.seed, place, f"gyro_{axis}") for axis, _, truth in named]
         self._gyro_drift = stacked(self.truth.gyro_drifts)
+        self._gyros_send = stacked(self.truth.gyros_send) if self.truth.gyros_send else None
         self._hysteresis = [Hysteresis(truth, settings.chamber.start_c) for _, truth, _ in named]
         self._thermometers = [
             Thermometer(
@@ -104,8 +88,8 @@ class SimulatedImu:
             for sensor, (offset_c, gain, table) in self.settings.thermometers.items()
         ]  # fmt: skip
         self._last_c = np.full(2, settings.chamber.start_c)
-        self._counted: tuple[float, float, int] = (-1.0, -1.0, 0)
-        self._pulses: Array = np.empty((len(CHANNELS), 0))
+        self._asked: tuple[float, float, int] = (-1.0, -1.0, 0)
+        self._told: Array = np.empty((len(CHANNELS), 0))
         self._at_rest: tuple[Any, Array] = None, np.empty((3, 3))
         self.faults = FaultPlan(self.settings.faults, world.now)
         self.powered_at_s: float | None = None
@@ -122,7 +106,7 @@ class SimulatedImu:
 
     @property
     def channels(self) -> Mapping[str, ImuChannel]:
-        """What the counter's channels count, by their names there."""
+        """What the channels of a counter count, or those of telemetry carry, by their names there."""
         return {channel: ImuChannel(self, CHANNELS.index(name)) for name, channel in self.settings.channels.items()}
 
     def power(self, now_s: float, on: bool) -> None:
@@ -143,10 +127,18 @@ class SimulatedImu:
         The world has been worked out up to the last edge, or by less than a latch beyond it. For the same times it is
         the same.
         """
+        return self._once(edges_s, self._pulses)
+
+    def mean_codes(self, edges_s: Array) -> Array:
+        """What each of CHANNELS sends of its mean in each interval, as in `charge_pulses`; not yet rounded, (6, n)."""
+        return self._once(edges_s, self._codes)
+
+    def _once(self, edges_s: Array, tell: Callable[[Array], Array]) -> Array:
+        """What is told of the same times again and again; a unit gives pulses or sends codes, never both."""
         asked = (float(edges_s[0]), float(edges_s[-1]), len(edges_s))
-        if asked != self._counted:
-            self._counted, self._pulses = asked, self._counted_anew(edges_s)
-        return self._pulses
+        if asked != self._asked:
+            self._asked, self._told = asked, tell(edges_s)
+        return self._told
 
     def thermometer_c(self, sensor: str, at_s: Array) -> Array:
         """Readings of one of its thermometers, of SENSORS, at times since the last call, with its errors and noise."""
@@ -155,7 +147,20 @@ class SimulatedImu:
         number, thermal = SENSORS.index(sensor), self._world.thermal
         return self._thermometers[number].readings_c(at_s, thermal.now_s, thermal.thermometer_c(self._sensors[number]))
 
-    def _counted_anew(self, edges_s: Array) -> Array:
+    def _pulses(self, edges_s: Array) -> Array:
+        current_a, gyro_pps = self._sensed(edges_s)
+        if current_a is None:
+            return np.zeros((len(CHANNELS), len(edges_s) - 1))
+        return np.asarray(np.concatenate([self._accelerometers.rate_pps(current_a), gyro_pps]) * np.diff(edges_s))
+
+    def _codes(self, edges_s: Array) -> Array:
+        current_a, gyro_pps = self._sensed(edges_s)
+        if current_a is None or self._gyros_send is None:
+            return np.zeros((len(CHANNELS), len(edges_s) - 1))
+        return np.concatenate([self._accelerometers.codes(current_a), self._gyros_send.codes(gyro_pps)])
+
+    def _sensed(self, edges_s: Array) -> tuple[Array | None, Array]:
+        """Mean currents of the accelerometers and mean pulse rates of the gyros, (3, n); no current without power."""
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, np.diff(edges_s)
         now_c = np.array([self._world.thermal.sensor_c(index) for index in self._sensors])
         passed = (middle - edges_s[0]) / (edges_s[-1] - edges_s[0])
@@ -168,7 +173,7 @@ class SimulatedImu:
         state = self._state(float(edges_s[-1]), hysteresis_g, moving_g, now_c)
         self.history.append(state)
         if self.powered_at_s is None or self.faults.active("dead"):
-            return np.zeros((len(CHANNELS), len(middle)))
+            return None, np.empty(0)
         force_g, rate_dps = self._stimulus(edges_s, middle)
         drifting_g = np.array(state.accelerometers_g)[:, np.newaxis] + moving_g
         drifting_g = drifting_g + np.stack([noise.mean_g(interval) for noise in self._noise])
@@ -176,8 +181,7 @@ class SimulatedImu:
         drifting_dps = drifting_dps + np.stack([noise.mean_dps(interval) for noise in self._gyro_noise])
         current_a = self._accelerometers.current_a(_along(force_g), accelerometer_c, drifting_g)
         gyro_pps = self._gyros.output_pps(_along(rate_dps), _along(force_g), gyro_c, drifting_dps)
-        gyro_pps = self._gyros.clipped_pps(gyro_pps)
-        return np.asarray(np.concatenate([self._accelerometers.rate_pps(current_a), gyro_pps]) * interval)
+        return current_a, self._gyros.clipped_pps(gyro_pps)
 
     def _state(self, true_s: float, hysteresis_g: Array, moving_g: Array | float, sensors_c: Array) -> ImuState:
         """Drift and warm-up are slow: what they are at the end of an interval stands for all of it."""
@@ -221,7 +225,7 @@ class SimulatedImu:
 
 @dataclass(frozen=True, slots=True)
 class ImuChannel:
-    """One channel of a unit, as the counter sees it."""
+    """One channel of a unit, as a counter sees it, or as the unit sends it."""
 
     imu: SimulatedImu
     row: int
@@ -240,47 +244,29 @@ class ImuChannel:
         """Pulses that it is owed in each interval between the consecutive times `edges_s`."""
         return np.asarray(self.imu.charge_pulses(edges_s)[self.row])
 
+    def mean_codes(self, edges_s: Array) -> Array:
+        """What it sends of its mean in each interval, not yet rounded."""
+        return np.asarray(self.imu.mean_codes(edges_s)[self.row])
 
-Truth = TypeVar("Truth", UnitTruth, GyroTruth, ZeroDrift)
+    @property
+    def place(self) -> str:
+        """That of the unit."""
+        return self.imu.place
+
+    @property
+    def powered_at_s(self) -> float | None:
+        """Since when it has power; None without."""
+        return self.imu.powered_at_s
+
+    @property
+    def sent(self) -> Sent:
+        """How it sends codes."""
+        truth, axis = self.imu.truth, self.row % len(NAMES)
+        of_gyro = self.row >= len(NAMES)
+        codes = truth.gyros_send[axis] if of_gyro else truth.accelerometers[axis]
+        return Sent(truth.clock, codes.zero_code, codes.noise_code)
 
 
 def _along(vectors: Array) -> tuple[Array, Array, Array]:
     """Components along x, y and z (3, n) as what each axis and the two after it see, (3, n) each."""
     return vectors, vectors[[1, 2, 0]], vectors[[2, 0, 1]]
-
-
-def draw_imu(unit: ImuFile, seed: int, place: str) -> ImuTruth:
-    """The unit of one run; each channel has streams of its own."""
-
-    def drift(axis: str) -> ZeroDrift:
-        model, path = unit.gyro(axis), (place, f"gyro_{axis}", "gyro")
-        return ZeroDrift(
-            drift_dps2=model.drift.value(stream(seed, "uut", *path, "drift")),
-            warm_up_dps=model.warm_up.amplitude.value(stream(seed, "uut", *path, "warm_up", "amplitude")),
-            warm_up_s=model.warm_up.time_constant,
-        )
-
-    return ImuTruth(
-        tuple(draw_unit(unit.accelerometer(axis), seed, f"{place}/acc_{axis}") for axis in NAMES),
-        tuple(draw_gyro(unit.gyro(axis), seed, place, f"gyro_{axis}") for axis in NAMES),
-        tuple(map(drift, NAMES)),
-        unit.supply.current,
-    )
-
-
-def stacked(truths: tuple[Truth, ...]) -> Truth:
-    """Three sensors as one whose numbers are columns (3, 1)."""
-    columns: dict[str, Any] = {}
-    for each in fields(truths[0]):
-        values = [getattr(truth, each.name) for truth in truths]
-        if each.name in OF_EACH:
-            columns[each.name] = ()
-        elif isinstance(values[0], tuple):
-            columns[each.name] = tuple(map(_column, zip(*values, strict=True)))
-        else:
-            columns[each.name] = None if values[0] is None else _column(values)
-    return type(truths[0])(**columns)
-
-
-def _column(values: Iterable[float]) -> Array:
-    return np.array([*values], np.float64)[:, np.newaxis]

@@ -11,7 +11,19 @@ from pydantic import Field
 
 from drivers.fields import Celsius, PositiveSeconds, StrictModel
 from simulators.gyro import GyroModel
-from simulators.unit_file import AccelerometerModel, ConverterModel, Draw, DrawIn, SupplyModel, ThermalModel, UnitFile
+from simulators.unit_file import (
+    AccelerometerModel,
+    CodesModel,
+    ConverterModel,
+    CurrentCodes,
+    Draw,
+    DrawIn,
+    Ratio,
+    SupplyModel,
+    TelemetryModel,
+    ThermalModel,
+    UnitFile,
+)
 
 NAMES = ("x", "y", "z")
 Angle = Annotated[Draw, DrawIn("rad")]
@@ -71,6 +83,20 @@ class Gyros(StrictModel):
     misalignment: Misalignment = Misalignment()
 
 
+class GyroCodes(CodesModel):
+    """What a gyro sends in place of pulses: S times as many codes as it would give pulses a second."""
+
+    S: Annotated[Draw, DrawIn("code/(pulse/s)")]
+
+
+class ImuTelemetry(StrictModel):
+    """A unit that sends codes; `clock` is the relative error of the clock by which all channels are sampled."""
+
+    accelerometers: CurrentCodes
+    gyros: GyroCodes
+    clock: Ratio = Draw(0)
+
+
 class ImuThermal(StrictModel):
     """How the unit follows the chamber: one case, and the sensors in it."""
 
@@ -89,6 +115,7 @@ class ImuFile(StrictModel):
     gyros: Gyros
     thermal: ImuThermal = ImuThermal()
     supply: SupplyModel = SupplyModel()
+    telemetry: ImuTelemetry | None = None
 
     def accelerometer(self, axis: str) -> UnitFile:
         """One accelerometer with its converter, as a unit of its own."""
@@ -102,12 +129,18 @@ class ImuFile(StrictModel):
             converter=model.converter,
             thermal=ThermalModel(),
             supply=self.supply,
+            telemetry=None if self.telemetry is None else _sent(self.telemetry),
         )
 
     def gyro(self, axis: str) -> ImuGyro:
         """One gyro, with its misalignments."""
         model: ImuGyro = getattr(self.gyros, axis)
         return model.model_copy(update=_turned(self.gyros.misalignment, axis))
+
+
+def _sent(model: ImuTelemetry) -> TelemetryModel:
+    """The codes of an accelerometer as those of a unit of its own; the clock is that of all channels."""
+    return TelemetryModel.model_construct(**dict(model.accelerometers), clock=Draw(0))
 
 
 def _turned(matrix: Misalignment, axis: str) -> dict[str, Draw]:

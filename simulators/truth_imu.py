@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.carried import earth_dps
-from simulators.imu import ImuTruth
+from simulators.imu_uut import ImuTruth
+from simulators.uut import Decoding
 from simulators.world import World
 
 Array = NDArray[np.float64]
@@ -32,11 +33,17 @@ class WindowAsMeasured:
 
 
 def imu_record(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, Any]:
-    """Each inertial unit as drawn, and how it was in the middle of each window, as in an ImuState."""
+    """Each inertial unit as drawn, and how it was in the middle of each window, as in an ImuState.
+
+    Of those that send codes also what these are decoded to, by their channels.
+    """
+    decodings = {name: imu.settings.decodings for name, imu in sorted(world.imus.items()) if imu.settings.decodings}
+    told = {name: {channel: asdict(each) for channel, each in of.items()} for name, of in decodings.items()}
     return {
         "imus": {name: asdict(imu.truth) for name, imu in sorted(world.imus.items())},
         "latitude_deg": world.settings.latitude_deg,
         "windows": {window.key: _drifted(world, window) for window in windows if window.place in world.imus},
+        **({"decodings": told} if told else {}),
     }
 
 
@@ -48,34 +55,44 @@ def _drifted(world: World, window: WindowAsMeasured) -> dict[str, list[float]]:
     return {name: list(getattr(nearest, name)) for name in told}
 
 
-def accelerometer_constants(truth: ImuTruth, axis: int, temperature_c: float, drifted_g: float) -> dict[str, float]:
-    """True K0 (g, with K2 in it), K1 (pulse/s/g, with K3), K2 (g/g²) and misalignments (rad), as "misalignment x"."""
+def accelerometer_constants(
+    truth: ImuTruth, axis: int, temperature_c: float, drifted_g: float, decoding: Decoding | None = None
+) -> dict[str, float]:
+    """True K0 (g, with K2 in it), K1 (pulse/s/g, with K3), K2 (g/g²) and misalignments (rad), as "misalignment x".
+
+    With a decoding K1 is of what the codes of the unit become.
+    """
     up = _attitudes()[:, :, 2]
     ordered = [up[:, (axis + shift) % 3] for shift in range(3)]
     channel, at_c = truth.accelerometers[axis], np.full(len(up), temperature_c)
     force_g = (ordered[0], ordered[1], ordered[2])
-    pps = channel.rate_pps(channel.current_a(force_g, at_c, np.full(len(up), drifted_g)))
+    output = channel.output(channel.current_a(force_g, at_c, np.full(len(up), drifted_g)), decoding)
     own = up[:, axis]
-    k1 = float((pps[own > 0.5].mean() - pps[own < -0.5].mean()) / 2)
-    fitted = _solved(np.column_stack([np.ones(len(up)), up, own**2]), pps)
-    found = {"K0": float(pps[np.abs(own) > 0.5].mean()) / k1, "K1": k1, "K2": fitted[4] / fitted[1 + axis]}
+    k1 = float((output[own > 0.5].mean() - output[own < -0.5].mean()) / 2)
+    fitted = _solved(np.column_stack([np.ones(len(up)), up, own**2]), output)
+    found = {"K0": float(output[np.abs(own) > 0.5].mean()) / k1, "K1": k1, "K2": fitted[4] / fitted[1 + axis]}
     return found | {f"misalignment {n}": fitted[1 + i] / fitted[1 + axis] for i, n in enumerate("xyz") if i != axis}
 
 
 def gyro_constants(
-    truth: ImuTruth, axis: int, latitude_deg: float, temperature_c: float, drifted_dps: float
-) -> dict[str, float]:
-    """True D0 (°/s), KG (pulse/°), g-sensitivities (°/s/g) and misalignments (rad), by the axis that they are of."""
+    truth: ImuTruth, axis: int, latitude_deg: float, temperature_c: float, drifted_dps: float,
+    decoding: Decoding | None = None,
+) -> dict[str, float]:  # fmt: skip
+    """True D0 (°/s), KG (pulse/°), g-sensitivities (°/s/g) and misalignments (rad), by the axis that they are of.
+
+    With a decoding KG is of what the codes of the unit become, in their unit for 1 °/s.
+    """
     attitudes, local_dps = _attitudes(), earth_dps(latitude_deg)
     force_g, rate_dps = attitudes[:, :, 2], attitudes @ local_dps
 
-    def output_pps(rate: Array, force: Array) -> Array:
+    def output(rate: Array, force: Array) -> Array:
         rates, forces = (tuple(each[:, (axis + shift) % 3] for shift in range(3)) for each in (rate, force))
         drifted = np.full(len(rate), drifted_dps)
-        return truth.gyros[axis].output_pps(rates, forces, temperature_c, drifted)  # type: ignore[arg-type]  # threes
+        pps = truth.gyros[axis].output_pps(rates, forces, temperature_c, drifted)  # type: ignore[arg-type]  # threes
+        return pps if decoding is None else truth.gyros_send[axis].codes(pps) * decoding.scale + decoding.offset
 
-    at_rest = output_pps(rate_dps, force_g)
-    slopes = [_slope(output_pps, about, local_dps[2]) for about in range(3)]
+    at_rest = output(rate_dps, force_g)
+    slopes = [_slope(output, about, local_dps[2]) for about in range(3)]
     kg, vertical = slopes[axis], np.abs(force_g[:, axis]) > 0.5
     fitted = _solved(np.column_stack([np.ones(len(force_g)), force_g, rate_dps]), at_rest)
     found = {"D0": float(at_rest[vertical].mean()) / kg, "KG": kg}
@@ -83,13 +100,13 @@ def gyro_constants(
     return found | {f"gyro_misalignment {name}": slopes[i] / kg for i, name in enumerate("xyz") if i != axis}
 
 
-def _slope(output_pps: Any, about: int, earth_up_dps: float) -> float:
+def _slope(output: Any, about: int, earth_up_dps: float) -> float:
     """Of the output over the rate about an axis that points up."""
     turned = np.zeros((len(RATES_DPS), 3))
     turned[:, about] = np.array(RATES_DPS)
     up = np.zeros_like(turned)
     up[:, about] = 1.0
-    return _solved(np.column_stack([np.ones(len(turned)), RATES_DPS]), output_pps(turned + up * earth_up_dps, up))[1]
+    return _solved(np.column_stack([np.ones(len(turned)), RATES_DPS]), output(turned + up * earth_up_dps, up))[1]
 
 
 def _solved(design: Array, values: Array) -> list[float]:

@@ -159,16 +159,23 @@ class ConverterModel(StrictModel):
     time_constant: PositiveSeconds = 120.0
 
 
-class TelemetryModel(StrictModel):
-    """The A/D converter of a unit that sends codes: S times the current, a zero, and white noise on each sample.
+class CodesModel(StrictModel):
+    """What is sent as codes of so many bits: a zero, and white noise on each sample."""
 
-    `clock` is the relative error of the clock by which it takes them.
-    """
-
-    S: Annotated[Draw, DrawIn("code/A")]
     zero: Annotated[Draw, DrawIn("code")] = Draw(0)
     noise: Annotated[Draw, DrawIn("code")] = Draw(0)
     bits: Annotated[int, Field(ge=8, le=32)] = 24
+
+
+class CurrentCodes(CodesModel):
+    """The A/D converter of an accelerometer: S times its current."""
+
+    S: Annotated[Draw, DrawIn("code/A")]
+
+
+class TelemetryModel(CurrentCodes):
+    """The A/D converter of a unit that sends codes; `clock` is the relative error of the clock by which it samples."""
+
     clock: Ratio = Draw(0)
 
 

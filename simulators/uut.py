@@ -26,6 +26,15 @@ class Decoding:
     offset: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """How a channel sends codes: the relative error of the clock, the zero, and the noise of a sample in codes."""
+
+    clock: float
+    zero_code: float
+    noise_code: float
+
+
 Through = float | Decoding | None
 """What the current of a unit goes through: a load in Ω, its own A/D converter, or the converter that pulses."""
 

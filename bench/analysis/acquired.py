@@ -128,16 +128,19 @@ class Codes:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """What is kept of the counts of one channel where only their mean is wanted.
+    """What is kept of one channel where only its mean is wanted.
 
-    The net rate in pulse/s over `span_s` of device time, which the host's clock took for `host_span_s`; `problems` make
-    it unusable.
+    The mean output, such as a net rate in pulse/s, over `span_s` of the clock that it was counted by, which the host's
+    clock took for `host_span_s`. A mean of samples is counted by none: both are the host's. `problems` make it
+    unusable. `alone_u` and `step_u` are those of an Output.
     """
 
-    net_pps: float
+    mean: float
     span_s: float
     host_span_s: float
     problems: tuple[str, ...]
+    alone_u: float = 0.0
+    step_u: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,7 +41,8 @@ class BenchRecord:
     `level_deg` tilts the whole table about south. `thermometers_u` gives offset (°C) and gain (on the temperature in
     °C) by the name of the reading, `voltmeters_u` gain (of the reading) and offset (V) by voltmeter, `sources` the
     current sources that have a certificate, by their roles. `orthogonality_u_deg` is of each axis against the one that
-    carries it, in two directions. `encoder_skew_u_s` is that of the time between an encoder's latch and the pulses'.
+    carries it, in two directions. `host_clock_u` is that of a second of the host, 0 where nobody states it.
+    `encoder_skew_u_s` is that of the time between an encoder's latch and the pulses'.
     """
 
     gravity_mps2: float
@@ -59,6 +60,7 @@ class BenchRecord:
     orthogonality_u_deg: float = 0.0
     sources: Mapping[str, SourceRecord] = field(default_factory=dict)
     encoder_skew_u_s: float = 0.0
+    host_clock_u: float = 0.0
 
     def thermometer_u(self, name: str) -> tuple[float, float]:
         """Offset (°C) and gain of the thermometer behind a reading; zeros without a certificate."""

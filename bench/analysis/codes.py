@@ -98,8 +98,13 @@ def by_position(gain: Array, step_u: Array, angle_rad: Array) -> Array:
 
     Readings at one angle fall onto one step, and err alike.
     """
-    _, position = np.unique(np.round(np.degrees(angle_rad), 1), return_inverse=True)
-    return np.asarray(np.bincount(position, weights=gain * step_u), np.float64)
+    return by_level(gain, step_u, np.asarray(np.round(np.degrees(angle_rad), 1), np.float64))
+
+
+def by_level(gain: Array, step_u: Array, level: Array) -> Array:
+    """The same of readings at levels (n,) of what is measured."""
+    _, place = np.unique(level, return_inverse=True)
+    return np.asarray(np.bincount(place, weights=gain * step_u), np.float64)
 
 
 def _device_steps_s(codes: Codes) -> Array:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.analysis.acquired import Array, Counts, Integers, Window
+from bench.analysis.acquired import Array, Counts, Integers
 
 RESOLUTION_COUNTS = 0.408  # 1/sqrt(6): standard deviation of a count between two unsynchronised edges
 LEAST_SHARE = 0.5  # of the latches must have come
@@ -57,13 +57,6 @@ def mean_rate(counts: Counts) -> Rate:
     if _stands_still(seconds, positive + negative, abs(net_pps)):
         problems.append("dead_band")
     return Rate(net_pps, span_s, tuple(problems))
-
-
-def window_of(counts: Counts) -> Window:
-    """The mean rate between the first and the last latch, and what the host's clock said of that time."""
-    rate = mean_rate(counts)
-    host_span_s = float(counts.host_s[-1] - counts.host_s[0]) if len(counts.host_s) else 0.0
-    return Window(rate.net_pps, rate.span_s, host_span_s, rate.problems)
 
 
 def steps_of(cumulative: Integers, bits: int) -> Integers:

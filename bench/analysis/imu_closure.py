@@ -84,7 +84,7 @@ def _entry(
             counted = window.windows[unit.channels[f"acc_{AXES[axis]}"]]
             if abs(lies[axis, 2]) < LEVEL and not set(counted.problems) - {"dead_band"}:
                 rows.append((axis, lies[axis, :2]))
-                values_g.append(counted.net_pps / known.pps_per_g)
+                values_g.append(counted.mean / known.pps_per_g)
                 readings.append((window, axis))
     axes = tuple(sorted({axis for axis, _ in rows}))
     design = [[*(float(axis == each) for each in axes), *level] for axis, level in rows]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,22 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.analysis.acquired import Acquisition, Array
-from bench.analysis.attitude_errors import TableErrors, shared_by, table_errors
+from bench.analysis.attitude_errors import TableErrors, table_errors
 from bench.analysis.attitude_fit import AttitudeFits
 from bench.analysis.attitudes import AXES, SPECIFIC_FORCE_G, block, local_earth_rate_dps
 from bench.analysis.bench_record import BenchRecord
+from bench.analysis.codes import by_level
 from bench.analysis.finding import BudgetLine, Finding, Subject
 from bench.analysis.fit import NotDetermined, least_squares
+from bench.analysis.imu_budget import (
+    OwnErrors,
+    gyro_scale_unit,
+    harmonics_of_rates,
+    merged,
+    rate_weights,
+    scatter_line,
+    shared_line,
+)
 from bench.analysis.imu_calibration import AxisCalibration
 from bench.analysis.imu_noise import Noise, about_another
 from bench.analysis.imu_windows import Turning, Visit
 from bench.analysis.rundata import UnitUnderTest
 
-READINGS = "readings: scatter pooled over the run"
 UP = np.array([0.0, 0.0, 1.0])
 UNITS = {
-    "K0": "g", "K1": "pulse/s/g", "K1_si": "pulse/s/(m/s²)", "D0": "°/s", "KG": "pulse/°", "K2": "g/g²",
-    "misalignment": "rad", "gyro_misalignment": "rad", "g_sensitivity": "°/s/g",
+    "K0": "g", "D0": "°/s", "K2": "g/g²", "misalignment": "rad", "gyro_misalignment": "rad", "g_sensitivity": "°/s/g",
 }  # fmt: skip
 NAMES = {
     "K0": "bias of the accelerometer, from the attitudes in which its axis is vertical",
@@ -86,23 +93,24 @@ class AxisAtVisit:
         gain = one.accelerometer.gain
         bias = gain[0] / k1 - one.k0_pps / k1**2 * gain[1]
 
-        def table(weights: Array) -> list[BudgetLine]:
-            return [_shared(name, u) for name, u in errors.propagated(seen, weights).items()]
+        def lines(weights: Array) -> Iterator[BudgetLine]:
+            yield scatter_line(self.noise.accelerometer, weights)
+            yield from (shared_line(name, u) for name, u in errors.propagated(seen, weights).items())
+            yield self._warming(float(weights @ self._moved_pps(self._own)))
+            yield from self._steps("acc", self._own, weights)
 
-        scatter = self.noise.accelerometer
         yield self._finding(
-            "K0", one.k0_pps / k1, [_scatter(scatter, bias), *table(bias), self._thermometer("K0", one.accelerometer_c),
-            self._warming(bias @ self._moved_pps(self._own)),
-            BudgetLine("K2 of the accelerometer: contained, inseparable in these attitudes", "alias", 0)],
+            "K0", one.k0_pps / k1, [
+                *lines(bias), self._thermometer("K0", one.accelerometer_c),
+                BudgetLine("K2 of the accelerometer: contained, inseparable in these attitudes", "alias", 0),
+            ],
         )  # fmt: skip
-        clock = _shared("counter: time base", abs(k1) * self.bench.time_base_u)
-        thermometer = self._thermometer("K1", one.accelerometer_c)
-        warming = self._warming(gain[1] @ self._moved_pps(self._own))
-        scale = self._finding("K1", k1, [_scatter(scatter, gain[1]), *table(gain[1]), clock, thermometer, warming])
+        clock = self._of("acc").clock_of_scale(k1)
+        scale = self._finding("K1", k1, [*lines(gain[1]), *clock, self._thermometer("K1", one.accelerometer_c)])
         yield scale
         g, u_g = self.bench.gravity_mps2, self.bench.gravity_u_mps2
-        lines = [BudgetLine("K1", "B", scale.u / g, scale.dof, scale.id), _shared("site: gravity", k1 / g * u_g / g)]
-        yield self._finding("K1_si", k1 / g, lines)
+        gravity = shared_line("site: gravity", k1 / g * u_g / g)
+        yield self._finding("K1_si", k1 / g, [BudgetLine("K1", "B", scale.u / g, scale.dof, scale.id), gravity])
 
     def _gyro(self) -> Iterator[Finding]:
         one, kg = self.calibration, self.calibration.kg_pulse_per_deg
@@ -112,51 +120,37 @@ class AxisAtVisit:
         gain = one.gyro_at_rest.gain[0]
         turning = one.gyro_turning.gain[1] / np.sqrt(self.turned_s)
         lines = [
-            _scatter(self.noise.gyro_at_rest, gain / kg),
-            _scatter(self.noise.gyro_turning, turning * zero_dps / kg, "readings of the rates: scatter"),
-            *(_shared(name, u) for name, u in errors.propagated(seen, gain).items()),
-            _shared("counter: time base", abs(zero_dps) * self.bench.time_base_u),
+            scatter_line(self.noise.gyro_at_rest, gain / kg),
+            scatter_line(self.noise.gyro_turning, turning * zero_dps / kg, "readings of the rates: scatter"),
+            *(shared_line(name, u) for name, u in errors.propagated(seen, gain).items()),
+            self._of("gyro").clock(zero_dps),
             self._thermometer("D0", one.gyro_c),
             self._warming(self._slope("D0") * (np.mean(self.gyro_c[self._own]) - one.gyro_c)),
+            *self._steps("gyro", self._own, gain / kg),
         ]
         yield self._finding("D0", zero_dps, lines)
         rates = self.visit.turned(self.axis)
         yield self._finding(
             "KG", kg, [
-                _scatter(self.noise.gyro_turning, turning),
-                *(_shared(name, abs(kg) * u) for name, u in self._table_rates(rates).items()),
-                _shared("earth rate in partial turns", abs(kg) * self._leakage(rates)),
+                scatter_line(self.noise.gyro_turning, turning),
+                *self._of("gyro").clock_of_scale(kg),
+                *self._of("gyro").hidden([each.acquisition for each in rates], rate_weights(rates)),
+                *(shared_line(name, abs(kg) * u) for name, u in harmonics_of_rates(rates, self.bench).items()),
+                shared_line("earth rate in partial turns", abs(kg) * self._leakage(rates)),
                 self._thermometer("KG", one.gyro_c),
                 self._warming(self._slope("KG") * (self._turned_c(rates) - one.gyro_c)),
             ],
         )  # fmt: skip
 
-    def _table_rates(self, rates: list[Turning]) -> dict[str, float]:
-        """What the harmonics of the encoder leave in the scale factor, relative: nothing over exactly whole turns."""
-        weights, found = self._rate_weights(rates), {}
-        for role, axis in self.bench.axes.items():
-            parts = [
-                u_deg * sum(weight * _change(each, role, order) for weight, each in zip(weights, rates, strict=True))
-                for order, u_deg in enumerate(axis.harmonics_u_deg, start=1)
-            ]
-            found[f"{role}: harmonics"] = float(np.linalg.norm(parts))  # of cosines and sines together
-        return found
-
     def _leakage(self, rates: list[Turning]) -> float:
         """What earth rate across a misaligned gyro leaves, relative; it is gone over whole turns (methods.md 4.3)."""
         across_dps = float(local_earth_rate_dps(self.bench.latitude_deg)[1])
         total = 0.0
-        for weight, each in zip(self._rate_weights(rates), rates, strict=True):
+        for weight, each in zip(rate_weights(rates), rates, strict=True):
             turned = each.acquisition.turned
             half = math.radians(turned.to_deg - turned.from_deg) / 2 if turned is not None else math.pi
             total += (weight * across_dps * self._gyro_misalignment_rad() * math.sin(half) / half) ** 2
         return math.sqrt(total)
-
-    def _rate_weights(self, rates: list[Turning]) -> Array:
-        """What the scale factor changes by, relative, for an error of each rate in °/s."""
-        rate_dps = np.array([each.rate_dps for each in rates])
-        away = rate_dps - rate_dps.mean()
-        return np.asarray(away / np.sum(away**2))
 
     def _gyro_misalignment_rad(self) -> float:
         """The largest that the rates about other axes show; 1 mrad where they show none."""
@@ -168,60 +162,73 @@ class AxisAtVisit:
     def _over_attitudes(self) -> Iterator[Finding]:
         accelerometer, gyro = self.fits.accelerometers[self.axis], self.fits.gyros[self.axis]
         if accelerometer is not None:
-            errors = self.errors.of(np.flatnonzero(self.used).tolist())
+            used = np.flatnonzero(self.used).tolist()
+            errors, moved_pps = self.errors.of(used), self._moved_pps(used)
             seen = [accelerometer.k1_pps_per_g * each for each in errors.seen(UP, self.axis)]
 
-            def table(weights: Array) -> list[BudgetLine]:
-                return [_shared(name, u) for name, u in errors.propagated(seen, weights).items()]
+            def lines(weights: Array) -> Iterator[BudgetLine]:
+                yield scatter_line(self.noise.accelerometer, weights)
+                yield from (shared_line(name, u) for name, u in errors.propagated(seen, weights).items())
+                yield self._warming(float(weights @ moved_pps))
+                yield from self._steps("acc", used, weights)
 
-            scatter, weights = self.noise.accelerometer, accelerometer.weights
-            moved_pps = self._moved_pps(np.flatnonzero(self.used).tolist())
-            yield self._finding(
-                "K2", accelerometer.k2_g_per_g2, [_scatter(scatter, weights[2]), *table(weights[2]),
-                self._warming(weights[2] @ moved_pps),
-                BudgetLine("asymmetry of the converter: contained, inseparable", "alias", 0)],
-            )  # fmt: skip
+            alias = BudgetLine("asymmetry of the converter: contained, inseparable", "alias", 0)
+            yield self._finding("K2", accelerometer.k2_g_per_g2, [*lines(accelerometer.weights[2]), alias])
             for other in self._others:
-                value, row = float(accelerometer.misalignment_rad[other]), weights[3 + other]
-                lines = [_scatter(scatter, row), *table(row), self._warming(row @ moved_pps)]
-                yield self._finding("misalignment", value, lines, toward=other)
+                value, weights = float(accelerometer.misalignment_rad[other]), accelerometer.weights[3 + other]
+                yield self._finding("misalignment", value, list(lines(weights)), toward=other)
         if gyro is not None:
             kg = self.calibration.kg_pulse_per_deg
             for other in range(len(AXES)):
                 value = float(gyro.g_sensitivity_pps_per_g[other]) / kg
                 if math.isfinite(value):
-                    line = _scatter(self.noise.gyro_at_rest, gyro.weights[1 + other] / kg)
+                    line = scatter_line(self.noise.gyro_at_rest, gyro.weights[1 + other] / kg)
                     yield self._finding("g_sensitivity", value, [line], toward=other)
 
     # Rates about other axes
 
     def _turned_about_others(self) -> Iterator[Finding]:
         for other in self._others:
-            value, gain = self._cross(other)
+            value, gain, hidden = self._cross(other)
             if value is None or gain is None:
                 continue
             rates = self.visit.turned(other)
             errors = table_errors([rates[0].acquisition], self.unit, self.bench)
             lines = [
-                _shared(source.name, abs(float(effect[0])) * source.u_rad)
+                shared_line(source.name, abs(float(effect[0])) * source.u_rad)
                 for source, effect in zip(errors.sources, errors.seen(UP, self.axis), strict=True)
                 if not source.name.startswith("fixture: level")  # the axis of the table is tilted with it
             ]
             yield self._finding(
-                "gyro_misalignment", value, [_scatter(self.noise.gyro_across, gain), *_merged(lines)], toward=other
-            )
+                "gyro_misalignment", value, [scatter_line(self.noise.gyro_across, gain), *merged(lines), *hidden],
+                toward=other,
+            )  # fmt: skip
 
-    def _cross(self, other: int) -> tuple[float | None, Array | None]:
-        """The slope of this gyro over the rates about another axis, over its scale; and what its noise does to it."""
-        rate_dps, span_s, pps = about_another(self.axis, other, self.unit, self.visit)
+    def _cross(self, other: int) -> tuple[float | None, Array | None, list[BudgetLine]]:
+        """The slope of this gyro over the rates about another axis, over its scale; what noise and steps do to it."""
+        read = about_another(self.axis, other, self.unit, self.visit)
         try:
-            fit = least_squares(np.stack([np.ones_like(rate_dps), rate_dps], axis=-1), pps)
+            fit = least_squares(np.stack([np.ones_like(read.rate_dps), read.rate_dps], axis=-1), read.output)
         except NotDetermined:
-            return None, None
-        kg = self.calibration.kg_pulse_per_deg
-        return float(fit.coefficients[1] / kg), fit.gain[1] / np.sqrt(span_s) / kg
+            return None, None, []
+        gain = fit.gain[1] / self.calibration.kg_pulse_per_deg
+        hidden = by_level(gain, read.step_u, np.zeros_like(gain))  # across the rates it reads about the same
+        value = float(fit.coefficients[1] / self.calibration.kg_pulse_per_deg)
+        return value, gain / np.sqrt(read.span_s), list(self._of("gyro").stepped(hidden))
 
     # Parts of findings
+
+    def _steps(self, sensor: str, attitudes: Iterable[int], gain: Array) -> Iterator[BudgetLine]:
+        """What steps of codes hide from what depends on the readings in attitudes by `gain` (n,).
+
+        Readings with the axis up fall onto one step, and so do those with it down, and level.
+        """
+        numbers = list(attitudes)
+        windows = [self.visit.window_of(number) for number in numbers]
+        return self._of(sensor).hidden(windows, gain, SPECIFIC_FORCE_G[numbers, self.axis])
+
+    def _of(self, sensor: str) -> OwnErrors:
+        return OwnErrors(self.unit, self.bench, f"{sensor}_{AXES[self.axis]}")
 
     def _windows(self, attitudes: Iterable[int]) -> list[Acquisition]:
         """The windows of attitudes that there are."""
@@ -278,42 +285,22 @@ class AxisAtVisit:
         }
         axes = f"{AXES[self.axis]}{'' if toward is None else AXES[toward]}"
         return self.subject.part(axes).finding(
-            quantity, NAMES[quantity], value, UNITS[quantity], lines, at, self._steps(of_gyro, toward), self.visit.tail,
+            quantity, NAMES[quantity], value, self._unit_of(quantity), lines, at, self._steps_of(of_gyro, toward),
+            self.visit.tail,
             CONTAINS.get(quantity, ()),
         )  # fmt: skip
 
-    def _steps(self, of_gyro: bool, toward: int | None) -> tuple[str, ...]:
+    def _unit_of(self, quantity: str) -> str:
+        match quantity:
+            case "K1":
+                return f"{self.unit.output_unit}/g"
+            case "K1_si":
+                return f"{self.unit.output_unit}/(m/s²)"
+            case "KG":
+                return gyro_scale_unit(self.unit)
+        return UNITS[quantity]
+
+    def _steps_of(self, of_gyro: bool, toward: int | None) -> tuple[str, ...]:
         if toward is not None and of_gyro:
             return tuple(each.acquisition.step for each in self.visit.turned(toward))
         return tuple(window.step for window in self._windows(self._own))
-
-
-def _scatter(noise: tuple[float, int], gain: Array, name: str = READINGS) -> BudgetLine:
-    sd_pps, dof = noise
-    return BudgetLine(name, "A", sd_pps * float(np.linalg.norm(gain)), dof)
-
-
-def _shared(name: str, u: float | np.floating | Array) -> BudgetLine:
-    """A type B line of an error that several findings have."""
-    return BudgetLine(name, "B", float(u), None, shared_by(name))
-
-
-def _merged(lines: list[BudgetLine]) -> list[BudgetLine]:
-    """Lines of one name as one."""
-    squares: dict[str, float] = {}
-    for line in lines:
-        squares[line.source] = squares.get(line.source, 0.0) + line.u**2
-    return [_shared(name, math.sqrt(square)) for name, square in squares.items()]
-
-
-def _change(turning: Turning, role: str, order: int) -> complex:
-    """What a harmonic of an axis's error changes the mean rate of a rotation by, for amplitudes of 1° each; °/s.
-
-    The real part is that of its cosine, the imaginary part that of its sine.
-    """
-    turned = turning.acquisition.turned
-    if turned is None or turned.axis != role:
-        return 0.0
-    ends = (cmath.exp(1j * order * math.radians(angle_deg)) for angle_deg in (turned.from_deg, turned.to_deg))
-    begin, end = ends
-    return (end - begin) / (turned.to_s - turned.from_s)

@@ -1,4 +1,4 @@
-"""Method M2 on counts: an inertial unit calibrated at every set point, and compensated for temperature (methods.md 4).
+"""Method M2 on counts and codes: an inertial unit calibrated at every set point, and compensated (methods.md 4).
 
 Type A is the scatter of the readings about their fits, pooled over the run; type B comes from the certificates of the
 bench by what each error of the table does to each attitude. The temperature is what the unit's thermometers say.
@@ -21,10 +21,11 @@ from bench.analysis.compensation import Compensation
 from bench.analysis.extremes import interval_of_largest
 from bench.analysis.finding import NOT_CLOSED, BudgetLine, Finding, Interval, UnitResult
 from bench.analysis.fit import Array
+from bench.analysis.imu_budget import READINGS, gyro_scale_unit
 from bench.analysis.imu_calibration import AxisCalibration, ImuCalibration, calibrate
 from bench.analysis.imu_closure import Sensitivity, closure_findings
 from bench.analysis.imu_compensation import SAME_KNOT_C, TemperatureTable, check_model, temperature_table
-from bench.analysis.imu_findings import READINGS, AxisAtVisit
+from bench.analysis.imu_findings import AxisAtVisit
 from bench.analysis.imu_noise import noise_of
 from bench.analysis.imu_windows import Visit, readings, visits
 from bench.analysis.models import KnotModel
@@ -227,14 +228,15 @@ class _Unit:
 
     def _compensations(self, at_visits: Sequence[Finding]) -> Iterator[Compensation]:
         for sensor, value_unit in (("acc", "g"), ("gyro", "°/s")):
+            output_unit = self._output_unit(sensor)
             for axis, name in enumerate(AXES):
                 pair = self._knots(sensor, axis, at_visits)
                 if pair is not None:
                     offset, scale = pair
-                    yield Compensation(f"{sensor}_{name}", "pulse/s", value_unit, scale, offset)
+                    yield Compensation(f"{sensor}_{name}", output_unit, value_unit, scale, offset)
 
     def _knots(self, sensor: str, axis: int, at_visits: Sequence[Finding]) -> tuple[KnotModel, KnotModel] | None:
-        """Zero in pulse/s and scale factor of a channel; None when there are not two knots."""
+        """Zero and scale factor of a channel; None when there are not two knots."""
         every = self._found.over_temperature(axis)
         table = knots_of(sensor, every)
         if not table.usable:
@@ -250,8 +252,12 @@ class _Unit:
                 knots_c=tuple(table.temperature_c.tolist()), values=tuple(values.tolist()), u=tuple(u.tolist()),
             )  # fmt: skip
 
-        scale_unit = "pulse/s/g" if sensor == "acc" else "pulse/°"
-        return model("offset", "pulse/s", table.zero_pps, u_zero), model("scale", scale_unit, table.scale, u_scale)
+        unit = self._output_unit(sensor)
+        scale_unit = f"{unit}/g" if sensor == "acc" else gyro_scale_unit(self._unit)
+        return model("offset", unit, table.zero_pps, u_zero), model("scale", scale_unit, table.scale, u_scale)
+
+    def _output_unit(self, sensor: str) -> str:
+        return self._unit.output_unit if sensor == "acc" else self._unit.gyro_output_unit
 
     def _u_at(self, table: TemperatureTable, quantity: str, axis: int, at_visits: Sequence[Finding]) -> Array:
         """The largest uncertainty of the findings that a knot is the mean of."""

@@ -25,6 +25,7 @@ from bench.analysis.start_up import Courses, Part, Settling, fit_courses, settli
 
 PARTS: Mapping[str, Part] = {"K0": "zero", "K1": "scale", "D0": "zero", "KG": "scale"}
 UNITS = {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}
+GYRO = ("D0", "KG")
 LIMITS = {"K0": "accelerometer_zero_g", "K1": "accelerometer_scale", "D0": "gyro_zero_dps", "KG": "gyro_scale"}
 AT_POWER_ON = "left after compensation at power-on, told back from the readings"
 WARM = "left after compensation when the watch ended"
@@ -159,10 +160,16 @@ class _Watch:
         """What makes a course uncertain."""
         weights = courses.weights(PARTS[quantity], courses.grid_s)
         fit, always = courses.fit, np.ones(len(courses.grid_s))
-        scatter = max(fit.residual_sd if fit.dof else 0.0, readings.resolution)
+        scatter = max(fit.residual_sd if fit.dof else 0.0, readings.alone)
         yield _Source(SCATTER, scatter * np.linalg.norm(weights, axis=-1), max(fit.dof, 1))
-        if quantity == "KG":
-            return  # of whole turns by the table's own angle, in seconds of the counter
+        channel = f"{'gyro' if quantity in GYRO else 'acc'}_{AXES[axis]}"
+        sent = channel in self._unit.channel_units
+        if sent:
+            yield _Source(f"{self._unit.channels[channel]}: steps of the codes", readings.hidden(weights))
+        if quantity == "KG":  # of whole turns by the table's own angle, in seconds of the counter or of the host
+            if sent:
+                yield _Source("host: clock", self._bench.host_clock_u * always, None, "host.clock")
+            return
         earth_dps = local_earth_rate_dps(self._bench.latitude_deg)
         along = earth_dps if quantity == "D0" else UP
         yield from self._of_table(along, axis, readings, weights)
@@ -170,7 +177,8 @@ class _Watch:
             across = float(np.hypot(*earth_dps[:2])) * self._settings["misalignment_rad"]
             yield _Source("gyro: earth rate across its axis", across * always)
         if quantity == "K1":
-            yield _Source("counter: time base", self._bench.time_base_u * always, None, "counter.time base")
+            if not sent:
+                yield _Source("counter: time base", self._bench.time_base_u * always, None, "counter.time base")
             known_mps2 = self._released.gravity_mps2
             if not math.isnan(known_mps2) and known_mps2 != self._bench.gravity_mps2:  # else the same survey
                 u = math.hypot(self._bench.gravity_u_mps2, self._released.gravity_u_mps2) / known_mps2

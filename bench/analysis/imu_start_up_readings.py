@@ -14,7 +14,7 @@ import numpy as np
 from bench.analysis.acquired import Acquisition
 from bench.analysis.attitudes import AXES, SPECIFIC_FORCE_G, block, earth_rate_dps
 from bench.analysis.bench_record import BenchRecord
-from bench.analysis.counts import RESOLUTION_COUNTS
+from bench.analysis.codes import by_level
 from bench.analysis.fit import Array
 from bench.analysis.imu_windows import Visit
 from bench.analysis.rundata import ReleasedCalibration, UnitUnderTest
@@ -25,14 +25,18 @@ HARMLESS = frozenset({"dead_band"})  # to a gyro at rest, which may well give no
 class Readings:
     """Compensated readings of one channel, (n,): when, what, what drives them; in the unit that the channel measures.
 
-    `resolution` is what the count resolves of one of them.
+    `step_u` is what the steps of codes hide from each, `alone` what one of them tells alone of its uncertainty.
     """
 
-    def __init__(self, rows: Sequence[tuple[float, float, float, float]], windows: Sequence[Acquisition]) -> None:
-        columns = np.array(rows, np.float64).reshape(-1, 4).T
-        self.at_s, self.values, self.drive = columns[:3]
-        self.resolution = float(np.median(columns[3])) if rows else 0.0
+    def __init__(self, rows: Sequence[tuple[float, ...]], windows: Sequence[Acquisition]) -> None:
+        columns = np.array(rows, np.float64).reshape(-1, 5).T
+        self.at_s, self.values, self.drive, alone, self.step_u = columns
+        self.alone = float(np.median(alone)) if rows else 0.0
         self.windows = tuple(windows)
+
+    def hidden(self, weights: Array) -> Array:
+        """What steps hide from what depends on the readings by `weights` (m, n), (m,): alike from one drive."""
+        return np.array([float(np.linalg.norm(by_level(gain, self.step_u, self.drive))) for gain in weights])
 
 
 class PowerOn:
@@ -82,10 +86,10 @@ class PowerOn:
         """The windows as the released calibration reads them, without those that cannot be used."""
         rows, kept = [], []
         for window, driven, subtracted in zip(windows, drive, less or [0.0] * len(windows), strict=True):
-            value, resolution = self._value(channel, window)
+            value, alone, step_u = self._value(channel, window)
             at_s = self._since_s(window)
             if not math.isnan(value + driven + at_s):
-                rows.append((at_s, value - subtracted, driven, resolution))
+                rows.append((at_s, value - subtracted, driven, alone, step_u))
                 kept.append(window)
         return Readings(rows, kept)
 
@@ -95,23 +99,24 @@ class PowerOn:
             return math.nan
         return (window.begin_s + window.end_s) / 2 - sum(self.between_s) / 2
 
-    def _value(self, channel: str, window: Acquisition) -> tuple[float, float]:
-        """What a channel measured in a window, and what its count resolves; NaN where it cannot be told."""
-        counted = window.windows[self._unit.channels[channel]]
+    def _value(self, channel: str, window: Acquisition) -> tuple[float, float, float]:
+        """What a channel measured in a window, with its `alone` and its `step_u`; NaN where it cannot be told."""
+        read = window.windows[self._unit.channels[channel]]
         of_gyro = channel.startswith("gyro")
-        problems = set(counted.problems) - (HARMLESS if of_gyro else frozenset())
+        problems = set(read.problems) - (HARMLESS if of_gyro else frozenset())
         read_c = window.temperatures_c.get(self._unit.gyro_temperature if of_gyro else self._unit.temperature)
         at_c = np.nanmean(read_c) if read_c is not None and np.isfinite(read_c).any() else math.nan
         if problems or math.isnan(at_c):
             self.flags += [f"{window.step}: {problem}" for problem in sorted(problems) or ["no_temperature"]]
-            return math.nan, math.nan
-        value, beside = self._compensated(channel, counted.net_pps, RESOLUTION_COUNTS / counted.span_s, float(at_c))
+            return math.nan, math.nan, math.nan
+        value, beside = self._compensated(channel, read.mean, read.alone_u, float(at_c))
         if math.isnan(value):
             self.flags.append(f"{window.step}: beyond_calibration")
-        return value, abs(beside - value)
+        _, hidden = self._compensated(channel, read.mean, read.step_u, float(at_c))
+        return value, abs(beside - value), abs(hidden - value)
 
-    def _compensated(self, channel: str, pps: float, step_pps: float, at_c: float) -> Array:
-        """A rate, and that rate and a step, as values."""
-        rates_pps, at_both_c = np.array([pps, pps + step_pps]), np.full(2, at_c)
-        values, _ = self._released.channels[channel].apply(rates_pps, at_both_c, "reject")
+    def _compensated(self, channel: str, output: float, step: float, at_c: float) -> Array:
+        """A mean output, and that and a little more, as values."""
+        outputs, at_both_c = np.array([output, output + step]), np.full(2, at_c)
+        values, _ = self._released.channels[channel].apply(outputs, at_both_c, "reject")
         return values

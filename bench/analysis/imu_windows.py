@@ -37,7 +37,7 @@ class AtRest:
 
 @dataclass(frozen=True, slots=True)
 class Turning:
-    """A window over whole turns about one axis of the unit, at a rate about it in °/s of the counter's clock."""
+    """A window over whole turns about one axis of the unit, at a rate in °/s of the clock that it was counted by."""
 
     axis: int
     command_dps: float
@@ -118,7 +118,7 @@ def _visit(
     at_rest, turning, unplaced = [], [], []
     for acquisition in acquisitions:
         axes = unit_axes(acquisition, unit, bench)
-        rotation = _turning(acquisition, axes, bench)
+        rotation = _turning(acquisition, axes, unit, bench)
         fits = np.einsum("kij,ij->ki", BODY_AXES, axes).min(axis=-1)
         if rotation is not None:
             turning.append(rotation)
@@ -130,18 +130,19 @@ def _visit(
     return Visit(number, path, acquisitions[0].set_c, tuple(at_rest), tuple(turning), tuple(unplaced))
 
 
-def _turning(acquisition: Acquisition, axes: Array, bench: BenchRecord) -> Turning | None:
+def _turning(acquisition: Acquisition, axes: Array, unit: UnitUnderTest, bench: BenchRecord) -> Turning | None:
     """The rotation of a window; None when it is at rest, or turned about no axis of the unit.
 
-    The table's angles are timed by the host, whose seconds the counter's clock makes its own.
+    The table's angles are timed by the host, whose seconds the counter's clock makes its own. What sends samples of a
+    rate leaves the host's as they are.
     """
     turned = acquisition.turned
-    window = next(iter(acquisition.windows.values()), None)
-    if turned is None or window is None or turned.to_s <= turned.from_s:
+    if turned is None or turned.to_s <= turned.from_s:
         return None
     along = axes @ axis_direction(acquisition, turned.axis, bench)
     axis = int(np.argmax(np.abs(along)))
-    if abs(along[axis]) < ALIGNED:
+    window = acquisition.windows.get(unit.channels[GYROS[axis]])
+    if abs(along[axis]) < ALIGNED or window is None:
         return None
     host_s = window.host_span_s / window.span_s if window.span_s else np.nan
     rate_dps = (turned.to_deg - turned.from_deg) / (turned.to_s - turned.from_s) * host_s
@@ -212,7 +213,7 @@ def _arranged(visit: Visit, unit: UnitUnderTest, rate_tolerance: float) -> ImuRe
 
 @dataclass(frozen=True, slots=True)
 class _Counted:
-    """Windows as counts: `span_s` (n,), all others (n, 3)."""
+    """Windows as counts, or as what mean codes add up to: `span_s` (n,), all others (n, 3)."""
 
     span_s: Array
     accelerometers: Array
@@ -222,18 +223,21 @@ class _Counted:
 
 
 def _counted(acquisitions: Sequence[Acquisition], unit: UnitUnderTest) -> _Counted:
+    empty = (len(acquisitions), len(AXES))
+    span_s = np.array([_span_s(each, unit) for each in acquisitions])
+
     def net(channels: Sequence[str], harmless: frozenset[str]) -> Array:
-        return np.array([[_net(each, unit.channels[name], harmless) for name in channels] for each in acquisitions])
+        means = [[_mean(each, unit.channels[name], harmless) for name in channels] for each in acquisitions]
+        return np.asarray(np.array(means).reshape(empty) * span_s[:, np.newaxis])
 
     def celsius(name: str) -> Array:
         means = [_mean_c(each.temperatures_c.get(name, np.empty(0))) for each in acquisitions]
         return np.repeat(np.array(means, np.float64)[:, np.newaxis], len(AXES), axis=1)
 
-    empty = (len(acquisitions), len(AXES))
     return _Counted(
-        span_s=np.array([_span_s(each, unit) for each in acquisitions]),
-        accelerometers=net(ACCELEROMETERS, frozenset()).reshape(empty),
-        gyros=net(GYROS, frozenset({"dead_band"})).reshape(empty),  # a gyro at rest may well give no pulse for long
+        span_s=span_s,
+        accelerometers=net(ACCELEROMETERS, frozenset()),
+        gyros=net(GYROS, frozenset({"dead_band"})),  # a gyro at rest may well give no pulse for long
         accelerometer_c=celsius(unit.temperature),
         gyro_c=celsius(unit.gyro_temperature),
     )
@@ -243,10 +247,10 @@ def _span_s(acquisition: Acquisition, unit: UnitUnderTest) -> float:
     return max((acquisition.windows[channel].span_s for channel in unit.channels.values()), default=0.0)
 
 
-def _net(acquisition: Acquisition, channel: str, harmless: frozenset[str]) -> float:
-    """Net pulses of a channel in its window; NaN when they cannot be used."""
+def _mean(acquisition: Acquisition, channel: str, harmless: frozenset[str]) -> float:
+    """The mean output of a channel in its window; NaN when it cannot be used."""
     window = acquisition.windows[channel]
-    return np.nan if set(window.problems) - harmless else window.net_pps * window.span_s
+    return np.nan if set(window.problems) - harmless else window.mean
 
 
 def _mean_c(values: Array) -> float:

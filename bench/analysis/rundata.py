@@ -32,9 +32,9 @@ class UnitUnderTest:
     which it was dropped from the run. `nominal_per_g` is what its output is made to change by for 1 g, in
     `output_unit`; None where nobody says. `converter` is the reading of the thermometer at its converter and `source`
     the current source that can feed that, "" for none; `scale_a_per_g` is its nominal K1. An inertial unit has
-    `channels` of the counter, by acc_x to gyro_z, and a thermometer at its gyros. `arm_m` is where the bench file says
-    that it is from the axis that turns it, with its standard uncertainty. `supply` is what powers it, "" for none;
-    `released` is the calibration that was given to the run for it.
+    `channels`, by acc_x to gyro_z, and a thermometer at its gyros; `channel_units` are what those are in that it sends.
+    `arm_m` is where the bench file says that it is from the axis that turns it, with its standard uncertainty. `supply`
+    is what powers it, "" for none; `released` is the calibration that was given to the run for it.
     """
 
     place: str
@@ -56,6 +56,7 @@ class UnitUnderTest:
     released: ReleasedCalibration | None = None
     telemetry: str | None = None
     sent_unit: str = "code"
+    channel_units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def measured_by(self) -> str:
@@ -69,10 +70,21 @@ class UnitUnderTest:
 
     @property
     def output_unit(self) -> str:
-        """What its output is in."""
+        """What its output is in; of an inertial unit that of its accelerometers."""
+        if self.channels:
+            return self.unit_of("acc_x")
         if self.telemetry is not None:
             return self.sent_unit
         return "pulse/s" if self.voltmeter is None else "V"
+
+    @property
+    def gyro_output_unit(self) -> str:
+        """The same of the gyros of an inertial unit; of any other it is that of its output."""
+        return self.unit_of("gyro_x") if self.channels else self.output_unit
+
+    def unit_of(self, channel: str) -> str:
+        """What a channel of an inertial unit is in, by its name from acc_x to gyro_z."""
+        return self.channel_units.get(channel, "pulse/s")
 
 
 @dataclass(frozen=True, slots=True)

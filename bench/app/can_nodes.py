@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bench.config.models import BenchFile
-from bench.config.places import PlaceEntry
 from bench.errors import InputError
 from drivers.can_counter.binding import format_of
 from drivers.can_counter.description import CounterOptions
@@ -16,7 +15,8 @@ from drivers.corrections import ARCSEC_PER_DEG
 from drivers.dbc import Dbc
 from simulators.can_counter import CounterSettings
 from simulators.can_telemetry import ChannelSettings, TelemetrySettings
-from simulators.imu import SENSORS
+from simulators.imu import CHANNELS, SENSORS
+from simulators.imu_file import ImuFile
 from simulators.unit_file import UnitFile
 from simulators.uut import Decoding
 
@@ -24,6 +24,18 @@ from simulators.uut import Decoding
 def counter_settings(bench: BenchFile, role: str, options: CounterOptions) -> CounterSettings:
     """What a counter latches, which readings of which units it sends along, and whose encoders it latches."""
     dbc = Dbc(text_of(options.dbc))
+    readings, imu_readings = _thermometers(bench, role)
+    boards = {
+        bench.readings[place.converter_temperature].channel: name
+        for name, place in bench.places.items()
+        if place.converter_temperature and bench.readings[place.converter_temperature].device == role
+    }
+    encoders = {name: ARCSEC_PER_DEG / encoder.resolution for name, encoder in options.positions.items()}
+    return CounterSettings(role, dbc, format_of(options, dbc), options.period, readings, boards, imu_readings, encoders)
+
+
+def _thermometers(bench: BenchFile, role: str) -> tuple[dict[str, str], dict[str, tuple[str, str]]]:
+    """Of which place a node sends a temperature, by its signal; of an inertial unit also of which sensors."""
     readings: dict[str, str] = {}
     imu_readings: dict[str, tuple[str, str]] = {}
     for name, place in bench.places.items():
@@ -35,20 +47,14 @@ def counter_settings(bench: BenchFile, role: str, options: CounterOptions) -> Co
             imu_readings |= {
                 each.channel: (name, sensor) for each, sensor in zip(shown, SENSORS, strict=True) if each.device == role
             }
-    boards = {
-        bench.readings[place.converter_temperature].channel: name
-        for name, place in bench.places.items()
-        if place.converter_temperature and bench.readings[place.converter_temperature].device == role
-    }
-    encoders = {name: ARCSEC_PER_DEG / encoder.resolution for name, encoder in options.positions.items()}
-    return CounterSettings(role, dbc, format_of(options, dbc), options.period, readings, boards, imu_readings, encoders)
+    return readings, imu_readings
 
 
-def decoding_of(bench: BenchFile, entry: PlaceEntry) -> Decoding | None:
-    """What becomes of the codes of a unit that sends its output; None of any other."""
+def decoding_of(bench: BenchFile, channel: str | None) -> Decoding | None:
+    """What becomes of the codes on a channel of telemetry; None where no telemetry has it."""
     for device in bench.devices.values():
-        if isinstance(device.options, TelemetryOptions) and entry.telemetry in device.options.channels:
-            form = formats_of(device.options, Dbc(text_of(device.options.dbc)))[entry.telemetry]
+        if isinstance(device.options, TelemetryOptions) and channel in device.options.channels:
+            form = formats_of(device.options, Dbc(text_of(device.options.dbc)))[channel]
             return Decoding(form.value.signal.scale, form.value.signal.offset) if form.decoded else Decoding()
     return None
 
@@ -59,14 +65,23 @@ def telemetry_settings(
     """The channels of a telemetry that have a unit; InputError when its truth says nothing of codes."""
     dbc = Dbc(text_of(options.dbc))
     forms = formats_of(options, dbc)
-    places = {entry.telemetry: name for name, entry in bench.places.items() if entry.telemetry in forms}
+    places = {
+        channel: name
+        for name, entry in bench.places.items()
+        for key, channel in entry.measured_by.items()
+        if channel in forms and (key == "telemetry" or entry.channels is not None)
+    }
     for name in places.values():
-        unit = units[name]
-        if not isinstance(unit, UnitFile) or unit.telemetry is None:
-            raise InputError(f"the simulated unit of place '{name}' sends no codes: its file needs 'telemetry'")
-    messages = [forms[channel].value.message.name for channel in places]
-    if len(set(messages)) < len(messages):
-        raise InputError(f"'{role}' has several channels in one message, which simulated units do not send")
+        _check_sends(bench, name, units[name])
+    for message in {form.value.message.name for form in forms.values()}:
+        alike = {
+            (places[channel], options.channels[channel].period)
+            for channel in places
+            if forms[channel].value.message.name == message
+        }
+        if len(alike) > 1:
+            raise InputError(f"'{role}' has channels of several units, or periods, in {message}, which none simulates")
+    readings, imu_readings = _thermometers(bench, role)
     return TelemetrySettings(
         name=role,
         dbc=dbc,
@@ -75,9 +90,14 @@ def telemetry_settings(
             for channel, sample in options.channels.items()
             if channel in places
         },
-        readings={
-            bench.readings[entry.temperature].channel: name
-            for name, entry in bench.places.items()
-            if bench.readings[entry.temperature].device == role
-        },
+        readings=readings,
+        imu_readings=imu_readings,
     )
+
+
+def _check_sends(bench: BenchFile, place: str, unit: object) -> None:
+    """InputError when the truth of a unit says nothing of codes, or it sends some of its channels only."""
+    if not isinstance(unit, UnitFile | ImuFile) or unit.telemetry is None:
+        raise InputError(f"the simulated unit of place '{place}' sends no codes: its file needs 'telemetry'")
+    if isinstance(unit, ImuFile) and len(bench.sent_units(bench.places[place])) < len(CHANNELS):
+        raise InputError(f"the simulated unit of place '{place}' sends all of its channels, not some of them")

@@ -60,7 +60,7 @@ class _Draws:
         return WorldSettings(
             seed=self._seed,
             gravity_mps2=stated.gravity_mps2 + self._draw(stated.gravity_u_mps2, "gravity"),
-            host_clock=self._draw(simulation.host_clock, "host clock"),
+            host_clock=self._draw(stated.host_clock_u or simulation.host_clock, "host clock"),
             device_clock=self._draw(stated.time_base_u, "counter", "time base") - clock,
             encoder_skew_s=self._draw(stated.encoder_skew_u_s, "counter", "encoder skew"),
             axes={role: self._axis(role, () if number == 0 else (role,)) for number, role in axes},
@@ -107,20 +107,23 @@ class _Draws:
             converter_table=converter_table,
             source=entry.source or "",
             arm_m=self._arm_m(name, entry),
-            decoding=decoding_of(self._bench, entry),
+            decoding=decoding_of(self._bench, entry.telemetry),
         )
 
     def _imu(self, name: str, unit: ImuFile, entry: PlaceEntry) -> ImuPlace:
         readings = (entry.temperature, entry.gyro_temperature or entry.temperature)
+        channels = entry.channels.model_dump() if entry.channels is not None else {}
+        decodings = {name: decoding_of(self._bench, channel) for name, channel in channels.items()}
         return ImuPlace(
             unit=unit,
-            channels=entry.channels.model_dump() if entry.channels is not None else {},
+            channels=channels,
             supply=entry.supply,
             mount_angle_deg=entry.mount_angle,
             thermometers={
                 sensor: self._thermometer(reading) for sensor, reading in zip(SENSORS, readings, strict=True)
             },
             faults=self._faults(name),
+            decodings={name: each for name, each in decodings.items() if each is not None},
         )
 
     def _faults(self, place: str) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -195,21 +195,46 @@ def _output(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]
         elif key == "telemetry":
             if found not in sent:
                 yield where, f"no telemetry has a channel '{found}'{did_you_mean(found, sent)}"
-        elif found not in counted:
-            yield where, f"no counter has a channel '{found}'{did_you_mean(found, counted)}"
+        elif key == "channel":
+            if found not in counted:
+                yield where, f"no counter has a channel '{found}'{did_you_mean(found, counted)}"
+        else:
+            yield from ((where, problem) for problem in _inertial(found, counted, sent, meters))
         first = next(
             (other, by)
             for other, entry in bench.places.items()
             for by, measured in entry.measured_by.items()
-            if measured == found and _verb(by) == _verb(key)
+            if measured == found and _verb(by, found, sent) == _verb(key, found, sent)
         )
         if first != (name, key):
-            yield where, f"'{found}' {_verb(key)} place '{first[0]}' already"
+            yield where, f"'{found}' {_verb(key, found, sent)} place '{first[0]}' already"
+    yield from _unlike(bench, name, place)
     yield from _nominal_output(bench, name, place)
 
 
-def _verb(key: str) -> str:
+def _inertial(found: str, counted: Sequence[str], sent: Sequence[str], meters: Sequence[str]) -> Iterator[str]:
+    """What is wrong with a channel of an inertial unit."""
+    if found in meters:
+        yield f"'{found}' is a voltmeter, which reads one channel; those of an inertial unit are wanted all at once"
+    elif found in counted and found in sent:
+        yield f"'{found}' is a channel of a counter and of telemetry; give one of them another name"
+    elif found not in (*counted, *sent):
+        yield f"no counter and no telemetry has a channel '{found}'{did_you_mean(found, (*counted, *sent))}"
+
+
+def _unlike(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
+    """Three accelerometers, or three gyros, of an inertial unit whose outputs are not in one unit."""
+    sent = bench.sent_units(place)
+    for sensor, said in (("acc", "accelerometers"), ("gyro", "gyros")) if place.channels is not None else ():
+        units = dict.fromkeys(sent.get(f"{sensor}_{axis}", "pulse/s") for axis in "xyz")
+        if len(units) > 1:
+            yield ("places", name, "channels"), f"the outputs of the {said} are in {' and '.join(units)}; one is needed"
+
+
+def _verb(key: str, found: str, sent: Sequence[str]) -> str:
     """What is done by what a place names with a key."""
+    if key.startswith("channels"):
+        key = "telemetry" if found in sent else "channel"
     return {"voltmeter": "measures", "telemetry": "carries"}.get(key, "counts")
 
 
@@ -220,7 +245,7 @@ def _nominal_output(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[
         return
     where: Place = ("places", name, "nominal", "output")
     unit = f"{bench.output_unit(name)}/g"
-    if place.telemetry is None:
+    if bench.sample_of(place) is None:
         yield where, "is for a unit that sends its output, on a channel of telemetry"
     elif output.dimension != parse_unit(unit).dimension:
         yield where, f"is {output}, expected a quantity in {unit}"

@@ -47,6 +47,13 @@ class Gravity(StrictModel):
     origin: Literal["measured", "model"] = Field(description="how the value was found")
 
 
+class HostClock(StrictModel):
+    """How well the computer's clock keeps the second, such as by NTP or PTP; it times what no device's clock does."""
+
+    U: Annotated[Ratio, InUnit("", at_least=0)] = Field(description="expanded uncertainty, such as 4 ppm")
+    k: CoverageFactor = Field(2.0, description="coverage factor of U")
+
+
 class Site(StrictModel):
     """Where the bench stands."""
 
@@ -57,6 +64,7 @@ class Site(StrictModel):
         "UTC", description="of the times in reports, such as Europe/Berlin"
     )
     ambient: tuple[Name, ...] = Field((), description="the readings that tell what the room is like, for reports")
+    host_clock: HostClock | None = None
 
 
 class TemperatureWindow(Range):
@@ -157,17 +165,33 @@ class BenchFile(StrictModel):
         return dict.fromkeys(self.with_capability("positioner")[:1], DIRECTIONS[fixture.input_axis.points])
 
     def output_unit(self, place: str) -> str:
-        """What the output of the unit in a place is in."""
+        """What the output of the unit in a place is in; of an inertial unit that of its accelerometers."""
         entry = self.places[place]
         sample = self.sample_of(entry)
         if sample is not None:
             return sample.output_unit
         return "pulse/s" if entry.voltmeter is None else "V"
 
+    def gyro_output_unit(self, place: str) -> str:
+        """The same of the gyros of an inertial unit; of any other it is that of its output."""
+        sent = self.sent_units(self.places[place])
+        return self.output_unit(place) if self.places[place].channels is None else sent.get("gyro_x", "pulse/s")
+
     def sample_of(self, entry: PlaceEntry) -> SampleOptions | None:
-        """The channel of the telemetry on which the unit in a place sends its output; None where it does not."""
+        """The channel of the telemetry on which the unit in a place sends its output; None where it does not.
+
+        Of an inertial unit it is that of its first accelerometer.
+        """
+        return self._sample_on(entry.telemetry if entry.channels is None else entry.channels.acc_x)
+
+    def sent_units(self, entry: PlaceEntry) -> Mapping[str, str]:
+        """What the channels of an inertial unit are in that it sends itself, by acc_x to gyro_z."""
+        named = {} if entry.channels is None else dict(entry.channels)
+        return {name: each.output_unit for name, channel in named.items() if (each := self._sample_on(channel))}
+
+    def _sample_on(self, channel: str | None) -> SampleOptions | None:
         telemetry = (each.options for each in self.devices.values() if isinstance(each.options, TelemetryOptions))
-        return next((each.channels[name] for each in telemetry if (name := entry.telemetry) in each.channels), None)
+        return next((each.channels[channel] for each in telemetry if channel in each.channels), None)
 
     def nominal_per_g(self, place: str) -> float | None:
         """What the output of a unit is made to change by for 1 g, in its unit; None where the file does not say."""
@@ -175,7 +199,7 @@ class BenchFile(StrictModel):
         nominal = entry.nominal
         if nominal is None:
             return None
-        if entry.telemetry is not None:
+        if self.sample_of(entry) is not None:
             return None if nominal.output is None else nominal.output.to(f"{self.output_unit(place)}/g")
         converter = nominal.S if entry.voltmeter is None else nominal.resistor
         return None if converter is None or nominal.K1 is None else nominal.K1 * converter
@@ -196,7 +220,7 @@ class BenchFile(StrictModel):
             name
             for name, device in self.devices.items()
             if wanted & set(getattr(device.options, "channels", {}))
-            and isinstance(device.options, TelemetryOptions) == (entry.telemetry is not None)
+            and (entry.channels or isinstance(device.options, TelemetryOptions) == (entry.telemetry is not None))
         )
 
     def past_due(self, day: dt.date) -> dict[str, dt.date]:

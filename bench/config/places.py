@@ -67,7 +67,7 @@ class Nominal(StrictModel):
 
 
 class ImuChannels(StrictModel):
-    """The channels of the counter that count the pulses of an inertial unit."""
+    """The channels of an inertial unit: of the counter that counts its pulses, or of the telemetry it sends on."""
 
     acc_x: str = Field(description="of accelerometer x")
     acc_y: str = Field(description="of accelerometer y")
@@ -96,8 +96,9 @@ class PlaceEntry(StrictModel):
     """A place for a unit under test: how it lies, what measures its output, what warms and feeds it.
 
     Its output are the pulses on a `channel`, the volts that a `voltmeter` reads, or what it sends itself on a channel
-    of the `telemetry`; an inertial unit has `channels` and, beside the thermometer at its accelerometers, one at its
-    gyros. `source` is the current source that can be plugged into its converter in place of the accelerometer.
+    of the `telemetry`; an inertial unit has `channels`, of a counter or of the telemetry, and beside the thermometer at
+    its accelerometers one at its gyros. `source` is the current source that can be plugged into its converter in place
+    of the accelerometer.
     """
 
     model_config = ConfigDict(

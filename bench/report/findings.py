@@ -78,7 +78,7 @@ def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str,
         for unit in acquired.units:
             dropped = found_on_the_way.dropped.get(unit.place)
             result = dataclasses.replace(found[unit.place], dropped=dropped)
-            units.append(_judged(result, entry, method.units(unit.output_unit)))
+            units.append(_judged(result, entry, method.units(unit.output_unit, unit.gyro_output_unit)))
     verdict = _verdict(units, sequence, state, found_on_the_way)
     return Results(sequence.title, verdict, tuple(units), found_on_the_way)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from bench.analysis.acquired import Acquisition, Codes, Counts, Motion, Mount, Positions, Turned, Voltages
 from bench.analysis.bench_record import AxisRecord, BenchRecord, SourceRecord
-from bench.analysis.counts import window_of
+from bench.analysis.outputs import window_of
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.config.fixture import Vector
 from bench.config.models import BenchFile
@@ -46,8 +46,9 @@ def run_data(
 
 
 def _thin(acquisition: Acquisition) -> Acquisition:
-    windows = {channel: window_of(counts) for channel, counts in acquisition.counts.items()}
-    return replace(acquisition, counts={}, windows=windows)
+    found: dict[str, Counts | Codes] = {**acquisition.counts, **acquisition.codes}
+    windows = {channel: window_of(each, acquisition.turned) for channel, each in found.items()}
+    return replace(acquisition, counts={}, codes={}, windows=windows)
 
 
 def acquisitions(
@@ -119,6 +120,7 @@ def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnde
         supply=entry.supply or "",
         telemetry=entry.telemetry,
         sent_unit=bench.output_unit(place),
+        channel_units=bench.sent_units(entry),
     )
 
 
@@ -251,6 +253,7 @@ def bench_record(bench: BenchFile) -> BenchRecord:
     counter = next((_uncertainties(bench, role) for role in bench.with_capability("pulse_counter")), {})
     gravity, level = bench.site.gravity, bench.fixture.level
     azimuth, square = bench.fixture.azimuth, bench.fixture.orthogonality
+    clock = bench.site.host_clock
     thermometers = {
         name: (reading.calibration.U.offset / reading.calibration.k, reading.calibration.U.gain / reading.calibration.k)
         for name, reading in bench.readings.items()
@@ -273,6 +276,7 @@ def bench_record(bench: BenchFile) -> BenchRecord:
         azimuth_u_deg=azimuth.U / azimuth.k * ARCSEC_DEG if azimuth is not None else 0.0,
         orthogonality_u_deg=square.U / square.k * ARCSEC_DEG if square is not None else 0.0,
         sources=dict(_sources(bench)),
+        host_clock_u=clock.U / clock.k if clock is not None else 0.0,
     )
 
 

@@ -107,12 +107,13 @@ def _result_limits(
 
     Without a bench the units of every output are right, as long as all keys of a limit go with the same.
     """
-    on_bench = {bench.output_unit(place) for place in bench.places} if bench is not None else set[str]()
+    on_bench = {(bench.output_unit(place), bench.gyro_output_unit(place)) for place in bench.places} if bench else set()
+    anywhere = [(unit, unit) for unit in OUTPUT_UNITS]
     for name, limit in entry.limits.items():
         if name not in method.quantities:
             yield (*place, name), f"{entry.method} has no result {quoted(name)}{did_you_mean(name, method.quantities)}"
             continue
-        found = [list(unit_problems(limit, method.units(unit)[name])) for unit in sorted(on_bench) or OUTPUT_UNITS]
+        found = [list(unit_problems(limit, method.units(*units)[name])) for units in sorted(on_bench) or anywhere]
         wrong = max(found, key=len) if on_bench else min(found, key=len)
         yield from (((*place, name, key), problem) for key, problem in wrong)
 

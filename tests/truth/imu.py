@@ -14,9 +14,9 @@ import numpy as np
 
 from bench.app.request import RunRequest
 from simulators.gyro import GyroTruth
-from simulators.imu import ImuTruth, ZeroDrift
+from simulators.imu_uut import GyroSends, ImuTruth, ZeroDrift
 from simulators.truth_imu import accelerometer_constants, gyro_constants
-from simulators.uut import UnitTruth
+from simulators.uut import Decoding, UnitTruth
 from tests.truth.campaign import Comparison, campaign, full_bench, results_of
 from tests.truth.replay import at_record_level
 
@@ -65,12 +65,15 @@ def _true(truth: dict, finding: dict) -> float:
     unit, axis = imu_truth(truth["imus"][place]), "xyz".index(finding["at"]["axis"])
     states = [truth["windows"][f"{label}/{place}@{step}"] for step in finding["steps"]]
     at_c, quantity = finding["at"]["temperature_c"], finding["quantity"]
+    sensor = "gyro" if quantity in OF_GYROS else "acc"
+    raw = truth.get("decodings", {}).get(place, {}).get(f"{sensor}_{finding['at']['axis']}")
+    decoding = Decoding(**raw) if raw is not None else None
     toward = f" {finding['at']['toward']}" if "toward" in finding["at"] else ""
     if quantity in OF_GYROS:
         drifted = float(np.mean([state["gyros_dps"][axis] for state in states]))
-        return gyro_constants(unit, axis, truth["latitude_deg"], at_c, drifted)[quantity + toward]
+        return gyro_constants(unit, axis, truth["latitude_deg"], at_c, drifted, decoding)[quantity + toward]
     drifted = float(np.mean([state["accelerometers_g"][axis] for state in states])) if states else 0.0
-    constants = accelerometer_constants(unit, axis, at_c, drifted)
+    constants = accelerometer_constants(unit, axis, at_c, drifted, decoding)
     if quantity == "K1_si":
         return constants["K1"] / truth["bench"]["gravity_mps2"]
     return constants[quantity + toward]
@@ -87,6 +90,8 @@ def imu_truth(raw: dict) -> ImuTruth:
         tuple(GyroTruth(**fields(each)) for each in raw["gyros"]),
         tuple(ZeroDrift(**each) for each in raw["gyro_drifts"]),
         raw["supply_a"],
+        tuple(GyroSends(**each) for each in raw["gyros_send"]),
+        raw["clock"],
     )
 
 

@@ -20,7 +20,7 @@ from unittest import mock
 import numpy as np
 
 from bench.analysis.acquired import Acquisition, Counts, Turned
-from bench.analysis.counts import window_of
+from bench.analysis.outputs import window_of
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.app.drawn import current_errors, world_settings
 from bench.app.laboratory import Laboratory, unit_files

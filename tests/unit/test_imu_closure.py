@@ -38,7 +38,7 @@ def looked(
         misaligned = 1e-3 * np.array([lies[1, 2], -lies[2, 2], lies[0, 2]])
         force_g = lies[:, 2] + lies[:, :2] @ tilt_rad + misaligned + np.array([2e-3, -1e-3, 0.5e-3]) + bias_g
         windows = {
-            channel: dataclasses.replace(each, net_pps=float(K1 * value))
+            channel: dataclasses.replace(each, mean=float(K1 * value))
             for (channel, each), value in zip(window.windows.items(), [*force_g, 0, 0, 0], strict=True)
         }
         read_c = {"t": np.full(3, 20.0 + warmer_c)}

@@ -91,7 +91,7 @@ def test_missing_rates_leave_their_axis_out():
 
 def test_an_attitude_that_reads_otherwise_is_doubted():
     some = block(BENCH, "s/hot", "xyz")
-    wrong = {name: dataclasses.replace(window, net_pps=0.0) for name, window in some[2].windows.items()}
+    wrong = {name: dataclasses.replace(window, mean=0.0) for name, window in some[2].windows.items()}
     found = result([*some[:2], dataclasses.replace(some[2], windows=wrong), *some[3:]])
     assert "T=50:attitude_inconsistent:Ax3" in found.flags
     assert found.left_out == ("hot/x",)
@@ -105,7 +105,7 @@ def test_exchanged_headings_are_seen_by_the_gyros():
 
 def test_of_a_repeated_attitude_the_last_counts():
     some = block(BENCH, "s/hot", "xyz")
-    wrong = {name: dataclasses.replace(each, net_pps=9e9) for name, each in some[0].windows.items()}
+    wrong = {name: dataclasses.replace(each, mean=9e9) for name, each in some[0].windows.items()}
     bad = dataclasses.replace(some[0], step="s/hot/Ax1~1", windows=wrong)
     assert result([bad, *some]).left_out == ()
 

@@ -16,6 +16,7 @@ from pydantic import BaseModel
 ENTRY_POINTS = "inertial_test_bench.methods"
 OUTPUT = "output"  # in the unit of a quantity: stands for the unit of the units' output
 OUTPUT_UNITS = ("pulse/s", "V", "code")
+GYRO_OUTPUT = "gyro_output"  # likewise, of the gyros of an inertial unit
 
 
 CHANNEL = (
@@ -34,7 +35,8 @@ class MethodDescription:
     """A method as a sequence sees it.
 
     `settings` validates its settings; `quantities` are the results that limits may name, with their units, in which
-    OUTPUT stands for that of the units' output. `target` is "module:function", which turns a run's data into findings.
+    OUTPUT stands for that of the units' output, and GYRO_OUTPUT for that of their gyros. `target` is "module:function",
+    which turns a run's data into findings.
     `counts_at` says what its acquisitions are: readings at dwells, each a leg of a temperature ramp, steps of a ladder,
     each at one input level, each a window of which only the means are wanted, each on a table at rest or in motion, or
     each a record of its own. `drawn_by` is "module:function", which turns a unit's results into what a report shows of
@@ -57,9 +59,12 @@ class MethodDescription:
     needs_calibration: bool = False
     closes: bool = False
 
-    def units(self, output_unit: str) -> Mapping[str, str]:
-        """The units of the quantities for units whose output is in `output_unit`."""
-        return {name: unit.replace(OUTPUT, output_unit) for name, unit in self.quantities.items()}
+    def units(self, output_unit: str, gyro_output_unit: str | None = None) -> Mapping[str, str]:
+        """The units of the quantities for units whose output is in `output_unit`, that of their gyros maybe another."""
+        return {
+            name: unit.replace(GYRO_OUTPUT, gyro_output_unit or output_unit).replace(OUTPUT, output_unit)
+            for name, unit in self.quantities.items()
+        }
 
 
 @lru_cache(maxsize=1)

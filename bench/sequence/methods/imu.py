@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from bench.sequence.methods import MethodDescription
+from bench.sequence.methods import GYRO_OUTPUT, OUTPUT, MethodDescription
 from drivers.fields import InUnit, PositiveSeconds, Ratio, StrictModel
 
 MEANING = (
@@ -56,12 +56,12 @@ IMU_CALIBRATION = MethodDescription(
     settings=ImuCalibrationSettings,
     quantities={
         "K0": "g",
-        "K1": "pulse/s/g",
-        "K1_si": "pulse/s/(m/s²)",
+        "K1": f"{OUTPUT}/g",
+        "K1_si": f"{OUTPUT}/(m/s²)",
         "K2": "g/g²",
         "misalignment": "rad",
         "D0": "°/s",
-        "KG": "pulse/°",
+        "KG": f"{GYRO_OUTPUT}/(°/s)",
         "gyro_misalignment": "rad",
         "g_sensitivity": "°/s/g",
         **{
