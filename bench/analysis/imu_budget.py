@@ -46,7 +46,7 @@ class OwnErrors:
     def clock(self, size: float) -> BudgetLine:
         """What the clock that times this channel does to something of that size."""
         if self.is_sent:
-            return shared_line("host: clock", abs(size) * self.bench.host_clock_u)
+            return shared_line("computer: clock", abs(size) * self.bench.host_clock_u)
         return shared_line("counter: time base", abs(size) * self.bench.time_base_u)
 
     def hidden(

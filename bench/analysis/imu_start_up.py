@@ -168,7 +168,7 @@ class _Watch:
             yield _Source(f"{self._unit.channels[channel]}: steps of the codes", readings.hidden(weights))
         if quantity == "KG":  # of whole turns by the table's own angle, in seconds of the counter or of the host
             if sent:
-                yield _Source("host: clock", self._bench.host_clock_u * always, None, "host.clock")
+                yield _Source("computer: clock", self._bench.host_clock_u * always, None, "computer.clock")
             return
         earth_dps = local_earth_rate_dps(self._bench.latitude_deg)
         along = earth_dps if quantity == "D0" else UP

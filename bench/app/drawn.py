@@ -60,7 +60,9 @@ class _Draws:
         return WorldSettings(
             seed=self._seed,
             gravity_mps2=stated.gravity_mps2 + self._draw(stated.gravity_u_mps2, "gravity"),
-            host_clock=self._draw(stated.host_clock_u or simulation.host_clock, "host clock"),
+            host_clock=self._draw(
+                stated.host_clock_u if bench.site.host_clock is not None else simulation.host_clock, "host clock"
+            ),
             device_clock=self._draw(stated.time_base_u, "counter", "time base") - clock,
             encoder_skew_s=self._draw(stated.encoder_skew_u_s, "counter", "encoder skew"),
             axes={role: self._axis(role, () if number == 0 else (role,)) for number, role in axes},

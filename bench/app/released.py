@@ -75,10 +75,15 @@ def _read(path: Path) -> Released:
 
 
 def _channels(place: str, released: Released, bench: BenchFile) -> Iterator[str]:
-    """What a unit has and its calibration lacks."""
-    channels, known = bench.places[place].channels, released.content.compensations()
-    if lacking := [name for name in (channels.model_dump() if channels is not None else {}) if name not in known]:
+    """What a unit has and its calibration lacks, or has of another output."""
+    channels, known = dict(bench.places[place].channels or {}), released.content.compensations()
+    if lacking := [name for name in channels if name not in known]:
         yield f"{released.path}: has no channel {', '.join(lacking)}, which the unit in place '{place}' has"
+        return
+    sent = bench.sent_units(bench.places[place])
+    for name in channels:
+        if known[name].output_unit != (unit := sent.get(name, "pulse/s")):
+            yield f"{released.path}: {name} is for an output in {known[name].output_unit}, on the bench it is in {unit}"
 
 
 def _entries(plan: Plan) -> dict[str, int]:

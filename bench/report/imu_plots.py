@@ -34,9 +34,10 @@ MATRICES = {
 def imu_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
     """The values at the set points, their matrices, and the constants over temperature; `name` begins the ids."""
     at_visits = [finding for finding in unit.findings if "visit" in finding.at]
+    units = {finding.quantity: finding.unit for finding in at_visits}
     for sensor, quantities in SENSORS.items():
         if rows := list(_rows(at_visits, quantities)):
-            heads = [(quantity_in_words(each), unit_shown(each, "")) for each in quantities]
+            heads = [(quantity_in_words(each), unit_shown(each, units.get(each, ""))) for each in quantities]
             yield Sheet(
                 tr(TITLES[sensor]),
                 tr("With expanded uncertainties, k = {k}. Set points in the order of the run.", k=COVERAGE)

@@ -38,7 +38,6 @@ SHOWN = {
     "K0/jumps": (1.0, ""),
     "K1/model_residual": (1e6, "ppm"),
     "D0": (3600.0, "°/h"),
-    "KG": (1.0, "pulse/°"),
     "gyro_misalignment": (1e6, "µrad"),
     "g_sensitivity": (3600.0, "°/h/g"),
     "K0/change": (1e6, "µg"),

@@ -44,7 +44,7 @@ REASONS = {
 SOURCES = (
     "head", "fixture", "platform", "counter", "site", "readings", "samples", "bias", "K1", "ladder", "power-on",
     "asymmetry of the converter", "read-outs", "points", "accelerometer", "source", "sensor", "encoder", "axis",
-    "low rates", "lever arm", "scale factor", "fit and readings",
+    "low rates", "lever arm", "scale factor", "fit and readings", "computer",
     "lowest frequency",
     "lag behind the thermometer, and the unit's response to the rate",
 )  # fmt: skip

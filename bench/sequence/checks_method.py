@@ -48,7 +48,10 @@ def soak_never_stable(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 
 def unsuited_unit(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A method for inertial units where a place has one channel, or the other way round, or for pulses without any."""
+    """A method for inertial units where a place has one channel, or the other way round, or for pulses without any.
+
+    Or one that times rates by a clock of which nothing is known.
+    """
     for index, entry in enumerate(plan.sequence.results):
         method = known_methods()[entry.method]
         wanted = method.measures
@@ -64,10 +67,18 @@ def unsuited_unit(plan: Plan, bench: BenchFile) -> Iterator[Found]:
             found = "channel" if place.channels is None else "inertial unit"
             if found != wanted:
                 kinds = {"channel": "units with one channel", "inertial unit": "inertial units"}
+                one = "" if place.voltmeter is None else "; a voltmeter reads one channel, not six at once"
                 yield (
                     ("results", index, "method"),
-                    f"{entry.method} is for {kinds[wanted]}, place '{name}' is for {kinds[found]}",
+                    f"{entry.method} is for {kinds[wanted]}, place '{name}' is for {kinds[found]}{one}",
                     "Choose another method, or a bench with the units that it is for",
+                )
+            elif "gyro_x" in bench.sent_units(place) and bench.site.host_clock is None:
+                yield (
+                    ("results", index, "method"),
+                    f"{entry.method} holds gyros that send their rates against the table's, which the computer's clock "
+                    f"times; for place '{name}' the bench file does not say how good that is",
+                    "Write it under site, such as host_clock: {U: 4 ppm, k: 2}, as it is kept by NTP or PTP",
                 )
 
 

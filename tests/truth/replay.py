@@ -2,7 +2,8 @@
 
 A run through all wires is noted once: every move, ramp and power-on with its time. The same is then done, at the same
 times, to a world with other errors and another unit, whose pulses and temperatures become acquisitions straight away,
-without engine, wires and drivers. That takes seconds instead of minutes. Units that pulse are replayed, not voltages.
+without engine, wires and drivers. That takes seconds instead of minutes. Units that pulse are replayed, and inertial
+units that send codes, not voltages.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from unittest import mock
 
 import numpy as np
 
-from bench.analysis.acquired import Acquisition, Counts, Turned
+from bench.analysis.acquired import Acquisition, Codes, Counts, Turned
 from bench.analysis.outputs import window_of
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.app.drawn import current_errors, world_settings
@@ -35,6 +36,7 @@ from bench.report.stored import open_run
 from bench.sequence.methods import known_methods
 from bench.sequence.model import SequenceFile
 from drivers.can_counter.description import CounterOptions
+from drivers.can_telemetry.description import TelemetryOptions
 from simulators.current_source import Feed
 from simulators.imu import SENSORS
 from simulators.unit_file import stream
@@ -166,8 +168,14 @@ class _Player:
         self._options, self._period_s = options, options.period
         self._latch_s = options.period / (1 + self.world.settings.device_clock)
         self._counted = {unit.settings.channel: unit for unit in self.world.counted.values() if unit.settings.channel}
+        self._sent = {}
         for imu in self.world.imus.values():
-            self._counted.update(imu.channels)
+            (self._sent if imu.settings.decodings else self._counted).update(imu.channels)
+        if self._sent:  # all channels together, in place of latches
+            telemetry = next(e.options for e in bench.devices.values() if isinstance(e.options, TelemetryOptions))
+            self._period_s = next(iter(telemetry.channels.values())).period
+            self._latch_s = self._period_s / (1 + next(iter(self._sent.values())).sent.clock)
+            self._noise = {name: stream(seed, "noise", "telemetry", name) for name in self._sent}
         draws = stream(seed, "counter", "start")
         self._integrators = {name: Integrator(float(draws.uniform(0, 1)), 0, 0) for name in self._counted}
         self._origin_s = self._now_s = self.world.now()  # true times of a latch, and up to which all is counted
@@ -214,6 +222,10 @@ class _Player:
             pulses = np.array(unit.charge_pulses(edges_s))
             integrator = self._integrators[name]
             found[name] = integrator.count_through_turns(pulses) if unit.swings else integrator.count(pulses)
+        for name, unit in self._sent.items():
+            codes = unit.mean_codes(edges_s)
+            noise = unit.sent.noise_code * self._noise[name].standard_normal(len(codes))
+            found[name] = (np.rint(codes + noise), np.empty(0))
         return found
 
     def _acquire(self, was: Acquisition, units: Sequence[UnitUnderTest]) -> Acquisition:
@@ -224,6 +236,7 @@ class _Player:
         for role, source in self._sources.items():
             source.feeds_a = was.sources_a.get(role)
         parts = {name: [(np.array([i.positive]), np.array([i.negative]))] for name, i in self._integrators.items()}
+        parts |= {name: [] for name in self._sent}
         told: dict[str, list[tuple[float, float]]] = {}
         for block in range(0, len(at_s) - 1, LATCHES):
             edges_s = at_s[block : block + LATCHES + 1]
@@ -231,13 +244,14 @@ class _Player:
                 parts[name].append(part)
             for name, celsius in self._temperatures(units):
                 told.setdefault(name, []).append((self._host_s, celsius))
-        counts = {name: self._counts(at_s, each) for name, each in parts.items()}
-        thin = bool(was.windows)
+        counts = {name: self._counts(at_s, each) for name, each in parts.items() if name not in self._sent}
+        codes = {name: self._codes(at_s[1:], parts[name]) for name in self._sent}
+        thin, turned = bool(was.windows), None if was.turned is None else self._turned(was.turned, at_s)
         return replace(
             was,
             counts={} if thin else counts,
-            windows={name: window_of(each) for name, each in counts.items()} if thin else {},
-            turned=None if was.turned is None else self._turned(was.turned, at_s),
+            windows={name: window_of(each, turned) for name, each in (counts | codes).items()} if thin else {},
+            turned=turned,
             temperatures_at_s={name: np.array(each)[:, 0] for name, each in told.items()},
             temperatures_c={name: np.array(each)[:, 1] for name, each in told.items()},
         )
@@ -249,6 +263,14 @@ class _Player:
             sequence=number, tick=np.rint(number * (self._period_s / TICK_S)).astype(np.int64), positive=positive,
             negative=negative, host_s=np.asarray(self.world.host_time(at_s)), tick_bits=BITS, counter_bits=BITS,
             tick_period_s=TICK_S, max_rate_pps=self._options.max_rate, lost=0, restarts=0,
+        )  # fmt: skip
+
+    def _codes(self, at_s: np.ndarray, parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> Codes:
+        number = np.arange(len(at_s))
+        return Codes(
+            sequence=number, tick=np.rint(number * (self._period_s / TICK_S)).astype(np.int64),
+            values=np.concatenate([values for values, _ in parts]), host_s=np.asarray(self.world.host_time(at_s)),
+            tick_bits=BITS, tick_period_s=TICK_S, step=1.0, lost=0, dropped=0, invalid=0,
         )  # fmt: skip
 
     def _turned(self, was: Turned, at_s: np.ndarray) -> Turned:
