@@ -14,6 +14,7 @@ from bench.sequence.plan import PHASES, Branches, Nodes, Plan, PlannedStep, leav
 from bench.sequence.readings import is_pulse_rate
 from bench.sequence.remarks import Found
 from bench.sequence.values import holds_expression, value_of
+from bench.sequence.waits import WaitUntil
 
 
 def shared_device(plan: Plan, bench: BenchFile) -> Iterator[Found]:
@@ -53,7 +54,9 @@ def _used(nodes: Nodes, bench: BenchFile) -> dict[str, PlannedStep]:
                 if member in bench.devices:
                     used.setdefault(member, planned)
         reading = getattr(planned.step, "reading", "")
-        if is_pulse_rate(reading, bench) or reading in bench.devices:
+        if isinstance(planned.step, WaitUntil) and planned.step.steady is not None:
+            used = {**dict.fromkeys(bench.acquired_from(reading.partition(".")[0]), planned), **used}
+        elif is_pulse_rate(reading, bench) or reading in bench.devices:
             used.setdefault(reading.partition(".")[0], planned)
     return used
 

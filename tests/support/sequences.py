@@ -55,8 +55,8 @@ ELSEWHERE = {
     "accel_range": ("centrifuge",),
     "accel_response": ("response",),
     "indexing_static": ("indexing", "indexing_pulses", "indexing_telemetry"),
-    "imu_24_position": ("imu",),
-    "imu_start_up": ("imu",),
+    "imu_24_position": ("imu", "imu_telemetry"),
+    "imu_start_up": ("imu", "imu_telemetry"),
     "imu_two_mountings": ("imu_two_axis",),
     **dict.fromkeys(("channel_full", "channel_gravity", "channel_skew", "channel_source"), ("channel",)),
 }

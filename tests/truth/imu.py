@@ -23,6 +23,10 @@ from tests.truth.replay import at_record_level
 OF_ACCELEROMETERS = ("K0", "K1", "K1_si", "K2", "misalignment")
 OF_GYROS = ("D0", "KG", "g_sensitivity", "gyro_misalignment")
 QUANTITIES = (*OF_ACCELEROMETERS, *OF_GYROS)
+SHORT = (  # what the suite has time for
+    "temperatures=[20 °C, 30 °C]", "warm_up=30 min", "soak=30 min", "dwell=10 s", "settle=1 s", "rate_dwell=3 s",
+    "ramp_rate=3 °C/min", "rates=[20 °/s, -20 °/s, 30 °/s, -30 °/s, 40 °/s, -40 °/s]",
+)  # fmt: skip
 
 
 def bench_file(folder: Path, name: str, *, perfect: bool) -> Path:
@@ -66,8 +70,7 @@ def _true(truth: dict, finding: dict) -> float:
     states = [truth["windows"][f"{label}/{place}@{step}"] for step in finding["steps"]]
     at_c, quantity = finding["at"]["temperature_c"], finding["quantity"]
     sensor = "gyro" if quantity in OF_GYROS else "acc"
-    raw = truth.get("decodings", {}).get(place, {}).get(f"{sensor}_{finding['at']['axis']}")
-    decoding = Decoding(**raw) if raw is not None else None
+    decoding = decoding_of(truth, place, f"{sensor}_{finding['at']['axis']}")
     toward = f" {finding['at']['toward']}" if "toward" in finding["at"] else ""
     if quantity in OF_GYROS:
         drifted = float(np.mean([state["gyros_dps"][axis] for state in states]))
@@ -77,6 +80,12 @@ def _true(truth: dict, finding: dict) -> float:
     if quantity == "K1_si":
         return constants["K1"] / truth["bench"]["gravity_mps2"]
     return constants[quantity + toward]
+
+
+def decoding_of(truth: dict, place: str, channel: str) -> Decoding | None:
+    """What the codes of a channel of a unit become; None of one that pulses."""
+    raw = truth.get("decodings", {}).get(place, {}).get(channel)
+    return Decoding(**raw) if raw is not None else None
 
 
 def imu_truth(raw: dict) -> ImuTruth:

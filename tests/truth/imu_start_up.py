@@ -18,7 +18,7 @@ from bench.app.request import RunRequest
 from bench.report.calibration import read_calibration
 from bench.report.stored import open_run
 from tests.truth.campaign import ROOT, Comparison, campaign, full_bench, results_of
-from tests.truth.imu import imu_truth, rms_of, table
+from tests.truth.imu import decoding_of, imu_truth, rms_of, table
 
 CALIBRATION = ROOT / "config/uut/imu_calibration.json"
 LABEL, PLACE, SUPPLY = "start_up", "a", "supply"
@@ -55,16 +55,18 @@ class TrueCourses:
 def true_courses(folder: Path) -> list[TrueCourses]:
     """One for each power-on, from the states of the unit in all windows."""
     truth = json.loads((folder / "truth.json").read_text("utf-8"))
-    unit, channels = imu_truth(truth["imus"][PLACE]), read_calibration(CALIBRATION).compensations()
+    unit = imu_truth(truth["imus"][PLACE])
+    channels = read_calibration(folder / f"released_{PLACE}.json").compensations()
+    decodings = {name: decoding_of(truth, PLACE, name) for name in channels}
     with open_run(folder) as stored:
         acquisitions = stored.data(LABEL).acquisitions
     groups: dict[str, list] = {}
     for acquisition in acquisitions:
         groups.setdefault(acquisition.group, []).append(acquisition)
-    return [_courses(members, truth["windows"], unit, channels) for members in groups.values()]
+    return [_courses(members, truth["windows"], unit, channels, decodings) for members in groups.values()]
 
 
-def _courses(members, windows, unit, channels) -> TrueCourses:
+def _courses(members, windows, unit, channels, decodings) -> TrueCourses:
     at_s = np.array([(each.begin_s + each.end_s) / 2 - np.mean(each.on_since_s[SUPPLY]) for each in members])
     states = [windows[f"{LABEL}/{PLACE}@{each.step}"] for each in members]
     read_c = {name: [each.temperatures_c[name].mean() for each in members] for name in members[0].temperatures_c}
@@ -76,12 +78,16 @@ def _courses(members, windows, unit, channels) -> TrueCourses:
             accelerometer, gyro = unit.accelerometers[number], unit.gyros[number]
             drifted_g = np.full(2, state["accelerometers_g"][number] + state["moving_g"][number])
             true_c, force_g = np.full(2, state["sensors_c"][0]), (np.array([1.0, -1.0]), nothing, nothing)
-            pps = accelerometer.rate_pps(accelerometer.current_a(force_g, true_c, drifted_g))
-            up, down = channels[f"acc_{axis}"].apply(pps, np.full(2, read_c["unit_temperature"][index]))[0]
+            current_a = accelerometer.current_a(force_g, true_c, drifted_g)
+            output = accelerometer.output(current_a, decodings[f"acc_{axis}"])
+            up, down = channels[f"acc_{axis}"].apply(output, np.full(2, read_c["unit_temperature"][index]))[0]
             drifted_dps, gyro_c = np.full(2, state["gyros_dps"][number]), np.full(2, state["sensors_c"][1])
             turned = (np.array([RATE_DPS, -RATE_DPS]), nothing, nothing)
             at_rest = gyro.output_pps((nothing, nothing, nothing), force_g, gyro_c, drifted_dps)
             turning = gyro.output_pps(turned, (nothing, nothing, nothing), gyro_c, drifted_dps)
+            if (decoding := decodings[f"gyro_{axis}"]) is not None:
+                sends = unit.gyros_send[number]
+                at_rest, turning = (sends.codes(each) * decoding.scale + decoding.offset for each in (at_rest, turning))
             told_c = np.full(2, read_c["gyro_temperature"][index])
             rest_dps = channels[f"gyro_{axis}"].apply(at_rest, told_c)[0]
             plus, minus = channels[f"gyro_{axis}"].apply(turning, told_c)[0]

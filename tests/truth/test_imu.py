@@ -13,13 +13,8 @@ from bench.config.bench import load_bench
 from bench.report.stored import open_run
 from tests.support.runs import read_json
 from tests.truth.campaign import results_of
-from tests.truth.imu import QUANTITIES, bench_file, compare_imu, compared, rms_of
+from tests.truth.imu import QUANTITIES, SHORT, bench_file, compare_imu, compared, rms_of
 from tests.truth.replay import replayed, template_of
-
-SHORT = (
-    "temperatures=[20 °C, 30 °C]", "warm_up=30 min", "soak=30 min", "dwell=10 s", "settle=1 s", "rate_dwell=3 s",
-    "ramp_rate=3 °C/min", "rates=[20 °/s, -20 °/s, 30 °/s, -30 °/s, 40 °/s, -40 °/s]",
-)  # fmt: skip
 
 
 @pytest.fixture(scope="module")

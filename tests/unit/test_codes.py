@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Acquisition, Codes
+from bench.analysis.acquired import Acquisition, Codes, Turned
 from bench.analysis.codes import begins_anew, by_position, hidden_by_steps, mean_code, sampled_at_s, stuck
-from bench.analysis.outputs import NO_CODES, mean_output, outputs_between, steadiness
+from bench.analysis.outputs import NO_CODES, mean_output, outputs_between, steadiness, window_of
 from bench.analysis.rundata import UnitUnderTest
 
 PERIOD_S, TICK_S = 0.02, 1e-5
@@ -174,3 +174,34 @@ def test_steadiness_is_that_of_the_means_of_ten_seconds():
     assert slope == pytest.approx(0.5, abs=0.05)
     assert sd == pytest.approx(0.5 * 10 * np.std(range(6), ddof=1), rel=0.1)
     assert steadiness(codes(values[:2000]), 60.0) is None
+
+
+# Windows
+
+
+def test_a_window_at_rest_is_the_mean_of_its_samples():
+    values = noise(500)
+    found = window_of(codes(values))
+    assert (found.mean, found.problems) == (values.mean(), ())
+    assert found.span_s == found.host_span_s == pytest.approx(499 * PERIOD_S)
+    assert found.alone_u == pytest.approx(values.std(ddof=1) / np.sqrt(500))
+
+
+def test_a_window_of_turns_is_cut_where_the_table_was_seen():
+    """Samples before the first look at its angle, and after the last, are in no mean; edges go between samples."""
+    values = 10.0 * np.arange(500.0)  # 500 a second, from 100 s on
+    turned = Turned("outer", 20.0, 102.011, 0.0, 108.011, 120.0)
+    found = window_of(codes(values), turned)
+    assert found.mean == pytest.approx(500 * (105.011 - 100.0), abs=1e-6)
+    assert (found.span_s, found.host_span_s) == (pytest.approx(6.0), pytest.approx(6.0))
+
+
+def test_turns_of_which_no_sample_came_are_unusable():
+    turned = Turned("outer", 20.0, 202.0, 0.0, 208.0, 120.0)
+    assert window_of(codes(noise(500)), turned).problems == ("too_few_codes",)
+
+
+def test_a_unit_that_began_anew_while_it_turned_is_unusable():
+    turned = Turned("outer", 20.0, 100.5, 0.0, 101.5, 20.0)
+    found = window_of(codes(noise(100), ticks=np.arange(100) % 50 * 2000), turned)
+    assert found.problems == ("irregular_clock",)

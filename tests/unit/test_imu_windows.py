@@ -140,3 +140,81 @@ def test_a_window_in_no_attitude_is_told():
     found = result([odd, *some[1:]])
     assert "s/hot/Ax1: no_attitude" in found.flags
     assert "none of the 24 attitudes" in flag_in_words("s/hot/Ax1: no_attitude")
+
+
+def test_a_latch_that_one_channel_lacks_changes_no_other():
+    """Its window is shorter then; a mean stays a mean, whatever the window of another."""
+    some = block(BENCH, "s/hot", "xyz")
+    short = {**some[0].windows, "gyro_z": dataclasses.replace(some[0].windows["gyro_z"], span_s=9.9)}
+    whole = {each.id: each.value for each in result(some).findings}
+    found = result([dataclasses.replace(some[0], windows=short), *some[1:]])
+    for each in found.findings:
+        assert each.value == pytest.approx(whole[each.id], rel=1e-9, abs=1e-12)
+
+
+# Codes
+
+
+SENDS = dataclasses.replace(UNIT, channel_units=dict.fromkeys(CHANNELS_OF, "code"))
+
+
+def sent(acquisitions, **changes):
+    """The same windows as means of samples."""
+    windows = [
+        {name: dataclasses.replace(each, **changes) for name, each in one.windows.items()} for one in acquisitions
+    ]
+    return [dataclasses.replace(one, windows=each) for one, each in zip(acquisitions, windows, strict=True)]
+
+
+def result_of_codes(acquisitions, **bench):
+    known = dataclasses.replace(record(BENCH), **bench)
+    (found,) = reduce(RunData("imu", (SENDS,), tuple(acquisitions), known), SETTINGS)
+    return {each.quantity: each for each in found.findings if each.at["axis"] == "y" and each.at.get("visit") == 0}
+
+
+def lines(finding):
+    return {line.source: line.u for line in finding.budget}
+
+
+def test_scale_factors_of_codes_are_in_codes():
+    found = result_of_codes(sent(block(BENCH, "s/hot", "xyz")))
+    assert {name: found[name].unit for name in ("K0", "K1", "K1_si", "D0", "KG")} == {
+        "K0": "g", "K1": "code/g", "K1_si": "code/(m/s²)", "D0": "°/s", "KG": "code/(°/s)",
+    }  # fmt: skip
+    assert found["KG"].value == pytest.approx(KG, rel=1e-5)
+
+
+def test_the_clock_of_the_computer_is_in_the_scale_of_gyros_alone():
+    found = result_of_codes(sent(block(BENCH, "s/hot", "xyz")), host_clock_u=1e-3, time_base_u=1e-3)
+    assert lines(found["KG"])["computer: clock"] == pytest.approx(1e-3 * KG, rel=1e-4)
+    for name in ("K0", "K1", "misalignment", "g_sensitivity", "gyro_misalignment"):
+        assert not {"computer: clock", "counter: time base"} & lines(found[name]).keys()
+    counted = {
+        each.quantity: each
+        for each in reduce(
+            RunData(
+                "imu", (UNIT,), tuple(block(BENCH, "s/hot", "xyz")),
+                dataclasses.replace(record(BENCH), host_clock_u=1e-3, time_base_u=1e-3),
+            ),
+            SETTINGS,
+        )[0].findings
+    }  # fmt: skip
+    assert "counter: time base" in lines(counted["K1"])
+    assert not any("computer: clock" in lines(each) for each in counted.values())
+
+
+def test_steps_of_codes_are_alike_with_the_axis_up_and_with_it_down():
+    """Eight readings fall onto two steps; their mean knows no more than two of them."""
+    found = result_of_codes(sent(block(BENCH, "s/hot", "xyz"), step_u=3.0))
+    assert lines(found["K0"])["acc_y: steps of the codes"] == pytest.approx(3 / 2**0.5 / K1, rel=1e-3)
+    assert lines(found["K1"])["acc_y: steps of the codes"] == pytest.approx(3 / 2**0.5, rel=1e-3)
+    assert lines(found["D0"])["gyro_y: steps of the codes"] == pytest.approx(3 / 2**0.5 / KG, rel=1e-3)
+    rates = np.array(TURN_DPS)
+    assert lines(found["KG"])["gyro_y: steps of the codes"] == pytest.approx(3 / np.sqrt(np.sum(rates**2)), rel=1e-3)
+
+
+def test_samples_scatter_no_less_than_they_tell_themselves():
+    quiet, noisy = (result_of_codes(sent(block(BENCH, "s/hot", "xyz"), alone_u=u)) for u in (0.0, 5.0))
+    name = "readings: scatter pooled over the run"
+    assert lines(noisy["K1"])[name] == pytest.approx(5.0 / 8**0.5, rel=1e-3)
+    assert lines(quiet["K1"])[name] < 0.02
