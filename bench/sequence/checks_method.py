@@ -48,10 +48,7 @@ def soak_never_stable(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 
 def unsuited_unit(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A method for inertial units where a place has one channel, or the other way round, or for pulses without any.
-
-    Or one that times rates by a clock of which nothing is known.
-    """
+    """A method for inertial units where a place has one channel, or the other way round, or without what it needs."""
     for index, entry in enumerate(plan.sequence.results):
         method = known_methods()[entry.method]
         wanted = method.measures

@@ -10,7 +10,7 @@ from pathlib import Path
 from bench.app.reference.keys import Blocks, keys, part, table
 from bench.sequence.custom import Custom, known_steps
 from bench.sequence.expressions import Value, evaluate
-from bench.sequence.methods import OUTPUT, MethodDescription, known_methods
+from bench.sequence.methods import GYRO_OUTPUT, OUTPUT, MethodDescription, known_methods
 from bench.sequence.model import SequenceFile
 from bench.sequence.steps import BLOCKS, NEEDS, STEPS
 from bench.sequence.values import in_words
@@ -34,6 +34,7 @@ OUTPUT_IS = (
     " `output` is `pulse/s`, `V` where a voltmeter measures the unit, or `code` where the unit sends its output and "
     "the bench file names no other unit."
 )
+GYRO_OUTPUT_IS = " `gyro_output` is the same of its gyros; of pulses, pulse/s/(°/s) is `pulse/°`."
 # What an expression may hold: examples that the page works out, and what they show.
 EXPRESSIONS = (
     ("temperature + '5 °C'", "`+` `-` `*` `/`, a name, and a constant, which stands in quotes"),
@@ -113,7 +114,8 @@ def _method(method: MethodDescription) -> Blocks:
         *part(method.settings, "settings", 3),
         "### `limits`",
         "Each key is one of these results; its limits are in the unit, or one that goes with it."
-        + (OUTPUT_IS if measured_output else ""),
+        + (OUTPUT_IS if measured_output else "")
+        + (GYRO_OUTPUT_IS if any(GYRO_OUTPUT in unit for unit in method.quantities.values()) else ""),
         table(("result", "unit"), ((f"`{name}`", unit) for name, unit in method.quantities.items())),
     ]
 
