@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from simulators.gyro import GyroTruth, draw_gyro
 from simulators.imu_file import NAMES, GyroCodes, ImuFile
 from simulators.unit_file import Draw, stream
-from simulators.uut import UnitTruth, draw_unit
+from simulators.uut import UnitTruth, coded, draw_unit
 
 Array = NDArray[np.float64]
 OF_EACH = ("thresholds_c", "jumps")  # what hysteresis is made of, which each accelerometer has for itself
@@ -38,8 +38,7 @@ class GyroSends:
 
     def codes(self, rate_pps: Array) -> Array:
         """What is sent of a pulse rate, without noise and before it is rounded."""
-        largest = 2.0 ** (self.code_bits - 1)
-        return np.clip(self.codes_per_pps * rate_pps + self.zero_code, -largest, largest - 1)
+        return coded(self.codes_per_pps * rate_pps + self.zero_code, self.code_bits)
 
 
 @dataclass(frozen=True, slots=True)

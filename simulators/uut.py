@@ -108,8 +108,7 @@ class UnitTruth:
 
     def codes(self, current_a: Array) -> Array:
         """What its A/D converter makes of a current, without noise and before it is rounded."""
-        largest = 2.0 ** (self.code_bits - 1)
-        return np.clip(self.codes_per_a * current_a + self.zero_code, -largest, largest - 1)
+        return coded(self.codes_per_a * current_a + self.zero_code, self.code_bits)
 
     def rate_pps(self, current_a: Array, converter_c: Array | None = None) -> Array:
         """The converter's net pulse rate; 0 inside the dead band. Without a temperature it has the unit file's."""
@@ -120,6 +119,12 @@ class UnitTruth:
         rate = slope * current_a + self.zero_pps + self.zero_drift_pps * warm + bent
         rate = np.where(np.abs(rate) < self.pulses_per_a * self.dead_band_a, 0.0, rate)
         return np.clip(rate, -self.max_rate_pps, self.max_rate_pps)
+
+
+def coded(codes: Array, bits: int) -> Array:
+    """Codes within what so many bits hold."""
+    largest = 2.0 ** (bits - 1)
+    return np.clip(codes, -largest, largest - 1)
 
 
 def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,26 @@ def mean_code(codes: Codes) -> MeanCode:
     sd = float(np.std(codes.values, ddof=1))
     scatter_u = sd / float(np.sqrt(len(codes.values)))
     return MeanCode(float(np.mean(codes.values)), scatter_u, hidden_by_steps(sd, codes.step), tuple(problems))
+
+
+def mean_between(codes: Codes, from_s: float, to_s: float) -> MeanCode:
+    """The mean over a time in which the output may go up and down once or more, as over whole turns; problems as above.
+
+    A sample may be the mean since the one before, so that those count which began after `from_s`. Each counts for the
+    time since the one before; what is left over at both ends counts with the nearest, so that whole turns stay whole.
+    Their scatter is told by how neighbours differ, in which what goes slowly up and down is not.
+    """
+    whole = mean_code(codes)
+    at_s = sampled_at_s(codes)
+    before_s = np.concatenate(([-np.inf], at_s[:-1]))
+    inside = np.flatnonzero((before_s >= from_s) & (at_s <= to_s))
+    if whole.problems or len(inside) < FEWEST_CODES:
+        return replace(whole, problems=whole.problems or ("too_few_codes",))
+    values, lasts_s = codes.values[inside], np.diff(at_s[inside], prepend=from_s)
+    lasts_s[-1] += to_s - at_s[inside[-1]]
+    sd = float(np.sqrt(np.mean(np.diff(values) ** 2) / 2))
+    mean = float(values @ lasts_s) / (to_s - from_s)
+    return MeanCode(mean, sd / float(np.sqrt(len(values))), hidden_by_steps(sd, codes.step), ())
 
 
 def begins_anew(codes: Codes) -> bool:

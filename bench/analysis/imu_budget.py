@@ -60,8 +60,12 @@ class OwnErrors:
     def stepped(self, hidden: Array) -> Iterator[BudgetLine]:
         """The same of what they hide, (m,) and independent."""
         if self.is_sent:
-            name = f"{self.unit.channels[self.channel]}: steps of the codes"
-            yield BudgetLine(name, "B", float(np.linalg.norm(hidden)))
+            yield BudgetLine(self.steps, "B", float(np.linalg.norm(hidden)))
+
+    @property
+    def steps(self) -> str:
+        """What budgets call the steps of its codes."""
+        return f"{self.unit.channels[self.channel]}: steps of the codes"
 
 
 def gyro_scale_unit(unit: UnitUnderTest) -> str:

@@ -18,6 +18,7 @@ from bench.analysis.attitude_errors import shared_by, table_errors
 from bench.analysis.attitudes import AXES, local_earth_rate_dps
 from bench.analysis.finding import LOWER_BOUND, BudgetLine, Finding, UnitResult
 from bench.analysis.fit import Array, NotDetermined
+from bench.analysis.imu_budget import OwnErrors
 from bench.analysis.imu_start_up_readings import PowerOn, Readings
 from bench.analysis.imu_windows import visits
 from bench.analysis.rundata import ReleasedCalibration, RunData, UnitUnderTest
@@ -162,14 +163,13 @@ class _Watch:
         fit, always = courses.fit, np.ones(len(courses.grid_s))
         scatter = max(fit.residual_sd if fit.dof else 0.0, readings.alone)
         yield _Source(SCATTER, scatter * np.linalg.norm(weights, axis=-1), max(fit.dof, 1))
-        channel = f"{'gyro' if quantity in GYRO else 'acc'}_{AXES[axis]}"
-        sent = channel in self._unit.channel_units
-        if sent:
-            yield _Source(f"{self._unit.channels[channel]}: steps of the codes", readings.hidden(weights))
-        if quantity == "KG":  # of whole turns by the table's own angle, in seconds of the counter or of the host
-            if sent:
-                yield _Source("computer: clock", self._bench.host_clock_u * always, None, "computer.clock")
-            return
+        own = OwnErrors(self._unit, self._bench, f"{'gyro' if quantity in GYRO else 'acc'}_{AXES[axis]}")
+        if own.is_sent:
+            yield _Source(own.steps, readings.hidden(weights))
+        if PARTS[quantity] == "scale":
+            yield from (_Source(each.source, each.u * always, None, each.shared) for each in own.clock_of_scale(1.0))
+        if quantity == "KG":
+            return  # of whole turns by the table's own angle
         earth_dps = local_earth_rate_dps(self._bench.latitude_deg)
         along = earth_dps if quantity == "D0" else UP
         yield from self._of_table(along, axis, readings, weights)
@@ -177,8 +177,6 @@ class _Watch:
             across = float(np.hypot(*earth_dps[:2])) * self._settings["misalignment_rad"]
             yield _Source("gyro: earth rate across its axis", across * always)
         if quantity == "K1":
-            if not sent:
-                yield _Source("counter: time base", self._bench.time_base_u * always, None, "counter.time base")
             known_mps2 = self._released.gravity_mps2
             if not math.isnan(known_mps2) and known_mps2 != self._bench.gravity_mps2:  # else the same survey
                 u = math.hypot(self._bench.gravity_u_mps2, self._released.gravity_u_mps2) / known_mps2

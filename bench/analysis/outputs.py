@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from bench.analysis.acquired import Acquisition, Array, Codes, Counts, Turned, Voltages, Window
-from bench.analysis.codes import FEWEST_CODES, begins_anew, mean_code, sampled_at_s, stuck
+from bench.analysis.codes import FEWEST_CODES, begins_anew, mean_between, mean_code, sampled_at_s, stuck
 from bench.analysis.counts import LEAST_SHARE, RESOLUTION_COUNTS, mean_rate
 from bench.analysis.rundata import UnitUnderTest
 
@@ -89,21 +89,20 @@ def _mean_voltage(read: Voltages) -> Output:
 def window_of(found: Counts | Codes, turned: Turned | None = None) -> Window:
     """The mean of one channel, and how long it is of.
 
-    Of a rotation, samples are taken between where the table was seen to stand first and last, by their times, between
-    samples as a straight line goes. Samples that are all late shift both ends alike: whole turns stay whole.
+    Of a rotation, samples are taken between where the table was seen to stand first and last, by their times. Samples
+    that are all late shift both ends alike: whole turns stay whole.
     """
     if isinstance(found, Counts):
         rate = mean_rate(found)
         host_span_s = float(found.host_s[-1] - found.host_s[0]) if len(found.host_s) else 0.0
         alone_u = RESOLUTION_COUNTS / rate.span_s if rate.span_s else float("nan")
         return Window(rate.net_pps, rate.span_s, host_span_s, rate.problems, alone_u)
-    mean, at_s = mean_code(found), sampled_at_s(found)
-    value, span_s, problems = mean.value, float(at_s[-1] - at_s[0]) if len(at_s) else 0.0, mean.problems
-    if turned is not None and not problems:
-        edges_s = np.array([turned.from_s, turned.to_s])
-        value, span_s = float(means_between(at_s, found.values, edges_s)[0]), turned.to_s - turned.from_s
-        problems = () if np.isfinite(value) else ("too_few_codes",)
-    return Window(value, span_s, span_s, problems, mean.scatter_u, mean.step_u)
+    if turned is not None:
+        mean, span_s = mean_between(found, turned.from_s, turned.to_s), turned.to_s - turned.from_s
+    else:
+        mean, at_s = mean_code(found), sampled_at_s(found)
+        span_s = float(at_s[-1] - at_s[0]) if len(at_s) else 0.0
+    return Window(mean.value, span_s, span_s, mean.problems, mean.scatter_u, mean.step_u)
 
 
 def _last(found: Measured, span_s: float) -> Measured:

@@ -6,13 +6,14 @@ The same rules hold before the run, and in it for a step whose values were measu
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, assert_never
 
 from pydantic import ValidationError
 
 from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
+from bench.sequence.check_outputs import steady_problems, without_nominal
 from bench.sequence.checks_motion import resolution_problems
 from bench.sequence.custom import Custom, known_steps
 from bench.sequence.limits import unit_problems
@@ -23,7 +24,7 @@ from bench.sequence.step_fields import is_known
 from bench.sequence.steps import NEEDS, Step, verb_of
 from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.talk import Alarm, Note, Prompt
-from bench.sequence.waits import Soak, Steady, Wait, WaitUntil
+from bench.sequence.waits import Soak, Wait, WaitUntil
 from drivers.capabilities import OUTPUT
 from drivers.suggest import did_you_mean
 from drivers.units import QuantityError, quoted
@@ -136,7 +137,7 @@ def limit_problems(  # noqa: C901  one case for each kind of step
             if step.give_up_after_s is not None and step.give_up_after_s < step.least_s:
                 yield "give_up_after", "is shorter than the soak itself"
         case WaitUntil() if step.steady is not None:
-            yield from _steady(step.steady, units_at(step.reading, bench), bench)
+            yield from steady_problems(step.steady, units_at(step.reading, bench), bench)
         case WaitUntil():
             for key, bound in (("above", step.above), ("below", step.below)):
                 if bound is not None and is_known(bound):
@@ -146,7 +147,7 @@ def limit_problems(  # noqa: C901  one case for each kind of step
         case Acquire():
             yield from resolution_problems(step)
             if step.until_stable is not None:
-                yield from _without_nominal("until_stable", bench.places, bench)
+                yield from without_nominal("until_stable", bench.places, bench)
         case Tare():
             yield from _one(step.reading, "tare", bench)
         case Custom():
@@ -157,26 +158,6 @@ def limit_problems(  # noqa: C901  one case for each kind of step
             yield from _prompt(step, bench)
         case _:
             assert_never(step)
-
-
-def _steady(steady: Steady, places: Iterable[str], bench: BenchFile) -> Found:
-    """What keeps the outputs of units from being held against a rule."""
-    for name in places:
-        if bench.places[name].channels is not None:
-            yield "wait_until", f"'steady' is for units with one channel; place '{name}' is for an inertial unit"
-        elif is_known(steady.change) and not steady.in_g:
-            yield from _in_unit("steady", steady.change, bench.output_unit(name))
-        elif is_known(steady.change):
-            yield from _without_nominal("steady", (name,), bench)
-
-
-def _without_nominal(key: str, places: Iterable[str], bench: BenchFile) -> Found:
-    """A unit of which the bench file does not say what 1 g makes of its output, where a step needs that."""
-    for name in places:
-        if bench.nominal_per_g(name) is None:
-            parts = bench.places[name].makes_output_of_g
-            makes = "which makes it of g" if len(parts) == 1 else "which make it of g"
-            yield key, f"places.{name} of the bench file has no nominal {' and '.join(parts)}, {makes}"
 
 
 def _move(step: Move, head: DeviceEntry, target_deg: float) -> Found:

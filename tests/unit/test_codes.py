@@ -187,13 +187,34 @@ def test_a_window_at_rest_is_the_mean_of_its_samples():
     assert found.alone_u == pytest.approx(values.std(ddof=1) / np.sqrt(500))
 
 
+TURN = Turned("outer", 60.0, 102.011, 0.0, 108.011, 360.0)
+
+
 def test_a_window_of_turns_is_cut_where_the_table_was_seen():
-    """Samples before the first look at its angle, and after the last, are in no mean; edges go between samples."""
-    values = 10.0 * np.arange(500.0)  # 500 a second, from 100 s on
-    turned = Turned("outer", 20.0, 102.011, 0.0, 108.011, 120.0)
-    found = window_of(codes(values), turned)
-    assert found.mean == pytest.approx(500 * (105.011 - 100.0), abs=1e-6)
+    """What goes up and down once a turn is not in it, nor what began before the first look at the table."""
+    ends_s = 100 + PERIOD_S * np.arange(500)
+    values = 1000 + 50 * np.sin(2 * np.pi * (ends_s - PERIOD_S / 2 - TURN.from_s) / 6)
+    values[: 1 + np.searchsorted(ends_s, TURN.from_s)] = 5000.0  # the last of them has begun before it
+    values[ends_s > TURN.to_s] = -5000.0
+    found = window_of(codes(values), TURN)
+    assert found.mean == pytest.approx(1000, abs=1e-3)
     assert (found.span_s, found.host_span_s) == (pytest.approx(6.0), pytest.approx(6.0))
+
+
+def test_samples_that_did_not_come_leave_a_turn_whole():
+    ends_s = 100 + PERIOD_S * np.arange(500)
+    values = 1000 + 50 * np.sin(2 * np.pi * (ends_s - PERIOD_S / 2 - TURN.from_s) / 6)
+    there = np.delete(np.arange(500), np.arange(150, 160))
+    found = window_of(codes(values[there], numbers=there, lost=10), TURN)
+    assert abs(found.mean - 1000) < 0.2
+    assert abs(values[there][(ends_s[there] > TURN.from_s) & (ends_s[there] <= TURN.to_s)].mean() - 1000) > 1
+
+
+def test_what_goes_up_and_down_over_a_turn_is_no_scatter():
+    turning = 50 * np.sin(2 * np.pi * PERIOD_S * np.arange(500) / 6)
+    still, moving = (window_of(codes(noise(500) + extra), TURN).alone_u for extra in (0.0, turning))
+    assert still == pytest.approx(3.0 / np.sqrt(299), rel=0.15)
+    assert moving == pytest.approx(still, rel=0.1)
 
 
 def test_turns_of_which_no_sample_came_are_unusable():
