@@ -115,8 +115,8 @@ class SimulatedUnit:
 
     def mean_codes(self, edges_s: Array) -> Array:
         """What its A/D converter makes of the mean input in each interval, as in `charge_pulses`; not yet rounded."""
-        current_a, _ = self._currents_a(edges_s)
-        return self.truth.codes(np.zeros_like(current_a) if self.faults.active("dead") else current_a)
+        current_a, board_c = self._currents_a(edges_s)
+        return self.truth.codes(np.zeros_like(current_a) if self.faults.active("dead") else current_a, board_c)
 
     def _currents_a(self, edges_s: Array) -> tuple[Array, Array | None]:
         """Mean currents of the intervals, 0 without power, and the temperature of the converter meanwhile."""
@@ -155,23 +155,29 @@ class SimulatedUnit:
         followed_g = np.interp(passed, np.linspace(0, 1, steps + 1), [hysteresis_g, *by_step])
         return np.asarray(followed_g + moving_g + passed * (self._last_g[1] - moving_g))
 
-    def mean_current_a(self, begin_s: float, end_s: float, noise: Noise) -> float:
-        """What flows from the accelerometer, as a mean from `begin_s` to `end_s`; 0 without power.
+    def mean_volts(self, begin_s: float, end_s: float, noise: Noise, load_ohm: float) -> float:
+        """What its current makes of a load, as a mean from `begin_s` to `end_s`; 0 without power.
 
-        The world has been worked out up to the end. Whoever looks has a `noise` of his own, so that the noise that
-        others find does not depend on how often he does.
+        The world has been worked out up to the end, or by less than a reading beyond it. Whoever looks has a `noise`
+        of his own, so that the noise that others find does not depend on how often he does.
         """
         hysteresis_g = self._hysteresis.bias_g(self.warmth.sensor_c)
+        now_s = self._world.thermal.now_s
+        state = self._state(now_s, hysteresis_g)
         if not self.settings.channel:  # nobody else keeps its history
-            self.history.append(self._state(self._world.thermal.now_s, hysteresis_g))
+            self.history.append(state)
+        board_c = self.board.just_before_c(now_s, now_s - (begin_s + end_s) / 2, state.drifted_g)
         if self.powered_at_s is None:
             return 0.0
         edges_s = np.linspace(begin_s, end_s, 1 + math.ceil((end_s - begin_s) / LOOK_S))
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
-        since_s = middle - self._world.thermal.now_s
+        since_s = middle - now_s
         temperature = self.warmth.sensor_c + since_s * self.warmth.sensor_rate_c_per_s
         bias_g = hysteresis_g + self._moving_g()
-        return float(self._current_a(middle, temperature, bias_g, noise.mean_g(interval)).mean())
+        current_a = self._current_a(middle, temperature, bias_g, noise.mean_g(interval))
+        if self.input == "source":
+            current_a = self._world.source_a(self.settings.source, middle)
+        return float(self.truth.volts(current_a.mean(), load_ohm, board_c))
 
     def _state(self, true_s: float, hysteresis_g: float) -> UnitState:
         drifted_g = hysteresis_g + float(self._slow_bias_g(np.array([true_s]))[0])

@@ -123,7 +123,7 @@ class Simulated3458A:
             return ""
         self.codes["TARM"] = _EVENTS["HOLD"]
         if not self.faults.active("frozen"):
-            input_v = reading.current_as / (reading.integrated_s - reading.begin_s) * self._settings.load_ohm
+            input_v = reading.input_vs / (reading.integrated_s - reading.begin_s)
             noise_v = self._settings.noise_v * math.sqrt(_NOISE_NPLC / self.nplc) * float(self._noise.standard_normal())
             self._read_v = input_v * (1 + self._settings.gain) + self._settings.offset_v + noise_v
         range_v = self.range_v or _range_for(abs(self._read_v))
@@ -140,8 +140,8 @@ class Simulated3458A:
             if reading.integrated_s > self._looked_s:  # between two readings the bias of the unit wanders on
                 self._unit_noise.pass_over(reading.integrated_s - self._looked_s)
             self._looked_s = until_s
-            mean_a = self._unit.mean_current_a(reading.integrated_s, until_s, self._unit_noise)
-            reading.current_as += mean_a * (until_s - reading.integrated_s)
+            mean_v = self._unit.mean_volts(reading.integrated_s, until_s, self._unit_noise, self._settings.load_ohm)
+            reading.input_vs += mean_v * (until_s - reading.integrated_s)
             reading.integrated_s = until_s
 
     def _set(self, header: str, parameter: str) -> None:
@@ -201,12 +201,12 @@ class Simulated3458A:
 
 @dataclass(slots=True)
 class _Aperture:
-    """A reading under way: its input is measured from `begin_s` to `end_s`, and integrated so far (A·s)."""
+    """A reading under way: its input is measured from `begin_s` to `end_s`, and integrated so far (V·s)."""
 
     begin_s: float
     end_s: float
     integrated_s: float
-    current_as: float = 0.0
+    input_vs: float = 0.0
 
 
 class VoltmeterSession:

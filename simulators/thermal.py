@@ -127,6 +127,11 @@ class Thermal:
         """What an ideal thermometer at that board has followed to."""
         return float(self._state[self._boards[unit] + 1])
 
+    def board_rate_c_per_s(self, unit: int) -> float:
+        """How fast that board warms."""
+        lag_s = self._units[unit].board_s or math.inf
+        return (self.air_c - self.board_c(unit)) / lag_s
+
     def sensor_c(self, unit: int) -> float:
         """The sensor inside a unit."""
         return float(self._state[_FIRST_UNIT + _PER_UNIT * unit + 1])

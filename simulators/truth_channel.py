@@ -1,8 +1,9 @@
 """What a perfect bench would have found of a channel whose converter is in the chamber, at one input level.
 
-The noiseless rate of the converter over what an ideal thermometer at it, as slow as the real one, said meanwhile. Its
-input is held at the mean of what fed it: that of the accelerometer at the ideal angle of its axis, or the current that
-the source was set to. What an input makes of its own while the temperature goes on is an error of the measurement.
+The noiseless output of the converter, a rate, volts or codes, over what an ideal thermometer at it, as slow as the real
+one, said meanwhile. Its input is held at the mean of what fed it: that of the accelerometer at the ideal angle of its
+axis, or the current that the source was set to. What an input makes of its own while the temperature goes on is an
+error of the measurement.
 """
 
 from __future__ import annotations
@@ -62,10 +63,11 @@ def _level(world: World, level: LevelAsMeasured) -> dict[str, Any]:
     input_a = level.source_a
     if input_a is None:
         input_a = _accelerometer_a(world, unit, level.lies, sensor_c, drifted_g)
-    rate_pps = unit.truth.rate_pps(np.full_like(at_s, input_a), board_c)
+    through = unit.settings.through
+    output, digits = unit.truth.output(np.full_like(at_s, input_a), through, board_c), 6 if through is None else 10
     return {
         "temperature_c": np.round(thermometer_c, 5).tolist(),
-        "rate_pps": np.round(rate_pps, 6).tolist(),
+        "rate_pps" if through is None else "output": np.round(output, digits).tolist(),
         "input_a": input_a,
         "accelerometer_c": float(np.mean(sensor_c)),
     }

@@ -159,6 +159,18 @@ class ConverterModel(StrictModel):
     time_constant: PositiveSeconds = 120.0
 
 
+class ResistorModel(StrictModel):
+    """What makes volts of the current where a voltmeter reads them: the bench file's load, and an amplifier behind it.
+
+    It is on the board of the converter, and as warm.
+    """
+
+    alpha: Annotated[Draw, DrawIn("1/°C")] = Draw(0)
+    alpha2: Annotated[Draw, DrawIn("1/°C²")] = Draw(0)
+    zero: Annotated[Draw, DrawIn("V")] = Draw(0)
+    zero_drift: Annotated[Draw, DrawIn("V/°C")] = Draw(0)
+
+
 class CodesModel(StrictModel):
     """What is sent as codes of so many bits: a zero, and white noise on each sample."""
 
@@ -174,8 +186,14 @@ class CurrentCodes(CodesModel):
 
 
 class TelemetryModel(CurrentCodes):
-    """The A/D converter of a unit that sends codes; `clock` is the relative error of the clock by which it samples."""
+    """The A/D converter of a unit that sends codes; `clock` is the relative error of the clock by which it samples.
 
+    It is on the board of the converter, and as warm.
+    """
+
+    alpha: Annotated[Draw, DrawIn("1/°C")] = Draw(0)
+    alpha2: Annotated[Draw, DrawIn("1/°C²")] = Draw(0)
+    zero_drift: Annotated[Draw, DrawIn("code/°C")] = Draw(0)
     clock: Ratio = Draw(0)
 
 
@@ -216,6 +234,7 @@ class UnitFile(StrictModel):
     thermal: ThermalModel = ThermalModel()
     supply: SupplyModel = SupplyModel()
     telemetry: TelemetryModel | None = None
+    resistor: ResistorModel = ResistorModel()
 
     @model_validator(mode="after")
     def _fits(self) -> UnitFile:

@@ -85,6 +85,13 @@ class UnitTruth:
     noise_code: float = 0.0
     code_bits: int = 24
     clock: float = 0.0
+    code_alpha: float = 0.0
+    code_alpha2: float = 0.0
+    zero_drift_code: float = 0.0
+    resistor_alpha: float = 0.0
+    resistor_alpha2: float = 0.0
+    zero_v: float = 0.0
+    zero_drift_v: float = 0.0
 
     @property
     def dynamics(self) -> Dynamics | None:
@@ -100,19 +107,36 @@ class UnitTruth:
         scale = self.scale_a_per_g * _horner(self.scale, t)
         return np.asarray(scale * (_horner(self.bias, t) + extra_bias_g + shape))
 
-    def output(self, current_a: Array, through: Through) -> Array:
-        """What is measured of it: the volts across a load, decoded codes, or the converter's rate in pulse/s."""
-        if isinstance(through, Decoding):
-            return self.codes(current_a) * through.scale + through.offset
-        return self.rate_pps(current_a) if through is None else current_a * through
+    def output(self, current_a: Array, through: Through, converter_c: Array | None = None) -> Array:
+        """What is measured of it: the volts across a load, decoded codes, or the converter's rate in pulse/s.
 
-    def codes(self, current_a: Array) -> Array:
+        Without a temperature of what makes it of the current that has the unit file's.
+        """
+        if isinstance(through, Decoding):
+            return self.codes(current_a, converter_c) * through.scale + through.offset
+        if through is None:
+            return self.rate_pps(current_a, converter_c)
+        return self.volts(current_a, through, converter_c)
+
+    def volts(self, current_a: Array, load_ohm: float, converter_c: Array | None = None) -> Array:
+        """What a voltmeter finds where the current goes through a load."""
+        warm = self._warm_c(converter_c)
+        scale = load_ohm * (1 + self.resistor_alpha * warm + self.resistor_alpha2 * warm**2)
+        return np.asarray(scale * current_a + self.zero_v + self.zero_drift_v * warm)
+
+    def codes(self, current_a: Array, converter_c: Array | None = None) -> Array:
         """What its A/D converter makes of a current, without noise and before it is rounded."""
-        return coded(self.codes_per_a * current_a + self.zero_code, self.code_bits)
+        warm = self._warm_c(converter_c)
+        scale = self.codes_per_a * (1 + self.code_alpha * warm + self.code_alpha2 * warm**2)
+        return coded(scale * current_a + self.zero_code + self.zero_drift_code * warm, self.code_bits)
+
+    def _warm_c(self, converter_c: Array | None) -> Array | float:
+        """How much warmer the converter is than where its scale is stated."""
+        return (self.converter_c if converter_c is None else converter_c) - _CONVERTER_REFERENCE_C
 
     def rate_pps(self, current_a: Array, converter_c: Array | None = None) -> Array:
         """The converter's net pulse rate; 0 inside the dead band. Without a temperature it has the unit file's."""
-        warm = (self.converter_c if converter_c is None else converter_c) - _CONVERTER_REFERENCE_C
+        warm = self._warm_c(converter_c)
         scale = self.pulses_per_a * (1 + self.alpha * warm + self.alpha2 * warm**2)
         slope = scale * (1 + np.sign(current_a) * self.asymmetry / 2)
         bent = self.nonlinearity * self.pulses_per_a * current_a * np.abs(current_a) / self.full_scale_a
@@ -129,7 +153,7 @@ def coded(codes: Array, bits: int) -> Array:
 
 def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:
     """The unit of one run: every `{mean, sd}` drawn from its own stream."""
-    a, c, t = unit.accelerometer, unit.converter, unit.telemetry
+    a, c, t, r = unit.accelerometer, unit.converter, unit.telemetry, unit.resistor
 
     def value(draw: Draw, *path: str) -> float:
         return draw.value(stream(seed, "uut", place, *path))
@@ -186,6 +210,13 @@ def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:
         noise_code=value(t.noise, "telemetry", "noise") if t is not None else 0.0,
         code_bits=t.bits if t is not None else 24,
         clock=value(t.clock, "telemetry", "clock") if t is not None else 0.0,
+        code_alpha=value(t.alpha, "telemetry", "alpha") if t is not None else 0.0,
+        code_alpha2=value(t.alpha2, "telemetry", "alpha2") if t is not None else 0.0,
+        zero_drift_code=value(t.zero_drift, "telemetry", "zero_drift") if t is not None else 0.0,
+        resistor_alpha=value(r.alpha, "resistor", "alpha"),
+        resistor_alpha2=value(r.alpha2, "resistor", "alpha2"),
+        zero_v=value(r.zero, "resistor", "zero"),
+        zero_drift_v=value(r.zero_drift, "resistor", "zero_drift"),
     )
 
 

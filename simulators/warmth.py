@@ -60,6 +60,11 @@ class Warmth:
         return self._thermal.board_c(self._index) if self._outside_c is None else self._outside_c
 
     @property
+    def board_rate_c_per_s(self) -> float:
+        """How fast the converter warms."""
+        return self._thermal.board_rate_c_per_s(self._index) if self._outside_c is None else 0.0
+
+    @property
     def board_thermometer_c(self) -> float:
         """What an ideal thermometer at the converter has followed to."""
         return self._thermal.board_thermometer_c(self._index) if self._outside_c is None else self._outside_c
@@ -87,14 +92,24 @@ class Board:
 
     def followed_c(self, edges_s: Array, at_s: Array, drifted_g: float) -> Array | None:
         """What it had been at times between the first of the edges and the last, which is now; None outside."""
-        warmth = self._warmth
-        if not warmth.board_in_chamber:
+        if not self._warmth.board_in_chamber:
             return None
-        before_c, self._last_c = self._last_c, warmth.board_c
-        end_s = float(edges_s[-1])
-        self.history.append(BoardState(end_s, self._last_c, warmth.board_thermometer_c, warmth.sensor_c, drifted_g))
+        before_c = self._last_c
+        self._now_at(float(edges_s[-1]), drifted_g)
         followed = before_c + (at_s - edges_s[0]) * ((self._last_c - before_c) / (edges_s[-1] - edges_s[0]))
         return np.asarray(followed)
+
+    def just_before_c(self, now_s: float, before_s: float, drifted_g: float) -> Array | None:
+        """What it had been a moment before now, however long ago somebody looked last; None outside."""
+        if not self._warmth.board_in_chamber:
+            return None
+        self._now_at(now_s, drifted_g)
+        return np.asarray(self._last_c - self._warmth.board_rate_c_per_s * before_s)
+
+    def _now_at(self, now_s: float, drifted_g: float) -> None:
+        warmth = self._warmth
+        self._last_c = warmth.board_c
+        self.history.append(BoardState(now_s, self._last_c, warmth.board_thermometer_c, warmth.sensor_c, drifted_g))
 
 
 class Thermometer:

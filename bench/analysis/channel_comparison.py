@@ -10,16 +10,28 @@ import numpy as np
 
 from bench.analysis.channel_input import InputDrift, drifts_of_sources, input_drift
 from bench.analysis.channel_levels import ChannelDrift, Comparison, channel_drift, compare
+from bench.analysis.channel_means import Means, reduce_means
 from bench.analysis.channel_runs import LevelData
 from bench.analysis.channel_scatter import LineScatter, line_scatter
 from bench.analysis.channel_temperature import ChannelRules, ChannelRun, reduce_run
 from bench.analysis.finding import BudgetLine
 from bench.analysis.fit import NotDetermined
+from bench.analysis.instrument import STEPS
 from bench.analysis.rundata import RunData, UnitUnderTest
 
 GRAVITY_REFERENCE, SOURCE_REFERENCE = "up_1g", "src_1g"
 GAP_GATES = 1.5  # a longer time between two read-outs was not recorded
 SCATTER, COUNTING = "read-outs: scatter", "read-outs: resolution of the count"
+
+
+def resolution_of(unit: UnitUnderTest) -> str:
+    """What a mean of its output does not resolve, as a source of uncertainty."""
+    return COUNTING if unit.telemetry is None else f"{unit.telemetry}{STEPS}"
+
+
+def is_of_the_read_outs(line: BudgetLine) -> bool:
+    """Whether a line is of what was read out, and not of what fed the channel."""
+    return line.source in (SCATTER, COUNTING) or line.source.endswith(STEPS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +61,7 @@ class Level:
     @property
     def input_lines(self) -> list[BudgetLine]:
         """Those of its slope that its input is the cause of."""
-        return [line for line in self.slope_lines if line.source not in (SCATTER, COUNTING)]
+        return [line for line in self.slope_lines if not is_of_the_read_outs(line)]
 
     @property
     def run_to_compare(self) -> ChannelRun:
@@ -75,11 +87,11 @@ class Compared:
 
 def channel_rules(data: RunData, unit: UnitUnderTest, kind: str, settings: Mapping[str, Any]) -> ChannelRules:
     """What is asked of a run of a kind of input."""
-    counts = data.acquisitions[0].counts[unit.channel]
+    counts = data.acquisitions[0].counts[unit.channel] if unit.is_counted else None
     return ChannelRules(
         reference_c=settings["reference_temperature_c"],
-        counter_bits=counts.counter_bits,
-        max_rate_pps=counts.max_rate_pps,
+        counter_bits=counts.counter_bits if counts else 0,
+        max_rate_pps=counts.max_rate_pps if counts else np.inf,
         accelerometer_c=settings["accelerometer_c"] if kind == "gravity" else None,
         accelerometer_tolerance_c=settings["accelerometer_tolerance_c"],
         max_ramp_c_per_h=settings["max_ramp_c_per_h"],
@@ -93,10 +105,7 @@ def lines_of_levels(
 ) -> dict[str, Level]:
     """The levels that have a ramp, each with its line; one whose line cannot be told has it not-a-number."""
     ramped = {name: level for name, level in found.items() if level.steps}
-    runs = {
-        name: reduce_run(each.record, channel_rules(data, unit, each.level.kind, settings))
-        for name, each in ramped.items()
-    }
+    runs = {name: _run(each, channel_rules(data, unit, each.level.kind, settings)) for name, each in ramped.items()}
     scatters = {name: _scatter(run, settings["reference_temperature_c"]) for name, run in runs.items()}
     drifts = drifts_of_sources(
         ramped, {name: input_drift(ramped[name].points, runs[name], scatters[name]) for name in ramped}
@@ -104,6 +113,10 @@ def lines_of_levels(
     return {
         name: _level(data, unit, ramped[name], runs[name], scatters[name], drifts[name], settings) for name in ramped
     }
+
+
+def _run(level: LevelData, rules: ChannelRules) -> ChannelRun:
+    return reduce_means(level.record, rules) if isinstance(level.record, Means) else reduce_run(level.record, rules)
 
 
 def _level(
@@ -124,7 +137,7 @@ def _level(
     what = "source" if level.level.kind == "source" else "accelerometer"
     lines = [
         BudgetLine(SCATTER, "A", scatter.scatter_slope, scatter.dof),
-        BudgetLine(COUNTING, "B", scatter.counting_slope),
+        BudgetLine(resolution_of(unit), "B", scatter.counting_slope),
         BudgetLine(f"{what}: drift during the ramp", "B", rate_pps * drift_u_per_h * abs(scatter.drift_h_per_c)),
     ]
     if level.level.kind == "gravity":

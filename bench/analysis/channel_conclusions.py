@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.analysis.channel_comparison import COUNTING, SCATTER, Compared, Level
+from bench.analysis.channel_comparison import Compared, Level, is_of_the_read_outs
 from bench.analysis.channel_findings import ChannelFindings
 from bench.analysis.channel_levels import ChannelDrift
 from bench.analysis.compensation import Compensation, Curve
@@ -61,15 +61,16 @@ class ChannelConclusions:
 
     def _compensation(self, slope_from: Level, levels: Sequence[Level]) -> Compensation:
         of_levels, valid_c = self.of_levels, _ends(slope_from.run.gates.converter_c)
+        unit = of_levels.unit.output_unit
         offset: Curve | None = None
         scale: Curve = Constant(1.0, "1", 0.0)
         if of_levels.settings["compare_basis"] == "raw":
             slope = of_levels.slope(slope_from)
-            offset = self._line(slope, "pulse/s", 0.0, valid_c)
+            offset = self._line(slope, unit, 0.0, valid_c)
         else:
             scale = self._line(of_levels.relative_slope(slope_from), "1", 1.0, valid_c)
         return Compensation(
-            f"{of_levels.unit.measured_by}@{slope_from.name}", "pulse/s", "pulse/s", scale, offset,
+            f"{of_levels.unit.measured_by}@{slope_from.name}", unit, unit, scale, offset,
             serves=tuple(level.name for level in levels),
         )  # fmt: skip
 
@@ -114,8 +115,9 @@ class ChannelConclusions:
         steps = tuple(step for level in self._usable for step in level.data.steps)
         for gain, (quantity, name, value, unit) in zip(drift.gain, (
             ("tempco_offset", "part of the slope that is the same at all levels", drift.offset_pps_per_c,
-             "pulse/s/°C"),
-            ("tempco_scale", "part of the slope in proportion to the rate", drift.scale_per_c, "1/°C"),
+             f"{self.of_levels.unit.output_unit}/°C"),
+            ("tempco_scale", f"part of the slope in proportion to the {self.of_levels.output}", drift.scale_per_c,
+             "1/°C"),
         ), strict=True):  # fmt: skip
             lines = [*self._through(gain), self.of_levels.thermometer_gain(value)]
             yield self.of_levels.finding(quantity, name, {}, value, unit, lines, steps)
@@ -125,7 +127,7 @@ class ChannelConclusions:
         together: dict[str, float] = {}
         for factor, level in zip(gain.tolist(), self._usable, strict=True):
             for line in level.slope_lines:
-                if line.source in (SCATTER, COUNTING):
+                if is_of_the_read_outs(line):
                     yield BudgetLine(f"{level.name}: {line.source}", line.type, abs(factor) * line.u, line.dof)
                 else:
                     together[line.source] = together.get(line.source, 0.0) + factor * line.u
@@ -166,7 +168,11 @@ class ChannelConclusions:
                 "β": Constant(offset.value, offset.unit, offset.u),
                 "α": Constant(scale.value, scale.unit, scale.u),
             },
-            valid={"rate_pps": _ends(np.array([level.run.rate_pps for level in self._usable]))},
+            valid={
+                "rate_pps" if self.of_levels.unit.is_counted else "output": _ends(
+                    np.array([level.run.rate_pps for level in self._usable])
+                )
+            },
         )
 
 

@@ -11,15 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from bench.analysis.channel_comparison import COUNTING, SCATTER, Level
+from bench.analysis.channel_comparison import SCATTER, Level, resolution_of
 from bench.analysis.channel_runs import LevelData, Point
-from bench.analysis.counts import RESOLUTION_COUNTS
 from bench.analysis.extremes import interval_of_largest
 from bench.analysis.finding import BudgetLine, Finding
+from bench.analysis.instrument import instrument_u, shared_as
 from bench.analysis.rundata import RunData, UnitUnderTest
 
 HOUR_S = 3600.0
-TIME_BASE = "counter.time_base"
 ZERO = "src_0g"  # the points with the source at 0 A
 
 
@@ -48,20 +47,25 @@ class ChannelFindings:
 
     def rate(self, level: Level) -> Finding:
         """The rate at the reference temperature."""
-        run, name = level.run, f"rate at {self.reference_c:g} °C"
+        run, name = level.run, f"{self.output} at {self.reference_c:g} °C"
         offset_u, gain_u = self._thermometer
         rate_pps, slope = abs(run.rate_pps), abs(run.slope_pps_per_c)
         reading = self.unit.converter
         lines = [
             BudgetLine(SCATTER, "A", level.scatter.scatter_rate, level.scatter.dof),
-            BudgetLine(COUNTING, "B", level.scatter.counting_rate),
-            BudgetLine("counter: time base", "B", rate_pps * self.data.bench.time_base_u, None, TIME_BASE),
+            BudgetLine(resolution_of(self.unit), "B", level.scatter.counting_rate),
+            *self._instrument_lines(rate_pps),
             BudgetLine(f"{reading}: offset", "B", slope * offset_u, None, f"{reading}.offset"),
             BudgetLine(f"{reading}: gain", "B", slope * gain_u * abs(self.reference_c), None, f"{reading}.gain"),
             *self._input_lines(level),
             *(line.times(self._away_c(level)) for line in level.input_lines),
         ]
-        return self._of_level("rate", name, level, run.rate_pps, "pulse/s", lines)
+        return self._of_level("rate", name, level, run.rate_pps, self.unit.output_unit, lines)
+
+    def _instrument_lines(self, rate_pps: float) -> Iterator[BudgetLine]:
+        """What the certificate of whatever measures the output says of it."""
+        for source, u in instrument_u(self.unit, self.data.bench, rate_pps, 1.0).items():
+            yield BudgetLine(source, "B", abs(u), None, shared_as(source))
 
     def _away_c(self, level: Level) -> float:
         """How far the reference temperature is from the middle of a run: errors of the slope go into the rate by it."""
@@ -96,13 +100,14 @@ class ChannelFindings:
         """What the rate changes with the temperature of the converter."""
         slope = level.run.slope_pps_per_c
         lines = [*level.slope_lines, self.thermometer_gain(slope)]
-        return self._of_level("rate/temperature_coefficient", "slope", level, slope, "pulse/s/°C", lines)
+        unit = f"{self.unit.output_unit}/°C"
+        return self._of_level("rate/temperature_coefficient", "slope", level, slope, unit, lines)
 
     def relative_slope(self, level: Level) -> Finding:
         """The same relative to the rate."""
         slope, rate_pps = level.run.relative_slope_per_c, abs(level.run.rate_pps)
         lines = [*(line.times(1 / rate_pps) for line in level.slope_lines), self.thermometer_gain(slope)]
-        name = "slope relative to the rate"
+        name = f"slope relative to the {self.output}"
         return self._of_level("rate/relative_temperature_coefficient", name, level, slope, "1/°C", lines)
 
     def thermometer_gain(self, slope: float) -> BudgetLine:
@@ -127,7 +132,8 @@ class ChannelFindings:
         if drift is None:
             return
         name = f"change between the first and the last point at rest, {drift.hours:.1f} h apart"
-        lines = [BudgetLine("points: scatter and resolution of the count", "A", drift.u)]
+        what = "points: scatter and resolution of the count" if self.unit.is_counted else "points: scatter"
+        lines = [BudgetLine(what, "A", drift.u)]
         yield self._of_level("rate/drift", name, level, drift.change, "1", lines, steps=drift.steps)
 
     # Nothing fed
@@ -140,17 +146,20 @@ class ChannelFindings:
         first, last = points[0], points[-1]
         offset_pps = self._pps_per_a * self._source_offset_u_a
         fed_pps = self._pps_per_a * self._zero_a
-        lines = [self._counted(first), BudgetLine(f"{self.unit.source}: offset", "B", offset_pps, None,
-                                                  f"{self.unit.source}.offset")]  # fmt: skip
-        yield self.finding(
-            "zero", "rate with the source at 0 A", at, first.rate_pps - fed_pps, "pulse/s", lines, (first.step,)
-        )
+        lines = [
+            *self._point_lines(first),
+            *(() if self.unit.is_counted else self._instrument_lines(first.rate_pps)),
+            BudgetLine(f"{self.unit.source}: offset", "B", offset_pps, None, f"{self.unit.source}.offset"),
+        ]
+        unit = self.unit.output_unit
+        name = f"{self.output} with the source at 0 A"
+        yield self.finding("zero", name, at, first.rate_pps - fed_pps, unit, lines, (first.step,))
         if last is not first:
             hours = (last.middle_s - first.middle_s) / HOUR_S
-            name = f"change of the rate at 0 A within {hours:.1f} h"
-            lines = [BudgetLine(COUNTING, "B", float(np.hypot(self._counted(first).u, self._counted(last).u)))]
+            name = f"change of the {self.output} at 0 A within {hours:.1f} h"
+            lines = self._point_lines(first, last)
             change = last.rate_pps - first.rate_pps
-            yield self.finding("zero/drift", name, at, change, "pulse/s", lines, (first.step, last.step))
+            yield self.finding("zero/drift", name, at, change, unit, lines, (first.step, last.step))
 
     @property
     def zero_points(self) -> Sequence[Point]:
@@ -168,8 +177,13 @@ class ChannelFindings:
         sources = (each for each in self.found.values() if each.level.kind == "source")
         return next((each for each in sources if each.level.told_g == 0), None)
 
-    def _counted(self, point: Point) -> BudgetLine:
-        return BudgetLine(COUNTING, "B", RESOLUTION_COUNTS / point.span_s)
+    def _point_lines(self, *points: Point) -> list[BudgetLine]:
+        """What points alone tell of their uncertainty, or of that of their difference."""
+        alone = float(np.linalg.norm([each.alone_u_pps for each in points]))
+        steps = float(np.linalg.norm([each.step_u_pps for each in points]))
+        if self.unit.is_counted:
+            return [BudgetLine(resolution_of(self.unit), "B", alone)]
+        return [BudgetLine(SCATTER, "A", alone), BudgetLine(resolution_of(self.unit), "B", steps)]
 
     @property
     def _pps_per_a(self) -> float:
@@ -178,6 +192,11 @@ class ChannelFindings:
         return float(np.median(found)) if found else 0.0
 
     # Forms
+
+    @property
+    def output(self) -> str:
+        """What people call the output."""
+        return "rate" if self.unit.is_counted else "output"
 
     @property
     def reference_c(self) -> float:

@@ -1,4 +1,4 @@
-"""Method M0 on counts: a channel over the temperature of its converter at several input levels (methods.md section 2).
+"""Method M0 on line: a channel over the temperature of its converter at several input levels (methods.md section 2).
 
 Every level has a line of its own, D = D_ref + k (T - T_ref). Levels are compared with each other where a run has more
 than one; the slopes of all of them together tell the converter's two temperature coefficients.
@@ -30,7 +30,7 @@ from bench.analysis.rundata import RunData, UnitUnderTest
 
 LEFT_OUT = (
     "missing", "thermometer", "impossible_rate", "saturated", "stuck", "outlier", "ambiguous_gap",
-    "accelerometer_temperature",
+    "accelerometer_temperature", "too_few_voltages", "too_few_codes", "irregular_clock",
 )  # fmt: skip
 ZERO_SHARE = 0.01  # of the rate at 1 g, that a channel fed with nothing may have
 
@@ -44,6 +44,7 @@ class ChannelDetail:
     reference_c: float
     threshold: float
     basis: str
+    output_unit: str
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
@@ -52,8 +53,6 @@ def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
 
 
 def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
-    if not unit.is_counted:
-        return UnitResult(unit.place, unit.serial, (), (), ("converter",), ("converter:not_counted",))
     found = levels_of(data, unit, settings["gate_s"])
     by_name = lines_of_levels(data, unit, found, settings)
     levels, compared = tuple(by_name.values()), tuple(compared_levels(by_name, settings))
@@ -76,7 +75,12 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
             *_flags_of_zero(of_levels),
         ),
         detail=ChannelDetail(
-            levels, compared, settings["reference_temperature_c"], settings["threshold"], settings["compare_basis"]
+            levels,
+            compared,
+            settings["reference_temperature_c"],
+            settings["threshold"],
+            settings["compare_basis"],
+            unit.output_unit,
         ),
     )
 

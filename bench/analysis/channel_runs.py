@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from bench.analysis.acquired import Acquisition, Array, Counts
+from bench.analysis.channel_means import Means, joined, means_of
 from bench.analysis.channel_temperature import ChannelRecord
-from bench.analysis.counts import mean_rate
+from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
 from bench.analysis.orientation import specific_force_g
-from bench.analysis.outputs import means_between
+from bench.analysis.outputs import Output, mean_output, means_between, measured
 from bench.analysis.rundata import RunData, UnitUnderTest
 
 LEVEL_DIGITS_G = 3  # levels closer to each other are one level
@@ -45,7 +46,10 @@ class InputLevel:
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A mean rate at rest; `problems` are those of `mean_rate`. Temperatures are means, NaN without a reading."""
+    """A mean output at rest; `problems` are those of `mean_output`. Temperatures are means, NaN without a reading.
+
+    `alone_u_pps` is what it alone tells of its standard uncertainty, `step_u_pps` what steps of codes hide from it.
+    """
 
     step: str
     middle_s: float
@@ -53,6 +57,8 @@ class Point:
     rate_pps: float
     converter_c: float
     problems: tuple[str, ...]
+    alone_u_pps: float
+    step_u_pps: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +69,7 @@ class LevelData:
     """
 
     level: InputLevel
-    record: ChannelRecord
+    record: ChannelRecord | Means
     points: tuple[Point, ...]
     steps: tuple[str, ...]
     ends_c: tuple[tuple[float, float], ...]
@@ -94,7 +100,7 @@ def _level_data(unit: UnitUnderTest, members: list[tuple[InputLevel, Acquisition
     ramps = [acquisition for _, acquisition in members if _is_ramp(acquisition)]
     return LevelData(
         level=members[0][0],
-        record=_joined([read_out(acquisition, unit, gate_s) for acquisition in ramps]),
+        record=_record(ramps, unit, gate_s),
         points=tuple(_point(acquisition, unit) for _, acquisition in members if not _is_ramp(acquisition)),
         steps=tuple(acquisition.step for acquisition in ramps),
         ends_c=tuple((acquisition.set_from_c, acquisition.set_c) for acquisition in ramps),
@@ -103,6 +109,24 @@ def _level_data(unit: UnitUnderTest, members: list[tuple[InputLevel, Acquisition
 
 def _is_ramp(acquisition: Acquisition) -> bool:
     return acquisition.set_c != acquisition.set_from_c and np.isfinite(acquisition.set_from_c)
+
+
+def _record(ramps: Sequence[Acquisition], unit: UnitUnderTest, gate_s: float) -> ChannelRecord | Means:
+    if unit.is_counted:
+        return _joined([read_out(acquisition, unit, gate_s) for acquisition in ramps])
+    return joined([read_means(acquisition, unit, gate_s) for acquisition in ramps])
+
+
+def read_means(acquisition: Acquisition, unit: UnitUnderTest, gate_s: float) -> Means:
+    """Mean volts or codes over every `gate_s`, with the means of both temperatures."""
+    found = measured(acquisition, unit)
+    if isinstance(found, Counts):
+        raise TypeError("counts are read out")
+    edges_s = np.arange(acquisition.begin_s + gate_s / 2, acquisition.end_s - gate_s / 2, gate_s)
+    converter_c, accelerometer_c = (
+        _means_between(acquisition, reading, edges_s) for reading in (unit.converter, unit.temperature)
+    )
+    return means_of(found, edges_s, converter_c, accelerometer_c)
 
 
 def read_out(acquisition: Acquisition, unit: UnitUnderTest, gate_s: float) -> ChannelRecord:
@@ -136,9 +160,15 @@ def _device_s(counts: Counts) -> Array:
 
 
 def _means_around(acquisition: Acquisition, reading: str, at_s: Array, gate_s: float) -> Array:
-    if reading not in acquisition.temperatures_c or len(at_s) < 2:
+    if len(at_s) < 2:
         return np.full(len(at_s), np.nan)
     edges_s = np.concatenate(([at_s[0] - gate_s / 2], (at_s[1:] + at_s[:-1]) / 2, [at_s[-1] + gate_s / 2]))
+    return _means_between(acquisition, reading, edges_s)
+
+
+def _means_between(acquisition: Acquisition, reading: str, edges_s: Array) -> Array:
+    if reading not in acquisition.temperatures_c:
+        return np.full(max(len(edges_s) - 1, 0), np.nan)
     return means_between(acquisition.temperatures_at_s[reading], acquisition.temperatures_c[reading], edges_s)
 
 
@@ -155,13 +185,21 @@ def _columns(record: ChannelRecord) -> Mapping[str, Array]:
 
 
 def _point(acquisition: Acquisition, unit: UnitUnderTest) -> Point:
-    rate = mean_rate(acquisition.counts[unit.channel])
+    found = measured(acquisition, unit)
+    if isinstance(found, Counts):
+        rate = mean_rate(found)
+        span_s = rate.span_s
+        output = Output(rate.net_pps, RESOLUTION_COUNTS / span_s if span_s else np.nan, rate.problems)
+    else:
+        output, span_s = mean_output(acquisition, unit), acquisition.end_s - acquisition.begin_s
     temperatures_c = acquisition.temperatures_c.get(unit.converter, np.zeros(0))
     return Point(
         step=acquisition.step,
         middle_s=(acquisition.begin_s + acquisition.end_s) / 2,
-        span_s=rate.span_s,
-        rate_pps=rate.net_pps,
+        span_s=span_s,
+        rate_pps=output.value,
         converter_c=float(np.nanmean(temperatures_c)) if np.isfinite(temperatures_c).any() else float("nan"),
-        problems=rate.problems,
+        problems=output.problems,
+        alone_u_pps=output.alone_u,
+        step_u_pps=output.step_u,
     )

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.analysis.channel_temperature import Gates
+from bench.analysis.codes import by_level
 from bench.analysis.counts import RESOLUTION_COUNTS
 from bench.analysis.fit import Array, NotDetermined, fit_polynomial
 
@@ -31,6 +32,7 @@ class LineScatter:
     those of the means of the stretches from the line, none where the run is too short for stretches. `drift_h_per_c`
     and `accelerometer_per_c` are what a line over the converter's temperature gives for time (h) and for the
     accelerometer's temperature (°C): an input that drifts, or follows the chamber, changes the slope by so much.
+    `step_u_pps` is what the steps of codes hide from a mean, 0 for volts; None where pulses were counted.
     """
 
     counting_rate: float
@@ -43,10 +45,12 @@ class LineScatter:
     residuals_pps: Array
     drift_h_per_c: float
     accelerometer_per_c: float
+    step_u_pps: float | None = None
 
     def mean_u_pps(self, span_s: float) -> float:
-        """Standard uncertainty of a mean rate over `span_s`, of the count and the rest."""
-        return float(np.hypot(RESOLUTION_COUNTS / span_s, self.excess_pps * np.sqrt(self.stretch_s / span_s)))
+        """Standard uncertainty of a mean rate over `span_s`, of the count or the steps of codes, and the rest."""
+        alone_pps = RESOLUTION_COUNTS / span_s if self.step_u_pps is None else self.step_u_pps
+        return float(np.hypot(alone_pps, self.excess_pps * np.sqrt(self.stretch_s / span_s)))
 
 
 def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
@@ -61,7 +65,7 @@ def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
     line = fit_polynomial(gates.converter_c, gates.rate_pps, 1).residuals
     means, stretches_s = _stretches(smooth, gates.seconds)
     dof = STRETCHES - SMOOTH_DEGREE - 1
-    counted = float(np.mean((RESOLUTION_COUNTS / stretches_s) ** 2))
+    counted = float(np.mean((RESOLUTION_COUNTS / stretches_s) ** 2)) if gates.step_u is None else 0.0
     found = float(np.sum(means**2)) / dof
     excess_pps = np.sqrt(max(found - counted, 0.0))
     slope_means, rate_means = (_sums(gain) for gain in (slope_gain, rate_gain))
@@ -77,11 +81,19 @@ def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
         residuals_pps=_stretches(line, gates.seconds)[0],
         drift_h_per_c=float(slope_gain @ gates.time_s) / 3600.0,
         accelerometer_per_c=float(slope_gain @ accelerometer_c),
+        step_u_pps=None if gates.step_u is None else float(np.mean(gates.step_u)),
     )
 
 
 def _counting(gain: Array, gates: Gates) -> float:
-    """What the latches leave uncounted, in a sum of gates with these gains; gates side by side share a latch."""
+    """What the latches leave uncounted, in a sum of gates with these gains; gates side by side share a latch.
+
+    Or it is what the steps of codes hide: gates whose means are on one step err alike.
+    """
+    if gates.step_u is not None:
+        largest = float(np.max(gates.step_u, initial=0.0)) * np.sqrt(12)
+        on_step = np.round(gates.rate_pps / largest) if largest else gates.time_s
+        return float(np.linalg.norm(by_level(gain, gates.step_u, on_step)))
     per_count = gain / gates.seconds
     end_s, begin_s = gates.time_s + gates.seconds / 2, gates.time_s - gates.seconds / 2
     shared = np.abs(begin_s[1:] - end_s[:-1]) < SAME_LATCH_S

@@ -1,13 +1,14 @@
 """One run of an accelerometer channel over temperature: its pulse rate and how it drifts (methods.md 2.5 and 2.7).
 
 Two consecutive readings of the counters make a gate: a mean rate at a mean temperature of the converter. A straight
-line goes through the gates of a run.
+line goes through the gates of a run. Where a converter makes volts or codes their mean stands in place of the rate, and
+what the arithmetic calls pps is in V or codes.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +75,9 @@ class ChannelRules:
 class Gates:
     """What lies between two consecutive readings, all arrays (n,).
 
-    Its middle and its length in time, the pulses on either line, and the means of both temperatures.
+    Its middle and its length in time, the pulses on either line, and the means of both temperatures. Of volts or codes
+    their integral over it stands in place of the pulses, and `step_u` is what steps of codes hide from each mean: 0 for
+    volts, None where pulses were counted.
     """
 
     time_s: Array
@@ -83,15 +86,22 @@ class Gates:
     negative: Array
     converter_c: Array
     accelerometer_c: Array
+    step_u: Array | None = None
 
     @property
     def rate_pps(self) -> Array:
-        """Net pulses in a second."""
+        """Net pulses in a second, or the mean of volts or codes."""
         return (self.positive - self.negative) / self.seconds
 
     def rows(self, which: NDArray[np.bool_]) -> Gates:
         """A part of the gates, by a mask."""
-        return Gates(**{column.name: getattr(self, column.name)[which] for column in fields(self)})
+        columns = {column.name: getattr(self, column.name) for column in fields(self)}
+        return replace(self, **{name: values[which] for name, values in columns.items() if values is not None})
+
+    @property
+    def resolution_pps(self) -> Array:
+        """What a mean rate alone does not resolve, for what it is counted with or for the steps of codes."""
+        return RESOLUTION_COUNTS / self.seconds if self.step_u is None else self.step_u
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,11 +153,17 @@ def reduce_run(record: ChannelRecord, rules: ChannelRules) -> ChannelRun:
     excluded: Counter[str] = Counter()
     readings, scheduled = _good_readings(record, rules, excluded)
     gates = _good_gates(_gates(readings, rules.counter_bits), rules, excluded)
+    return run_through(gates, rules, excluded, scheduled, ramp_rate(readings.time_s, readings.converter_c))
+
+
+def run_through(
+    gates: Gates, rules: ChannelRules, excluded: Counter[str], scheduled: int, ramp_c_per_h: float
+) -> ChannelRun:
+    """The line through good gates, of which so many were scheduled; what was left out is counted by reason."""
     line, kept = _line(gates.converter_c - rules.reference_c, gates, rules.outlier_sigmas)
     excluded["outlier"] = int(np.sum(~kept))
     used, temperature_c = int(np.sum(kept)), gates.converter_c[kept]
     span_c = float(np.ptp(temperature_c)) if used else np.nan
-    ramp_c_per_h = _ramp_c_per_h(readings.time_s, readings.converter_c)
     shortage = _shortage(used, scheduled, excluded["outlier"])
     raised = {
         NARROW: span_c < rules.min_span_c,
@@ -216,7 +232,7 @@ def _good_gates(gates: Gates, rules: ChannelRules, excluded: Counter[str]) -> Ga
         "impossible_rate": pulses > possible + 1,
         "saturated": pulses >= possible - 1,
         "stuck": _stuck(gates),
-        "accelerometer_temperature": _away(gates, rules),
+        "accelerometer_temperature": away_from_thermostat(gates, rules),
     }
     good = np.ones(len(gates.seconds), dtype=np.bool_)
     if np.isinf(rules.longest_gate_s):
@@ -235,7 +251,7 @@ def _stuck(gates: Gates) -> NDArray[np.bool_]:
     return ~pulsing & (gates.seconds * usual_pps > STANDSTILL_PERIODS)
 
 
-def _away(gates: Gates, rules: ChannelRules) -> NDArray[np.bool_]:
+def away_from_thermostat(gates: Gates, rules: ChannelRules) -> NDArray[np.bool_]:
     """Whether the accelerometer was not at its temperature."""
     if rules.accelerometer_c is None:
         return np.zeros(len(gates.seconds), dtype=np.bool_)
@@ -253,13 +269,13 @@ def _line(away_c: Array, gates: Gates, sigmas: float) -> tuple[PolynomialFit | N
         return None, kept
     design = np.stack([np.ones_like(away_c), away_c - np.mean(away_c)], axis=-1)
     try:
-        kept = reject_outliers(design, gates.rate_pps, sigmas=sigmas, resolution=RESOLUTION_COUNTS / gates.seconds).kept
+        kept = reject_outliers(design, gates.rate_pps, sigmas=sigmas, resolution=gates.resolution_pps).kept
         return fit_polynomial(away_c[kept], gates.rate_pps[kept], 1), kept
     except NotDetermined:
         return None, kept
 
 
-def _ramp_c_per_h(time_s: Array, temperature_c: Array) -> float:
+def ramp_rate(time_s: Array, temperature_c: Array) -> float:
     """The usual rate of temperature, by the median over stretches of a tenth of the run; NaN without a stretch.
 
     The median passes over soaks at the ends, and a run up and down again has the rate of its two ramps.

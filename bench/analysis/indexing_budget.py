@@ -18,12 +18,12 @@ from bench.analysis.codes import by_position
 from bench.analysis.finding import BudgetLine, combined
 from bench.analysis.fit import Array
 from bench.analysis.indexing_readings import IndexingReading
+from bench.analysis.instrument import STEPS, instrument_u, shared_as
 from bench.analysis.propagation import Estimate
 from bench.analysis.rundata import UnitUnderTest
 
 SCATTER = "readings: scatter"
 REPEATABILITY = "head: repeatability"
-STEPS = ": steps of the codes"
 
 
 @dataclass(frozen=True)
@@ -62,17 +62,11 @@ class IndexingBudget:
         }
 
     def _instrument(self, gain: Array, values: Array, head_rad: Array) -> Mapping[str, Array]:
-        scaled, meter = float(gain @ values), self.unit.voltmeter
         if self.unit.telemetry is not None:
             step_u = np.array([each.step_u for each in self.readings])
             return {f"{self.unit.telemetry}{STEPS}": by_position(gain, step_u, head_rad)}
-        if meter is None:
-            return {"counter: time base": np.array([scaled * self.bench.time_base_u])}
-        gain_u, offset_u = self.bench.voltmeters_u.get(meter, (0.0, 0.0))
-        return {
-            f"{meter}: gain": np.array([scaled * gain_u]),
-            f"{meter}: offset": np.array([float(gain.sum()) * offset_u]),
-        }
+        found = instrument_u(self.unit, self.bench, float(gain @ values), float(gain.sum()))
+        return {source: np.array([u]) for source, u in found.items()}
 
     def lines(self, result: Estimate, without: Sequence[str] = ()) -> tuple[BudgetLine, ...]:
         """The budget of a result; `without` the sources that make what it is of, not an error of it."""
@@ -86,7 +80,7 @@ class IndexingBudget:
         if source == SCATTER:
             return BudgetLine(source, "A", u, self.dof or None)
         alone = source == REPEATABILITY or source.endswith(STEPS)
-        shared = None if alone else source.replace(": ", ".").replace(" ", "_")
+        shared = None if alone else shared_as(source)
         return BudgetLine(source, "B", u, None, shared)
 
     def correlation(self, results: Sequence[Estimate]) -> tuple[tuple[float, ...], ...]:

@@ -57,13 +57,14 @@ def mean_output(acquisition: Acquisition, unit: UnitUnderTest) -> Output:
     span_s = acquisition.end_s - acquisition.begin_s
     if acquisition.over_s is not None:
         found, span_s = _last(found, acquisition.over_s), acquisition.over_s
-    output = _mean(found, span_s)
+    output = mean_of(found, span_s)
     if acquisition.stable is None or unit.place in acquisition.stable:
         return output
     return replace(output, problems=(*output.problems, "unstable"))
 
 
-def _mean(found: Measured, span_s: float) -> Output:
+def mean_of(found: Measured, span_s: float) -> Output:
+    """The mean of what was measured over a time; problems as in `mean_output`."""
     match found:
         case Counts():
             return _mean_rate(found, span_s)

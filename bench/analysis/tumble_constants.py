@@ -13,6 +13,7 @@ from bench.analysis.codes import by_position
 from bench.analysis.dwells import Dwell
 from bench.analysis.finding import BudgetLine, Finding
 from bench.analysis.fit import PolynomialFit
+from bench.analysis.instrument import STEPS, instrument_u, shared_as
 from bench.analysis.tumble_unit import TumbleUnit, type_b
 
 NAMES = {
@@ -114,17 +115,12 @@ class TumbleConstants:
 
         A unit that sends its output has no instrument but itself, only the steps of its codes.
         """
-        scaled, meter = abs(float(gain @ dwell.readings)), self.of.unit.voltmeter
-        if self.of.unit.telemetry is not None:
+        unit = self.of.unit
+        if unit.telemetry is not None:
             hidden = np.linalg.norm(by_position(gain, dwell.step_u, dwell.head_rad))
-            return [type_b(f"{self.of.unit.telemetry}: steps of the codes", hidden, None)]
-        if meter is None:
-            return [type_b("counter: time base", scaled * self.of.bench.time_base_u, "counter.time_base")]
-        gain_u, offset_u_v = self.of.bench.voltmeters_u.get(meter, (0.0, 0.0))
-        return [
-            type_b(f"{meter}: gain", scaled * gain_u, f"{meter}.gain"),
-            type_b(f"{meter}: offset", abs(float(gain.sum())) * offset_u_v, f"{meter}.offset"),
-        ]
+            return [type_b(f"{unit.telemetry}{STEPS}", hidden, None)]
+        found = instrument_u(unit, self.of.bench, abs(float(gain @ dwell.readings)), abs(float(gain.sum())))
+        return [type_b(source, u, shared_as(source)) for source, u in found.items()]
 
 
 def _tail(dwell: Dwell) -> str:

@@ -14,6 +14,7 @@ from bench.config.fixture import DIRECTIONS, FixtureEntry, Vector
 from bench.config.interlocks import InterlockEntry
 from bench.config.places import PlaceEntry
 from bench.config.simulation import Simulation
+from drivers.can_counter.description import CounterOptions
 from drivers.can_telemetry.description import SampleOptions, TelemetryOptions
 from drivers.corrections import TemperatureTable
 from drivers.fields import (
@@ -222,6 +223,15 @@ class BenchFile(StrictModel):
             if wanted & set(getattr(device.options, "channels", {}))
             and (entry.channels or isinstance(device.options, TelemetryOptions) == (entry.telemetry is not None))
         )
+
+    def measured_by(self, place: str) -> str:
+        """The device that measures the output of the unit in a place."""
+        entry = self.places[place]
+        if entry.voltmeter is not None:
+            return entry.voltmeter
+        by, channel = (TelemetryOptions, entry.telemetry) if entry.telemetry else (CounterOptions, entry.channel)
+        options = {role: each.options for role, each in self.devices.items()}
+        return next(role for role, each in options.items() if isinstance(each, by) and channel in each.channels)
 
     def past_due(self, day: dt.date) -> dict[str, dt.date]:
         """The devices and readings whose calibration is not valid any more on a day, each with when it was due."""

@@ -11,10 +11,11 @@ from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
 from bench.analysis.limits import judge
 from bench.config.models import BenchFile
 from bench.engine.monitor import Monitor
+from bench.engine.recording import output_of
 from bench.errors import StepError
 from bench.sequence.limits import limits_in
 from bench.sequence.measuring import Measure, Tare
-from bench.sequence.readings import PULSE_RATE, is_pulse_rate
+from bench.sequence.readings import BY_NOMINAL, PULSE_RATE, is_pulse_rate, measured_place
 from bench.store.counts import CountDecoder
 from drivers.can_counter.description import CounterOptions
 from drivers.capabilities import PulseCounter
@@ -58,6 +59,8 @@ async def tare(step: Tare, step_id: str, bench: Bench) -> Mapping[str, Any]:
 
 async def _value(name: str, duration_s: float | None, step_id: str, bench: Bench) -> tuple[float, float | None, str]:
     """A reading's mean over a time or its newest value, its standard uncertainty where it is known, and its unit."""
+    if (place := measured_place(name, bench.file)) is not None:
+        return *await _output_in_g(place, duration_s or 0.0, step_id, bench), BY_NOMINAL
     if is_pulse_rate(name, bench.file):
         return *await _pulse_rate(name, duration_s or 0.0, step_id, bench), PULSE_RATE
     unit = bench.monitor.unit_of(name)
@@ -88,6 +91,19 @@ def _uncertainty(name: str, value: float, scatter: float, file: BenchFile) -> fl
         return None
     certificate = entry.calibration
     return math.hypot(scatter, certificate.U.offset / certificate.k, certificate.U.gain * value / certificate.k)
+
+
+async def _output_in_g(place: str, duration_s: float, step_id: str, bench: Bench) -> tuple[float, float | None]:
+    """The mean output of a unit over a time, in g by what it is made to be; its zero is in it."""
+    found, per_g = await output_of(place, duration_s, step_id, bench), bench.file.nominal_per_g(place)
+    if per_g is None:
+        raise StepError(f"the bench file does not say what 1 g makes of the output of the unit in place {place}")
+    if math.isnan(found.value):
+        raise StepError(
+            f"the output of the unit in place {place}: too little came in {duration_s:g} s; measure longer, or check "
+            f"{bench.file.measured_by(place)}"
+        )
+    return found.value / per_g, math.hypot(found.alone_u, found.step_u) / abs(per_g)
 
 
 async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) -> tuple[float, float | None]:

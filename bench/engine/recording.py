@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Awaitable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from bench.analysis.outputs import STABLE_PART_S, steadiness
+from bench.analysis.outputs import STABLE_PART_S, Output, mean_of, steadiness
 from bench.engine.outputs import Keeper, Watched, taken_in
 from bench.errors import StepError
 from bench.sequence.measuring import Acquire, Stable
@@ -22,6 +23,7 @@ if TYPE_CHECKING:  # which calls the functions here
 
 WATCHED_BLOCK_S = 1.0  # how fresh frames are whose steadiness is looked at
 TURN_LOOK_S = 0.02  # how closely the end of the last turn is looked for
+NOTHING = Output(math.nan, math.nan, ("missing",))
 
 
 async def acquire(step: Acquire, step_id: str, bench: Bench) -> Mapping[str, Any]:
@@ -49,6 +51,15 @@ async def acquire_during(
     block_s = WATCHED_BLOCK_S if watched is not None else None
     await taken_in(bench.file.acquired_from(step.role), bench.rig, keepers, end, block_s)
     return {"label": step.label, "begin_s": began_s, "end_s": asyncio.get_running_loop().time()}
+
+
+async def output_of(place: str, duration_s: float, step_id: str, bench: Bench) -> Output:
+    """The mean output of the unit in a place over a time; what it is taken from is kept with the step."""
+    watched = Watched(bench.file, math.inf)
+    keepers: list[Keeper] = [_Recorded(bench.writer, step_id), watched]
+    await taken_in((bench.file.measured_by(place),), bench.rig, keepers, asyncio.sleep(duration_s), WATCHED_BLOCK_S)
+    found = watched.measured(place)
+    return mean_of(found, duration_s) if found is not None else NOTHING
 
 
 @dataclass(frozen=True, slots=True)

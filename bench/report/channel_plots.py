@@ -40,15 +40,16 @@ def channel_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
 
 
 def _decisions(unit: UnitResult, detail: ChannelDetail) -> Sheet:
-    allowed = f"{detail.threshold * 100:g}"
+    allowed, per_c = f"{detail.threshold * 100:g}", f"{detail.output_unit}/°C"
     told = (
-        tr("Slopes in pulse/s/°C, as they are, decide; they may deviate by {threshold} %.", threshold=allowed)
+        tr("Slopes in {unit}, as they are, decide; they may deviate by {threshold} %.", unit=per_c, threshold=allowed)
         if detail.basis == "raw"
-        else tr("Slopes relative to the rate decide; they may deviate by {threshold} %.", threshold=allowed)
+        else tr("Slopes relative to the output decide; they may deviate by {threshold} %.", threshold=allowed)
     )
     why = tr(
-        "A drift in proportion to the level makes slopes in pulse/s/°C follow the level, and leaves those relative to "
-        "the rate alike; a drift that is the same at all levels does the opposite."
+        "A drift in proportion to the level makes slopes in {unit} follow the level, and leaves those relative to the "
+        "output alike; a drift that is the same at all levels does the opposite.",
+        unit=per_c,
     )
     each_in_words = " ".join(f"{each.level.name}: {'; '.join(_in_words(each, detail))}." for each in detail.compared)
     return Sheet(
@@ -79,7 +80,9 @@ def _in_words(each: Compared, detail: ChannelDetail) -> Iterator[str]:
     found = each.comparison
     match found.decision:
         case "share":
-            yield tr("one model serves both: the slope of {reference}, at its own rate", reference=each.reference.name)
+            yield tr(
+                "one model serves both: the slope of {reference}, with its own output", reference=each.reference.name
+            )
         case "keep":
             yield tr("keeps a model of its own")
         case "invalid":
@@ -88,7 +91,7 @@ def _in_words(each: Compared, detail: ChannelDetail) -> Iterator[str]:
     yield from (tr(remark) for remark in found.remarks)
     raw, normalised = found.raw.value <= detail.threshold, found.normalised.value <= detail.threshold
     if normalised and not raw:
-        yield tr("its slope is another one because its level is; relative to the rate the drift is the same")
+        yield tr("its slope is another one because its level is; relative to the output the drift is the same")
     elif raw and not normalised:
         yield tr("its slope is the same at another level: the drift is not in proportion to the input")
     if each.drifted:
@@ -112,10 +115,10 @@ def _over_temperature(levels: list[Level], detail: ChannelDetail, name: str) -> 
         above.plot(ends_c, line, color=colour, linewidth=0.8)
         below.plot(temperature_c, residual, "o-", color=colour, markersize=3, linewidth=0.6)
     at = f"{detail.reference_c:g} °C"
-    above.set(xlabel=_converter(), ylabel=f"D / D({at}) - 1 / ppm", title=tr("Rate relative to that at {at}", at=at))
+    above.set(xlabel=_converter(), ylabel=f"D / D({at}) - 1 / ppm", title=tr("Output relative to that at {at}", at=at))
     above.legend(ncols=2)
     below.set(xlabel=_converter(), ylabel=f"{tr('residual')} / ppm", title=tr("What the straight lines leave"))
-    title = tr("Rate of the channel over the temperature of its converter")
+    title = tr("Output of the channel over the temperature of its converter")
     caption = tr(
         "Means of {count} parts of each run, and straight lines through all its read-outs. Levels whose drift is in "
         "proportion to the input lie on one line.",
@@ -153,7 +156,7 @@ def _slopes(levels: list[Level], detail: ChannelDetail, name: str) -> Plot:
             axes.annotate(decision, (number, slope), (10, 0), textcoords="offset points", va="center", fontsize=8)
     axes.set_xticks(range(len(levels)), [_label(level) for level in levels])
     axes.set_xlim(-0.5, len(levels) - 0.3)
-    title = tr("Slopes of the levels relative to their rates")
+    title = tr("Slopes of the levels relative to their outputs")
     axes.set(ylabel="κ / (ppm/°C)", title=title)
     caption = tr(
         "Bars: expanded uncertainty, k = {k}, of what the levels do not share. Grey: what a level may deviate from the "

@@ -23,10 +23,10 @@ _READINGS = {
     "no_temperature": "no temperature of the unit",
     "thermometer": "a temperature that a working thermometer cannot say",
     "no_attitude": "the unit stood in none of the 24 attitudes, or was turned about none of its axes",
-    "missing": "a counter or a thermometer gave nothing",
+    "missing": "what measures the output, or a thermometer, gave nothing",
     "saturated": "as many pulses as the converter can give: its input is beyond its range",
     "stuck": "no pulse for much longer than the other rates let expect",
-    "outlier": "a rate far from the line through the others, as where pulses are lost",
+    "outlier": "far from the line through the others, as where pulses are lost",
     "accelerometer_temperature": "the accelerometer was not at its temperature",
 }
 _UNITS = {
@@ -85,24 +85,23 @@ _QUANTITIES = {
     ),
     "no_points": "no two points at rest tell how its input drifted.",
     "slope_follows_level": (
-        "its slope is not that of its reference, because its level is not: the drift is in proportion to the rate. "
-        "Relative to the rates the slopes agree; slopes as they are (basis raw) deviate for this reason alone, which "
+        "its slope is not that of its reference, because its level is not: the drift is in proportion to the output. "
+        "Relative to the outputs the slopes agree; slopes as they are (basis raw) deviate for this reason alone, which "
         "is no fault of the channel."
     ),
     "slope_same_at_all_levels": (
         "its slope is that of its reference, though its level is another: the drift is an offset. Relative to the "
-        "rates the slopes deviate for this reason."
+        "outputs the slopes deviate for this reason."
     ),
     "out_of_proportion": (
-        "its rate is out of proportion to that of the other levels: a wrong fixture, current or polarity, or what "
+        "its output is out of proportion to that of the other levels: a wrong fixture, current or polarity, or what "
         "feeds the converter is not what the record says."
     ),
     "drift_not_linear": (
-        "the slopes are not a part that is the same at all levels and one in proportion to the rate: the drift depends "
-        "on the level in another way."
+        "the slopes are not a part that is the same at all levels and one in proportion to the output: the drift "
+        "depends on the level in another way."
     ),
     "no_thermometer": "nothing reads its temperature.",
-    "not_counted": "the unit is read by a voltmeter or sends its output itself, and has none that counts.",
     "not_certified": "it has no certificate, so that its gain, offset and drift have no part in U.",
     "temperature_slope_unknown": "how it changes with temperature is not known, so the thermometer has no part in U.",
 }
@@ -113,7 +112,7 @@ _PARTS = {
     "leg_incomplete": "more than half of its samples could not be used.",
     "no_steps": "left out: it has no step between two readings at the position.",
     "not_one_leg": "left out: it is no leg, its set point ends where it began.",
-    "not_zero": "the source gave nothing, and the channel counted: is the accelerometer still connected?",
+    "not_zero": "the source gave nothing, and the channel put something out: is the accelerometer still connected?",
     "another_angle": "left out: the part has legs at another angle, and the method is of one.",
 }
 _ATTITUDES = {

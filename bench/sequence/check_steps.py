@@ -19,7 +19,14 @@ from bench.sequence.custom import Custom, known_steps
 from bench.sequence.limits import unit_problems
 from bench.sequence.measuring import Acquire, Measure, Tare
 from bench.sequence.orienting import Orient
-from bench.sequence.readings import is_pulse_rate, problem_with, problem_with_output, unit_of, units_at
+from bench.sequence.readings import (
+    is_pulse_rate,
+    measured_place,
+    problem_with,
+    problem_with_output,
+    unit_of,
+    units_at,
+)
 from bench.sequence.step_fields import is_known
 from bench.sequence.steps import NEEDS, Step, verb_of
 from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
@@ -139,6 +146,8 @@ def limit_problems(  # noqa: C901  one case for each kind of step
         case WaitUntil() if step.steady is not None:
             yield from steady_problems(step.steady, units_at(step.reading, bench), bench)
         case WaitUntil():
+            if measured_place(step.reading, bench) is not None:
+                yield "wait_until", f"{step.reading} is measured only when a step does so: use measure"
             for key, bound in (("above", step.above), ("below", step.below)):
                 if bound is not None and is_known(bound):
                     yield from _in_unit(key, bound, unit_of(step.reading, bench))
@@ -259,6 +268,8 @@ def _measure(step: Measure, bench: BenchFile) -> Found:
     unit = unit_of(step.reading, bench)
     if step.duration_s is None and is_pulse_rate(step.reading, bench):
         yield "measure", "a pulse rate is counted over a time: give 'for'"
+    if step.duration_s is None and measured_place(step.reading, bench) is not None:
+        yield "measure", "the output of a unit is measured over a time: give 'for'"
     if step.limits is not None and unit is not None:
         for _, problem in unit_problems(step.limits, unit):
             yield "limits", problem

@@ -51,17 +51,10 @@ def _plugs(planned: PlannedStep) -> str | None:
 
 
 def no_converter(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A channel over the temperature of its converter, on a bench that does not count it or know its temperature."""
+    """A channel over the temperature of its converter, on a bench that does not know that."""
     for place, _, _ in _channels(plan):
         for name, unit in bench.places.items():
-            if not unit.is_counted:
-                by = "read by a voltmeter" if unit.telemetry is None else "heard by telemetry"
-                yield (
-                    (*place, "method"),
-                    f"the unit in place '{name}' is {by}, and has no converter that counts",
-                    "Use a bench where a counter counts it",
-                )
-            elif unit.converter_temperature is None:
+            if unit.converter_temperature is None:
                 yield (
                     (*place, "method"),
                     f"the bench does not say what reads the temperature of the converter in place '{name}'",

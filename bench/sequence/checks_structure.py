@@ -11,7 +11,7 @@ from bench.sequence.expressions import ValueProblem, names_in
 from bench.sequence.measuring import Acquire
 from bench.sequence.orienting import Orient
 from bench.sequence.plan import PHASES, Branches, Nodes, Plan, PlannedStep, leaves, within
-from bench.sequence.readings import is_pulse_rate
+from bench.sequence.readings import is_pulse_rate, measured_place
 from bench.sequence.remarks import Found
 from bench.sequence.values import holds_expression, value_of
 from bench.sequence.waits import WaitUntil
@@ -58,6 +58,8 @@ def _used(nodes: Nodes, bench: BenchFile) -> dict[str, PlannedStep]:
             used = {**dict.fromkeys(bench.acquired_from(reading.partition(".")[0]), planned), **used}
         elif is_pulse_rate(reading, bench) or reading in bench.devices:
             used.setdefault(reading.partition(".")[0], planned)
+        if (place := measured_place(reading, bench)) is not None:
+            used.setdefault(bench.measured_by(place), planned)
     return used
 
 

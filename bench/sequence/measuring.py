@@ -73,9 +73,10 @@ class Acquire(StepBase):
 class Measure(StepBase):
     """Takes one value: the newest of a reading, or its mean over a time; within limits it passes, else it fails.
 
-    A reading is a named one, DEVICE.CHANNEL, or the pulse rate of a counter's channel, which needs a time. `as` is the
-    name that expressions in later steps know it by. With `net`, what the last `tare` found is taken off. What was read
-    before the step is not taken.
+    A reading is a named one, DEVICE.CHANNEL, or the pulse rate of a counter's channel, which needs a time. So does
+    OUTPUT.PLACE, where OUTPUT is a need of kind output: that of the unit in a place, whatever measures it, in g by what
+    the unit is made to be. `as` is the name that expressions in later steps know it by. With `net`, what the last
+    `tare` found is taken off. What was read before the step is not taken.
     """
 
     reading: ReadingName = Field(alias="measure")

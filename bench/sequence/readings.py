@@ -1,4 +1,7 @@
-"""What a step that looks at a reading looks at: a named reading of the bench, a channel of a device, a pulse rate."""
+"""What a step that looks at a reading looks at: a named reading of the bench, a channel of a device, a pulse rate.
+
+Or it is the output of the unit in a place, whatever measures it: in g by what the unit is made to be.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +15,14 @@ from drivers.suggest import did_you_mean
 from drivers.units import parse_unit
 
 PULSE_RATE = "pulse/s"
+BY_NOMINAL = "g"  # the unit that an output is told in where what measures it does not matter
 
 
 def problem_with(name: str, needs: Mapping[str, str], bench: BenchFile | None) -> str:
     """Why a reading cannot be looked at; empty when it can. What the bench lacks of the needs is told with them."""
     device, dot, channel = name.partition(".")
     if needs.get(device) == OUTPUT:
-        return f"'{device}' is the output of all units; name a reading, or a channel of a device that is needed"
+        return _problem_with_unit(name, bench)
     if not dot:
         kind = needs.get(name)
         if kind is None:
@@ -31,6 +35,30 @@ def problem_with(name: str, needs: Mapping[str, str], bench: BenchFile | None) -
     if bench is None or device not in bench.devices or unit_of(name, bench) is not None:
         return ""
     return f"'{device}' has no channel '{channel}'{did_you_mean(channel, _known(device, bench))}"
+
+
+def _problem_with_unit(name: str, bench: BenchFile | None) -> str:
+    """Why the output of a unit cannot be measured by itself; empty when it can."""
+    role, dot, place = name.partition(".")
+    if not dot:
+        known = next(iter(bench.places), "PLACE") if bench is not None else "PLACE"
+        return f"'{role}' is the output of all units; name one by its place: {role}.{known}"
+    if bench is None:
+        return ""
+    if place not in bench.places:
+        return f"the bench has no place '{place}'{did_you_mean(place, bench.places)}"
+    if bench.places[place].channels is not None:
+        return f"the inertial unit in place '{place}' has several outputs; name a channel of its counter"
+    if bench.nominal_per_g(place) is None:
+        parts = " and ".join(bench.places[place].makes_output_of_g)
+        return f"places.{place} of the bench file has no nominal {parts}, by which its output is told in g"
+    return ""
+
+
+def measured_place(name: str, bench: BenchFile) -> str | None:
+    """The place whose unit's output is meant by ROLE.PLACE; None of any other reading."""
+    role, _, place = name.partition(".")
+    return place if role not in bench.devices and place in bench.places else None
 
 
 def problem_with_output(name: str, needs: Mapping[str, str], bench: BenchFile | None) -> str:
@@ -61,6 +89,8 @@ def units_at(name: str, bench: BenchFile) -> tuple[str, ...]:
 
 def unit_of(name: str, bench: BenchFile) -> str | None:
     """The unit of a reading; None when the bench has no such reading."""
+    if measured_place(name, bench) is not None:
+        return BY_NOMINAL
     name = bench.members(name)[0]
     source = bench.readings[name].from_ if name in bench.readings else name
     device, _, channel = source.partition(".")

@@ -84,7 +84,8 @@ def test_the_source_is_on_only_while_it_is_plugged_in(full):
 def test_the_report_tells_and_draws_the_levels(full):
     page = (full.path / "report.html").read_text("utf-8")
     for words in (
-        "Whether the model of one level serves another", "one model serves both: the slope of up_1g, at its own rate",
+        "Whether the model of one level serves another",
+        "one model serves both: the slope of up_1g, with its own output",
         "temperature of the converter / °C", "D = D_ref", "src_12g (12 g)",
     ):  # fmt: skip
         assert words in page
@@ -107,13 +108,13 @@ def test_a_source_that_tells_no_on_time_is_waited_for_and_that_is_noted(tmp_path
     )
     with pytest.raises(InputError, match="'source' has no channel 'on_time'"):
         ran(tmp_path / "asked", "channel_source", SOURCE, *keithley)
-    waits = (*SHORT, "source_warm_up=20 min", "levels=[1 g]", "source_tells=nothing", "zero_within=1 pulse/s")
+    waits = (*SHORT, "source_warm_up=20 min", "levels=[1 g]", "source_tells=nothing", "zero_within=0.1 mg")
     result = ran(tmp_path, "channel_source", waits, *keithley)
     (note,) = [event for event in events(result) if "note" in event.data]
     assert note.data["note"] == "The source does not tell for how long it is on; 1200 s are waited."
     begun = {event.step: event.at_s for event in events(result, "step_begins")}
     assert begun["setup/measure"] - note.at_s > 1199
-    assert result.outcome.how == "failed", "the zero of 2 pulse/s is above the 1 pulse/s asked for"
+    assert result.outcome.how == "failed", "the zero of 2 pulse/s, 0.18 mg, is above the 0.1 mg asked for"
 
 
 def test_an_accelerometer_whose_thermostat_is_beaten_by_the_heat_ends_the_run(tmp_path):

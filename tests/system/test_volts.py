@@ -82,9 +82,18 @@ def test_limits_are_in_the_unit_that_the_bench_measures(tmp_path):
         assert f"expected a quantity in {unit}" in problem
 
 
-def test_the_output_of_the_units_is_acquired_and_not_read(tmp_path):
-    body = steps("{measure: output, for: 5 s, as: u}", "{measure: output.voltage, for: 5 s, as: v}")
+def test_the_output_of_one_unit_is_measured_in_g_for_a_time(tmp_path):
+    good = steps("{measure: output.a, for: 5 s, as: u, limits: {min: 0.1 g}}")
+    plan_of(tmp_path, good, tail=TAIL, bench=VOLTS)
+    body = steps(
+        "{measure: output, for: 5 s, as: u}", "{measure: output.b, for: 5 s, as: v}", "{measure: output.a, as: w}",
+        "{measure: output.a, for: 5 s, as: x, limits: {min: 1 V}}",
+        "{wait_until: output.a, above: 0.5 g, give_up_after: 1 min}",
+    )  # fmt: skip
     assert problems_of(tmp_path, body, tail=TAIL, bench=VOLTS) == [
-        f"{line}:6: 'output' is the output of all units; name a reading, or a channel of a device that is needed"
-        for line in (2, 3)
+        "2:6: 'output' is the output of all units; name one by its place: output.a",
+        "3:6: the bench has no place 'b'; expected a",
+        "4:6: measure: the output of a unit is measured over a time: give 'for' (step steps/measure#3)",
+        "5:42: limits: min: is in V, expected a quantity in g (step steps/measure#4)",
+        "6:6: wait_until: output.a is measured only when a step does so: use measure (step steps/wait_until)",
     ]

@@ -61,7 +61,7 @@ def true_line(truth: dict, finding: dict) -> Line:
     label, place = finding["id"].split("/")[:2]
     levels = [truth["levels"][f"{label}/{place}@{step}"] for step in finding["steps"]]
     temperature_c = np.concatenate([level["temperature_c"] for level in levels])
-    rate_pps = np.concatenate([level["rate_pps"] for level in levels])
+    rate_pps = np.concatenate([level.get("rate_pps", level.get("output")) for level in levels])
     slope, rate = np.polyfit(temperature_c - REFERENCE_C, rate_pps, 1)
     stated = finding["at"].get("current_a", levels[0]["input_a"]) / levels[0]["input_a"]
     return float(rate * stated), float(slope * stated)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from bench.sequence.methods import MethodDescription
+from bench.sequence.methods import OUTPUT, MethodDescription
 from drivers.fields import Celsius, InUnit, PositiveCelsius, PositiveSeconds, Ratio, StrictModel
 
 
@@ -17,7 +17,7 @@ class ChannelSettings(StrictModel):
         description="the deviation of a slope up to which one model serves both levels, such as 5 %"
     )
     compare_basis: Literal["normalised", "raw"] = Field(
-        "normalised", description="which slopes decide: relative to the rate, or as they are in pulse/s/°C"
+        "normalised", description="which slopes decide: relative to the rate, or as they are"
     )
     reference_policy: Literal["claim", "embodiment"] = Field(
         "claim", description="what source runs are compared with: up_1g, or src_1g, which itself is with up_1g"
@@ -53,16 +53,16 @@ CHANNEL_TEMPERATURE = MethodDescription(
     target="bench.analysis.channel_method:reduce",
     settings=ChannelSettings,
     quantities={
-        "rate": "pulse/s",
-        "rate/temperature_coefficient": "pulse/s/°C",
+        "rate": OUTPUT,
+        "rate/temperature_coefficient": f"{OUTPUT}/°C",
         "rate/relative_temperature_coefficient": "1/°C",
         "rate/model_residual": "1",
         "rate/drift": "1",
-        "zero": "pulse/s",
-        "zero/drift": "pulse/s",
+        "zero": OUTPUT,
+        "zero/drift": OUTPUT,
         "deviation/raw": "1",
         "deviation/normalised": "1",
-        "tempco_offset": "pulse/s/°C",
+        "tempco_offset": f"{OUTPUT}/°C",
         "tempco_scale": "1/°C",
     },
     counts_at="levels",
