@@ -2,34 +2,13 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
 from bench.errors import InputError
 from bench.store.reader import RunReader
-from tests.support.runs import read_json, run_short
-from tests.truth.campaign import full_bench
+from tests.support.channel import FULL, SHORT, SOURCE, findings, ran
+from tests.support.runs import read_json
 from tests.truth.channel import compare_channel
-
-SHORT = (
-    "low=20 °C", "high=29 °C", "ramp_rate=30 °C/h", "return_rate=3 °C/min", "time_constant=1 min", "point=1 min",
-)  # fmt: skip
-FULL = (*SHORT, "warm_up=30 min", "source_warm_up=10 min")
-SOURCE = (*SHORT, "source_warm_up=0 s", "levels=[1 g]")
-
-
-def ran(folder, sequence, settings, *edits, answers=None, **wishes):
-    bench = full_bench(folder / "config", "channel")
-    for name, old, new in edits:
-        path = bench.parent / name
-        text = path.read_text("utf-8")
-        assert old in text, old
-        path.write_text(text.replace(old, new), "utf-8")
-    if answers is not None:
-        wishes["answers"] = folder / "answers.yaml"
-        wishes["answers"].write_text("schema: itb-answers/1\nanswers: " + json.dumps(answers) + "\n", "utf-8")
-    return run_short(folder / "runs", bench=bench, sequence=sequence, settings=settings, **wishes)
 
 
 @pytest.fixture(scope="module")
@@ -40,10 +19,6 @@ def full(tmp_path_factory):
 def events(result, kind="step_ended"):
     with RunReader(result.path) as reader:
         return list(reader.events(kind))
-
-
-def findings(result):
-    return {each["id"].removeprefix("channel/a/"): each for each in read_json(result, "results.json")["findings"]}
 
 
 def test_all_levels_are_found_each_with_its_decision(full):
