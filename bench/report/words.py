@@ -22,6 +22,7 @@ ENDINGS = {
     ),
     "running": "It was still going on when this report was written.",
 }
+PARTS = {"rate": "output"}  # of a channel that does not pulse too
 QUANTITIES = {"K1": "K1 per local g", "K1_si": "K1 per m/s²", "K2": "K2 + asymmetry"}
 REASONS = {
     **table_words.REASONS,
@@ -62,7 +63,8 @@ def quantity_in_words(quantity: str) -> str:
 
 def quantity_text(quantity: str) -> str:
     """The same in English."""
-    return QUANTITIES.get(quantity, quantity.replace("/", ": ").replace("_", " "))
+    parts = [PARTS.get(part, part.replace("_", " ")) for part in quantity.split("/")]
+    return QUANTITIES.get(quantity, ": ".join(parts))
 
 
 def name_of(finding: Finding) -> str:
