@@ -6,16 +6,48 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated
 
+from pydantic import Field
 from pydantic_core import InitErrorDetails
 
-from drivers.dbc_outline import outline
-from drivers.fields import TextLike
+from drivers.dbc_outline import lengths_bits, outline
+from drivers.fields import InUnit, Ratio, Seconds, StrictModel, TextLike
 from drivers.suggest import did_you_mean
 from drivers.wording import problem_at
 
 IDLE_BLOCK_S = 10.0  # how long frames are left together while nobody acquires
 
 SignalName = Annotated[str, TextLike(r"\w+\.\w+", "Message.Signal, a name of the DBC")]
+
+
+class PositionOptions(StrictModel):
+    """The signals of a table's encoder, which is latched with what else the node sends; so both have one clock."""
+
+    position: SignalName = Field(description="the counts of the encoder; they wrap")
+    sequence: SignalName = Field(description="the number of the latch, or of the sample, that they belong to")
+    resolution: Annotated[float, InUnit("arcsec", above=0)] = Field(description="one count")
+
+
+class ClockUncertainty(StrictModel):
+    """What a certificate states of the clock of a node, expanded."""
+
+    time_base: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of its clock, such as 1 ppm")
+    encoder_skew: Seconds = Field(
+        0.0, description="of the time between the latch of an encoder and that of the pulses, or the end of the sample"
+    )
+
+
+def encoder_signals(positions: Mapping[str, PositionOptions]) -> dict[tuple[str | int, ...], str | None]:
+    """The signals of encoders at their places in the options."""
+    return {
+        ("positions", device, key): getattr(encoder, key)
+        for device, encoder in positions.items()
+        for key in ("position", "sequence")
+    }
+
+
+def position_bits(dbc: Path, encoder: PositionOptions) -> int | None:
+    """How many bits the position of an axis has; None when the DBC does not tell."""
+    return lengths_bits(text_of(dbc)).get(encoder.position)
 
 
 def text_of(dbc: Path) -> str:

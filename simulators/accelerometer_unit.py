@@ -179,6 +179,10 @@ class SimulatedUnit:
             current_a = self._world.source_a(self.settings.source, middle)
         return float(self.truth.volts(current_a.mean(), load_ohm, board_c))
 
+    def own_noise(self, name: str) -> Noise:
+        """Its noise as somebody else sees it, so that what others find does not depend on how often he looks."""
+        return Noise(self.truth, self._world.settings.seed, f"{self.place}/{name}")
+
     def _state(self, true_s: float, hysteresis_g: float) -> UnitState:
         drifted_g = hysteresis_g + float(self._slow_bias_g(np.array([true_s]))[0])
         return UnitState(true_s, drifted_g, self._moving_g(), self.warmth.sensor_c, self.warmth.thermometer_c)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from drivers.can_telemetry.wire import SampleFormat
 from drivers.dbc import Dbc, Field, encode_frames
+from drivers.encoder_frames import PositionFormat
 from drivers.frame_block import FrameBlock
 from simulators.can_node import TEMPERATURE_PERIOD_S, CanNode, in_order, temperature_frames
 from simulators.faults import FaultPlan
@@ -47,13 +48,26 @@ class Sender(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class EncoderSettings:
+    """The encoder of an axis that is latched with samples: its frames, and its counts in a degree."""
+
+    form: PositionFormat
+    per_deg: float
+
+
+@dataclass(frozen=True, slots=True)
 class ChannelSettings:
-    """One channel: its frames, and the place of the unit whose output it carries."""
+    """One channel: its frames, the place of the unit whose output it carries, and the encoders latched with it.
+
+    These by the devices that drive the axes; they are latched later than a sample ends by `encoder_skew_s`.
+    """
 
     form: SampleFormat
     period_s: float
     tick_period_s: float
     place: str
+    encoders: Mapping[str, EncoderSettings] = field(default_factory=dict)
+    encoder_skew_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +96,7 @@ class SimulatedTelemetry(CanNode):
         self._settings = settings
         self._restarted = False
         senders: dict[str, Sender] = {
-            name: world.units[each.place] for name, each in settings.channels.items() if each.place in world.units
+            name: world.counted[each.place] for name, each in settings.channels.items() if each.place in world.counted
         }
         for imu in world.imus.values():
             senders |= imu.channels
@@ -116,12 +130,26 @@ class SimulatedTelemetry(CanNode):
                 numbers, at_s, codes = each.samples(self._world.now(), frozen=frozen)
                 values |= each.values(numbers, codes)
             if len(numbers) and not each.unit.faults.active("silent"):
-                blocks.append(encode_frames(self._settings.dbc, self._world.host_time(at_s), {message: values}))
+                shown_s = np.full_like(at_s, at_s[0]) if frozen else at_s
+                said = {message: values}
+                for each in streams:
+                    said |= self._positions(each, numbers, shown_s)
+                blocks.append(encode_frames(self._settings.dbc, self._world.host_time(at_s), said))
                 if each.unit.place not in warmed:
                     blocks.append(self._warmth(each.unit.place, at_s[numbers % each.warmth_samples == 0]))
                     warmed.add(each.unit.place)
         if blocks:
             self._sent.append(in_order(blocks))
+
+    def _positions(self, each: _Stream, numbers: Integers, at_s: Array) -> dict[str, dict[str, Integers]]:
+        """What the encoders read that are latched with samples at the times."""
+        said = {}
+        for role, encoder in each.settings.encoders.items():
+            angle_deg = self._world.axis_of(role).encoder_angles_deg(at_s + each.settings.encoder_skew_s)
+            position, sequence = encoder.form.position, encoder.form.sequence
+            counts = np.floor(angle_deg * encoder.per_deg).astype(np.int64)
+            said[position.message.name] = {position.signal.name: counts, sequence.signal.name: numbers}
+        return said
 
     def _warmth(self, place: str, at_s: Array) -> FrameBlock:
         """What the thermometers in a unit say, once a second."""
@@ -132,7 +160,7 @@ class SimulatedTelemetry(CanNode):
         of_imu = self._settings.imu_readings.get(signal)
         if of_imu is not None:
             return self._world.imus[of_imu[0]].thermometer_c(of_imu[1], at_s)
-        return self._world.units[self._settings.readings[signal]].thermometer_c(at_s)
+        return self._world.counted[self._settings.readings[signal]].thermometer_c(at_s)
 
 
 class _Stream:

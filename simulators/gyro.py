@@ -102,6 +102,13 @@ class GyroTruth:
     delay_s: float
     counter_bits: int
     supply_a: float = 0.0
+    codes_per_pps: float = 0.0  # of one that sends none
+    zero_code: float = 0.0
+    noise_code: float = 0.0
+    code_bits: int = 24
+    clock: float = 0.0
+    amperes_per_pps: float = 0.0  # of one without an analogue output
+    zero_a: float = 0.0
 
     @property
     def dynamics(self) -> Dynamics | None:
@@ -123,6 +130,15 @@ class GyroTruth:
         by_force_dps = sum(each * force for each, force in zip(self.force_dps_per_g, force_g, strict=True))
         sensed_dps = w + self.bias_dps + self.bias_dps_per_c * t + by_force_dps + noise_dps
         return np.asarray(self.scale_ppd * (1 + self.scale_per_c * t) * bent * sensed_dps)
+
+    def codes(self, rate_pps: Array) -> Array:
+        """What its electronics make of a rate of pulses, without noise and before it is rounded."""
+        largest = 2.0 ** (self.code_bits - 1)
+        return np.clip(self.codes_per_pps * rate_pps + self.zero_code, -largest, largest - 1)
+
+    def current_a(self, rate_pps: Array) -> Array:
+        """What flows from its analogue output."""
+        return self.amperes_per_pps * rate_pps + self.zero_a
 
     def clipped_pps(self, rate_pps: Array) -> Array:
         """Pulses a second within its range, which is that of its scale at the reference temperature."""
@@ -175,3 +191,7 @@ class GyroNoise:
         """The noise as the mean of each of the consecutive intervals."""
         white = self._white.standard_normal(len(interval_s)) * (self._random_walk / np.sqrt(interval_s))
         return np.asarray(white + self._wander.at_ends(interval_s))
+
+    def pass_over(self, passed_s: float) -> None:
+        """Lets time pass in which nobody looks; the bias wanders on meanwhile."""
+        self._wander.pass_over(passed_s)

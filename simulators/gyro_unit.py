@@ -1,8 +1,10 @@
-"""A unit with one gyro in its place: its file, what its converter counts, and what the thermometer at it says."""
+"""A unit with one gyro in its place: its file, what it gives out, and what the thermometer at it says."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +14,9 @@ from drivers.fields import StrictModel
 from simulators.attitude import to_unit
 from simulators.dynamics import POINTS, Follower, look_at_s, mean_input
 from simulators.faults import OPEN_C, FaultPlan
-from simulators.gyro import GyroModel, GyroNoise, Vectors, draw_gyro
-from simulators.unit_file import SupplyModel, ThermalModel, stream
+from simulators.gyro import GyroModel, GyroNoise, GyroTruth, Vectors, draw_gyro
+from simulators.unit_file import Draw, DrawIn, SupplyModel, TelemetryModel, ThermalModel, stream
+from simulators.uut import Sent
 from simulators.warmth import Thermometer
 
 if TYPE_CHECKING:  # it is the world that makes it
@@ -21,6 +24,20 @@ if TYPE_CHECKING:  # it is the world that makes it
     from simulators.world import World
 
 Array = NDArray[np.float64]
+LOOK_S = 0.02  # how finely a mean current follows the table
+
+
+class GyroTelemetryModel(TelemetryModel):
+    """What a gyro does that sends codes: S times the rate of its pulses, a zero, and white noise on each sample."""
+
+    S: Annotated[Draw, DrawIn("code·s/pulse")]
+
+
+class CurrentModel(StrictModel):
+    """What flows from a gyro with an analogue output: S times the rate of its pulses, and a zero."""
+
+    S: Annotated[Draw, DrawIn("A·s/pulse")]
+    zero: Annotated[Draw, DrawIn("A")] = Draw(0)
 
 
 class GyroFile(StrictModel):
@@ -31,15 +48,37 @@ class GyroFile(StrictModel):
     gyro: GyroModel
     thermal: ThermalModel = ThermalModel()
     supply: SupplyModel = SupplyModel()
+    telemetry: GyroTelemetryModel | None = None
+    current: CurrentModel | None = None
+
+
+def draw_gyro_unit(file: GyroFile, seed: int, place: str) -> GyroTruth:
+    """The gyro of one run with what it does with its output: every `{mean, sd}` drawn from its own stream."""
+    truth = draw_gyro(file.gyro, seed, place, supply_a=file.supply.current)
+
+    def value(draw: Draw, *path: str) -> float:
+        return draw.value(stream(seed, "uut", place, *path))
+
+    if (sent := file.telemetry) is not None:
+        truth = replace(
+            truth, codes_per_pps=value(sent.S, "telemetry", "S"), zero_code=value(sent.zero, "telemetry", "zero"),
+            noise_code=value(sent.noise, "telemetry", "noise"), code_bits=sent.bits,
+            clock=value(sent.clock, "telemetry", "clock"),
+        )  # fmt: skip
+    if (flows := file.current) is not None:
+        truth = replace(
+            truth, amperes_per_pps=value(flows.S, "current", "S"), zero_a=value(flows.zero, "current", "zero")
+        )
+    return truth
 
 
 class SimulatedGyro:
-    """One gyro in its place, between the world and the counter."""
+    """One gyro in its place, between the world and whatever measures its output."""
 
     def __init__(self, place: str, file: GyroFile, index: int, settings: WorldSettings, world: World) -> None:
         self.place = place
         self.settings = settings.places[place]
-        self.truth = draw_gyro(file.gyro, settings.seed, place, supply_a=file.supply.current)
+        self.truth = draw_gyro_unit(file, settings.seed, place)
         self.faults = FaultPlan(self.settings.faults, world.now)
         self._index, self._world = index, world
         self._noise = GyroNoise(self.truth, settings.seed, place)
@@ -53,24 +92,56 @@ class SimulatedGyro:
         self.powered_at_s: float | None = None
 
     @property
+    def sent(self) -> Sent:
+        """How it sends codes."""
+        return Sent(self.truth.clock, self.truth.zero_code, self.truth.noise_code)
+
+    @property
     def swings(self) -> bool:
         """Whether what it senses may turn round between two latches."""
         return self._follower is not None
 
     def charge_pulses(self, edges_s: Array) -> Array:
         """Pulses that are due in each interval between the consecutive times `edges_s`."""
+        return self._mean_pps(edges_s) * np.diff(edges_s)
+
+    def mean_codes(self, edges_s: Array) -> Array:
+        """What its electronics make of the mean rate in each interval; not yet rounded."""
+        return self.truth.codes(self._mean_pps(edges_s))
+
+    def own_noise(self, name: str) -> GyroNoise:
+        """Its noise as somebody else sees it, so that what others find does not depend on how often he looks."""
+        return GyroNoise(self.truth, self._world.settings.seed, f"{self.place}/{name}")
+
+    def mean_volts(self, begin_s: float, end_s: float, noise: GyroNoise, load_ohm: float) -> float:
+        """What the current of its output makes of a load, as a mean from `begin_s` to `end_s`; 0 without power.
+
+        It follows at once: a reading is many times as long as the gyro remembers.
+        """
+        if self.powered_at_s is None:
+            return 0.0
+        edges_s = np.linspace(begin_s, end_s, 1 + math.ceil((end_s - begin_s) / LOOK_S))
+        sensed_pps = self._output_pps((edges_s[1:] + edges_s[:-1]) / 2, noise.mean_dps(np.diff(edges_s)))
+        if self.faults.active("dead"):
+            sensed_pps = np.zeros_like(sensed_pps)
+        return load_ohm * float(self.truth.current_a(self.truth.clipped_pps(sensed_pps)).mean())
+
+    def _output_pps(self, at_s: Array, noise_dps: Array) -> Array:
+        rate_dps, force_g = self._sensed(at_s)
+        return self.truth.output_pps(rate_dps, force_g, self._world.thermal.sensor_c(self._index), noise_dps)
+
+    def _mean_pps(self, edges_s: Array) -> Array:
+        """Pulses a second as means of the intervals between consecutive times."""
         interval_s = np.diff(edges_s)
         if self.powered_at_s is None:
             return np.zeros_like(interval_s)
         look_s = look_at_s(edges_s, self.truth.delay_s)
-        rate_dps, force_g = self._sensed(look_s.ravel())
         noise_dps = np.repeat(self._noise.mean_dps(interval_s), len(POINTS))
-        temperature_c = self._world.thermal.sensor_c(self._index)
-        sensed_pps = self.truth.output_pps(rate_dps, force_g, temperature_c, noise_dps).reshape(look_s.shape)
+        sensed_pps = self._output_pps(look_s.ravel(), noise_dps).reshape(look_s.shape)
         if self.faults.active("dead"):
             return np.zeros_like(interval_s)
         output_pps = self._follower.mean(sensed_pps, interval_s) if self._follower else mean_input(sensed_pps)
-        return np.asarray(self.truth.clipped_pps(output_pps) * interval_s)
+        return self.truth.clipped_pps(output_pps)
 
     def _sensed(self, at_s: Array) -> tuple[Vectors, Vectors]:
         """Rate in °/s and specific force in g, along the input, the pendulous and the output axis."""

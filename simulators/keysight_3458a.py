@@ -7,12 +7,12 @@ import re
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
 
 from drivers.keysight_3458a import wire
 from simulators.faults import FaultPlan
 from simulators.serve import Later
 from simulators.unit_file import stream
-from simulators.uut import Noise
 from simulators.world import World
 
 SYNTAX, UNDEFINED, OUT_OF_RANGE = 103, 105, 106
@@ -47,6 +47,26 @@ class VoltmeterSettings:
     noise_v: float = 0.0
 
 
+class PassingNoise(Protocol):
+    """The noise of a unit as one who looks at it now and then sees it."""
+
+    def pass_over(self, passed_s: float) -> None:
+        """Lets time pass in which nobody looks."""
+
+
+N = TypeVar("N", bound=PassingNoise)
+
+
+class AnalogueUnit(Protocol[N]):
+    """A unit whose output is a current."""
+
+    def own_noise(self, name: str) -> N:
+        """Its noise as somebody sees it."""
+
+    def mean_volts(self, begin_s: float, end_s: float, noise: N, load_ohm: float) -> float:
+        """What its current makes of a load, as a mean."""
+
+
 class Simulated3458A:
     """A voltmeter across a load that the current of the unit in a place flows through.
 
@@ -61,10 +81,9 @@ class Simulated3458A:
         self.faults = faults
         self.errors: set[int] = set()
         self._world, self._settings, self._line_hz = world, settings, line_hz
-        self._unit = world.units[settings.place]
-        seed = world.settings.seed
-        self._unit_noise, self._looked_s = Noise(self._unit.truth, seed, f"{settings.place}/{name}"), 0.0
-        self._noise = stream(seed, "noise", name, "reading")
+        self._unit: AnalogueUnit[Any] = world.counted[settings.place]
+        self._unit_noise, self._looked_s = self._unit.own_noise(name), 0.0
+        self._noise = stream(world.settings.seed, "noise", name, "reading")
         self._read_v = 0.0
         self._told: Mapping[str, Callable[[], str]] = {
             "ID?": lambda: identity,

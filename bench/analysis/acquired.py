@@ -49,8 +49,9 @@ class Counts:
 class Positions:
     """The encoder of an axis during one acquisition, a row for each latch that came whole; all (N,) and raw.
 
-    `sequence` numbers the latches as those of the counts of the same counter. `position` is in counts of
-    `resolution_deg`, wraps at 2**position_bits and may be signed.
+    `sequence` numbers the latches as those of the counts of the same counter, or as the samples of the `channel` of
+    telemetry that they are latched with. `position` is in counts of `resolution_deg`, wraps at 2**position_bits and may
+    be signed; `host_s` is as in Counts.
     """
 
     sequence: Integers
@@ -60,6 +61,8 @@ class Positions:
     position_bits: int
     tick_period_s: float
     resolution_deg: float
+    host_s: Array = field(default_factory=lambda: np.empty(0))
+    channel: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +105,8 @@ class Codes:
 
     `values` are codes, or what they are decoded to, in steps of `step`. `sequence`, `tick`, `host_s` and `lost` are as
     in Counts, by the clock of the unit; `dropped` came twice or late, `invalid` the unit marked itself. `stuck_after`
-    samples with one value are more than its noise lets be; None where nobody says.
+    samples with one value are more than its noise lets be; None where nobody says. With `averaged` a sample is the mean
+    over the time from the one before, else the output at its tick.
     """
 
     sequence: Integers
@@ -116,6 +120,7 @@ class Codes:
     dropped: int
     invalid: int
     stuck_after: int | None = None
+    averaged: bool = True
 
     def part(self, first: int) -> Codes:
         """From row `first` on; what did not come is not known of a part."""

@@ -34,6 +34,18 @@ class SourceRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class ClockRecord:
+    """What a certificate says of the clock of a node that latches an encoder, as standard uncertainties.
+
+    `skew_u_s` is that of the time from the latch of the encoder to that of the pulses, or to the end of the sample.
+    """
+
+    name: str
+    time_base_u: float
+    skew_u_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class BenchRecord:
     """What certificates and surveys say of the bench; every `u` is a standard uncertainty.
 
@@ -43,6 +55,7 @@ class BenchRecord:
     current sources that have a certificate, by their roles. `orthogonality_u_deg` is of each axis against the one that
     carries it, in two directions. `host_clock_u` is that of a second of the host, 0 where nobody states it.
     `encoder_skew_u_s` is that of the time between an encoder's latch and the pulses'.
+    `telemetry` is the clock of what units send, None where no encoder is latched with that.
     """
 
     gravity_mps2: float
@@ -61,6 +74,13 @@ class BenchRecord:
     sources: Mapping[str, SourceRecord] = field(default_factory=dict)
     encoder_skew_u_s: float = 0.0
     host_clock_u: float = 0.0
+    telemetry: ClockRecord | None = None
+
+    def clock(self, *, sent: bool) -> ClockRecord:
+        """The clock that a table is measured with: that of a unit which has `sent` its output, or the counter's."""
+        if sent and self.telemetry is not None:
+            return self.telemetry
+        return ClockRecord("counter", self.time_base_u, self.encoder_skew_u_s)
 
     def thermometer_u(self, name: str) -> tuple[float, float]:
         """Offset (°C) and gain of the thermometer behind a reading; zeros without a certificate."""

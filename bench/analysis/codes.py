@@ -13,6 +13,8 @@ from bench.analysis.counts import LEAST_SHARE, is_irregular, steps_of
 FEWEST_CODES = 2  # which a scatter needs
 DITHERED_STEPS = 0.55  # scatter from which on it is no toggling between two codes, which has at most 0.5
 HARMONICS = 5
+HARMONICS_OF_SWINGS = 20
+LARGEST_J1 = 0.582
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,11 +85,15 @@ def sampled_at_s(codes: Codes) -> Array:
     """
     if len(codes.tick) < 2 or begins_anew(codes):
         return codes.host_s
-    device_s = np.concatenate(([0.0], np.cumsum(_device_steps_s(codes))))
-    since_s = codes.host_s - codes.host_s[0]
+    return on_the_host_clock(np.concatenate(([0.0], np.cumsum(_device_steps_s(codes)))), codes.host_s)
+
+
+def on_the_host_clock(device_s: Array, host_s: Array) -> Array:
+    """Times of a device's clock (n,) by the straight line through the arrivals (n,) of what it said then."""
+    since_s = host_s - host_s[0]
     away_s = device_s - device_s.mean()
     slope = float(away_s @ since_s / (away_s @ away_s))
-    return np.asarray(codes.host_s[0] + since_s.mean() + slope * away_s)
+    return np.asarray(host_s[0] + since_s.mean() + slope * away_s)
 
 
 def stuck(codes: Codes) -> NDArray[np.bool_]:
@@ -111,6 +117,22 @@ def hidden_by_steps(sd: float, step: float) -> float:
     noise2 = (sd / step) ** 2 - 1 / 12  # the rounding scatters too
     k = np.arange(1, HARMONICS + 1)
     return step * float(np.sqrt(np.sum((np.exp(-2 * np.pi**2 * k**2 * noise2) / (np.pi * k)) ** 2 / 2)))
+
+
+def hidden_from_a_swing(amplitude: Array, sd: float, step: float) -> Array:
+    """The standard uncertainties (m,) that steps of codes give to sines of these amplitudes in samples.
+
+    As in `hidden_by_steps`, whose sawtooth a swing goes through: of its harmonic k it brings 2 J1(2π k A/q) to its own
+    frequency, at most and on average 1/√(π z) for J1(z). `sd` is that of the samples beside the sine. Without noise
+    that is about 0.02 of a step for a sine of 30 steps.
+    """
+    if not step:
+        return np.zeros_like(amplitude)
+    noise2 = max((sd / step) ** 2 - 1 / 12, 0.0)
+    k = np.arange(1, HARMONICS_OF_SWINGS + 1)
+    sawtooth = step / (np.pi * k) * np.exp(-2 * np.pi**2 * k**2 * noise2)
+    bessel2 = np.minimum(1 / (np.pi * np.maximum(2 * np.pi * np.outer(amplitude / step, k), 1e-9)), LARGEST_J1**2)
+    return np.asarray(np.sqrt(np.sum(2 * sawtooth**2 * bessel2, axis=1)))
 
 
 def by_position(gain: Array, step_u: Array, angle_rad: Array) -> Array:

@@ -32,12 +32,12 @@ def without_play(samples: TableSamples, nominal_hz: float, play_pulses: float) -
         return samples
     try:
         frequency_hz = find_frequency(samples.time_s, samples.angle_deg, nominal_hz)
-        behind = np.zeros_like(samples.pulses)
+        behind = np.zeros_like(samples.total)
         for _ in range(TURNS):
-            behind = _behind(samples.time_s, samples.pulses - behind, frequency_hz, play_pulses / 2)
+            behind = _behind(samples.time_s, samples.total - behind, frequency_hz, play_pulses / 2)
     except NotDetermined:
         return samples
-    return replace(samples, pulses=samples.pulses - behind, at_turns=AT_TURNS)
+    return replace(samples, total=samples.total - behind, at_turns=AT_TURNS)
 
 
 def _behind(time_s: Array, pulses: Array, frequency_hz: float, half: float) -> Array:

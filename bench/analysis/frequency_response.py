@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from itertools import compress
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.analysis.fit import Array, NotDetermined
 from bench.analysis.sine_fit import SineFit, find_frequency, fit_sine
@@ -116,31 +115,17 @@ def gyro_response(record: TableRecord, *, settle_s: float = 0.0, to_lowest: bool
     return frequency_response(points, remarks, to_lowest=to_lowest)
 
 
-def gyro_point(block: Block, nominal_hz: float, remarks: Remarks, *, integrated: bool = False) -> SweepPoint | None:
-    """The response at one frequency, None where the block tells none; angles in degrees.
-
-    An output is that at its time in deg/s, or, `integrated`, what it has summed up to by then in degrees.
-    """
+def gyro_point(block: Block, nominal_hz: float, remarks: Remarks) -> SweepPoint | None:
+    """The response at one frequency, None where the block tells none; angles in degrees, outputs in deg/s."""
     swing = swing_of_angle(block, nominal_hz, remarks)
     gyro = fit_output(block, swing, remarks) if swing else None
     if not swing or not gyro:
         return None
-    kept = complex(integration(np.array([swing.frequency_hz]))[0]) if integrated else 1.0
+    kept = complex(block.kept(np.array([swing.frequency_hz]))[0])
     response = complex(gyro.phasors[0] / kept / swing.rate)
     u_output = float(gyro.u[0] / abs(kept) / abs(swing.rate))
     u_gain = float(np.hypot(u_output, abs(response) * swing.u_relative))
     return SweepPoint(nominal_hz, swing, response, u_gain, u_output)
-
-
-def integration(frequency_hz: Array) -> NDArray[np.complex128]:
-    """What an integral makes of a phasor at each frequency (m,)."""
-    return np.asarray(1 / (2j * np.pi * frequency_hz))
-
-
-def averaging(frequency_hz: Array, interval_s: float) -> NDArray[np.complex128]:
-    """What the mean over the preceding interval leaves of a phasor at each frequency (m,)."""
-    turns = frequency_hz * interval_s
-    return np.asarray(np.sinc(turns) * np.exp(-1j * np.pi * turns))
 
 
 def swing_of_angle(block: Block, nominal_hz: float, remarks: Remarks) -> Swing | None:
@@ -172,7 +157,7 @@ def fit_output(block: Block, swing: Swing, remarks: Remarks, *, harmonics: int =
     try:
         fit = fit_sine(
             block.time_s, block.output, swing.frequency_hz, harmonics=harmonics, origin_s=swing.origin_s,
-            step=block.step, at_turns=block.at_turns,
+            step=block.step, at_turns=block.at_turns, rounding=block.rounding,
         )  # fmt: skip
     except NotDetermined:
         return None

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.analysis.fit import Array
 from bench.analysis.frequency_response import (
@@ -17,13 +16,12 @@ from bench.analysis.frequency_response import (
     Remarks,
     SweepPoint,
     Swing,
-    averaging,
     fit_output,
     fit_table,
     frequency_response,
-    integration,
     swing_of_angle,
 )
+from bench.analysis.sampling import Factors, averaging
 from bench.analysis.sine_fit import resolved
 from bench.analysis.table_blocks import Block, TableRecord, cut_into_blocks
 
@@ -51,8 +49,8 @@ class AccelerometerSweep:
     """What the samples of a sweep are.
 
     Row k of the record holds the increment of the table angle in rad and the mean acceleration in g over the
-    `interval_s` before its time; without that, the table angle in degrees and what the acceleration has summed up to in
-    g s. At `lever_hz` the arms are found.
+    `interval_s` before its time; without that, the table angle in degrees and of the acceleration what its block keeps.
+    At `lever_hz` the arms are found.
     """
 
     local_g_mps2: float
@@ -96,7 +94,7 @@ def lever_arm(block: Block, sweep: AccelerometerSweep, remarks: Remarks) -> Leve
     if not swing or not sensed:
         return None
     f_hz, rate = swing.frequency_hz, swing.rate * RAD_PER_DEG
-    kept = _kept(np.array([f_hz, 2 * f_hz]), sweep)
+    kept = _kept(np.array([f_hz, 2 * f_hz]), sweep, block)
     at_f, at_2f = sensed.phasors / kept * sweep.local_g_mps2
     u_at_f, u_at_2f = sensed.u / np.abs(kept) * sweep.local_g_mps2
     u_sensed_m = float(2 * u_at_2f / abs(rate) ** 2), float(u_at_f / (2 * np.pi * f_hz * abs(rate)))
@@ -122,7 +120,7 @@ def accelerometer_point(
     sensed = fit_output(block, swing, remarks, harmonics=2 if two else 1)
     if not sensed:
         return None
-    kept = complex(_kept(np.array([swing.frequency_hz]), sweep)[0])
+    kept = complex(_kept(np.array([swing.frequency_hz]), sweep, block)[0])
     expected_g = -2j * np.pi * swing.frequency_hz * swing.rate * RAD_PER_DEG * arm.y_m / sweep.local_g_mps2 * kept
     response = complex(sensed.phasors[0] / expected_g)
     u_relative = np.hypot(swing.u_relative, arm.u_y_m / abs(arm.y_m))
@@ -136,9 +134,9 @@ def _swing(block: Block, nominal_hz: float, sweep: AccelerometerSweep, remarks: 
     return swing_of_increments(block, nominal_hz, sweep.interval_s, remarks)
 
 
-def _kept(frequency_hz: Array, sweep: AccelerometerSweep) -> NDArray[np.complex128]:
+def _kept(frequency_hz: Array, sweep: AccelerometerSweep, block: Block) -> Factors:
     """What the record keeps of a phasor of the acceleration at each frequency (m,)."""
-    return integration(frequency_hz) if sweep.interval_s is None else averaging(frequency_hz, sweep.interval_s)
+    return block.kept(frequency_hz) if sweep.interval_s is None else averaging(frequency_hz, sweep.interval_s)
 
 
 def swing_of_increments(block: Block, nominal_hz: float, interval_s: float, remarks: Remarks) -> Swing | None:

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from bench.analysis.acquired import Counts
 from bench.analysis.bench_record import AxisRecord
 from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
 from bench.analysis.rest import Rest, RestReading, fit_rest
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.steady_turning import Steady
-from bench.analysis.table_samples import harmonics_u_dps, steady, table_samples
+from bench.analysis.table_intake import table_samples
+from bench.analysis.table_samples import TableSamples, harmonics_u_dps, steady
 
 AT_REST_DPS = 0.01
 
@@ -56,7 +60,7 @@ class RangeBlocks:
 def range_blocks(
     data: RunData, unit: UnitUnderTest, per_pulse: float, clip: float, *, has_dead_band: bool = False
 ) -> RangeBlocks:
-    """The blocks of a unit in the order of the run; an output is the pulses of a second times `per_pulse`.
+    """The blocks of a unit in the order of the run; an output is what the unit says times `per_pulse`.
 
     A converter with a dead band tells nothing at rest when it is silent.
     """
@@ -66,7 +70,7 @@ def range_blocks(
     for acquisition in data.acquisitions:
         samples, motion = table_samples(acquisition, unit), acquisition.motion
         problems = list(samples.problems)
-        if motion is None and has_dead_band and "dead_band" in mean_rate(acquisition.counts[unit.channel]).problems:
+        if motion is None and has_dead_band and unit.is_counted and _is_silent(acquisition.counts[unit.channel]):
             problems.append("dead_band")
         if problems:
             found.leave_out(acquisition.step, problems)
@@ -77,7 +81,7 @@ def range_blocks(
             u_dps = harmonics_u_dps(samples, data.bench.axes.get(motion.device, AxisRecord()).harmonics_u_deg)
             turning.append((middle_s, Turning(acquisition.step, motion.rate_dps, read, u_dps, samples.temperature_c)))
         elif motion is None and abs(read.rate_dps) < AT_REST_DPS:
-            u = RESOLUTION_COUNTS / (acquisition.end_s - acquisition.begin_s) * per_pulse  # readings tell their scatter
+            u = _alone_u(samples, acquisition.end_s - acquisition.begin_s) * per_pulse  # readings tell their scatter
             at_rest.append(RestReading(middle_s, acquisition.angle_deg, read.output, u))
             found.rest_steps.append(acquisition.step)
         else:
@@ -89,6 +93,17 @@ def range_blocks(
         found.flags.append("rest_missing")
         found.left_out += [each.step.partition("/")[2] for _, each in turning]
     return found
+
+
+def _is_silent(counts: Counts) -> bool:
+    return "dead_band" in mean_rate(counts).problems
+
+
+def _alone_u(samples: TableSamples, span_s: float) -> float:
+    """What a mean at rest tells of its own uncertainty: by the steps of counting or of codes, or the scatter."""
+    if samples.alone_u is None and samples.sampled is None:
+        return RESOLUTION_COUNTS / span_s
+    return float(np.hypot(samples.alone_u or 0.0, samples.hidden_u))
 
 
 def _without_drift(turning: Sequence[tuple[float, Turning]], rest: Rest) -> Iterator[Turning]:

@@ -16,7 +16,6 @@ from bench.analysis.range_blocks import RangeBlocks, Turning
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.table_samples import PARTS_DOF, mean_c
 
-NOISE = "sensor: noise and steps of counting"
 BIAS = "readings at rest"
 TILT = "axis: level, in readings at rest at one angle"
 WARMER = "scale factor: temperature against that at the low rates"
@@ -87,7 +86,25 @@ class RangeForm:
 
     def noise(self, turning: Turning) -> BudgetLine:
         """Of one reading."""
-        return BudgetLine(NOISE, "A", turning.steady.u_output, PARTS_DOF)
+        return BudgetLine(noise_of(self.unit), "A", turning.steady.u_output, PARTS_DOF)
+
+    def of_the_voltmeter(self, value: float) -> Iterator[BudgetLine]:
+        """Its gain; its offset is in the readings at rest alike."""
+        if self.unit.voltmeter is not None:
+            gain_u, _ = self.data.bench.voltmeters_u.get(self.unit.voltmeter, (0.0, 0.0))
+            yield BudgetLine("voltmeter: gain", "B", abs(value) * gain_u, None, f"{self.unit.voltmeter}.gain")
+
+    def of_the_clock(self, value: float) -> Iterator[BudgetLine]:
+        """The clock of the table's rate, which pulses have in their rate alike."""
+        if not self.unit.is_counted:
+            yield self.time_base(value)
+
+    def time_base(self, value: float) -> BudgetLine:
+        """The clock that the table is measured with, in what goes with it by `value`."""
+        clock = self.data.bench.clock(sent=self.unit.telemetry is not None)
+        return BudgetLine(
+            f"{clock.name}: time base", "B", abs(value) * clock.time_base_u, None, f"{clock.name}.time_base"
+        )
 
     def of_rest(self, blocks: RangeBlocks, gain: float) -> BudgetLine:
         """Of the bias, which is one for all readings."""
@@ -98,6 +115,11 @@ class RangeForm:
         lines = [BudgetLine(BIAS, "A", blocks.bias.u_output, _dof(blocks))]
         if self.symbol == "g" and blocks.rest is not None and blocks.rest.of_one_angle:
             lines.append(BudgetLine(TILT, "B", float(np.radians(self.data.bench.level_u_deg)), None, "fixture.level"))
+        if self.unit.voltmeter is not None:
+            _, offset_u_v = self.data.bench.voltmeters_u.get(self.unit.voltmeter, (0.0, 0.0))
+            offset_u = offset_u_v / self._scale.value
+            lines.append(BudgetLine("voltmeter: offset", "B", offset_u, None, f"{self.unit.voltmeter}.offset"))
+            lines += self.of_the_voltmeter(blocks.bias.output)
         return self.subject.finding(
             quantity, name, blocks.bias.output, self.symbol, lines, {}, tuple(blocks.rest_steps)
         )
@@ -159,9 +181,9 @@ class RangeForm:
         ]
         scale, bias = self._scale, findings[0]
         result = self.result(blocks, [*findings, *of_curve], RangeCurve(quantity, tuple(points), self.over, linearity))
-        offset = Constant(bias.value * scale.value, "pulse/s", bias.u * scale.value)
+        offset = Constant(bias.value * scale.value, self.unit.output_unit, bias.u * scale.value)
         compensation = Compensation(
-            self.unit.measured_by, "pulse/s", self.symbol, scale=scale, offset=offset, linearity=linearity,
+            self.unit.measured_by, self.unit.output_unit, self.symbol, scale=scale, offset=offset, linearity=linearity,
             found_at_c=found_at_c,
         )  # fmt: skip
         model = self._model(quantity, linearity, bias, of_curve)
@@ -184,10 +206,7 @@ class RangeForm:
     @property
     def _scale(self) -> Constant:
         """As stated; against it errors are."""
-        if self.symbol == "g":
-            scale = self.settings["scale_pps_per_g"]
-            return Constant(scale, "pulse/s/g", scale * self.settings["scale_u"])
-        return Constant(self.settings["scale_ppd"], "pulse/°", 0.0)
+        return stated_scale(self.unit, self.settings, self.symbol)
 
     def result(self, blocks: RangeBlocks, findings: Sequence[Finding], curve: RangeCurve | None) -> UnitResult:
         """All of the unit."""
@@ -203,6 +222,22 @@ class RangeForm:
             place=self.unit.place, uut=self.unit.serial, findings=tuple(findings), models=(),
             left_out=tuple(blocks.left_out), flags=tuple(dict.fromkeys(flags)), detail=curve,
         )  # fmt: skip
+
+
+def noise_of(unit: UnitUnderTest) -> str:
+    """What the scatter of an output is called in a budget."""
+    if unit.is_counted:
+        return "sensor: noise and steps of counting"
+    return "sensor: noise and steps of codes" if unit.telemetry is not None else "sensor and voltmeter: noise"
+
+
+def stated_scale(unit: UnitUnderTest, settings: Mapping[str, Any], symbol: str) -> Constant:
+    """What makes a value in the unit `symbol` of the output of a unit, as its sequence says."""
+    scale: float = settings["scale"][unit.output_unit]
+    u = scale * settings.get("scale_u", 0.0)
+    if symbol == "g":
+        return Constant(scale, f"{unit.output_unit}/g", u)
+    return Constant(scale, "pulse/°" if unit.is_counted else f"{unit.output_unit}/({symbol})", u)
 
 
 def _dof(blocks: RangeBlocks) -> int | None:

@@ -1,7 +1,7 @@
-"""Methods M3a and M3c on counts: errors of a gyro and of an accelerometer over their range (methods.md 5.2 and 5.4).
+"""Methods M3a and M3c: errors of a gyro and of an accelerometer over their range (methods.md 5.2 and 5.4).
 
 A gyro is held against the rate of the table, an accelerometer against ω²r with the radius that it finds itself at low
-rates. The counter's clock is in the sensor's rate and in the table's alike, and cancels.
+rates. The counter's clock is in the rate of pulses and in the table's alike, and cancels; in codes and volts is none.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from bench.analysis.finding import BudgetLine, Finding, UnitResult
 from bench.analysis.range_blocks import RangeBlocks, Turning, range_blocks
-from bench.analysis.range_form import BY_RADIUS, WARMER, CurvePoint, RangeForm
+from bench.analysis.range_form import BY_RADIUS, WARMER, CurvePoint, RangeForm, noise_of
 from bench.analysis.range_test import LARGEST_U_RADIUS, LEAST_LOW_RATES, Arm
 from bench.analysis.rundata import RunData, UnitUnderTest
 
@@ -33,7 +33,7 @@ def reduce_accelerometer(data: RunData, settings: Mapping[str, Any]) -> list[Uni
 
 
 def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
-    blocks = range_blocks(data, unit, 1 / settings["scale_ppd"], settings["clip_dps"])
+    blocks = range_blocks(data, unit, 1 / settings["scale"][unit.output_unit], settings["clip_dps"])
     form = RangeForm(data, unit, settings, "rate_error", "°/s", settings["full_scale_dps"])
     if blocks.rest is None:
         return form.result(blocks, [], None)
@@ -47,6 +47,8 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
             form.of_rest(blocks, 1.0),
             BudgetLine(RESOLUTION, "B", turning.steady.u_rate_dps),
             BudgetLine(HARMONICS, "B", turning.u_harmonics_dps, None, "table.harmonics"),
+            *form.of_the_voltmeter(turning.steady.rate_dps),
+            *form.of_the_clock(turning.steady.rate_dps),
         ]
         at = {"point": number, "rate_dps": turning.command_dps}
         findings += form.errors(turning, at, turning.steady.rate_dps, error, lines)
@@ -57,7 +59,7 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
 
 
 def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
-    per_pulse = 1 / settings["scale_pps_per_g"]
+    per_pulse = 1 / settings["scale"][unit.output_unit]
     blocks = range_blocks(data, unit, per_pulse, settings["clip_g"], has_dead_band=True)
     form = RangeForm(data, unit, settings, "acceleration_error", "g", settings["full_scale_g"])
     if blocks.rest is None:
@@ -90,6 +92,7 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
             BudgetLine(RESOLUTION, "B", by_rate),
             BudgetLine(HARMONICS, "B", abs(2 * true_g / turning.steady.rate_dps) * turning.u_harmonics_dps),
             BudgetLine(WARMER, "B", abs(true_g) * form.settings["scale_per_c_u"] * _warmer_c(turning, usable)),
+            *form.of_the_voltmeter(error_g),
             BudgetLine("stretch of the arm: contained", "alias", 0.0),
         ]
         at = {"point": number, "rate_dps": turning.command_dps, "acceleration_g": true_g}
@@ -112,14 +115,15 @@ def _radius(form: RangeForm, blocks: RangeBlocks, low: Sequence[Turning], arm: A
     weights = np.array([each.steady.rate_dps**4 for each in low])
     harmonics = weights / weights.sum() * [2 * each.u_harmonics_dps / each.steady.rate_dps for each in low]
     lines = [
-        BudgetLine("low rates: noise and steps of counting", "A", arm.u_own_m),
+        BudgetLine(noise_of(form.unit).replace("sensor", "low rates", 1), "A", arm.u_own_m),
         form.of_rest(blocks, arm.u_bias_m / blocks.bias.u_output if blocks.bias.u_output else 0.0),
         BudgetLine(HARMONICS, "B", abs(radius_m) * float(np.linalg.norm(harmonics))),
         BudgetLine("scale factor as stated", "B", abs(radius_m) * form.settings["scale_u"], None, "scale"),
         BudgetLine(
             "site: gravity", "B", abs(radius_m) * bench.gravity_u_mps2 / bench.gravity_mps2, None, "site.gravity"
         ),
-        BudgetLine("counter: time base", "B", 2 * abs(radius_m) * bench.time_base_u, None, "counter.time_base"),
+        form.time_base(2 * radius_m),
+        *form.of_the_voltmeter(radius_m),
         BudgetLine("second-order nonlinearity of the sensor at low rates: contained", "alias", 0.0),
     ]
     name = "from the axis to the sensor, positive where its input axis points at the axis"

@@ -36,11 +36,11 @@ class ResponseCompensation:
 
     @classmethod
     def of_model(
-        cls, model: Equation, channel: str, value_unit: str, scale: Constant, found_at_c: float | None
+        cls, model: Equation, channel: str, units: tuple[str, str], scale: Constant, found_at_c: float | None
     ) -> ResponseCompensation:
-        """By the equation that was fitted to a response of pulses."""
+        """By the equation that was fitted to a response; `units` are those of the output and of the value."""
         valid_hz = model.valid["frequency_hz"]
-        return cls(channel, "pulse/s", value_unit, scale, model.constants, valid_hz, model.correlation, found_at_c)
+        return cls(channel, *units, scale, model.constants, valid_hz, model.correlation, found_at_c)
 
     def to_json(self) -> dict[str, Any]:
         """As it stands in a calibration file."""

@@ -13,21 +13,21 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import j1
 
-from bench.analysis.bench_record import AxisRecord
+from bench.analysis.bench_record import AxisRecord, ClockRecord
 from bench.analysis.finding import BudgetLine, Finding, Subject
 from bench.analysis.frequency_response import HALF_POWER, FrequencyResponse, ResponsePoint, SweepPoint, Swing
 from bench.analysis.lever_arm import LeverArm
+from bench.analysis.range_form import noise_of
 from bench.analysis.rundata import RunData, UnitUnderTest
 
-SENSOR = "sensor: noise and steps of counting"
 ENCODER = "encoder: noise and resolution"
 SLOPE = "encoder: errors over a turn"
 WARMER = "scale factor: temperature against that at the lever frequency"
 CHORD = "straight line between two frequencies, which the curve is not"
 SKEW = "encoder: time to the latch of the pulses"
-SHARED_SLOPE, SHARED_SKEW, SHARED_LEVEL, SHARED_WOBBLE = (
-    "table.harmonics", "counter.encoder_skew", "fixture.level", "table.wobble",
-)  # fmt: skip
+SKEW_OF_SAMPLES = "encoder: time to the end of the sample"
+HALF = "sample: half of its period, taken out"
+SHARED_SLOPE, SHARED_LEVEL, SHARED_WOBBLE = "table.harmonics", "fixture.level", "table.wobble"
 DB_PER_RELATIVE = 20 / np.log(10)
 HALF_POWER_DB = 20 * np.log10(HALF_POWER)
 Relative = dict[str, BudgetLine]  # by source, relative to a gain
@@ -37,7 +37,8 @@ Relative = dict[str, BudgetLine]  # by source, relative to a gain
 class ResponseFindings:
     """What was found of one unit: its points, their response, and the arms where it has them.
 
-    `warmer` is by what part of itself the scale factor may differ from that at the lever frequency, by frequency.
+    `warmer` is by what part of itself the scale factor may differ from that at the lever frequency, by frequency;
+    `averaged_s` is what samples are means over, 0 for pulses and for samples that are instants.
     """
 
     data: RunData
@@ -49,6 +50,7 @@ class ResponseFindings:
     scale_u: float = 0.0
     warmer: Mapping[float, float] = field(default_factory=dict)
     to_lowest: bool = False
+    averaged_s: float = 0.0
 
     @property
     def model_id(self) -> tuple[str, str]:
@@ -57,8 +59,8 @@ class ResponseFindings:
 
     @property
     def skew(self) -> float:
-        """Standard uncertainty of the time between the latches of encoder and pulses."""
-        return self.data.bench.encoder_skew_u_s
+        """Standard uncertainty of the time between the latches of encoder and pulses, or the end of the sample."""
+        return self._clock.skew_u_s
 
     def findings(self) -> Iterator[Finding]:
         """Arms, gains, phases, the bandwidth and the phase there."""
@@ -82,7 +84,7 @@ class ResponseFindings:
         """Each source relative to the gain."""
         own = self._sweep_point(point)
         lines = [
-            BudgetLine(SENSOR, "A", own.u_output / abs(own.response)),
+            BudgetLine(self._noise, "A", own.u_output / abs(own.response)),
             BudgetLine(ENCODER, "A", own.swing.u_relative),
         ]
         if self.arm is not None:
@@ -98,6 +100,8 @@ class ResponseFindings:
             ]  # fmt: skip
         else:
             lines.append(BudgetLine(SLOPE, "B", _slope_u(self._table, own.swing), None, SHARED_SLOPE))
+            if not self.unit.is_counted:  # no clock is in a code, as it is in pulses: that of the table's rate remains
+                lines.append(self._time_base(1.0))
         return {line.source: line for line in lines}
 
     def _relative_to_arm(self, arm: LeverArm, swing: Swing) -> Iterator[BudgetLine]:
@@ -114,10 +118,33 @@ class ResponseFindings:
     def _of_phase(self, point: ResponsePoint) -> list[BudgetLine]:
         own = self._sweep_point(point)
         return [
-            BudgetLine(SENSOR, "A", float(np.degrees(own.u_output / abs(own.response)))),
+            BudgetLine(self._noise, "A", float(np.degrees(own.u_output / abs(own.response)))),
             BudgetLine(ENCODER, "A", float(np.degrees(own.swing.u_relative))),
-            BudgetLine(SKEW, "B", 360 * own.swing.frequency_hz * self.skew, None, SHARED_SKEW),
+            *self._of_time(own.swing.frequency_hz),
         ]
+
+    def _of_time(self, frequency_hz: float) -> Iterator[BudgetLine]:
+        """What the time from the one latch to the other does to a phase."""
+        clock, turn_deg = self._clock, 360 * frequency_hz
+        name = SKEW if self.unit.is_counted else SKEW_OF_SAMPLES
+        yield BudgetLine(name, "B", turn_deg * clock.skew_u_s, None, f"{clock.name}.encoder_skew")
+        if self.averaged_s:
+            yield BudgetLine(
+                HALF, "B", turn_deg * self.averaged_s / 2 * clock.time_base_u, None, self._time_base(1.0).shared
+            )
+
+    def _time_base(self, size: float) -> BudgetLine:
+        """The clock, in what goes with it by a size."""
+        name = self._clock.name
+        return BudgetLine(f"{name}: time base", "B", size * self._clock.time_base_u, None, f"{name}.time_base")
+
+    @property
+    def _clock(self) -> ClockRecord:
+        return self.data.bench.clock(sent=self.unit.telemetry is not None)
+
+    @property
+    def _noise(self) -> str:
+        return noise_of(self.unit)
 
     def _sweep_point(self, point: ResponsePoint) -> SweepPoint:
         return next(own for own in self.points if own.nominal_hz == point.frequency_hz)
@@ -138,8 +165,7 @@ class ResponseFindings:
         lines = [line.times(DB_PER_RELATIVE / abs(per_hz)) for line in self._between(above, below, share)]
         bend_db = _bend([each.gain_db for each in points], points, index, found.frequency_hz)
         lines.append(BudgetLine(CHORD, "B", abs(bend_db / per_hz)))
-        time_base = found.frequency_hz * self.data.bench.time_base_u
-        lines.append(BudgetLine("counter: time base", "B", time_base, None, "counter.time_base"))
+        lines.append(self._time_base(found.frequency_hz))
         steps = (self.steps[above.frequency_hz], self.steps[below.frequency_hz])
         bandwidth = self._subject.finding(
             "bandwidth", "where the gain first falls to 1/√2", found.frequency_hz, "Hz", lines, {}, steps
@@ -148,10 +174,12 @@ class ResponseFindings:
         turn_per_hz = (below.phase_deg - above.phase_deg) / (below.frequency_hz - above.frequency_hz)
         bend_deg = _bend([each.phase_deg for each in points], points, index, found.frequency_hz)
         lines = [
-            line.times(180 / np.pi) for line in self._between(above, below, share) if line.source in (SENSOR, ENCODER)
+            line.times(180 / np.pi)
+            for line in self._between(above, below, share)
+            if line.source in (self._noise, ENCODER)
         ]
         lines += [
-            BudgetLine(SKEW, "B", 360 * found.frequency_hz * self.skew, None, SHARED_SKEW),
+            *self._of_time(found.frequency_hz),
             BudgetLine("bandwidth", "B", abs(turn_per_hz) * bandwidth.u, None, bandwidth.id),
             BudgetLine(CHORD, "B", abs(bend_deg)),
         ]
@@ -179,7 +207,7 @@ class ResponseFindings:
         ):  # fmt: skip
             size_m = abs(value_m)
             lines = [
-                BudgetLine(SENSOR, "A", sensed_m),
+                BudgetLine(self._noise, "A", sensed_m),
                 BudgetLine(ENCODER, "A", squares * size_m * swing.u_relative),
                 BudgetLine(SLOPE, "B", squares * size_m * _slope_u(self._table, swing), None, SHARED_SLOPE),
                 BudgetLine("axis: level", "B", level * self._level_u_rad, None, SHARED_LEVEL),
@@ -188,7 +216,7 @@ class ResponseFindings:
                 BudgetLine(
                     "site: gravity", "B", size_m * bench.gravity_u_mps2 / bench.gravity_mps2, None, "site.gravity"
                 ),
-                BudgetLine("counter: time base", "B", 3 * size_m * bench.time_base_u, None, "counter.time_base"),
+                self._time_base(3 * size_m),
                 BudgetLine("misalignment of the input axis: contained", "alias", 0.0),
             ]
             name = f"{axis} of the sensor from the axis of the table, in the frame of the fixture"

@@ -1,7 +1,8 @@
-"""Methods M3b and M3d on counts: gain and phase of a gyro and of an accelerometer over frequency (methods.md 5.3, 5.5).
+"""Methods M3b and M3d: gain and phase of a gyro and of an accelerometer over frequency (methods.md 5.3, 5.5).
 
-Every frequency is an acquisition of its own, while the table swings. The encoder is latched with the pulses, so that
-the phase between them needs no clock but for the time that passes from the one latch to the other.
+Every frequency is an acquisition of its own, while the table swings. The encoder is latched with the pulses,
+or with the samples that a unit sends, so that the phase between them needs no clock but for the time that passes from
+the one latch to the other. A sample is a mean over its period: it is late by half of that, which is taken out.
 """
 
 from __future__ import annotations
@@ -24,11 +25,14 @@ from bench.analysis.frequency_response import (
 )
 from bench.analysis.lever_arm import SHORT_ARM_M, AccelerometerSweep, LeverArm, accelerometer_point, lever_arm
 from bench.analysis.models import Constant, Equation
+from bench.analysis.range_form import stated_scale
 from bench.analysis.response_compensation import ResponseCompensation
 from bench.analysis.response_findings import ResponseFindings
 from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.analysis.sampling import at_once
 from bench.analysis.second_order import response_model
-from bench.analysis.table_samples import TableSamples, mean_c, table_samples
+from bench.analysis.table_intake import table_samples
+from bench.analysis.table_samples import TableSamples, mean_c
 
 ARM_U = 3.0  # by so many standard uncertainties an arm may differ from what the bench file says
 PointOf = Callable[[TableSamples, float, Remarks], SweepPoint | None]
@@ -45,19 +49,24 @@ def reduce_accelerometer(data: RunData, settings: Mapping[str, Any]) -> list[Uni
 
 
 def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
+    scale = stated_scale(unit, settings, "°/s")
+
     def point_of(samples: TableSamples, nominal_hz: float, remarks: Remarks) -> SweepPoint | None:
-        return gyro_point(samples.summed(1 / settings["scale_ppd"]), nominal_hz, remarks, integrated=True)
+        return gyro_point(samples.swing(1 / scale.value), nominal_hz, remarks)
 
     sweep = _Sweep.of(data, unit, settings["play_pulses"])
     points = sweep.points(sweep.swings, point_of)
     to_lowest = settings["gain_reference"] == "lowest"
     found = frequency_response(points, sweep.remarks, to_lowest=to_lowest)
-    findings = ResponseFindings(data, unit, sweep.steps, points, found, to_lowest=to_lowest)
-    return sweep.result(points, found, findings, "°/s", Constant(settings["scale_ppd"], "pulse/°", 0.0))
+    findings = ResponseFindings(
+        data, unit, sweep.steps, points, found, to_lowest=to_lowest, averaged_s=sweep.averaged_s
+    )
+    return sweep.result(points, found, findings, "°/s", scale)
 
 
 def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
-    sweep, per_pulse = _Sweep.of(data, unit, settings["play_pulses"]), 1 / settings["scale_pps_per_g"]
+    scale = stated_scale(unit, settings, "g")
+    sweep, per_pulse = _Sweep.of(data, unit, settings["play_pulses"]), 1 / scale.value
     lever_hz = settings["lever_hz"]
     what = AccelerometerSweep(data.bench.gravity_mps2, None, lever_hz)
     levers = [hz for hz in sweep.swings if np.isclose(hz, lever_hz, rtol=1e-6)]
@@ -65,7 +74,7 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
     arm: LeverArm | None = None
     if levers:
         samples = sweep.swings[levers[0]]
-        arm = lever_arm(samples.summed(per_pulse), what, sweep.remarks)
+        arm = lever_arm(samples.swing(per_pulse), what, sweep.remarks)
     if arm is None:
         sweep.leave_out(lever_hz)
     elif abs(arm.y_m) < SHORT_ARM_M:
@@ -77,16 +86,15 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
         known = arm
 
         def point_of(samples: TableSamples, nominal_hz: float, remarks: Remarks) -> SweepPoint | None:
-            return accelerometer_point(samples.summed(per_pulse), nominal_hz, known, what, remarks)
+            return accelerometer_point(samples.swing(per_pulse), nominal_hz, known, what, remarks)
 
         points = sweep.points(swings, point_of)
     found = frequency_response(points, sweep.remarks)
     findings = ResponseFindings(
         data, unit, sweep.steps, points, found, arm=arm, scale_u=settings["scale_u"],
-        warmer=_warmer(sweep, levers, settings["scale_per_c_u"]),
+        warmer=_warmer(sweep, levers, settings["scale_per_c_u"]), averaged_s=sweep.averaged_s,
     )  # fmt: skip
-    scale = settings["scale_pps_per_g"]
-    return sweep.result(points, found, findings, "g", Constant(scale, "pulse/s/g", scale * settings["scale_u"]))
+    return sweep.result(points, found, findings, "g", scale)
 
 
 def _warmer(sweep: _Sweep, levers: list[float], per_c: float) -> dict[float, float]:
@@ -131,10 +139,17 @@ class _Sweep:
                 sweep.left_out.append(acquisition.step.partition("/")[2])
                 sweep.remarks.flags += [f"{acquisition.step}: {problem}" for problem in problems]
             else:
-                found[motion.frequency_hz] = without_play(samples, motion.frequency_hz, play_pulses)
+                play = play_pulses if unit.is_counted else 0.0
+                found[motion.frequency_hz] = without_play(samples, motion.frequency_hz, play)
         sweep.swings = dict(sorted(found.items()))
         sweep.steps = {hz: samples.step for hz, samples in sweep.swings.items()}
         return sweep
+
+    @property
+    def averaged_s(self) -> float:
+        """What samples are means over; 0 for pulses and for samples that are instants."""
+        found = next(iter(self.swings.values()), None)
+        return found.interval_s if found is not None and found.sampled not in (None, at_once) else 0.0
 
     def leave_out(self, frequency_hz: float) -> None:
         """A frequency that tells nothing."""
@@ -182,4 +197,4 @@ class _Sweep:
             return ()
         channel = f"{self.unit.measured_by}@response"
         found_at_c = mean_c([samples.temperature_c for samples in self.swings.values()])
-        return (ResponseCompensation.of_model(model, channel, symbol, scale, found_at_c),)
+        return (ResponseCompensation.of_model(model, channel, (self.unit.output_unit, symbol), scale, found_at_c),)

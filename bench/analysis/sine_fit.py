@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.analysis.codes import hidden_from_a_swing
 from bench.analysis.fit import Array, GatedFit, LinearFit, NotDetermined, least_squares, reject_outliers
 from bench.analysis.table_blocks import coarseness
 
@@ -37,7 +38,8 @@ class SineFit:
     `u_random` (m,) are the standard uncertainties of the amplitudes from the noise that stands around each line in the
     spectrum of the residuals: the noise need not be white. `u_repeating` is that of any of them from errors that are
     the same in every period, as those of a counting encoder are when few different phases are sampled; `u_counting`
-    (m,) are those from the steps of an output that was counted. `kept` (n,) marks the samples that were used.
+    (m,) are those from the steps of an output that was counted or rounded. `kept` (n,) marks the samples that were
+    used.
     """
 
     frequency_hz: float
@@ -68,11 +70,12 @@ def fit_sine(
     origin_s: float = 0.0,
     step: float = 0.0,
     at_turns: float = 1.0,
+    rounding: float = 0.0,
 ) -> SineFit:
     """Fits a sine of known frequency, and its harmonics up to `harmonics`, to samples (n,) by increasing time.
 
     `step` is by what the samples go, where they were counted, `at_turns` how much farther off they are where they turn
-    round than those of a counter without play.
+    round than those of a counter without play. `rounding` is by what samples go that are codes of an output.
 
     Outliers are left out; `excessive` tells that they were too many. Raises NotDetermined when the samples cannot tell
     the columns apart: a small part of a period, or a harmonic with hardly two samples in its period.
@@ -85,12 +88,13 @@ def fit_sine(
     used_s, fit = time_s[gated.kept], gated.fit
     pairs = fit.coefficients[2:].reshape(-1, 2)
     u = [_u_amplitude(fit, 2 + 2 * i, _sd_around(used_s, fit, line_hz, lines_hz)) for i, line_hz in enumerate(lines_hz)]
+    hidden = hidden_from_a_swing(np.linalg.norm(pairs, axis=1), fit.residual_sd, rounding)
     return SineFit(
         frequency_hz=frequency_hz,
         phasors=pairs[:, 0] - 1j * pairs[:, 1],
         u_random=np.array(u),
         u_repeating=_u_repeating(used_s, fit.residuals, frequency_hz),
-        u_counting=np.full(len(pairs), at_turns * _u_counting(used_s, fit, frequency_hz, step)),
+        u_counting=np.hypot(hidden, at_turns * _u_counting(used_s, fit, frequency_hz, step)),
         kept=gated.kept,
         excessive=gated.excessive,
     )

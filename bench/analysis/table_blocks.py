@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.analysis.fit import Array
+from bench.analysis.sampling import Kept, at_once
 
 LARGEST_READING = 1e100  # what is larger comes from no instrument, and its square is no number
 LEAST_SAMPLES = 3
@@ -35,7 +36,8 @@ class Block:
     """The usable samples of one block by increasing time; `scheduled` is how many there should have been.
 
     `step` is by what an output goes that was counted up, 0 for any other; `at_turns` is how much farther off it is
-    where it turns round than that of a counter without play.
+    where it turns round than that of a counter without play. `rounding` is by what samples go that were not, and `kept`
+    what the output leaves of a sine.
     """
 
     time_s: Array
@@ -44,6 +46,8 @@ class Block:
     scheduled: int
     step: float = 0.0
     at_turns: float = 1.0
+    rounding: float = 0.0
+    kept: Kept = at_once
 
     @property
     def complete(self) -> bool:

@@ -1,25 +1,25 @@
-"""Samples of an acquisition on a rate table: what the pulses of a unit and the table's encoder say at the same latches.
+"""Samples of an acquisition on a rate table: what the output of a unit and the table's encoder say at the same latches.
 
-Pulses and encoder are latched together, so that both have one clock: the counter's. A sample is the mean over the
-interval before its time, and what both did in that interval is known without a model of either.
+Pulses, or the ends of what a unit samples itself, and encoder are latched together, so that both have one clock. A
+sample is the mean over the interval before its time, and what both did in that interval is known without a model of
+either.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bench.analysis.acquired import Acquisition, Array, Integers, Motion, Positions
-from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
+from bench.analysis.acquired import Array, Integers, Motion
+from bench.analysis.counts import RESOLUTION_COUNTS
 from bench.analysis.fit import LinearFit, NotDetermined, least_squares
-from bench.analysis.rundata import UnitUnderTest
+from bench.analysis.sampling import Kept, integration
 from bench.analysis.steady_turning import Steady
 from bench.analysis.table_blocks import Block
 
-LEAST_LATCHES = 20
 PARTS = 40  # of a block, whose rates tell how certain that of the block is
 HARMONICS = 4  # of the angle, that parts of a turn differ by
 PARTS_DOF = PARTS - 3 - 2 * HARMONICS
@@ -33,23 +33,29 @@ TURN_DEG = 360.0
 class TableSamples:
     """Latches of one acquisition, (n,) by time since the first, and what is cumulative at each.
 
-    `temperature_c` is the mean of the thermometer at the unit, not-a-number where it said nothing. `pulses` are net,
-    `angle_deg` is that of the encoder over whole turns; `interval_s` is the time between two latches, `problems` make
-    the acquisition unusable. `at_turns` is how much farther off they are where they
-    turn round than those of a counter without play.
+    `temperature_c` is the mean of the thermometer at the unit, not-a-number where it said nothing. `total` is what its
+    output has summed up to: net pulses, or code·s or V·s. `angle_deg` is that of the encoder over whole turns;
+    `interval_s` is the time between two latches, `problems` make the acquisition unusable. `at_turns` is how much
+    farther off pulses are where they turn round than those of a counter without play. Of samples that came at the
+    latches `sampled` is what they leave of a sine, None of what was counted up; `step_of_codes` is how far two codes
+    are apart, and `hidden_u` what that hides from a mean. `alone_u` is that of the mean of readings at other times.
     """
 
     step: str
     motion: Motion | None
     temperature_c: float
     time_s: Array
-    pulses: Array
+    total: Array
     angle_deg: Array
     latch: Integers
     interval_s: float
     resolution_deg: float
     problems: tuple[str, ...]
     at_turns: float = 1.0
+    sampled: Kept | None = None
+    step_of_codes: float = 0.0
+    hidden_u: float = 0.0
+    alone_u: float | None = None
 
     def block(self, per_pulse: float) -> Block:
         """Sample by sample: time, the encoder's angle then, and the mean output before; a pulse is so much of it.
@@ -57,58 +63,21 @@ class TableSamples:
         What follows a lost latch is left out, since it is a mean over another interval.
         """
         whole = np.diff(self.latch) == 1
-        output = np.diff(self.pulses) / np.diff(self.time_s) * per_pulse
+        output = np.diff(self.total) / np.diff(self.time_s) * per_pulse
         return Block(self.time_s[1:][whole], self.angle_deg[1:][whole], output[whole], int(np.ptp(self.latch)))
+
+    def swing(self, per_pulse: float) -> Block:
+        """What tells most of a sine: the samples themselves, or what was counted up to each latch."""
+        if self.sampled is None:
+            return self.summed(per_pulse)
+        return replace(self.block(per_pulse), rounding=self.step_of_codes * abs(per_pulse), kept=self.sampled)
 
     def summed(self, per_pulse: float) -> Block:
         """Latch by latch: time, angle, and what the output has summed up to; a lost latch is no loss."""
         scheduled = int(np.ptp(self.latch)) + 1
-        return Block(self.time_s, self.angle_deg, self.pulses * per_pulse, scheduled, per_pulse, self.at_turns)
-
-
-def table_samples(acquisition: Acquisition, unit: UnitUnderTest) -> TableSamples:
-    """The samples of a unit in one acquisition.
-
-    Problems are those of `mean_rate` but a dead band, which a swing goes through, and no_encoder.
-    """
-    counts, motion = acquisition.counts[unit.channel], acquisition.motion
-    warm_c = acquisition.temperatures_c[unit.temperature]
-    encoder = acquisition.positions.get(motion.device if motion else next(iter(acquisition.positions), ""))
-    problems = [problem for problem in mean_rate(counts).problems if problem != "dead_band"]
-    if encoder is None:
-        nothing = np.empty(0, np.int64)
-        encoder = Positions(nothing, nothing, nothing, 32, 32, counts.tick_period_s, 0.0)
-        problems.append("no_encoder")
-    latch, of_counts, of_encoder = np.intersect1d(
-        counts.sequence, encoder.sequence, assume_unique=True, return_indices=True
-    )
-    if len(latch) < LEAST_LATCHES and "too_few_latches" not in problems:
-        problems.append("too_few_latches")
-    time_s = np.asarray(_since_first(counts.tick[of_counts], counts.tick_bits) * counts.tick_period_s, np.float64)
-    positive = _since_first(counts.positive[of_counts], counts.counter_bits)
-    negative = _since_first(counts.negative[of_counts], counts.counter_bits)
-    turned = _since_first(encoder.position[of_encoder], encoder.position_bits, either_way=True)
-    return TableSamples(
-        step=acquisition.step,
-        motion=motion,
-        temperature_c=float(np.mean(warm_c)) if len(warm_c) else np.nan,
-        time_s=time_s,
-        pulses=np.asarray(positive - negative, np.float64),
-        angle_deg=np.asarray(turned * encoder.resolution_deg, np.float64),
-        latch=latch,
-        interval_s=float(np.median(np.diff(time_s) / np.diff(latch))) if len(latch) > 1 else np.nan,
-        resolution_deg=encoder.resolution_deg,
-        problems=tuple(problems),
-    )
-
-
-def _since_first(cumulative: Integers, bits: int, *, either_way: bool = False) -> Integers:
-    """What a counter that wraps has gone since the first row; one that goes either way goes the shorter."""
-    steps = np.diff(cumulative) % (1 << bits)
-    if either_way:
-        half = 1 << (bits - 1)
-        steps = (steps + half) % (1 << bits) - half
-    return np.concatenate(([0], np.cumsum(steps)))[: len(cumulative)]
+        return Block(
+            self.time_s, self.angle_deg, self.total * per_pulse, scheduled, per_pulse, self.at_turns, kept=integration
+        )
 
 
 def steady(samples: TableSamples, per_pulse: float, clip: float | None = None) -> Steady:
@@ -120,23 +89,26 @@ def steady(samples: TableSamples, per_pulse: float, clip: float | None = None) -
     span_s = float(samples.time_s[last])
     output = samples.block(per_pulse).output
     return Steady(
-        output=float(samples.pulses[last]) / span_s * per_pulse,
-        u_output=_u_mean_pps(samples, last) * abs(per_pulse),
+        output=float(samples.total[last]) / span_s * per_pulse,
+        u_output=_u_mean(samples, last) * abs(per_pulse),
         rate_dps=float(samples.angle_deg[last]) / span_s,
         u_rate_dps=RESOLUTION_COUNTS * samples.resolution_deg / span_s,
         saturated=clip is not None and _share_at(clip, output) > SATURATED,
     )
 
 
-def _u_mean_pps(samples: TableSamples, last: int) -> float:
-    """Of the mean up to a latch: the steps of counting at both ends, and what its parts scatter by.
+def _u_mean(samples: TableSamples, last: int) -> float:
+    """Of the mean up to a latch: the steps of counting at both ends, or of codes, and what its parts scatter by.
 
     What the parts owe to the table, which turns a little unevenly and takes the sensor through gravity, is no scatter.
     """
+    if samples.alone_u is not None:
+        return float(np.hypot(samples.alone_u, samples.hidden_u))
     edges = np.linspace(0, last, PARTS + 1).astype(np.int64)
-    fit = _fitted(_between_parts(samples.pulses, samples, edges), _owed_to_the_table(samples, edges))
-    scatter_pps = fit.residual_sd * np.sqrt(BETWEEN_PARTS / PARTS)
-    return float(np.hypot(scatter_pps, RESOLUTION_COUNTS / samples.time_s[last]))
+    fit = _fitted(_between_parts(samples.total, samples, edges), _owed_to_the_table(samples, edges))
+    scatter = fit.residual_sd * np.sqrt(BETWEEN_PARTS / PARTS)
+    steps = RESOLUTION_COUNTS / samples.time_s[last] if samples.sampled is None else samples.hidden_u
+    return float(np.hypot(scatter, steps))
 
 
 def _between_parts(cumulative: Array, samples: TableSamples, edges: Integers) -> Array:

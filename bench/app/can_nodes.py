@@ -9,12 +9,13 @@ from bench.errors import InputError
 from drivers.can_counter.binding import format_of
 from drivers.can_counter.description import CounterOptions
 from drivers.can_options import text_of
-from drivers.can_telemetry.binding import formats_of
+from drivers.can_telemetry.binding import encoders_of, formats_of
 from drivers.can_telemetry.description import TelemetryOptions
 from drivers.corrections import ARCSEC_PER_DEG
 from drivers.dbc import Dbc
 from simulators.can_counter import CounterSettings
-from simulators.can_telemetry import ChannelSettings, TelemetrySettings
+from simulators.can_telemetry import ChannelSettings, EncoderSettings, TelemetrySettings
+from simulators.gyro_unit import GyroFile
 from simulators.imu import CHANNELS, SENSORS
 from simulators.imu_file import ImuFile
 from simulators.unit_file import UnitFile
@@ -60,7 +61,7 @@ def decoding_of(bench: BenchFile, channel: str | None) -> Decoding | None:
 
 
 def telemetry_settings(
-    bench: BenchFile, role: str, options: TelemetryOptions, units: Mapping[str, object]
+    bench: BenchFile, role: str, options: TelemetryOptions, units: Mapping[str, object], encoder_skew_s: float = 0.0
 ) -> TelemetrySettings:
     """The channels of a telemetry that have a unit; InputError when its truth says nothing of codes."""
     dbc = Dbc(text_of(options.dbc))
@@ -71,8 +72,10 @@ def telemetry_settings(
         for key, channel in entry.measured_by.items()
         if channel in forms and (key == "telemetry" or entry.channels is not None)
     }
-    for name in places.values():
+    for channel, name in places.items():
         _check_sends(bench, name, units[name])
+        if options.channels[channel].sample != "mean":
+            raise InputError(f"the simulated unit of place '{name}' sends means; write sample: mean for its channel")
     for message in {form.value.message.name for form in forms.values()}:
         alike = {
             (places[channel], options.channels[channel].period)
@@ -81,12 +84,23 @@ def telemetry_settings(
         }
         if len(alike) > 1:
             raise InputError(f"'{role}' has channels of several units, or periods, in {message}, which none simulates")
+    encoders = {
+        name: EncoderSettings(form, ARCSEC_PER_DEG / options.positions[name].resolution)
+        for name, form in encoders_of(options, dbc).items()
+    }
     readings, imu_readings = _thermometers(bench, role)
     return TelemetrySettings(
         name=role,
         dbc=dbc,
         channels={
-            channel: ChannelSettings(forms[channel], sample.period, sample.tick_period, places[channel])
+            channel: ChannelSettings(
+                forms[channel],
+                sample.period,
+                sample.tick_period,
+                places[channel],
+                {name: each for name, each in encoders.items() if options.positions[name].channel == channel},
+                encoder_skew_s,
+            )
             for channel, sample in options.channels.items()
             if channel in places
         },
@@ -97,7 +111,7 @@ def telemetry_settings(
 
 def _check_sends(bench: BenchFile, place: str, unit: object) -> None:
     """InputError when the truth of a unit says nothing of codes, or it sends some of its channels only."""
-    if not isinstance(unit, UnitFile | ImuFile) or unit.telemetry is None:
+    if not isinstance(unit, UnitFile | GyroFile | ImuFile) or unit.telemetry is None:
         raise InputError(f"the simulated unit of place '{place}' sends no codes: its file needs 'telemetry'")
     if isinstance(unit, ImuFile) and len(bench.sent_units(bench.places[place])) < len(CHANNELS):
         raise InputError(f"the simulated unit of place '{place}' sends all of its channels, not some of them")

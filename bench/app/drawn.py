@@ -225,6 +225,13 @@ def current_errors(bench: BenchFile, role: str, seed: int) -> CurrentErrors:
     )
 
 
+def encoder_skew_s(bench: BenchFile, role: str, seed: int) -> float:
+    """By how much later than the samples of a telemetry end the encoder is latched, drawn from its certificate."""
+    known = bench.devices[role].calibration
+    u_s = known.U.encoder_skew / known.k if known is not None else 0.0
+    return float(u_s * stream(seed, "bench", role, "encoder skew").standard_normal())
+
+
 def voltmeter_settings(bench: BenchFile, role: str, seed: int) -> VoltmeterSettings:
     """What a voltmeter is connected to, and its errors as drawn from its certificate; InputError."""
     connected, certificate = bench.simulation.voltmeters.get(role), bench.devices[role].calibration

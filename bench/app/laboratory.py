@@ -9,7 +9,14 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from bench.app.can_nodes import counter_settings, telemetry_settings
-from bench.app.drawn import AnyUnitFile, columns, current_errors, voltmeter_settings, world_settings
+from bench.app.drawn import (
+    AnyUnitFile,
+    columns,
+    current_errors,
+    encoder_skew_s,
+    voltmeter_settings,
+    world_settings,
+)
 from bench.config.devices import DeviceEntry
 from bench.config.document import read_document
 from bench.config.load import load
@@ -89,9 +96,12 @@ def make_laboratory(
         if isinstance(entry.options, CounterOptions):
             nodes[role] = SimulatedCounter(world, counter_settings(bench, role, entry.options), faults)
         elif isinstance(entry.options, TelemetryOptions):
-            nodes[role] = SimulatedTelemetry(world, telemetry_settings(bench, role, entry.options, units), faults)
+            skew_s = encoder_skew_s(bench, role, seed)
+            settings = telemetry_settings(bench, role, entry.options, units, skew_s)
+            nodes[role] = SimulatedTelemetry(world, settings, faults)
         elif entry.driver == "keysight_3458a":
             voltmeters[role] = voltmeter_settings(bench, role, seed)
+            _check_current(voltmeters[role].place, units)
             instruments[role] = Simulated3458A(world, faults, voltmeters[role], name=role)
         else:
             instruments[role] = made = _instrument(role, entry, world, faults)
@@ -99,6 +109,13 @@ def make_laboratory(
                 table = columns(corrections_of(bench).currents.get(role))
                 world.sources[role] = Feed(made, current_errors(bench, role, seed), table)
     return Laboratory(world, instruments, nodes, voltmeters)
+
+
+def _check_current(place: str, units: Mapping[str, AnyUnitFile]) -> None:
+    """InputError for a gyro on a voltmeter whose file says nothing of its current."""
+    unit = units[place]
+    if isinstance(unit, GyroFile) and unit.current is None:
+        raise InputError(f"the simulated gyro of place '{place}' has no analogue output: its file needs 'current'")
 
 
 def _instrument(role: str, entry: DeviceEntry, world: World, faults: FaultPlan) -> Instrument:

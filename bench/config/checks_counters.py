@@ -8,7 +8,8 @@ from typing import Any
 from bench.config.devices import DeviceEntry
 from bench.config.document import Place, Problem
 from bench.config.models import BenchFile
-from drivers.can_counter.description import CounterOptions, bus_bits_per_latch, position_bits
+from drivers.can_counter.description import CounterOptions, bus_bits_per_latch
+from drivers.can_options import PositionOptions, position_bits
 from drivers.can_telemetry.description import TelemetryOptions, bus_bits_per_s
 from drivers.suggest import did_you_mean
 from drivers.transport.address import Address
@@ -24,11 +25,13 @@ def counter_misfits(bench: BenchFile) -> Iterator[Problem]:
             needed = bus_bits_per_latch(options) / options.period
             what = f"the frames of a latch every {options.period:g} s"
             yield from _bus(("devices", role, "options", "period"), entry.connection, needed, what)
-            for device in options.positions:
-                yield from _encoder(bench, role, options, device)
+            for device, encoder in options.positions.items():
+                yield from _encoder(bench, role, device, encoder, options.period)
         elif isinstance(options, TelemetryOptions) and options.dbc.is_file():
             where: Place = ("devices", role, "options", "channels")
             yield from _bus(where, entry.connection, bus_bits_per_s(options), "the samples of all channels")
+            for device, sampled in options.positions.items():
+                yield from _encoder(bench, role, device, sampled, options.channels[sampled.channel].period)
 
 
 def _bus(place: Place, connection: Address, needed: float, what: str) -> Iterator[Problem]:
@@ -43,14 +46,15 @@ def _bus(place: Place, connection: Address, needed: float, what: str) -> Iterato
         )
 
 
-def _encoder(bench: BenchFile, role: str, options: CounterOptions, device: str) -> Iterator[Problem]:
+def _encoder(bench: BenchFile, role: str, device: str, encoder: PositionOptions, period_s: float) -> Iterator[Problem]:
     """An encoder of nothing that turns, or one that comes half round between two latches."""
     where: Place = ("devices", role, "options", "positions", device)
     if device not in bench.axes:
         yield where, f"'{device}' drives no axis of the fixture{did_you_mean(device, bench.axes)}"
         return
-    bits, fastest_dps = position_bits(options, device), _fastest_dps(bench.devices[device])
-    counts = fastest_dps * options.period * 3600 / options.positions[device].resolution
+    options: Any = bench.devices[role].options
+    bits, fastest_dps = position_bits(options.dbc, encoder), _fastest_dps(bench.devices[device])
+    counts = fastest_dps * period_s * 3600 / encoder.resolution
     if bits is not None and counts >= 2 ** (bits - 1):
         yield (
             where,

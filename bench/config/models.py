@@ -14,7 +14,6 @@ from bench.config.fixture import DIRECTIONS, FixtureEntry, Vector
 from bench.config.interlocks import InterlockEntry
 from bench.config.places import PlaceEntry
 from bench.config.simulation import Simulation
-from drivers.can_counter.description import CounterOptions
 from drivers.can_telemetry.description import SampleOptions, TelemetryOptions
 from drivers.corrections import TemperatureTable
 from drivers.fields import (
@@ -206,11 +205,16 @@ class BenchFile(StrictModel):
         return None if converter is None or nominal.K1 is None else nominal.K1 * converter
 
     def acquired_from(self, role: str) -> tuple[str, ...]:
-        """The devices that an acquisition of `role` records: it alone, or all that measure the outputs of units."""
+        """The devices that an acquisition of `role` records: it alone, or all that measure the outputs of units.
+
+        With these those that latch the encoder of a table.
+        """
         if role in self.devices:
             return (role,)
         measuring = {each for place in self.places.values() for each in self.measuring(place)}
-        return tuple(name for name in self.devices if name in measuring)
+        return tuple(
+            name for name, entry in self.devices.items() if name in measuring or getattr(entry.options, "positions", {})
+        )
 
     def measuring(self, entry: PlaceEntry) -> tuple[str, ...]:
         """The devices that measure the output of the unit in a place."""
@@ -226,12 +230,7 @@ class BenchFile(StrictModel):
 
     def measured_by(self, place: str) -> str:
         """The device that measures the output of the unit in a place."""
-        entry = self.places[place]
-        if entry.voltmeter is not None:
-            return entry.voltmeter
-        by, channel = (TelemetryOptions, entry.telemetry) if entry.telemetry else (CounterOptions, entry.channel)
-        options = {role: each.options for role, each in self.devices.items()}
-        return next(role for role, each in options.items() if isinstance(each, by) and channel in each.channels)
+        return self.measuring(self.places[place])[0]
 
     def past_due(self, day: dt.date) -> dict[str, dt.date]:
         """The devices and readings whose calibration is not valid any more on a day, each with when it was due."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from bench.analysis.acquired import Acquisition, Codes, Counts, Motion, Mount, Positions, Turned, Voltages
-from bench.analysis.bench_record import AxisRecord, BenchRecord, SourceRecord
+from bench.analysis.bench_record import AxisRecord, BenchRecord, ClockRecord, SourceRecord
 from bench.analysis.outputs import window_of
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.config.fixture import Vector
@@ -86,6 +86,7 @@ def acquisitions(
         codes: dict[str, Codes] = {}
         for role, sent in telemetry.items():
             codes |= sent.codes(frames.get(role, FrameBlock.empty()))
+            positions |= sent.positions(frames.get(role, FrameBlock.empty()))
         read = samples.get(event.step, {})
         yield replace(
             acquired,
@@ -277,7 +278,16 @@ def bench_record(bench: BenchFile) -> BenchRecord:
         orthogonality_u_deg=square.U / square.k * ARCSEC_DEG if square is not None else 0.0,
         sources=dict(_sources(bench)),
         host_clock_u=clock.U / clock.k if clock is not None else 0.0,
+        telemetry=next(_latching(bench), None),
     )
+
+
+def _latching(bench: BenchFile) -> Iterator[ClockRecord]:
+    """The clocks of what units send, where the encoder of a table is latched with that."""
+    for role, entry in bench.devices.items():
+        if isinstance(entry.options, TelemetryOptions) and entry.options.positions:
+            u = _uncertainties(bench, role)
+            yield ClockRecord("telemetry", float(u.get("time_base", 0.0)), float(u.get("encoder_skew", 0.0)))
 
 
 def _sources(bench: BenchFile) -> Iterator[tuple[str, SourceRecord]]:

@@ -53,14 +53,6 @@ def unsuited_unit(plan: Plan, bench: BenchFile) -> Iterator[Found]:
         method = known_methods()[entry.method]
         wanted = method.measures
         for name, place in bench.places.items():
-            if method.counts_at == "table" and not place.is_counted:
-                yield (
-                    ("results", index, "method"),
-                    f"{entry.method} needs pulses on the clock of the table's encoder; in place '{name}' none are "
-                    "counted",
-                    "Use a bench where a counter counts the unit and latches the encoder",
-                )
-                continue
             found = "channel" if place.channels is None else "inertial unit"
             if found != wanted:
                 kinds = {"channel": "units with one channel", "inertial unit": "inertial units"}

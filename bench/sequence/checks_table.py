@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from typing import Any
 
 from bench.config.models import BenchFile
 from bench.sequence.measuring import Acquire
@@ -15,27 +14,78 @@ from bench.sequence.plan import Plan, PlannedStep
 from bench.sequence.remarks import Found
 from bench.sequence.stimulus import Oscillate, Rotate
 from drivers.can_counter.description import CounterOptions
+from drivers.can_telemetry.description import TelemetryOptions
 
-LEAST_PULSES = 30.0  # of a swing: with fewer the steps of counting are a large part of it
+LEAST_STEPS = 30.0  # of a swing, pulses or codes: with fewer the steps are a large part of it
 FEW_PHASES = 100  # of a swing that the samples come back to; their number divides the errors of the encoder
 RANGE_METHODS, RESPONSE_METHODS = ("gyro_range", "accelerometer_range"), ("gyro_response", "accelerometer_response")
 Inside = tuple[PlannedStep, Oscillate | Rotate | None]  # an acquisition, and what turns the table meanwhile
 
 
 def no_encoder(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A test on a table whose counter does not latch the table's encoder."""
+    """A test on a table of which the bench does not know where the table stands when the output is measured."""
     for index, entry in _on_a_table(plan):
-        for planned, motion in _acquired(plan, entry.data):
-            counter: Any = bench.devices[planned.step.role] if isinstance(planned.step, Acquire) else None
-            options = counter.options if counter is not None else None
-            if motion is None or not isinstance(options, CounterOptions) or motion.role in options.positions:
-                continue
+        found = (
+            misfit
+            for planned, motion in _acquired(plan, entry.data)
+            if motion is not None and isinstance(planned.step, Acquire)
+            for misfit in _without_encoder(bench, bench.acquired_from(planned.step.role), motion)
+        )
+        if (first := next(found, None)) is not None:
+            yield ("results", index, "method"), *first
+
+
+def _without_encoder(bench: BenchFile, devices: Sequence[str], motion: Oscillate | Rotate) -> Iterator[tuple[str, str]]:
+    """What is wrong, and what to do, of each unit whose output has no encoder as near as the motion needs it."""
+    options = [bench.devices[role].options for role in devices]
+    latching = [each for each in options if motion.role in getattr(each, "positions", {})]
+    swings = isinstance(motion, Oscillate)
+    for name, place in bench.places.items():
+        if place.is_counted:
+            if not any(isinstance(each, CounterOptions) for each in latching):
+                yield (
+                    f"it needs the encoder of '{motion.role}' on the clock of the pulses, and the counter latches none",
+                    "Add the encoder to options.positions of the counter in the bench file, or run it on another bench",
+                )
+        elif swings and place.voltmeter is not None:
             yield (
-                ("results", index, "method"),
-                f"it needs the encoder of '{motion.role}' on the clock of the pulses, and the counter latches none",
-                "Add the encoder to options.positions of the counter in the bench file, or run it on another bench",
+                f"a swing needs the encoder of '{motion.role}' on the clock of the output; in place '{name}' the "
+                f"voltmeter '{place.voltmeter}' has no clock in common with it, and reads longer than a swing lasts",
+                "Run it on a bench where a counter counts the unit, or telemetry carries its output, with the encoder",
             )
-            break
+        elif swings and not any(_sampled(each, place.telemetry, motion.role) for each in latching):
+            yield (
+                f"a swing needs the encoder of '{motion.role}' latched with the samples of channel "
+                f"'{place.telemetry}', on one clock",
+                "Add the encoder to options.positions of the telemetry in the bench file, with that channel, or run it "
+                "on another bench",
+            )
+        elif not latching:
+            yield (
+                f"it needs the encoder of '{motion.role}', and nothing on the bench latches it",
+                "Add the encoder to options.positions of a counter or of the telemetry in the bench file",
+            )
+
+
+def _sampled(options: object, channel: str | None, device: str) -> bool:
+    """Whether the encoder of a device is latched with the samples of a channel."""
+    return isinstance(options, TelemetryOptions) and options.positions[device].channel == channel
+
+
+def no_scale(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A test on a table that is not told what makes a rate or an acceleration of the output of a unit."""
+    for index, entry in _on_a_table(plan):
+        settings = known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()
+        for name, place in bench.places.items():
+            output = bench.output_unit(name)
+            told = entry.method in RESPONSE_METHODS and place.voltmeter is not None  # that no voltmeter will do
+            if output not in settings["scale"] and not told:
+                per = "°/s" if entry.method.startswith("gyro") else "g"
+                yield (
+                    ("results", index, "settings"),
+                    f"no scale factor is stated for the output of the unit in place '{name}', which is in {output}",
+                    f"Add it, in {output}/({per}), to the setting scale: a list has one for each kind of output",
+                )
 
 
 def incomplete_table_test(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
@@ -67,27 +117,37 @@ def incomplete_table_test(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def too_few_pulses(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A swing on which an accelerometer pulses hardly to and fro; rate amplitude A makes A·r·S/g pulses at an arm r."""
+    """A swing on which an accelerometer pulses hardly to and fro, or sends hardly more than a few codes."""
     for _, entry in _on_a_table(plan):
         if entry.method != "accelerometer_response":
             continue
         for _, motion in _acquired(plan, entry.data):
-            if not isinstance(motion, Oscillate):
-                continue
-            for name, place in bench.places.items():
-                if place.arm is None or place.nominal is None or place.nominal.S is None or not place.arm.y:
-                    continue
-                rate_dps = motion.amplitude_deg * 2 * math.pi * motion.highest_hz
-                per_rps = abs(place.arm.y) * place.nominal.amperes_per_g * place.nominal.S / bench.site.gravity.value
-                pulses = math.radians(rate_dps) * per_rps
-                if pulses < LEAST_PULSES:
-                    yield (
-                        (*_place_of(plan, motion), "amplitude"),
-                        f"the swing by {rate_dps:.3g} °/s at {motion.highest_hz:.6g} Hz makes the unit in place "
-                        f"'{name}' pulse {pulses:.3g} times to and fro, which is fewer than {LEAST_PULSES:g}",
-                        f"Swing by at least {math.degrees(LEAST_PULSES / per_rps):.3g} °/s, or use a longer arm",
-                    )
-                    break
+            found = _small_swings(bench, motion) if isinstance(motion, Oscillate) else iter(())
+            if isinstance(motion, Oscillate) and (small := next(found, None)) is not None:
+                yield (*_place_of(plan, motion), "amplitude"), *small
+
+
+def _small_swings(bench: BenchFile, motion: Oscillate) -> Iterator[tuple[str, str]]:
+    """Of each unit whose output swings by too little: what is wrong, and what to do.
+
+    A rate of amplitude A makes A·r·S/g pulses at an arm r, whatever the frequency f, and a sine of A·2πf·r·K/g codes.
+    Rounding changes a sine of n codes by about 0.1 n^-3/2 of it, without noise that would hide the steps: 6e-4 of 30.
+    """
+    turn_hz = 2 * math.pi * motion.highest_hz
+    rate_dps = motion.amplitude_deg * turn_hz
+    for name, place in bench.places.items():
+        per_g = bench.nominal_per_g(name)
+        if place.arm is None or per_g is None or not place.arm.y or place.voltmeter is not None:
+            continue
+        per_rps = abs(place.arm.y) * per_g / bench.site.gravity.value * (1 if place.is_counted else turn_hz)
+        size = math.radians(rate_dps) * per_rps
+        if size < LEAST_STEPS:
+            does = f"pulse {size:.3g} times to and fro" if place.is_counted else f"send a sine of {size:.3g} codes"
+            yield (
+                f"the swing by {rate_dps:.3g} °/s at {motion.highest_hz:.6g} Hz makes the unit in place "
+                f"'{name}' {does}, which is fewer than {LEAST_STEPS:g}",
+                f"Swing by at least {math.degrees(LEAST_STEPS / per_rps):.3g} °/s, or use a longer arm",
+            )
 
 
 def commensurate_swing(plan: Plan, bench: BenchFile) -> Iterator[Found]:
@@ -96,19 +156,27 @@ def commensurate_swing(plan: Plan, bench: BenchFile) -> Iterator[Found]:
         step = planned.step
         if not isinstance(step, Acquire) or not isinstance(motion, Oscillate) or step.duration_s is None:
             continue
-        options = bench.devices[step.role].options
-        if not isinstance(options, CounterOptions) or motion.role not in options.positions:
-            continue
-        turns = motion.highest_hz * options.period  # of the swing, from sample to sample
-        near = Fraction(turns).limit_denominator(FEW_PHASES)
-        drift = abs(turns - near) * step.duration_s / options.period
-        if drift * near.denominator < 1:
-            yield (
-                (*_place_of(plan, motion), "frequency"),
-                f"{motion.highest_hz:.6g} Hz and a sample every {options.period * 1e3:g} ms meet at "
-                f"{near.denominator} phases of the swing only, where the encoder has the same errors every time",
-                "Swing 0.1 to 0.3 Hz beside it",
-            )
+        for period_s in _periods_s(bench, step.role, motion.role):
+            turns = motion.highest_hz * period_s  # of the swing, from sample to sample
+            near = Fraction(turns).limit_denominator(FEW_PHASES)
+            drift = abs(turns - near) * step.duration_s / period_s
+            if drift * near.denominator < 1:
+                yield (
+                    (*_place_of(plan, motion), "frequency"),
+                    f"{motion.highest_hz:.6g} Hz and a sample every {period_s * 1e3:g} ms meet at "
+                    f"{near.denominator} phases of the swing only, where the encoder has the same errors every time",
+                    "Swing 0.1 to 0.3 Hz beside it",
+                )
+
+
+def _periods_s(bench: BenchFile, role: str, device: str) -> Iterator[float]:
+    """From latch to latch of what latches the encoder of a device in an acquisition."""
+    for each in bench.acquired_from(role):
+        options = bench.devices[each].options
+        if isinstance(options, CounterOptions) and device in options.positions:
+            yield options.period
+        elif isinstance(options, TelemetryOptions) and device in options.positions:
+            yield options.channels[options.positions[device].channel].period
 
 
 def _on_a_table(plan: Plan) -> Iterator[tuple[int, ResultEntry]]:

@@ -17,7 +17,13 @@ from bench.sequence.checks_motion import forbidden_angle, short_acquisition, unr
 from bench.sequence.checks_names import unused_need, unused_parameter
 from bench.sequence.checks_safety import left_cold, left_energised, limit_below_window, no_teardown
 from bench.sequence.checks_structure import shared_device, unreachable
-from bench.sequence.checks_table import commensurate_swing, incomplete_table_test, no_encoder, too_few_pulses
+from bench.sequence.checks_table import (
+    commensurate_swing,
+    incomplete_table_test,
+    no_encoder,
+    no_scale,
+    too_few_pulses,
+)
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Remark, Rule
 
@@ -33,8 +39,9 @@ RULES = (
     Rule("no-nominal", "error", "what a step lets expect is known", no_nominal),
     Rule("incomplete-ladder", "error", "a ladder has steps of both senses, between readings", incomplete_ladder),
     Rule("no-encoder", "error", "a test on a table has its encoder", no_encoder),
+    Rule("no-scale", "error", "a test on a table knows the scale factor of the output", no_scale),
     Rule("incomplete-table-test", "error", "a test on a table has all its parts", incomplete_table_test),
-    Rule("too-few-pulses", "error", "an accelerometer pulses to and fro on a swing", too_few_pulses),
+    Rule("too-few-pulses", "error", "an accelerometer gives many pulses or codes on a swing", too_few_pulses),
     Rule("too-few-temperatures", "warning", "a model over temperature has the degree asked for", too_few_temperatures),
     Rule("too-few-repetitions", "error", "a scatter has values enough", too_few_repetitions),
     Rule("unsuited-ramp", "warning", "a ramp for a channel is long and slow enough", unsuited_ramp),

@@ -5,10 +5,11 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from bench.analysis.acquired import Codes
+from bench.analysis.acquired import Codes, Positions
+from bench.store.encoders import positions_of
 from bench.store.kept_dbc import kept_format
 from drivers.can_telemetry import wire
-from drivers.can_telemetry.binding import formats_of
+from drivers.can_telemetry.binding import encoders_of, formats_of
 from drivers.can_telemetry.description import TelemetryOptions
 from drivers.frame_block import FrameBlock
 
@@ -19,6 +20,7 @@ class CodeDecoder:
     def __init__(self, options: TelemetryOptions, folder: Path) -> None:
         self._options = options
         self._formats = kept_format(folder / options.dbc.name, partial(formats_of, options))
+        self._encoders = kept_format(folder / options.dbc.name, partial(encoders_of, options))
 
     def codes(self, block: FrameBlock) -> dict[str, Codes]:
         """The samples of every channel in these frames."""
@@ -37,5 +39,15 @@ class CodeDecoder:
                 dropped=raw.dropped,
                 invalid=raw.invalid,
                 stuck_after=sample.stuck_after,
+                averaged=sample.sample == "mean",
             )
+        return found
+
+    def positions(self, block: FrameBlock) -> dict[str, Positions]:
+        """What the encoders read that are latched with samples, by the devices that drive their axes."""
+        found = {}
+        for name, encoder in self._options.positions.items():
+            raw = wire.decode_positions(self._formats[encoder.channel], self._encoders[name], block)
+            sample = self._options.channels[encoder.channel]
+            found[name] = positions_of(raw, sample.tick_period, encoder, encoder.channel)
         return found

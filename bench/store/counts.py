@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from bench.analysis.acquired import Counts, Positions
+from bench.store.encoders import positions_of
 from bench.store.kept_dbc import kept_format
 from drivers.can_counter import wire
 from drivers.can_counter.binding import format_of
@@ -47,13 +48,5 @@ class CountDecoder:
         found, latches = {}, wire.latches_of(self._format, block)
         for name, encoder in self._options.positions.items():
             raw = wire.decode_positions(self._format, name, block, latches)
-            found[name] = Positions(
-                sequence=raw.sequence,
-                tick=raw.tick,
-                position=raw.position,
-                tick_bits=raw.tick_bits,
-                position_bits=raw.position_bits,
-                tick_period_s=self._options.latch.tick_period,
-                resolution_deg=encoder.resolution / 3600,
-            )
+            found[name] = positions_of(raw, self._options.latch.tick_period, encoder)
         return found

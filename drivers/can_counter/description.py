@@ -9,11 +9,20 @@ from typing import Annotated, Self
 from pydantic import Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
-from drivers.can_options import IDLE_BLOCK_S, SignalName, temperatures_of, text_of, unknown_signals
+from drivers.can_options import (
+    IDLE_BLOCK_S,
+    ClockUncertainty,
+    PositionOptions,
+    SignalName,
+    encoder_signals,
+    temperatures_of,
+    text_of,
+    unknown_signals,
+)
 from drivers.corrections import ClockCorrections
 from drivers.dbc_outline import frames_bits, lengths_bits
 from drivers.description import DriverDescription
-from drivers.fields import NOT_EMPTY, FileBeside, Hertz, InUnit, PositiveSeconds, Ratio, Seconds, StrictModel
+from drivers.fields import NOT_EMPTY, FileBeside, Hertz, PositiveSeconds, StrictModel
 from drivers.wording import problem_at
 
 
@@ -32,14 +41,6 @@ class ChannelOptions(StrictModel):
     positive: SignalName = Field(description="the counter of positive pulses")
     negative: SignalName = Field(description="the counter of negative pulses")
     sequence: SignalName = Field(description="the number of the latch that they belong to")
-
-
-class PositionOptions(StrictModel):
-    """The signals of a table's encoder, which is latched with the counters; so angle and pulses have one clock."""
-
-    position: SignalName = Field(description="the counts of the encoder; they wrap")
-    sequence: SignalName = Field(description="the number of the latch that they belong to")
-    resolution: Annotated[float, InUnit("arcsec", above=0)] = Field(description="one count")
 
 
 class CounterOptions(StrictModel):
@@ -65,8 +66,7 @@ class CounterOptions(StrictModel):
         }
         for channel, signals in self.channels.items():
             named.update({("channels", channel, key): name for key, name in signals})
-        for device, encoder in self.positions.items():
-            named.update({("positions", device, key): getattr(encoder, key) for key in ("position", "sequence")})
+        named |= encoder_signals(self.positions)
         problems = list(unknown_signals(self.dbc, named)) or list(self._ambiguous())
         if problems:
             raise ValidationError.from_exception_data(type(self).__name__, problems)
@@ -86,13 +86,6 @@ class CounterOptions(StrictModel):
                     yield problem_at(("channels", channel, key), problem)
 
 
-class CounterUncertainty(StrictModel):
-    """What a certificate states of the counter, expanded."""
-
-    time_base: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of its clock, such as 1 ppm")
-    encoder_skew: Seconds = Field(0.0, description="of the time between the latch of an encoder and that of the pulses")
-
-
 def bus_bits_per_latch(options: CounterOptions) -> int:
     """What the frames that come with every latch take on the bus at most, as far as the DBC tells it."""
     signals = [options.latch.tick, options.latch.sequence]
@@ -100,11 +93,6 @@ def bus_bits_per_latch(options: CounterOptions) -> int:
     signals += [name for each in options.positions.values() for name in (each.position, each.sequence)]
     bits = frames_bits(text_of(options.dbc))
     return sum(bits.get(message, 0) for message in {signal.partition(".")[0] for signal in signals})
-
-
-def position_bits(options: CounterOptions, device: str) -> int | None:
-    """How many bits the position of an axis has; None when the DBC does not tell."""
-    return lengths_bits(text_of(options.dbc)).get(options.positions[device].position)
 
 
 def channels(options: CounterOptions) -> Mapping[str, str]:
@@ -119,7 +107,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"slcan", "can"}),
     target="drivers.can_counter.driver:CanCounter",
     options=CounterOptions,
-    uncertainty=CounterUncertainty,
+    uncertainty=ClockUncertainty,
     corrections=ClockCorrections,
     reports_every_s=IDLE_BLOCK_S,
     channels=channels,

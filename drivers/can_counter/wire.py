@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.dbc import Dbc, Field, readings_of
+from drivers.encoder_frames import PositionFormat, Positions, position_formats, unwrapped_beside
 from drivers.frame_block import FrameBlock
-from drivers.sequence_numbers import Integers, ascending, shortest, unwrapped
+from drivers.sequence_numbers import Integers, ascending, unwrapped
 
 NEWEST_FRAMES = 64  # of a block, among which the newest of each message are as a rule
 
@@ -26,14 +27,6 @@ class ChannelFormat:
 
     positive: Field
     negative: Field
-    sequence: Field
-
-
-@dataclass(frozen=True, slots=True)
-class PositionFormat:
-    """The encoder of an axis."""
-
-    position: Field
     sequence: Field
 
 
@@ -71,19 +64,6 @@ class Counts:
     restarts: int
 
 
-@dataclass(frozen=True, slots=True)
-class Positions:
-    """One encoder as the wire gave it, a row for each latch whose frames all came, as in Counts; `position` wraps."""
-
-    sequence: Integers
-    tick: Integers
-    position: Integers
-    tick_bits: int
-    position_bits: int
-    lost: int
-    restarts: int
-
-
 def counter_format(
     dbc: Dbc,
     latch: Mapping[str, str | None],
@@ -108,10 +88,7 @@ def counter_format(
         boot_count=field(boot) if boot else None,
         channels=bound,
         temperatures=dbc.fields_in("°C"),
-        positions={
-            name: PositionFormat(field(entry["position"]), field(entry["sequence"]))
-            for name, entry in (positions or {}).items()
-        },
+        positions=position_formats(dbc, positions or {}),
     )
 
 
@@ -177,6 +154,7 @@ def decode_positions(form: CounterFormat, name: str, block: FrameBlock, latches:
         sequence=found.sequence,
         tick=form.tick.signal.raw(found.latch),
         position=encoder.position.signal.raw(found.other),
+        host_s=found.host_s,
         tick_bits=form.tick.signal.length,
         position_bits=encoder.position.signal.length,
         lost=found.lost,
@@ -192,7 +170,7 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
     if other.signal.length == form.sequence.signal.length and _in_step(latches, rows, raw):
         sequence, stale = latches.numbers, 0
     else:
-        numbers = _unwrapped_beside(latches, rows, raw, other.signal.length)
+        numbers = unwrapped_beside(rows, raw, other.signal.length, latches.rows, latches.numbers)
         fresh = ascending(numbers)
         sequence, latch_places, other_places = np.intersect1d(
             latches.numbers[latches.fresh], numbers[fresh], assume_unique=True, return_indices=True
@@ -217,13 +195,6 @@ def _in_step(latches: Latches, rows: NDArray[np.intp], raw: Integers) -> bool:
         return False
     between = (rows > latches.rows).all() and (rows[:-1] < latches.rows[1:]).all()
     return bool(between and (raw == latches.raw).all())
-
-
-def _unwrapped_beside(latches: Latches, rows: NDArray[np.intp], raw: Integers, bits: int) -> Integers:
-    """Numbers that wrap as those nearest to the number of the last latch that came before."""
-    before = np.searchsorted(latches.rows, rows) - 1
-    near = latches.numbers[np.maximum(before, 0)] if len(latches.rows) else np.zeros_like(raw)
-    return near + shortest(raw - near, bits)
 
 
 def latches(form: CounterFormat, block: FrameBlock) -> tuple[Integers, NDArray[np.float64]]:

@@ -4,12 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
-from drivers.can_options import IDLE_BLOCK_S, SignalName, signals_of, temperatures_of, text_of, unknown_signals
+from drivers.can_options import (
+    IDLE_BLOCK_S,
+    ClockUncertainty,
+    PositionOptions,
+    SignalName,
+    encoder_signals,
+    signals_of,
+    temperatures_of,
+    text_of,
+    unknown_signals,
+)
 from drivers.dbc_outline import frames_bits, lengths_bits
 from drivers.description import DriverDescription
 from drivers.fields import NOT_EMPTY, FileBeside, PositiveSeconds, StrictModel, WholeNumber
@@ -48,6 +58,10 @@ class SampleOptions(StrictModel):
     stuck_after: Annotated[WholeNumber, Field(ge=2)] | None = Field(
         None, description="so many samples with one and the same value mean that the unit does not measure any more"
     )
+    sample: Literal["mean", "instant"] = Field(
+        "mean",
+        description="what a sample is: the mean over the period that ends at its tick, or the output at it",
+    )
 
     @property
     def signals(self) -> Mapping[str, str | None]:
@@ -60,11 +74,20 @@ class SampleOptions(StrictModel):
         return self.unit or CODE
 
 
+class SampledPositionOptions(PositionOptions):
+    """The signals of a table's encoder, which is latched at the end of each sample of a channel."""
+
+    channel: str = Field(description="the channel whose samples it is latched with")
+
+
 class TelemetryOptions(StrictModel):
     """Where in the frames the samples are; names are Message.Signal of the DBC."""
 
     dbc: Annotated[Path, FileBeside()] = Field(description="describes the frames")
     channels: Annotated[dict[str, SampleOptions], NOT_EMPTY]
+    positions: dict[str, SampledPositionOptions] = Field(
+        {}, description="encoders that are latched with the samples, by the devices that drive their axes"
+    )
 
     @model_validator(mode="after")
     def _signals_are_in_the_dbc(self) -> Self:
@@ -74,7 +97,12 @@ class TelemetryOptions(StrictModel):
             ("channels", channel, key): name
             for channel, sample in self.channels.items()
             for key, name in sample.signals.items()
-        }))  # fmt: skip
+        } | encoder_signals(self.positions)))  # fmt: skip
+        problems += [
+            problem_at(("positions", device, "channel"), f"there is no channel '{encoder.channel}'")
+            for device, encoder in self.positions.items()
+            if encoder.channel not in self.channels
+        ]
         problems = problems or [found for channel in self.channels for found in self._misfits(channel)]
         if problems:
             raise ValidationError.from_exception_data(type(self).__name__, problems)
@@ -112,6 +140,9 @@ def bus_bits_per_s(options: TelemetryOptions) -> float:
     """What the samples take on the bus at most, as far as the DBC tells it."""
     bits = frames_bits(text_of(options.dbc))
     period_s = {sample.value.partition(".")[0]: sample.period for sample in options.channels.values()}
+    for encoder in options.positions.values():
+        for signal in (encoder.position, encoder.sequence):
+            period_s[signal.partition(".")[0]] = options.channels[encoder.channel].period
     return sum(bits.get(message, 0) / each_s for message, each_s in period_s.items())
 
 
@@ -127,6 +158,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"slcan", "can"}),
     target="drivers.can_telemetry.driver:CanTelemetry",
     options=TelemetryOptions,
+    uncertainty=ClockUncertainty,
     reports_every_s=IDLE_BLOCK_S,
     channels=channels,
 )

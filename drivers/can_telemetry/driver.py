@@ -10,10 +10,11 @@ from typing import Self
 import numpy as np
 
 from drivers.can_telemetry import wire
-from drivers.can_telemetry.binding import formats_of
+from drivers.can_telemetry.binding import encoders_of, formats_of
 from drivers.can_telemetry.description import TelemetryOptions
 from drivers.dbc import Dbc, Field
 from drivers.description import Nothing, Setup, check_identity
+from drivers.encoder_frames import PositionFormat
 from drivers.errors import InstrumentFault, NoAnswer
 from drivers.frame_block import FrameBlock
 from drivers.frame_intake import (
@@ -43,6 +44,7 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
         self._codes: dict[str, int] = {}  # the last one of each channel
         self._others: set[int] = set()  # frames that are none of the channels'
         self._formats: Mapping[str, wire.SampleFormat] = {}
+        self._encoders: Mapping[str, PositionFormat] = {}
         self._temperatures: Mapping[str, Field] = {}
 
     async def __aenter__(self) -> Self:
@@ -58,13 +60,14 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
         return self
 
     def _bind(self, dbc: Dbc) -> Mapping[str, wire.SampleFormat]:
-        self._temperatures = dbc.fields_in("°C")
+        self._temperatures, self._encoders = dbc.fields_in("°C"), encoders_of(self._options, dbc)
         return formats_of(self._options, dbc)
 
     def _look(self, block: FrameBlock) -> None:
         """Takes readings and the newest samples from a block; raises when something is wrong with it."""
         self._keep_readings(self._temperatures, block)
         known = {form.value.message.id for form in self._formats.values()}
+        known |= {encoder.position.message.id for encoder in self._encoders.values()}
         self._others |= set(sorted(set(block.ids.tolist()) - known)[:MOST_NAMED])
         for channel, form in self._formats.items():
             self._listen(channel, *wire.arrivals(form, block))

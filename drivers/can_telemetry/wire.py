@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.dbc import Dbc, DbcError, Field
+from drivers.encoder_frames import PositionFormat, Positions, unwrapped_beside
 from drivers.frame_block import FrameBlock
 from drivers.sequence_numbers import Integers, ascending, unwrapped_by_clock
 
@@ -98,6 +99,31 @@ def decode_samples(form: SampleFormat, block: FrameBlock) -> Samples:
         lost=int(numbers.max() - numbers[0]) + 1 - int(np.count_nonzero(fresh)) if len(rows) else 0,
         dropped=int(np.count_nonzero(~fresh)),
         invalid=int(np.count_nonzero(fresh & ~usable)),
+    )
+
+
+def decode_positions(form: SampleFormat, encoder: PositionFormat, block: FrameBlock) -> Positions:
+    """What an encoder read at the ends of the samples of a channel, a row for each usable sample that has one."""
+    samples = decode_samples(form, block)
+    rows, of_samples = encoder.sequence.message.rows(block), form.value.message.rows(block)
+    data, number, tick = block.data[of_samples], form.sequence.signal, form.tick.signal
+    known = unwrapped_by_clock(number.raw(data), number.length, tick.raw(data), tick.length)
+    data, own = block.data[rows], encoder.sequence.signal
+    bits = min(own.length, number.length)  # of a longer one the rest is not known of the samples
+    numbers = unwrapped_beside(rows, own.raw(data), bits, of_samples, known)
+    fresh = ascending(numbers)
+    sequence, of_sample, of_encoder = np.intersect1d(
+        samples.sequence, numbers[fresh], assume_unique=True, return_indices=True
+    )
+    return Positions(
+        sequence=sequence,
+        tick=samples.tick[of_sample],
+        position=encoder.position.signal.raw(data[fresh][of_encoder]),
+        host_s=samples.host_s[of_sample],
+        tick_bits=samples.tick_bits,
+        position_bits=encoder.position.signal.length,
+        lost=len(samples.sequence) - len(sequence),
+        restarts=0,
     )
 
 

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from bench.analysis.frequency_response import averaging, bandwidth
+from bench.analysis.frequency_response import bandwidth
+from bench.analysis.sampling import averaging
 from bench.analysis.two_sample import velocity_increments
 from tests.support.m3_cases import second_order
 

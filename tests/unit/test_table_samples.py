@@ -9,7 +9,8 @@ from bench.analysis.acquired import Motion
 from bench.analysis.converter_play import without_play
 from bench.analysis.rest import RestReading, fit_rest
 from bench.analysis.sine_fit import fit_sine
-from bench.analysis.table_samples import harmonics_u_dps, steady, table_samples
+from bench.analysis.table_intake import table_samples
+from bench.analysis.table_samples import harmonics_u_dps, steady
 from tests.support.table_runs import UNIT, acquired
 
 
@@ -28,7 +29,7 @@ def test_counters_clocks_and_encoders_that_wrap_go_on():
     assert samples.problems == ()
     assert samples.time_s[-1] == pytest.approx(4.0)
     assert samples.angle_deg[-1] == pytest.approx(-1600, abs=2e-4)
-    assert samples.pulses[-1] == pytest.approx(-160_000, abs=2)
+    assert samples.total[-1] == pytest.approx(-160_000, abs=2)
     assert (samples.interval_s, samples.temperature_c) == (pytest.approx(1e-3), 20.5)
 
 
@@ -124,7 +125,7 @@ def swung(amplitude, frequency_hz, drift=15.0, second=0.0, seconds=5.0):
 
 
 def gain_of(samples, phase, amplitude, frequency_hz, harmonic=1, lag=0.0):
-    fit = fit_sine(samples.time_s, samples.pulses, frequency_hz, harmonics=2)
+    fit = fit_sine(samples.time_s, samples.total, frequency_hz, harmonics=2)
     return fit.phasors[harmonic - 1] / (amplitude * np.exp(1j * (harmonic * phase[0] + lag - np.pi / 2)))
 
 
@@ -148,4 +149,4 @@ def test_the_play_is_taken_out_of_twice_the_frequency_too():
 @pytest.mark.parametrize(("amplitude", "drift", "play"), [(20.0, 15.0, 0.0), (0.3, 15.0, 1.0), (20.0, 9000.0, 1.0)])
 def test_without_play_or_without_reversals_nothing_changes(amplitude, drift, play):
     samples, _ = swung(amplitude, 30.37, drift=drift)
-    assert without_play(samples, 30.37, play).pulses.tolist() == samples.pulses.tolist()
+    assert without_play(samples, 30.37, play).total.tolist() == samples.total.tolist()

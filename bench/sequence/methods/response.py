@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, core_schema
 
-from bench.sequence.methods import MethodDescription
+from bench.sequence.methods import OUTPUT_UNITS, MethodDescription
 from drivers.fields import Hertz, InUnit, Ratio, StrictModel
+from drivers.quantities import as_quantity, parse
+from drivers.units import QuantityError, parse_unit
+from drivers.wording import telling
 
 Tolerance = Annotated[Ratio, InUnit("", at_least=0, at_most=0.5)]
 Basis = Literal["reading", "full_scale"]
@@ -15,19 +20,54 @@ PositiveG = Annotated[float, InUnit("g", above=0)]
 PositiveRate = Annotated[float, InUnit("°/s", above=0)]
 
 
-class GyroScale(StrictModel):
-    """What turns the pulses of a gyro into a rate."""
+@dataclass(frozen=True, slots=True)
+class ScaleOf:
+    """Validates scale factors, one or a list of one for each kind of output, into numbers by the unit of the output.
 
-    scale_ppd: Annotated[float, InUnit("pulse/°", above=0)] = Field(
-        alias="scale", description="scale factor as stated; errors and gains are against it"
+    They are in that unit over `per`, such as 4000 pulse/°, which is 4000 pulse/s for 1 °/s.
+    """
+
+    per: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self._validate)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"oneOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}
+
+    def _validate(self, raw: object) -> dict[str, float]:
+        units = {output: f"{output}/({self.per})" for output in (*OUTPUT_UNITS, self.per)}
+        found: dict[str, float] = {}
+        for given in raw if isinstance(raw, list | tuple) and raw else [raw]:
+            try:
+                scale = parse(given) if isinstance(given, str) else as_quantity(given)
+            except QuantityError as problem:
+                raise telling(str(problem)) from None
+            output = next((each for each, unit in units.items() if parse_unit(unit).dimension == scale.dimension), None)
+            if output is None:
+                wanted = ", ".join(units[each] for each in OUTPUT_UNITS)
+                raise telling(f"is {scale}, expected a quantity in one of {wanted}")
+            if scale.base_value <= 0:
+                raise telling(f"is {scale}, expected more than 0")
+            if output in found:
+                raise telling(f"has two scale factors of an output in {output}")
+            found[output] = scale.to(units[output])
+        return found
+
+
+class GyroScale(StrictModel):
+    """What turns the output of a gyro into a rate."""
+
+    scale: Annotated[dict[str, float], ScaleOf("°/s")] = Field(
+        description="scale factor as stated, or one for each kind of output; errors and gains are against it"
     )
 
 
 class AccelerometerScale(StrictModel):
-    """What turns the pulses of an accelerometer into an acceleration."""
+    """What turns the output of an accelerometer into an acceleration."""
 
-    scale_pps_per_g: Annotated[float, InUnit("pulse/s/g", above=0)] = Field(
-        alias="scale", description="scale factor as it was calibrated"
+    scale: Annotated[dict[str, float], ScaleOf("g")] = Field(
+        description="scale factor as it was calibrated, or one for each kind of output"
     )
     scale_u: Tolerance = Field(1e-4, description="its standard uncertainty, relative")
     scale_per_c_u: Annotated[float, InUnit("1/°C", at_least=0)] = Field(
