@@ -100,7 +100,7 @@ def truth_record(
 
 def _decodings(world: World) -> dict[str, Any]:
     """What the codes of each unit that sends them are decoded to; nothing where none does."""
-    through = {name: unit.settings.through for name, unit in sorted(world.units.items())}
+    through = {name: unit.settings.through for name, unit in sorted(world.counted.items())}
     found = {name: asdict(each) for name, each in through.items() if isinstance(each, Decoding)}
     return {"telemetry": found} if found else {}
 

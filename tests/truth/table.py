@@ -1,8 +1,8 @@
 """The tests on a rate table against the truth: what a perfect bench would find of the units as drawn (methods.md 8.8).
 
-    python -m tests.truth.table --seeds 10
+    python -m tests.truth.table --seeds 10 --output pulses --output codes --output volts
 
-runs all four sequences on perfect and on full benches, and holds every figure against its truth.
+runs all four sequences on perfect and on full benches, and holds every figure against its truth; ranges alone on volts.
 """
 
 from __future__ import annotations
@@ -26,8 +26,17 @@ EARTH_DPS = np.degrees(7.292115e-5)
 BENCHES = {
     "gyro_range": "gyro", "gyro_response": "gyro", "accel_range": "centrifuge", "accel_response": "response",
 }  # fmt: skip
+BENCHES_BY_OUTPUT = {
+    "pulses": BENCHES,
+    "codes": {
+        "gyro_range": "gyro_telemetry", "gyro_response": "gyro_telemetry", "accel_range": "table_telemetry",
+        "accel_response": "table_telemetry",
+    },
+    "volts": {"gyro_range": "gyro_volts", "accel_range": "table_volts"},
+}  # fmt: skip
 UNITS = ("rate_gyro", "response_60hz")
 COLD = ("self_heating: 5 °C", "self_heating: 0 °C")  # so that the units are at the temperature of the room at once
+TRUE_CLOCK = ("clock: {mean: 0 ppm, sd: 5 ppm}", "clock: 0 ppm")  # of a perfect bench, where a certificate says so
 START_C = 22.0
 SHORT = {
     "gyro_range": ("warm_up=0 s", "rates=[50 °/s, 200 °/s, 400 °/s]", "record=5 s", "rest=5 s"),
@@ -39,6 +48,19 @@ SHORT = {
     ),
 }  # fmt: skip
 Truth = Callable[[dict], float]
+Output = Callable[[GyroTruth | UnitTruth, np.ndarray], np.ndarray]
+# What an output is in °/s or in g by the stated scale factors, from the pulses a second of a gyro, or the current of an
+# accelerometer.
+OF_GYRO: dict[str, Output] = {
+    "pulses": lambda gyro, pps: pps / 4000,
+    "codes": lambda gyro, pps: gyro.codes(pps) / 16000,
+    "volts": lambda gyro, pps: gyro.current_a(pps) * 100 / 0.01,
+}
+OF_ACCELEROMETER: dict[str, Output] = {
+    "pulses": lambda unit, current_a: unit.rate_pps(current_a) / 11300,
+    "codes": lambda unit, current_a: unit.codes(current_a) / 45200,
+    "volts": lambda unit, current_a: current_a * 200 / 0.226,
+}
 
 
 def table_bench(folder: Path, name: str, *, perfect: bool = False) -> Path:
@@ -46,15 +68,15 @@ def table_bench(folder: Path, name: str, *, perfect: bool = False) -> Path:
     path = perfect_bench(folder, name) if perfect else full_bench(folder, name)
     for unit in UNITS:
         file = folder / "uut" / f"{unit}.yaml"
-        text = file.read_text("utf-8")
-        file.write_text(text.replace(*COLD), "utf-8")
+        text = file.read_text("utf-8").replace(*COLD)
+        file.write_text(text.replace(*TRUE_CLOCK) if perfect else text, "utf-8")
     return path
 
 
-def compare_table(folder: Path, results: dict | None = None) -> list[Comparison]:
+def compare_table(folder: Path, results: dict | None = None, output: str = "pulses") -> list[Comparison]:
     """Every figure of a run with a truth beside it; those of one kind by the number of their point."""
     truth, results = json.loads((folder / "truth.json").read_text("utf-8")), results or results_of(folder)
-    true = truths(truth, results)
+    true = truths(truth, results, output)
     return [
         Comparison(
             truth["seed"], found["at"].get("point", 0), found["quantity"], found["value"],
@@ -65,20 +87,20 @@ def compare_table(folder: Path, results: dict | None = None) -> list[Comparison]
     ]  # fmt: skip
 
 
-def truths(truth: dict, results: dict) -> dict[str, Truth]:
+def truths(truth: dict, results: dict, output: str) -> dict[str, Truth]:
     """By quantity: what is true under the conditions of a finding."""
     unit = {key: tuple(value) if isinstance(value, list) else value for key, value in truth["units"]["a"].items()}
     quantities = {found["quantity"] for found in results["findings"]}
     if "scale_ppd" in unit:
         gyro = GyroTruth(**unit)
-        return gyro_range(gyro, truth) if "rate_error" in quantities else gyro_response(gyro)
+        return gyro_range(gyro, truth, OF_GYRO[output]) if "rate_error" in quantities else gyro_response(gyro)
     accelerometer = UnitTruth(**unit)
     if "acceleration_error" in quantities:
-        return accelerometer_range(accelerometer, truth, results)
+        return accelerometer_range(accelerometer, truth, results, OF_ACCELEROMETER[output])
     return accelerometer_response(accelerometer, truth)
 
 
-def gyro_range(gyro: GyroTruth, truth: dict, scale_ppd: float = 4000.0) -> dict[str, Truth]:
+def gyro_range(gyro: GyroTruth, truth: dict, output: Output) -> dict[str, Truth]:
     bench = truth["bench"]
     x_m, y_m, _ = bench["arms_m"]["a"]
     earth_dps = EARTH_DPS * np.sin(np.radians(bench["latitude_deg"]))
@@ -88,7 +110,7 @@ def gyro_range(gyro: GyroTruth, truth: dict, scale_ppd: float = 4000.0) -> dict[
         force_g = tuple(np.array([each]) for each in (1.0, pull_g * x_m, -pull_g * y_m))
         rates_dps = tuple(np.array([each]) for each in (rate_dps + earth_dps, 0.0, 0.0))
         pps = gyro.output_pps(rates_dps, force_g, START_C, np.zeros(1))
-        return float(gyro.clipped_pps(pps)[0]) / scale_ppd
+        return float(output(gyro, gyro.clipped_pps(pps))[0])
 
     def error_dps(at: dict) -> float:
         return output_dps(at["rate_dps"]) - output_dps(0.0) - at["rate_dps"]
@@ -135,7 +157,7 @@ def _response(response: Callable[[float], complex]) -> dict[str, Truth]:
     }
 
 
-def accelerometer_range(unit: UnitTruth, truth: dict, results: dict, scale_pps_per_g: float = 11300.0) -> dict:
+def accelerometer_range(unit: UnitTruth, truth: dict, results: dict, output: Output) -> dict:
     """The definition of the error put through the noiseless channel: at the rates that the run went to."""
     bench = truth["bench"]
     x_m, y_m, _ = bench["arms_m"]["a"]
@@ -144,7 +166,7 @@ def accelerometer_range(unit: UnitTruth, truth: dict, results: dict, scale_pps_p
         pull_g = np.radians(rate_dps) ** 2 / bench["gravity_mps2"]
         force_g = tuple(np.array([each]) for each in (-pull_g * x_m, 1.0, -pull_g * y_m))
         current_a = unit.current_a(force_g, np.array([START_C]), np.zeros(1))
-        return float(unit.rate_pps(current_a)[0]) / scale_pps_per_g
+        return float(output(unit, current_a)[0])
 
     low_dps = [np.degrees(np.sqrt(g * 9.8 / 0.5)) for g in _low_g(results)]
     squares = np.radians(low_dps) ** 2
@@ -187,21 +209,29 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--only", choices=sorted(BENCHES), action="append")
+    parser.add_argument("--output", choices=sorted(BENCHES_BY_OUTPUT), action="append", help="pulses without it")
     options = parser.parse_args()
     bad = []
     with tempfile.TemporaryDirectory() as temporary:
-        for kind in ("perfect", "full"):
-            for sequence in options.only or BENCHES:
-                folder = Path(temporary) / kind / sequence
-                bench = table_bench(folder / "config", BENCHES[sequence], perfect=kind == "perfect")
-                requests = [
-                    RunRequest(sequence, bench=str(bench), seed=seed, settings=SHORT[sequence], runs=folder)
-                    for seed in range(1, options.seeds + 1)
-                ]
-                found = [each for run in campaign(requests, options.processes) for each in compare_table(run)]
-                print(f"\n{sequence} on a {kind} bench, {options.seeds} seeds")
-                print("\n".join(table(found)), flush=True)
-                bad += [f"{kind} {sequence}: {each}" for each in found if abs(each.ratio) > 5]
+        wanted = [
+            (kind, output, sequence, bench)
+            for kind in ("perfect", "full")
+            for output in options.output or ["pulses"]
+            for sequence, bench in BENCHES_BY_OUTPUT[output].items()
+            if sequence in (options.only or BENCHES)
+        ]
+        for kind, output, sequence, name in wanted:
+            folder = Path(temporary) / kind / output / sequence
+            bench = table_bench(folder / "config", name, perfect=kind == "perfect")
+            requests = [
+                RunRequest(sequence, bench=str(bench), seed=seed, settings=SHORT[sequence], runs=folder)
+                for seed in range(1, options.seeds + 1)
+            ]
+            runs = campaign(requests, options.processes)
+            found = [each for run in runs for each in compare_table(run, output=output)]
+            print(f"\n{sequence} by {output} on a {kind} bench, {options.seeds} seeds")
+            print("\n".join(table(found)), flush=True)
+            bad += [f"{kind} {sequence} by {output}: {each}" for each in found if abs(each.ratio) > 5]
     print("\n".join(map(str, bad)))
     return 1 if bad else 0
 

@@ -23,9 +23,12 @@ FORBIDS = BENCH.model_copy(update={"fixture": BENCH.fixture.model_copy(update={"
 _UNKNOWN = {name: place.model_copy(update={"nominal": None}) for name, place in BENCH.places.items()}
 WITHOUT_NOMINAL = BENCH.model_copy(update={"places": _UNKNOWN})
 RESPONSE, TABLE = (load_bench(ROOT / f"config/{name}.yaml").bench for name in ("response", "rate_table"))
-_SENDS = {name: place.model_copy(update={"channel": "", "telemetry": "x"}) for name, place in RESPONSE.places.items()}
+SENT, VOLTS = (load_bench(ROOT / f"config/{name}.yaml").bench for name in ("table_telemetry", "gyro_volts"))
+_TELEMETRY = SENT.devices["telemetry"]
+_UNLATCHED = _TELEMETRY.model_copy(update={"options": _TELEMETRY.options.model_copy(update={"positions": {}})})
 BENCHES = {  # by part of a name
-    "not_counted": RESPONSE.model_copy(update={"places": _SENDS}),
+    "unlatched": SENT.model_copy(update={"devices": SENT.devices | {"telemetry": _UNLATCHED}}),
+    "of_codes": SENT, "of_volts": VOLTS,
     "forbidden": FORBIDS, "without_nominal": WITHOUT_NOMINAL, "unsuited_ramp": CHANNEL, "on_a_table": RESPONSE,
     "without_encoder": TABLE, "unreachable_attitude": TWO_AXES,
 }  # fmt: skip
