@@ -9,7 +9,8 @@ REASONS = {
     "unstable": "the table did not turn at the rate that it was told",
 }
 READINGS = {
-    "no_encoder": "the counter latched no encoder of the table",
+    "no_encoder": "the encoder of the table was latched by nothing",
+    "no_common_clock": "its output has no clock in common with the encoder of the table, which a swing needs",
     "not_at_rest": "the table moved",
     "not_swinging": "the table did not swing",
 }

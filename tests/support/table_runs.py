@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from bench.analysis.acquired import Acquisition, Counts, Motion, Positions
-from bench.analysis.bench_record import AxisRecord, BenchRecord
+from bench.analysis.acquired import Acquisition, Codes, Counts, Motion, Positions, Voltages
+from bench.analysis.bench_record import AxisRecord, BenchRecord, ClockRecord
 from bench.analysis.rundata import RunData, UnitUnderTest
 from simulators.uut import Integrator
 
@@ -28,17 +28,51 @@ def acquired(charge, angle_deg, *, motion=None, lost=(), bits=24, first=0):
         counter_bits=bits, tick_period_s=1e-6, max_rate_pps=2e6, lost=len(lost), restarts=0,
     )  # fmt: skip
     encoder = Positions(latch + 65_000, counts.tick, position % 2**32, 32, 32, 1e-6, COUNT_DEG)
+    return _acquisition(len(charge), motion, {"table": encoder}, counts={"x": counts})
+
+
+SENT = replace(UNIT, channel="", telemetry="x")
+READ = replace(UNIT, channel="", voltmeter="dvm")
+
+
+def sent(values, angle_deg, *, motion=None, lost=(), averaged=True, beside=False, step=1.0):
+    """Samples (n,) that a unit sends, rounded to steps, and an encoder latched at their ends: or on another clock."""
+    number = np.arange(len(values))
+    kept = np.array([each not in lost for each in number])
+    number = number[kept]
+    position = np.floor(np.asarray(angle_deg)[kept] / COUNT_DEG).astype(np.int64)
+    codes = Codes(
+        sequence=number + 250, tick=(number * TICKS + 16_777_000) % 2**24, values=np.rint(values[kept] / step) * step,
+        host_s=number * 1e-3, tick_bits=24, tick_period_s=1e-6, step=step, lost=len(lost), dropped=0, invalid=0,
+        averaged=averaged,
+    )  # fmt: skip
+    numbers, channel = (number + 7000, "") if beside else (codes.sequence, "x")
+    encoder = Positions(
+        numbers, codes.tick, position % 2**32, 24, 32, 1e-6, COUNT_DEG, host_s=codes.host_s, channel=channel
+    )
+    return _acquisition(len(values), motion, {"table": encoder}, codes={"x": codes})
+
+
+def read(at_s, volts, angle_deg, *, motion=None):
+    """What a voltmeter read, and an encoder with a clock of its own, latched at TIME_S."""
+    number = np.arange(len(TIME_S))
+    position = np.floor(angle_deg / COUNT_DEG).astype(np.int64)
+    encoder = Positions(number, number * TICKS, position % 2**32, 32, 32, 1e-6, COUNT_DEG, host_s=TIME_S * (1 + 2e-5))
+    return _acquisition(len(TIME_S), motion, {"table": encoder}, voltages={"dvm": Voltages(at_s, volts)})
+
+
+def _acquisition(latches, motion, positions, **measured):
     return Acquisition(
-        step="steps/x/acquire", group="", loops={}, begin_s=0.0, end_s=len(charge) * 1e-3, angles_deg={},
-        set_from_c=np.nan, set_c=np.nan, counts={"x": counts}, temperatures_c={"warm": np.array([20.0, 21.0])},
-        temperatures_at_s={}, positions={"table": encoder}, motion=motion,
+        step="steps/x/acquire", group="", loops={}, begin_s=0.0, end_s=latches * 1e-3, angles_deg={},
+        set_from_c=np.nan, set_c=np.nan, temperatures_c={"warm": np.array([20.0, 21.0])},
+        temperatures_at_s={}, positions=positions, motion=motion, **({"counts": {}} | measured),
     )  # fmt: skip
 
 
 BENCH = BenchRecord(
     gravity_mps2=9.8, gravity_u_mps2=1e-4, axes={"table": AxisRecord(harmonics_u_deg=(1e-3,), wobble_u_deg=5e-4)},
     x=(1.0, 0.0, 0.0), z=(0.0, 0.0, 1.0), level_deg=0.0, level_u_deg=5e-4, time_base_u=1e-6, thermometers_u={},
-    encoder_skew_u_s=5e-5,
+    encoder_skew_u_s=5e-5, voltmeters_u={"dvm": (4e-6, 1e-6)}, telemetry=ClockRecord("telemetry", 5e-6, 2e-5),
 )  # fmt: skip
 TIME_S = np.arange(3001) / 1000
 

@@ -1,13 +1,9 @@
 """The tests on a rate table by codes and by volts against the truth: each sequence short, on a full bench."""
 
-import json
-
 import numpy as np
 import pytest
 
 from bench.app.request import RunRequest
-from bench.cli import main
-from bench.report.calibration import read_calibration
 from tests.truth.campaign import results_of, run_one
 from tests.truth.table import BENCHES_BY_OUTPUT, SHORT, compare_table, table_bench
 

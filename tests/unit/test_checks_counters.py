@@ -10,19 +10,19 @@ from drivers.dbc_outline import frames_bits
 from tests.support.laboratory import ROOT
 
 
-def told(folder, *edits, dbc=()):
-    """What is wrong with the bench with a rate table, its text edited; without the file's name."""
+def told(folder, *edits, dbc=(), name="response"):
+    """What is wrong with a bench with a rate table, its text edited; without the file's name."""
     shutil.copytree(ROOT / "config", folder, dirs_exist_ok=True)
-    for path, changes in ((folder / "response.yaml", edits), (folder / "response.dbc", dbc)):
+    for path, changes in ((folder / f"{name}.yaml", edits), (folder / f"{name}.dbc", dbc)):
         text = path.read_text("utf-8")
         for old, new in changes:
             assert old in text, old
             text = text.replace(old, new)
         path.write_text(text, "utf-8")
     try:
-        load_bench(folder / "response.yaml")
+        load_bench(folder / f"{name}.yaml")
     except InputError as error:
-        return [problem.split("response.yaml:", 1)[1].split(": ", 1)[1] for problem in error.problems]
+        return [problem.split(f"{name}.yaml:", 1)[1].split(": ", 1)[1] for problem in error.problems]
     return []
 
 
@@ -62,3 +62,23 @@ def test_an_encoder_must_not_come_half_round_between_two_latches(tmp_path):
 def test_a_signal_of_an_encoder_is_in_the_dbc(tmp_path):
     (problem,) = told(tmp_path, ("position: Encoder.Position", "position: Encoder.Positoin"))
     assert problem == "position: response.dbc has no signal 'Encoder.Positoin'; did you mean 'Encoder.Position'?"
+
+
+TELEMETRY = "table_telemetry"
+
+
+def test_the_encoder_is_on_the_bus_of_the_samples(tmp_path):
+    (problem,) = told(tmp_path, ("telemetry?bitrate=1000000", "telemetry?bitrate=250000"), name=TELEMETRY)
+    assert problem.startswith("the samples of all channels take up to 250000 bit/s, 100 % of the bus")
+
+
+def test_an_encoder_latched_with_samples_is_that_of_an_axis_and_of_a_channel(tmp_path):
+    (problem,) = told(tmp_path / "axis", ("        table: {position", "        tabel: {position"), name=TELEMETRY)
+    assert problem == "'tabel' drives no axis of the fixture; did you mean 'table'?"
+    (problem,) = told(tmp_path / "channel", ("channel: x}", "channel: y}"), name=TELEMETRY)
+    assert problem == "channel: there is no channel 'y'"
+    (problem,) = told(tmp_path / "signal", ("position: Encoder.Position", "position: Encoder.Positoin"), name=TELEMETRY)
+    assert problem.endswith("has no signal 'Encoder.Positoin'; did you mean 'Encoder.Position'?")
+    short = ("Position : 0|32@1+", "Position : 0|15@1+")
+    (problem,) = told(tmp_path / "short", dbc=(short,), name=TELEMETRY)
+    assert problem.startswith("its signal has 15 bits; at 2160 °/s it goes 21600 counts in a period, half round")

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from bench.analysis.acquired import Acquisition, Codes, Turned
-from bench.analysis.codes import begins_anew, by_position, hidden_by_steps, mean_code, sampled_at_s, stuck
+from bench.analysis.codes import (
+    begins_anew,
+    by_position,
+    hidden_by_steps,
+    hidden_from_a_swing,
+    mean_code,
+    sampled_at_s,
+    stuck,
+)
 from bench.analysis.outputs import NO_CODES, mean_output, outputs_between, steadiness, window_of
 from bench.analysis.rundata import UnitUnderTest
 
@@ -226,3 +234,29 @@ def test_a_unit_that_began_anew_while_it_turned_is_unusable():
     turned = Turned("outer", 20.0, 100.5, 0.0, 101.5, 20.0)
     found = window_of(codes(noise(100), ticks=np.arange(100) % 50 * 2000), turned)
     assert found.problems == ("irregular_clock",)
+
+
+# Swings
+
+
+@pytest.mark.parametrize(("size", "sd"), [(3.0, 0.0), (30.0, 0.0), (300.0, 0.0), (30.0, 0.15), (30.0, 0.3)])
+def test_steps_change_a_swing_by_what_is_told(size, sd):
+    """Swings of about one size through the steps, each about a middle of its own."""
+    draw = np.random.default_rng(3)
+    phase = 2 * np.pi * np.arange(20_000) / 20_000 * 601
+    errors, scatters = [], []
+    for _ in range(60):
+        amplitude, middle = size + draw.uniform(0, 1), draw.uniform(0, 1)
+        exact = middle + amplitude * np.cos(phase)
+        samples = np.rint(exact + sd * draw.standard_normal(len(phase)))
+        errors.append(2 * np.mean(samples * np.cos(phase)) - amplitude)
+        scatters.append(np.std(samples - exact))
+    by_noise = np.sqrt(2 / len(phase)) * np.mean(scatters)
+    (told,) = hidden_from_a_swing(np.array([size]), float(np.mean(scatters)), 1.0)
+    assert 0.6 < np.std(errors) / np.hypot(told, by_noise) < 1.5
+
+
+def test_thirty_codes_are_enough_and_noise_hides_the_steps():
+    assert hidden_from_a_swing(np.array([30.0]), 0.29, 1.0)[0] / 30 == pytest.approx(6.5e-4, rel=0.1)
+    assert hidden_from_a_swing(np.array([30.0, 300.0]), 1.0, 1.0) == pytest.approx([0, 0], abs=1e-8)
+    assert hidden_from_a_swing(np.array([30.0]), 0.0, 0.0).tolist() == [0.0]

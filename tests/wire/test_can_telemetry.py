@@ -7,10 +7,12 @@ and Board i16 in 0.01 °C. A second layout is big-endian, with two channels in o
 import numpy as np
 import pytest
 
-from drivers.can_telemetry.wire import Samples, arrivals, decode_samples, sample_formats
+from drivers.can_telemetry.wire import Samples, arrivals, decode_positions, decode_samples, sample_formats
 from drivers.dbc import Dbc, DbcError, encode_frames, readings_of
+from drivers.encoder_frames import position_formats
 from drivers.frame_block import FrameBlock
 from tests.support.frames import frames
+from tests.support.laboratory import ROOT
 from tests.support.telemetry import DBC, FORMS
 
 X, Y = FORMS["x"], FORMS["y"]
@@ -155,3 +157,40 @@ def test_frames_are_written_as_they_are_read() -> None:
                        "Status": np.array([128])}}  # fmt: skip
     written = encode_frames(DBC, np.zeros(1), values)
     assert written.data.tolist() == frames(FOUR[3]).data.tolist()
+
+
+# The encoder of a table, latched at the end of each sample
+
+ON_A_TABLE = Dbc((ROOT / "config/table_telemetry.dbc").read_text("utf-8"))
+OUTPUT = sample_formats(ON_A_TABLE, {"x": {
+    "value": "Output.Code", "tick": "Output.Tick", "sequence": "Output.Sequence", "status": "Output.Status",
+    "invalid_bits": 3, "unit": None,
+}})["x"]  # fmt: skip
+ENCODER = position_formats(ON_A_TABLE, {"table": {"position": "Encoder.Position", "sequence": "Encoder.Sequence"}})
+SWUNG = (
+    "200 8 10 00 00 E8 03 00 FF 00",  # 16 at 1000 ticks, sample 255
+    "208 6 40 42 0F 00 FF 01",  # 1 000 000 counts, sample 511, of which the samples know the lowest 8 bits
+    "200 8 11 00 00 D0 07 00 00 00",  # 17 at 2000 ticks, sample 0: 256 by the one before
+    "208 6 A4 42 0F 00 00 02",  # 1 000 100 counts
+    "200 8 12 00 00 B8 0B 00 01 00",  # 18; its encoder was lost
+    "200 8 13 00 00 A0 0F 00 02 01",  # 19, over range: not to be used, nor its encoder
+    "208 6 08 43 0F 00 02 02",
+    "200 8 14 00 00 88 13 00 03 00",  # 20 at 5000 ticks
+    "208 6 9C FF FF FF 03 02",  # through zero: 100 counts below it
+)
+
+
+def test_the_encoder_belongs_to_the_sample_with_its_number() -> None:
+    found = decode_positions(OUTPUT, ENCODER["table"], frames(*SWUNG))
+    assert found.sequence.tolist() == [255, 256, 259]
+    assert found.tick.tolist() == [1000, 2000, 5000]
+    assert found.position.tolist() == [1_000_000, 1_000_100, 2**32 - 100]
+    assert found.host_s.tolist() == [0.0, 0.02, 0.07]
+    assert (found.tick_bits, found.position_bits, found.lost, found.restarts) == (24, 32, 1, 0)
+    assert decode_samples(OUTPUT, frames(*SWUNG)).sequence.tolist() == [255, 256, 257, 259]
+
+
+def test_without_samples_there_is_no_encoder_and_without_encoders_none_is_guessed() -> None:
+    assert decode_positions(OUTPUT, ENCODER["table"], frames(SWUNG[1])).sequence.tolist() == []
+    alone = decode_positions(OUTPUT, ENCODER["table"], frames(SWUNG[0], SWUNG[2]))
+    assert (alone.sequence.tolist(), alone.lost) == ([], 2)

@@ -167,7 +167,8 @@ GYRO_RESPONSE = MethodDescription(
     meaning=OF_A_GYRO
     + (
         "Gains are amplitudes over those of the table, phases are negative where the gyro lags. The play of the "
-        "converter at each reversal is taken out."
+        "converter at each reversal is taken out. A sample that the gyro sends itself is a mean over its period, and "
+        "the half of that by which it is late is taken out."
     ),
 )
 ACCELEROMETER_RANGE = MethodDescription(
