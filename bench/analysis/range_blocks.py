@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from bench.analysis.acquired import Counts
 from bench.analysis.bench_record import AxisRecord
 from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
@@ -14,7 +12,7 @@ from bench.analysis.rest import Rest, RestReading, fit_rest
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.steady_turning import Steady
 from bench.analysis.table_intake import table_samples
-from bench.analysis.table_samples import TableSamples, harmonics_u_dps, steady
+from bench.analysis.table_samples import harmonics_u_dps, steady
 
 AT_REST_DPS = 0.01
 
@@ -81,7 +79,8 @@ def range_blocks(
             u_dps = harmonics_u_dps(samples, data.bench.axes.get(motion.device, AxisRecord()).harmonics_u_deg)
             turning.append((middle_s, Turning(acquisition.step, motion.rate_dps, read, u_dps, samples.temperature_c)))
         elif motion is None and abs(read.rate_dps) < AT_REST_DPS:
-            u = _alone_u(samples, acquisition.end_s - acquisition.begin_s) * per_pulse  # readings tell their scatter
+            counted = RESOLUTION_COUNTS / (acquisition.end_s - acquisition.begin_s) * per_pulse
+            u = counted if unit.is_counted else read.u_output  # at least; readings tell their scatter
             at_rest.append(RestReading(middle_s, acquisition.angle_deg, read.output, u))
             found.rest_steps.append(acquisition.step)
         else:
@@ -97,13 +96,6 @@ def range_blocks(
 
 def _is_silent(counts: Counts) -> bool:
     return "dead_band" in mean_rate(counts).problems
-
-
-def _alone_u(samples: TableSamples, span_s: float) -> float:
-    """What a mean at rest tells of its own uncertainty: by the steps of counting or of codes, or the scatter."""
-    if samples.alone_u is None and samples.sampled is None:
-        return RESOLUTION_COUNTS / span_s
-    return float(np.hypot(samples.alone_u or 0.0, samples.hidden_u))
 
 
 def _without_drift(turning: Sequence[tuple[float, Turning]], rest: Rest) -> Iterator[Turning]:

@@ -227,9 +227,8 @@ def _values(known: Mapping[str, Known], table: Table, beyond: Beyond) -> tuple[A
         table.numbers(name) if name in table.columns else np.full(len(output), np.nan)
         for name in (TEMPERATURE, FREQUENCY, PHASE)
     )
-    names = np.array([name.strip() for name in table.columns[CHANNEL]], dtype=np.str_)
-    if len(known) == 1:
-        names[names == ""] = next(iter(known))
+    alone = next(iter(known)) if len(known) == 1 else ""
+    names = np.array([name.strip() or alone for name in table.columns[CHANNEL]], dtype=np.str_)
     value, phase = np.full(len(output), np.nan), np.full(len(output), np.nan)
     outside = np.zeros(len(output), dtype=np.bool_)
     for name in np.unique(names).tolist():

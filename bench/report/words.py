@@ -46,7 +46,7 @@ SOURCES = (
     "head", "fixture", "platform", "counter", "site", "readings", "samples", "bias", "K1", "ladder", "power-on",
     "asymmetry of the converter", "read-outs", "points", "accelerometer", "source", "sensor", "encoder", "axis",
     "low rates", "lever arm", "scale factor", "fit and readings", "computer",
-    "lowest frequency",
+    "lowest frequency", "sensor and voltmeter", "low rates and voltmeter", "voltmeter", "telemetry", "sample",
     "lag behind the thermometer, and the unit's response to the rate",
 )  # fmt: skip
 CONTENTS = {

@@ -1,9 +1,15 @@
 """The tests on a rate table by codes and by volts against the truth: each sequence short, on a full bench."""
 
+import csv
+import json
+
 import numpy as np
 import pytest
 
 from bench.app.request import RunRequest
+from bench.report.calibration import read_calibration
+from bench.report.export import FORMATS
+from bench.report.stored import open_run
 from tests.truth.campaign import results_of, run_one
 from tests.truth.table import BENCHES_BY_OUTPUT, SHORT, compare_table, table_bench
 
@@ -14,7 +20,8 @@ SHORTER = {
     "accel_range": (*RANGE, "accelerations=[0.5 g, 1 g, 20 g]"),
     "gyro_response": (*SHORT["gyro_response"], "frequencies=[10.37 Hz, 57.37 Hz, 61.37 Hz]", "record=3 s"),
     "accel_response": (
-        *SHORT["accel_response"], "frequencies=[10.37 Hz, 57.37 Hz, 61.37 Hz]", "record=3 s", "lever_record=10 s",
+        *SHORT["accel_response"], "frequencies=[10.37 Hz, 30.37 Hz, 57.37 Hz, 61.37 Hz, 90.37 Hz]", "record=2 s",
+        "lever_record=10 s",
     ),
 }  # fmt: skip
 WORTH = {  # a standard uncertainty that is worth stating, at most
@@ -58,3 +65,38 @@ def test_errors_stay_within_their_uncertainties(run_of, output, sequence, seed):
     results = results_of(folder)
     assert results["verdict"] == "PASS"
     assert [flag for unit in results["units"] for flag in unit["flags"]] == []
+
+
+def test_units_and_budgets_are_those_of_the_output(run_of):
+    by_codes, by_volts = (read_calibration(run_of(output, "accel_range") / "calibration_a.json")
+                          for output in ("codes", "volts"))  # fmt: skip
+    scales = [next(iter(each.compensations().values())).scale for each in (by_codes, by_volts)]
+    assert [(scale.value, scale.unit) for scale in scales] == [(45_200, "code/g"), (0.226, "V/g")]
+    findings = results_of(run_of("volts", "gyro_range"))["findings"]
+    sources = {line["source"] for found in findings for line in found["budget"]}
+    assert {"voltmeter: gain", "voltmeter: offset", "counter: time base", "sensor and voltmeter: noise"} <= sources
+    page = (run_of("codes", "gyro_response") / "report.html").read_text("utf-8")
+    for words in ("Telemetry x", "samples in 3 acquisitions, 0 lost", "encoder: time to the end of the sample"):
+        assert words in page
+    assert "pulse" not in page.split("Budgets of all points")[1].split("</section>")[0]
+
+
+@pytest.mark.parametrize(("output", "sequence"), [("codes", "accel_response"), ("volts", "accel_range")])
+def test_a_run_is_reduced_and_compensated_again(run_of, bench_command, tmp_path, output, sequence):
+    folder = run_of(output, sequence)
+    again = bench_command("reduce", str(folder), "--json")
+    assert (again.returncode, json.loads(again.stdout)["changes"]) == (0, [])
+    outputs = tmp_path / "outputs.csv"
+    rows = "f_Hz,phase_deg,output\n30,-40,45200\n" if output == "codes" else "T_C,output\n22,2.26\n"
+    outputs.write_text(rows, "utf-8")
+    done = bench_command("compensate", str(folder / "calibration_a.json"), str(outputs))
+    assert done.returncode == 0, done.stderr
+    (value,) = csv.DictReader(done.stdout.splitlines())
+    assert float(value["value"]) == pytest.approx(1.03 if output == "codes" else 10.0, rel=0.03)
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_run_is_exported(run_of, tmp_path, form):
+    with open_run(run_of("codes", "gyro_response")) as stored:
+        paths = FORMATS[form](stored, tmp_path)
+    assert all(path.stat().st_size for path in paths)
