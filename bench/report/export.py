@@ -6,13 +6,11 @@ import csv
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-import numpy as np
-
 from bench.errors import InputError
 from bench.report.export_hdf5 import export_hdf5
 from bench.report.export_matlab import export_matlab
 from bench.report.export_parquet import export_parquet
-from bench.report.recorded import COUNTERS, JOURNAL, LATCHES, READINGS, journal, latches, readings
+from bench.report.recorded import JOURNAL, READINGS, Acquired, acquired, journal, readings
 from bench.report.stored import StoredRun
 from drivers.frame_block import EXTENDED, FrameBlock
 
@@ -20,13 +18,13 @@ Exporter = Callable[[StoredRun, Path], list[Path]]
 
 
 def export_csv(run: StoredRun, out: Path) -> list[Path]:
-    """`readings.csv`, `acquisitions.csv` and `journal.csv`; times in seconds of bench time."""
+    """`readings.csv`, `journal.csv` and a table of each kind of output; times in seconds of bench time."""
     writers: dict[str, Iterator[Iterable[object]]] = {
-        "readings.csv": _readings(run),
-        "acquisitions.csv": _latches(run),
-        "journal.csv": _journal(run),
+        "readings": _readings(run),
+        **{name: _acquired(run, table) for name, table in acquired(run).items()},
+        "journal": _journal(run),
     }
-    return [_write_csv(out / name, rows) for name, rows in writers.items()]
+    return [_write_csv(out / f"{name}.csv", rows) for name, rows in writers.items()]
 
 
 def _readings(run: StoredRun) -> Iterator[Iterable[object]]:
@@ -36,11 +34,15 @@ def _readings(run: StoredRun) -> Iterator[Iterable[object]]:
             yield (series.name, series.unit, f"{at_s:.6f}", repr(value))
 
 
-def _latches(run: StoredRun) -> Iterator[Iterable[object]]:
-    yield LATCHES
-    for acquisition, channel, counts in latches(run):
-        for row in np.stack([getattr(counts, name) for name in COUNTERS], axis=-1).tolist():
-            yield (acquisition.step, channel, *row)
+def _acquired(run: StoredRun, table: Acquired) -> Iterator[Iterable[object]]:
+    yield table.columns
+    for words, columns in table.parts(run):
+        spelled = [
+            [f"{value:.6f}" for value in values.tolist()] if name == "t_s" else map(repr, values.tolist())
+            for name, values in columns.items()
+        ]
+        for row in zip(*spelled, strict=True):
+            yield (*words.values(), *row)
 
 
 def _journal(run: StoredRun) -> Iterator[Iterable[object]]:

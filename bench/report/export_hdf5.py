@@ -11,7 +11,7 @@ import numpy as np
 
 from bench.errors import InputError
 from bench.report.extras import imported
-from bench.report.recorded import COUNTERS, JOURNAL, LATCHES, READINGS, Column, journal, latches, readings
+from bench.report.recorded import JOURNAL, READINGS, Column, acquired, journal, readings
 from bench.report.stored import StoredRun
 
 HDF5 = "run.h5"
@@ -26,7 +26,7 @@ Values = Mapping[str, Any]
 
 
 def export_hdf5(run: StoredRun, out: Path) -> list[Path]:
-    """`run.h5`: the groups `readings`, `acquisitions` and `journal`; each dataset tells its unit and its description.
+    """`run.h5`: groups `readings`, `journal` and one for each kind of output; each dataset tells unit and description.
 
     A channel of the readings, or an acquisition by a channel, is one element of the datasets in its group. Its values
     are `row_count` elements, from `first_row` on, of those in the group `rows` below it.
@@ -38,7 +38,8 @@ def export_hdf5(run: StoredRun, out: Path) -> list[Path]:
         with h5py.File(path, "w") as file:
             file.attrs.update(run=run.manifest["run"], title=run.manifest["title"], began=run.began.isoformat())
             _write_series(h5py, file.create_group("readings"), READINGS, _readings(run))
-            _write_series(h5py, file.create_group("acquisitions"), LATCHES, _latches(run))
+            for name, table in acquired(run).items():
+                _write_series(h5py, file.create_group(name), table.columns, table.parts(run))
             _write_journal(h5py, file.create_group("journal"), run)
     except OSError as problem:
         raise InputError(f"{path}: cannot be written ({problem})") from problem
@@ -48,11 +49,6 @@ def export_hdf5(run: StoredRun, out: Path) -> list[Path]:
 def _readings(run: StoredRun) -> Iterator[tuple[Values, Values]]:
     for series in readings(run):
         yield {"name": series.name, "unit": series.unit}, {"t_s": series.at_s, "value": series.values}
-
-
-def _latches(run: StoredRun) -> Iterator[tuple[Values, Values]]:
-    for acquisition, channel, counts in latches(run):
-        yield {"step": acquisition.step, "channel": channel}, {name: getattr(counts, name) for name in COUNTERS}
 
 
 def _write_series(h5py: Any, group: Any, columns: Mapping[str, Column], parts: Iterator[tuple[Values, Values]]) -> None:

@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.errors import InputError
-from bench.report.recorded import COUNTERS, JOURNAL, LATCHES, READINGS, Column, journal, latches, readings
+from bench.report.recorded import JOURNAL, READINGS, Column, acquired, journal, readings
 from bench.report.stored import StoredRun
 
 MATLAB = "run.mat"
 
 
 def export_matlab(run: StoredRun, out: Path) -> list[Path]:
-    """`run.mat` with struct arrays `readings`, `acquisitions` and `journal`, and the struct `run`.
+    """`run.mat` with struct arrays `readings`, `journal` and one of each kind of output, and the struct `run`.
 
-    An element of `readings` is a channel, of `acquisitions` an acquisition by a channel, of `journal` an event; series
-    are columns. A variable of a MAT-file is a whole, so all of it is in memory at once; InputError where it is more
+    An element of `readings` is a channel, of an output an acquisition by a channel, of `journal` an event; series are
+    columns. A variable of a MAT-file is a whole, so all of it is in memory at once; InputError where it is more
     than the format holds.
     """
     from scipy.io import savemat
@@ -29,13 +29,10 @@ def export_matlab(run: StoredRun, out: Path) -> list[Path]:
     content = {
         "run": _about(run),
         "readings": _structs(READINGS, ((each.name, each.unit, each.at_s, each.values) for each in readings(run))),
-        "acquisitions": _structs(
-            LATCHES,
-            (
-                (acquisition.step, channel, *(getattr(counts, name) for name in COUNTERS))
-                for acquisition, channel, counts in latches(run)
-            ),
-        ),
+        **{
+            name: _structs(table.columns, ((*words.values(), *rows.values()) for words, rows in table.parts(run)))
+            for name, table in acquired(run).items()
+        },
         "journal": _structs(
             JOURNAL, ((event.seq, event.at_s, event.kind, event.step, data) for event, data in journal(run))
         ),
@@ -51,9 +48,10 @@ def export_matlab(run: StoredRun, out: Path) -> list[Path]:
 
 def _about(run: StoredRun) -> Mapping[str, Any]:
     """What MATLAB shows for `run`: which run it is, and the unit of each column with one."""
+    outputs = {name: table.columns for name, table in acquired(run).items()}
     units = {
         table: {name: column.unit for name, column in columns.items() if column.unit}
-        for table, columns in (("readings", READINGS), ("acquisitions", LATCHES), ("journal", JOURNAL))
+        for table, columns in {"readings": READINGS, **outputs, "journal": JOURNAL}.items()
     }
     return {"id": run.manifest["run"], "title": run.manifest["title"], "began": run.began.isoformat(), "units": units}
 

@@ -9,22 +9,22 @@ from typing import Any
 
 from bench.errors import InputError
 from bench.report.extras import imported
-from bench.report.recorded import COUNTERS, JOURNAL, LATCHES, READINGS, Column, journal, latches, readings
+from bench.report.recorded import JOURNAL, READINGS, WHOLE_NUMBERS, Acquired, Column, acquired, journal, readings
 from bench.report.stored import StoredRun
 
 ROWS_OF_GROUP = 1 << 16  # enough for encodings to pay, and all that is in memory
-_TYPES = {"t_s": "float64", "value": "float64", "seq": "int64", **dict.fromkeys(COUNTERS, "int64")}
+_TYPES = {"t_s": "float64", "value": "float64", **dict.fromkeys(WHOLE_NUMBERS, "int64")}
 _ENCODINGS = {"float64": "BYTE_STREAM_SPLIT", "int64": "DELTA_BINARY_PACKED"}
 
 Batch = Mapping[str, Any]
 
 
 def export_parquet(run: StoredRun, out: Path) -> list[Path]:
-    """`readings.parquet`, `acquisitions.parquet` and `journal.parquet`; counters and numbers as differences."""
+    """`readings.parquet`, `journal.parquet` and a table of each kind of output; counters and numbers as differences."""
     arrow, parquet = imported("pyarrow", "parquet"), imported("pyarrow.parquet", "parquet")
     tables = {
         "readings": (READINGS, _readings(run)),
-        "acquisitions": (LATCHES, _latches(run)),
+        **{name: (table.columns, _acquired(run, table)) for name, table in acquired(run).items()},
         "journal": (JOURNAL, _journal(run)),
     }
     return [_write(arrow, parquet, out / f"{name}.parquet", *table) for name, table in tables.items()]
@@ -35,9 +35,8 @@ def _readings(run: StoredRun) -> Iterator[Batch]:
         yield {"name": series.name, "unit": series.unit, "t_s": series.at_s, "value": series.values}
 
 
-def _latches(run: StoredRun) -> Iterator[Batch]:
-    for acquisition, channel, counts in latches(run):
-        yield {"step": acquisition.step, "channel": channel} | {name: getattr(counts, name) for name in COUNTERS}
+def _acquired(run: StoredRun, table: Acquired) -> Iterator[Batch]:
+    return ({**words, **columns} for words, columns in table.parts(run))
 
 
 def _journal(run: StoredRun) -> Iterator[Batch]:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from bench.analysis.acquired import Acquisition, Counts
+from numpy.typing import NDArray
+
+from bench.analysis.acquired import Acquisition
 from bench.report.rundata import acquisitions
 from bench.report.stored import StoredRun
 from bench.store.reader import Event, Series
+from drivers.can_telemetry.description import TelemetryOptions
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,27 @@ LATCHES: Mapping[str, Column] = {
     "positive": Column("pulse", "cumulative count of positive pulses, wraps"),
     "negative": Column("pulse", "cumulative count of negative pulses, wraps"),
 }
-COUNTERS = tuple(LATCHES)[2:]
+POSITIONS: Mapping[str, Column] = {
+    "step": Column("", "step of the run that acquired it"),
+    "device": Column("", "what drives the axis of the encoder"),
+    "sequence": Column("", "number of the latch, or of the sample, that it belongs to"),
+    "tick": Column("tick", "clock of what latched it, wraps"),
+    "position": Column("count", "counts of the encoder, wrap"),
+}
+SAMPLES: Mapping[str, Column] = {
+    "step": Column("", "step of the run that acquired it"),
+    "channel": Column("", "channel of the telemetry"),
+    "sequence": Column("", "number of the sample, unwrapped: a step above 1 is a gap"),
+    "tick": Column("tick", "clock of the unit, wraps"),
+    "t_s": Column("s", "bench time of its arrival"),
+    "value": Column("", "code, or what it is decoded to"),
+}
+VOLTAGES: Mapping[str, Column] = {
+    "step": Column("", "step of the run that acquired it"),
+    "voltmeter": Column("", "what read it"),
+    "t_s": Column("s", "bench time of the middle of the reading"),
+    "value": Column("V", "as it was read"),
+}
 JOURNAL: Mapping[str, Column] = {
     "seq": Column("", "number of the event"),
     "t_s": Column("s", "bench time"),
@@ -42,6 +66,24 @@ JOURNAL: Mapping[str, Column] = {
     "step": Column("", "during which step of the run"),
     "data": Column("", "what else is known of it, as JSON"),
 }
+WHOLE_NUMBERS = ("seq", "sequence", "tick", "positive", "negative", "position")
+Part = tuple[Mapping[str, str], Mapping[str, NDArray[Any]]]
+"""Words that are alike for some rows, and these rows by their columns."""
+
+
+@dataclass(frozen=True)
+class Acquired:
+    """A table of what was acquired: its columns, and the rows of an acquisition."""
+
+    columns: Mapping[str, Column]
+    rows: Callable[[Acquisition], Iterator[Part]]
+
+    def parts(self, run: StoredRun) -> Iterator[Part]:
+        """Every acquisition, one after the other, as it was on the wire; StoreError."""
+        labels = dict.fromkeys(event.data.get("label") for event in run.reader.events("step_ended"))
+        for label in filter(None, labels):
+            for acquisition in acquisitions(run.reader, run.bench, (), label):
+                yield from self.rows(acquisition)
 
 
 def readings(run: StoredRun) -> Iterator[Series]:
@@ -49,13 +91,49 @@ def readings(run: StoredRun) -> Iterator[Series]:
     return map(run.reader.series, run.reader.channels())
 
 
-def latches(run: StoredRun) -> Iterator[tuple[Acquisition, str, Counts]]:
-    """Every acquisition and channel, one after the other: raw counters, as they were on the wire; StoreError."""
-    labels = dict.fromkeys(event.data.get("label") for event in run.reader.events("step_ended"))
-    for label in filter(None, labels):
-        for acquisition in acquisitions(run.reader, run.bench, (), label):
-            for channel, counts in acquisition.counts.items():
-                yield acquisition, channel, counts
+def acquired(run: StoredRun) -> dict[str, Acquired]:
+    """The tables of what a run acquired: counters always, and what else its bench measures with."""
+    options = [entry.options for entry in run.bench.devices.values()]
+    also = {
+        "samples": any(isinstance(each, TelemetryOptions) for each in options),
+        "positions": any(getattr(each, "positions", {}) for each in options),
+        "voltages": bool(run.bench.with_capability("voltmeter")),
+    }
+    return {name: table for name, table in ACQUIRED.items() if also.get(name, True)}
+
+
+def _latches(acquisition: Acquisition) -> Iterator[Part]:
+    for channel, counts in acquisition.counts.items():
+        yield _part(LATCHES, (acquisition.step, channel), counts)
+
+
+def _positions(acquisition: Acquisition) -> Iterator[Part]:
+    for device, read in acquisition.positions.items():
+        yield _part(POSITIONS, (acquisition.step, device), read)
+
+
+def _samples(acquisition: Acquisition) -> Iterator[Part]:
+    for channel, codes in acquisition.codes.items():
+        yield _part(SAMPLES, (acquisition.step, channel), codes, t_s="host_s", value="values")
+
+
+def _voltages(acquisition: Acquisition) -> Iterator[Part]:
+    for meter, read in acquisition.voltages.items():
+        yield _part(VOLTAGES, (acquisition.step, meter), read, t_s="at_s", value="values_v")
+
+
+def _part(columns: Mapping[str, Column], words: tuple[str, str], of: object, **kept_as: str) -> Part:
+    """The first two columns are the words, the others are kept under their names, or under another."""
+    names = tuple(columns)
+    return dict(zip(names[:2], words, strict=True)), {name: getattr(of, kept_as.get(name, name)) for name in names[2:]}
+
+
+ACQUIRED: Mapping[str, Acquired] = {
+    "acquisitions": Acquired(LATCHES, _latches),
+    "samples": Acquired(SAMPLES, _samples),
+    "positions": Acquired(POSITIONS, _positions),
+    "voltages": Acquired(VOLTAGES, _voltages),
+}
 
 
 def journal(run: StoredRun) -> Iterator[tuple[Event, str]]:

@@ -95,8 +95,30 @@ def test_a_run_is_reduced_and_compensated_again(run_of, bench_command, tmp_path,
     assert float(value["value"]) == pytest.approx(1.03 if output == "codes" else 10.0, rel=0.03)
 
 
+def rows_of(path, step):
+    """The rows of a step."""
+    return [row for row in csv.DictReader(path.read_text("utf-8").splitlines()) if row["step"] == step]
+
+
 @pytest.mark.parametrize("form", FORMATS)
 def test_a_run_is_exported(run_of, tmp_path, form):
     with open_run(run_of("codes", "gyro_response")) as stored:
         paths = FORMATS[form](stored, tmp_path)
+        swing = stored.data("sweep").acquisitions[1]
     assert all(path.stat().st_size for path in paths)
+    if form != "csv":
+        return
+    samples, positions = (rows_of(tmp_path / f"{name}.csv", swing.step) for name in ("samples", "positions"))
+    codes, encoder = swing.codes["x"], swing.positions["table"]
+    assert [float(row["value"]) for row in samples] == codes.values.tolist()
+    assert [int(row["sequence"]) for row in samples] == codes.sequence.tolist()
+    assert [int(row["position"]) for row in positions] == encoder.position.tolist()
+
+
+def test_what_a_voltmeter_read_is_exported(run_of, tmp_path):
+    with open_run(run_of("volts", "gyro_range")) as stored:
+        names = {path.name for path in FORMATS["csv"](stored, tmp_path)}
+        read = stored.data("range").acquisitions[0]
+    assert names == {"readings.csv", "acquisitions.csv", "positions.csv", "voltages.csv", "journal.csv"}
+    found = [float(row["value"]) for row in rows_of(tmp_path / "voltages.csv", read.step)]
+    assert found == pytest.approx(read.voltages["dvm"].values_v, abs=0)

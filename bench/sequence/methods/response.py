@@ -59,7 +59,8 @@ class GyroScale(StrictModel):
     """What turns the output of a gyro into a rate."""
 
     scale: Annotated[dict[str, float], ScaleOf("°/s")] = Field(
-        description="scale factor as stated, or one for each kind of output; errors and gains are against it"
+        description="scale factor as stated, against which errors and gains are; a quantity such as 4000 pulse/°, "
+        "16000 code/(°/s) or 10 mV/(°/s), or a list of one for each kind of output"
     )
 
 
@@ -67,7 +68,8 @@ class AccelerometerScale(StrictModel):
     """What turns the output of an accelerometer into an acceleration."""
 
     scale: Annotated[dict[str, float], ScaleOf("g")] = Field(
-        description="scale factor as it was calibrated, or one for each kind of output"
+        description="scale factor as it was calibrated; a quantity such as 11300 pulse/s/g, 45200 code/g or 226 mV/g, "
+        "or a list of one for each kind of output"
     )
     scale_u: Tolerance = Field(1e-4, description="its standard uncertainty, relative")
     scale_per_c_u: Annotated[float, InUnit("1/°C", at_least=0)] = Field(
