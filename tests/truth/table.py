@@ -87,6 +87,19 @@ def compare_table(folder: Path, results: dict | None = None, output: str = "puls
     ]  # fmt: skip
 
 
+def check_held(folder: Path, worth: dict[str, float], output: str = "pulses", at_least: int = 6) -> None:
+    """Asserts that a run holds its truth, with uncertainties below what they are worth, and without a flag."""
+    comparisons = compare_table(folder, output=output)
+    assert len(comparisons) >= at_least
+    ratios = np.array([each.ratio for each in comparisons])
+    assert np.max(np.abs(ratios)) < 4
+    assert np.sqrt(np.mean(ratios**2)) < 2
+    assert {each.quantity: each.u for each in comparisons if each.u > worth.get(each.quantity, np.inf)} == {}
+    results = results_of(folder)
+    assert results["verdict"] == "PASS"
+    assert [flag for unit in results["units"] for flag in unit["flags"]] == []
+
+
 def truths(truth: dict, results: dict, output: str) -> dict[str, Truth]:
     """By quantity: what is true under the conditions of a finding."""
     unit = {key: tuple(value) if isinstance(value, list) else value for key, value in truth["units"]["a"].items()}
