@@ -110,6 +110,10 @@ class RangeForm:
         """Of the bias, which is one for all readings."""
         return BudgetLine(BIAS, "A", gain * blocks.bias.u_output, _dof(blocks), self.subject.id("rest"))
 
+    def warmer(self, u: float) -> BudgetLine:
+        """Of a scale factor that the same change for 1 °C makes another at all points that are warmer."""
+        return BudgetLine(WARMER, "B", u, None, self.subject.id("scale_per_degree"))
+
     def at_rest(self, blocks: RangeBlocks, quantity: str, name: str) -> Finding:
         """The bias."""
         lines = [BudgetLine(BIAS, "A", blocks.bias.u_output, _dof(blocks))]

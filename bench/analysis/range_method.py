@@ -13,7 +13,7 @@ import numpy as np
 
 from bench.analysis.finding import BudgetLine, Finding, UnitResult
 from bench.analysis.range_blocks import RangeBlocks, Turning, range_blocks
-from bench.analysis.range_form import BY_RADIUS, WARMER, CurvePoint, RangeForm, noise_of
+from bench.analysis.range_form import BY_RADIUS, CurvePoint, RangeForm, noise_of
 from bench.analysis.range_test import LARGEST_U_RADIUS, LEAST_LOW_RATES, Arm
 from bench.analysis.rundata import RunData, UnitUnderTest
 
@@ -91,7 +91,7 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
             BudgetLine(BY_RADIUS, "A", by_radius, None, form.subject.id("radius")),
             BudgetLine(RESOLUTION, "B", by_rate),
             BudgetLine(HARMONICS, "B", abs(2 * true_g / turning.steady.rate_dps) * turning.u_harmonics_dps),
-            BudgetLine(WARMER, "B", abs(true_g) * form.settings["scale_per_c_u"] * _warmer_c(turning, usable)),
+            form.warmer(abs(true_g) * form.settings["scale_per_c_u"] * _warmer_c(turning, usable)),
             *form.of_the_voltmeter(error_g),
             BudgetLine("stretch of the arm: contained", "alias", 0.0),
         ]
@@ -122,7 +122,7 @@ def _radius(form: RangeForm, blocks: RangeBlocks, low: Sequence[Turning], arm: A
         BudgetLine(
             "site: gravity", "B", abs(radius_m) * bench.gravity_u_mps2 / bench.gravity_mps2, None, "site.gravity"
         ),
-        form.time_base(2 * radius_m),
+        form.time_base(radius_m if form.unit.is_counted else 2 * radius_m),  # pulses are counted by the same clock
         *form.of_the_voltmeter(radius_m),
         BudgetLine("second-order nonlinearity of the sensor at low rates: contained", "alias", 0.0),
     ]

@@ -89,7 +89,8 @@ class ResponseFindings:
         ]
         if self.arm is not None:
             lines += self._relative_to_arm(self.arm, own.swing)
-            lines.append(BudgetLine(WARMER, "B", self.warmer.get(own.nominal_hz, 0.0)))
+            warmer = self.warmer.get(own.nominal_hz, 0.0)
+            lines.append(BudgetLine(WARMER, "B", warmer, None, self._subject.id("scale_per_degree")))
         elif self.to_lowest:
             first = self.points[0]
             lines = [] if own is first else lines
@@ -165,6 +166,7 @@ class ResponseFindings:
         lines = [line.times(DB_PER_RELATIVE / abs(per_hz)) for line in self._between(above, below, share)]
         bend_db = _bend([each.gain_db for each in points], points, index, found.frequency_hz)
         lines.append(BudgetLine(CHORD, "B", abs(bend_db / per_hz)))
+        own_u_hz = float(np.linalg.norm([line.u for line in lines]))
         lines.append(self._time_base(found.frequency_hz))
         steps = (self.steps[above.frequency_hz], self.steps[below.frequency_hz])
         bandwidth = self._subject.finding(
@@ -180,7 +182,7 @@ class ResponseFindings:
         ]
         lines += [
             *self._of_time(found.frequency_hz),
-            BudgetLine("bandwidth", "B", abs(turn_per_hz) * bandwidth.u, None, bandwidth.id),
+            BudgetLine("bandwidth", "B", abs(turn_per_hz) * own_u_hz, None, bandwidth.id),  # all points have one clock
             BudgetLine(CHORD, "B", abs(bend_deg)),
         ]
         yield self._subject.finding("phase_at_bandwidth", "phase there", found.phase_deg, "°", lines, {}, steps)
@@ -216,7 +218,7 @@ class ResponseFindings:
                 BudgetLine(
                     "site: gravity", "B", size_m * bench.gravity_u_mps2 / bench.gravity_mps2, None, "site.gravity"
                 ),
-                self._time_base(3 * size_m),
+                self._time_base(size_m if self.unit.is_counted else 2 * size_m),  # pulses are counted by the same clock
                 BudgetLine("misalignment of the input axis: contained", "alias", 0.0),
             ]
             name = f"{axis} of the sensor from the axis of the table, in the frame of the fixture"

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from bench.analysis.codes import hidden_from_a_swing
 from bench.analysis.fit import Array, GatedFit, LinearFit, NotDetermined, least_squares, reject_outliers
@@ -27,6 +28,7 @@ HARMLESS = 1e-4  # of the amplitude; what deviates less moves it by less, and th
 PHASE_BINS = 1009  # prime, so that phases at whole fractions of a turn do not fall on edges
 MANY_PHASES = 500
 TURNS = 20
+TURNS_OF_NOISE = 4  # its weights depend on it
 SAW_TOOTH = 20  # sines that it is taken for
 PHASES = 720  # at which it is looked for where a count turns round
 
@@ -217,7 +219,25 @@ def _sd_around(time_s: Array, fit: LinearFit, line_hz: float, fitted_hz: Array) 
     free = around_hz > 1.5 * step_hz
     free &= np.all(np.abs(around_hz[:, np.newaxis] - fitted_hz) > 1.5 * step_hz, axis=1)
     nearest = np.argsort(np.abs(around_hz[free] - line_hz), kind="stable")[:NEIGHBOURS]
-    return float(np.sqrt(np.mean(np.abs(sums[free][nearest]) ** 2) / len(time_s)))
+    power = np.abs(sums[free][nearest]) ** 2
+    return float(np.sqrt(_power_at(line_hz, around_hz[free][nearest], power) / len(time_s)))
+
+
+def _power_at(line_hz: float, around_hz: Array, power: Array) -> float:
+    """The power (n,) of noise at frequencies around a line, at the line.
+
+    Noise is a floor, as that of steps of counting, and what falls with the square of the frequency, as that of a rate
+    that was summed up: about a low frequency the mean of what is around is far from what is there. Both are fitted by
+    least squares, weighted by themselves because powers scatter by as much as they are.
+    """
+    shapes = np.column_stack([np.ones_like(around_hz), (line_hz / around_hz) ** 2])
+    level = np.full(len(power), np.mean(power))
+    if not level.all():
+        return 0.0
+    for _ in range(TURNS_OF_NOISE):
+        parts, _ = nnls(shapes / level[:, np.newaxis], power / level)
+        level = shapes @ parts
+    return float(np.sum(parts))
 
 
 def _u_repeating(time_s: Array, residuals: Array, frequency_hz: float) -> float:

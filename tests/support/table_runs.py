@@ -16,19 +16,19 @@ COUNT_DEG = 1e-4
 TICKS = 1000
 
 
-def acquired(charge, angle_deg, *, motion=None, lost=(), bits=24, first=0):
+def acquired(charge, angle_deg, *, motion=None, lost=(), bits=24, first=0, residue=0.3, ticks=TICKS):
     """What a counter and an encoder make of a charge in pulses and an angle, both at the latches (n,)."""
     latch = np.arange(len(charge))
-    positive, negative = Integrator(0.3, first, 0).count_through_turns(np.diff(charge, prepend=charge[0]))
+    positive, negative = Integrator(residue, first, 0).count_through_turns(np.diff(charge, prepend=charge[0]))
     position = np.floor(angle_deg / COUNT_DEG).astype(np.int64)
     kept = np.array([number not in lost for number in latch])
     counts = Counts(
-        sequence=latch[kept] + 65_000, tick=(latch[kept] * TICKS + 4_294_900_000) % 2**32,
-        positive=positive[kept] % 2**bits, negative=negative[kept], host_s=latch[kept] * 1e-3, tick_bits=32,
+        sequence=latch[kept] + 65_000, tick=(latch[kept] * ticks + 4_294_900_000) % 2**32,
+        positive=positive[kept] % 2**bits, negative=negative[kept], host_s=latch[kept] * ticks * 1e-6, tick_bits=32,
         counter_bits=bits, tick_period_s=1e-6, max_rate_pps=2e6, lost=len(lost), restarts=0,
     )  # fmt: skip
     encoder = Positions(latch + 65_000, counts.tick, position % 2**32, 32, 32, 1e-6, COUNT_DEG)
-    return _acquisition(len(charge), motion, {"table": encoder}, counts={"x": counts})
+    return _acquisition((len(charge) - 1) * ticks * 1e-6, motion, {"table": encoder}, counts={"x": counts})
 
 
 SENT = replace(UNIT, channel="", telemetry="x")
@@ -50,7 +50,7 @@ def sent(values, angle_deg, *, motion=None, lost=(), averaged=True, beside=False
     encoder = Positions(
         numbers, codes.tick, position % 2**32, 24, 32, 1e-6, COUNT_DEG, host_s=codes.host_s, channel=channel
     )
-    return _acquisition(len(values), motion, {"table": encoder}, codes={"x": codes})
+    return _acquisition((len(values) - 1) * 1e-3, motion, {"table": encoder}, codes={"x": codes})
 
 
 def read(at_s, volts, angle_deg, *, motion=None):
@@ -58,12 +58,12 @@ def read(at_s, volts, angle_deg, *, motion=None):
     number = np.arange(len(TIME_S))
     position = np.floor(angle_deg / COUNT_DEG).astype(np.int64)
     encoder = Positions(number, number * TICKS, position % 2**32, 32, 32, 1e-6, COUNT_DEG, host_s=TIME_S * (1 + 2e-5))
-    return _acquisition(len(TIME_S), motion, {"table": encoder}, voltages={"dvm": Voltages(at_s, volts)})
+    return _acquisition((len(TIME_S) - 1) * 1e-3, motion, {"table": encoder}, voltages={"dvm": Voltages(at_s, volts)})
 
 
-def _acquisition(latches, motion, positions, **measured):
+def _acquisition(end_s, motion, positions, **measured):
     return Acquisition(
-        step="steps/x/acquire", group="", loops={}, begin_s=0.0, end_s=latches * 1e-3, angles_deg={},
+        step="steps/x/acquire", group="", loops={}, begin_s=0.0, end_s=end_s, angles_deg={},
         set_from_c=np.nan, set_c=np.nan, temperatures_c={"warm": np.array([20.0, 21.0])},
         temperatures_at_s={}, positions=positions, motion=motion, **({"counts": {}} | measured),
     )  # fmt: skip
@@ -77,13 +77,13 @@ BENCH = BenchRecord(
 TIME_S = np.arange(3001) / 1000
 
 
-def data(*acquisitions: Acquisition, unit: UnitUnderTest = UNIT) -> RunData:
+def data(*acquisitions: Acquisition, unit: UnitUnderTest = UNIT, bench: BenchRecord = BENCH) -> RunData:
     """All of a run, the acquisitions in their order and each a minute after the one before."""
     placed = tuple(
-        replace(each, step=f"steps/n={n}/acquire", begin_s=60.0 * n, end_s=60.0 * n + 3)
+        replace(each, step=f"steps/n={n}/acquire", begin_s=60.0 * n, end_s=60.0 * n + each.end_s)
         for n, each in enumerate(acquisitions)
     )
-    return RunData("range", (unit,), placed, BENCH)
+    return RunData("range", (unit,), placed, bench)
 
 
 def at_rest(bias_pps: float, angle_deg: float = 0.0) -> Acquisition:

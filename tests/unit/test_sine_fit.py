@@ -126,6 +126,19 @@ def test_uncertainty_follows_the_noise_around_the_line(f_hz):
     assert ratio > 1.5 if f_hz < 20 else ratio < 0.8
 
 
+@pytest.mark.parametrize("floor", [0.0, 1.0])
+def test_the_noise_of_a_rate_that_was_summed_up_is_told_about_a_low_frequency(floor):
+    """Ten periods: there the noise around a line is far from what it is at the line."""
+    rng, errors, u = np.random.default_rng(4), [], []
+    for _ in range(250):
+        time_s, value = samples(rng, 0.5, seconds=20.0, sample_hz=50.0)
+        noise = 0.02 * np.cumsum(rng.standard_normal(len(time_s))) + floor * rng.standard_normal(len(time_s))
+        fit = fit_sine(time_s, value + noise, 0.5)
+        errors.append(abs(fit.phasors[0]) - np.sqrt(5))
+        u.append(fit.u[0])
+    assert np.sqrt(np.mean(np.square(errors)) / np.mean(np.square(u))) == pytest.approx(1, abs=0.12)
+
+
 def worst_of_counting(f_hz, *, sample_hz=1000.0, seconds=0.5):
     """Rms error and rms stated uncertainty, relative, of the amplitude of a table of 3 deg/s behind its encoder."""
     rng = np.random.default_rng(0)
