@@ -171,22 +171,19 @@ class _Watch:
         if quantity == "KG":
             return  # of whole turns by the table's own angle
         earth_dps = local_earth_rate_dps(self._bench.latitude_deg)
-        along = earth_dps if quantity == "D0" else UP
-        yield from self._of_table(along, axis, readings, weights)
-        if quantity == "D0":
-            across = float(np.hypot(*earth_dps[:2])) * self._settings["misalignment_rad"]
-            yield _Source("gyro: earth rate across its axis", across * always)
+        errors = table_errors(readings.windows, self._unit, self._bench)
+        seen = errors.seen(earth_dps if quantity == "D0" else UP, axis)
+        for name, u_seen in errors.propagated(seen, weights).items():  # each is one rotation in every attitude
+            yield _Source(name, u_seen, None, shared_by(name))
+        if quantity == "D0":  # turned over about east, it sees north with the other sign, and the mean does not
+            across_dps = np.delete(errors.axes @ earth_dps, axis, axis=-1)
+            across = np.linalg.norm(weights @ across_dps, axis=-1)
+            yield _Source("gyro: earth rate across its axis", across * self._settings["misalignment_rad"])
         if quantity == "K1":
             known_mps2 = self._released.gravity_mps2
             if not math.isnan(known_mps2) and known_mps2 != self._bench.gravity_mps2:  # else the same survey
                 u = math.hypot(self._bench.gravity_u_mps2, self._released.gravity_u_mps2) / known_mps2
                 yield _Source("site: gravity, against that of the calibration", u * always)
-
-    def _of_table(self, along: Array, axis: int, readings: Readings, weights: Array) -> Iterator[_Source]:
-        """What the errors of the table do, of which each is one rotation in every attitude."""
-        errors = table_errors(readings.windows, self._unit, self._bench)
-        for name, u in errors.propagated(errors.seen(along, axis), weights).items():
-            yield _Source(name, u, None, shared_by(name))
 
     def _finding(
         self, quantity: str, axis: int, name: str, value: float, unit: str, lines: Sequence[BudgetLine],

@@ -81,40 +81,40 @@ def constants(temperature_c):
 class Run:
     """A calibration on a bench with errors drawn, and the errors."""
 
-    def __init__(self, rng, record):
+    def __init__(self, rng, record, set_points=SET_C):
         self._rng, self.record, draw = rng, record, rng.standard_normal
         self._zero_deg = {role: axis.zero_u_deg * draw() for role, axis in record.axes.items()}
         self._harmonics_deg = {
             role: np.array(axis.harmonics_u_deg)[:, np.newaxis] * draw((2, 2)) for role, axis in record.axes.items()
         }
         self._apart_deg = {role: record.orthogonality_u_deg * draw(2) for role in ("middle", "inner")}
-        self._base = Rotation.from_rotvec(
+        self.base = Rotation.from_rotvec(
             np.radians([record.level_u_deg, record.level_u_deg, record.azimuth_u_deg]) * draw(3)
         )
-        self._clock = record.time_base_u * draw()
+        self.clock = record.time_base_u * draw()
         self._thermometers = {name: u * draw(2) for name, u in record.thermometers_u.items()}
         self.gravity_mps2 = record.gravity_mps2 + record.gravity_u_mps2 * draw()
         self.acquisitions = []
-        for visit, set_c in enumerate(SET_C):
+        for visit, set_c in enumerate(set_points):
             for axis in range(3):
                 self._visit(f"steps/temperature={visit}", set_c, axis)
 
     def _visit(self, group, set_c, axis):
         angles = angles_of_attitudes()
         for number in range(8 * axis, 8 * axis + 8):
-            lies = self._axes(angles[number])
+            lies = self.axes(angles[number])
             self._count(f"{group}/{NAMES[number]}", group, set_c, angles[number], lies[:, 2], lies @ EARTH_DPS, DWELL_S)
         angles_deg = angles[8 * axis]  # the axis up, on the outer axis of the table
         for rate_dps in RATES_DPS:
-            up = self._axes(angles_deg) @ self._base.apply(POINTS["outer"])
-            base_up = self._base.apply(POINTS["outer"])  # what is across it is gone after a whole turn
+            up = self.axes(angles_deg) @ self.base.apply(POINTS["outer"])
+            base_up = self.base.apply(POINTS["outer"])  # what is across it is gone after a whole turn
             span_s = np.ceil(abs(rate_dps) * RATE_DWELL_S / 360 - 1e-9) * 360 / abs(rate_dps)
             seen_dps, step = up * (base_up @ EARTH_DPS + rate_dps), f"{group}/{axis}/rate={rate_dps:g}"
             self._count(step, group, set_c, angles_deg, up * base_up[2], seen_dps, span_s, rate_dps)
 
-    def _axes(self, angles_deg):
+    def axes(self, angles_deg):
         """The axes of the unit in the level frame, as the table with its errors has them."""
-        turned = self._base
+        turned = self.base
         for role, to in POINTS.items():
             points, turn = np.array(to), np.radians(angles_deg[role])
             if role in self._apart_deg:
@@ -132,7 +132,7 @@ class Run:
         seen_g = unit["K0"] - K2 + MISALIGNMENT @ force_g + K2 * force_g**2 + noise_g
         seen_dps = unit["D0"] + GYRO_MISALIGNMENT @ rate_dps + G_SENSITIVITY @ force_g + noise_dps
         pulses = np.concatenate([unit["K1"] * seen_g, unit["KG"] * seen_dps]) * span_s
-        counted, told_s = np.floor(pulses + self._rng.uniform(size=6)), span_s * (1 + self._clock)
+        counted, told_s = np.floor(pulses + self._rng.uniform(size=6)), span_s * (1 + self.clock)
         begin_s = 60.0 * len(self.acquisitions)
         from_deg = angles_deg["outer"]
         self.acquisitions.append(
