@@ -39,6 +39,7 @@ truth: $(VENV)/.dev
 	$(BIN)/python -m tests.truth.imu_start_up --seeds 20
 	$(BIN)/python -m tests.truth.table --seeds 10
 	$(BIN)/python -m tests.truth.ladder --seeds 20
+	$(BIN)/python -m tests.truth.monte_carlo --draws 1500
 
 # 100,000 mutated and hostile documents: each is read, or refused in our own words, within 100 ms.
 hostile: $(VENV)/.dev

@@ -103,9 +103,9 @@ OF_THE_GYRO = {
 
 
 @lru_cache
-def gyros():
+def gyros(count=TRIALS):
     rng = np.random.default_rng(1)
-    runs = (gyro_run(rng, Errors(rng)) for _ in range(TRIALS))
+    runs = (gyro_run(rng, Errors(rng)) for _ in range(count))
     return found_in(((reduce_gyro(run, GYRO)[0], OF_THE_GYRO) for run in runs), u_of_what_was_drawn)
 
 
@@ -178,9 +178,9 @@ OF_THE_ACCELEROMETER = {
 
 
 @lru_cache
-def centrifuges():
+def centrifuges(count=TRIALS):
     rng = np.random.default_rng(2)
-    runs = (centrifuge_run(rng, Errors(rng)) for _ in range(TRIALS))
+    runs = (centrifuge_run(rng, Errors(rng)) for _ in range(count))
     return found_in(
         ((reduce_accelerometer(run, ACCELEROMETER)[0], OF_THE_ACCELEROMETER) for run in runs), u_of_what_was_drawn
     )
