@@ -18,7 +18,7 @@ from bench.sequence.methods.response import ACCELEROMETER_RANGE, GYRO_RANGE
 from tests.support.monte_carlo import found_in, ratio, scatter_is_u, would_be_seen
 from tests.support.table_runs import acquired, data
 
-TRIALS = 300
+TRIALS = 250
 TICKS, LATCHES = 4_000, 1001
 TIME_S = np.arange(LATCHES) * TICKS * 1e-6
 REST_DEG = (0.0, 90.0, 180.0, 270.0)

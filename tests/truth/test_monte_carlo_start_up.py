@@ -35,7 +35,7 @@ from tests.truth.test_monte_carlo_imu import (
     window,
 )
 
-TRIALS = 150
+TRIALS = 120
 K1, KG, NOISE_G, RANDOM_WALK = 11_300.0, 20_000.0, 2e-5, 1e-5  # of a mean over 1 s, in g and in °/s
 KNOWN_MPS2, KNOWN_U_MPS2 = 9.79, 1e-4
 SETTINGS = IMU_START_UP.settings.model_validate(
