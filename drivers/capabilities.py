@@ -118,6 +118,12 @@ class FrameSource(Device, Protocol):
         A block comes every `block_s` or more often; without it, as often as what is recorded must be on the disk.
         """
 
+    async def news(self) -> None:
+        """Returns when frames have been taken in since it last did, or a fault is known: `poll` then tells.
+
+        That is at the latest as often as a reading may be on its way (`reports_every_s`).
+        """
+
     def heard(self) -> Mapping[str, Heard]:
         """When each channel was last heard of, as far as its frames have been taken in."""
 

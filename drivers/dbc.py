@@ -45,6 +45,11 @@ class Signal:
             values = (values << unused) >> unused
         return values
 
+    def raw_of(self, data: bytes) -> int:
+        """The integer in one frame's data (8 bytes)."""
+        value = int.from_bytes(data, "big" if self.big_endian else "little") >> self.shift & (1 << self.length) - 1
+        return value - (1 << self.length) if self.signed and value >> (self.length - 1) else value
+
     def physical(self, data: NDArray[np.uint8]) -> NDArray[np.float64]:
         """The values in `unit`."""
         return np.asarray(self.raw(data) * self.scale + self.offset, np.float64)

@@ -31,10 +31,6 @@ class FrameBlock:
         """The data of these frames, (n, 8)."""
         return np.asarray(self.data.view(np.uint64)[rows, 0].view(np.uint8).reshape(-1, 8))
 
-    def last(self, count: int) -> FrameBlock:
-        """Its last frames."""
-        return FrameBlock(self.ids[-count:], self.at_s[-count:], self.dlc[-count:], self.data[-count:])
-
     @classmethod
     def joined(cls, blocks: Sequence[FrameBlock]) -> FrameBlock:
         """Blocks one after the other as one."""

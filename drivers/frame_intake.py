@@ -35,6 +35,7 @@ class FrameIntake:
         self._name, self._link, self._look = name, link, look
         self._acquisition: _Blocks | None = None
         self._wake = asyncio.Event()
+        self._news = asyncio.Event()
         self._failure: DriverError | None = None
         self._task: asyncio.Task[None]
         self.acquiring_since_s: float | None = None
@@ -48,6 +49,11 @@ class FrameIntake:
         self._task.cancel()
         await asyncio.wait([self._task])
         self._link.close()
+
+    async def news(self) -> None:
+        """Returns when somebody has looked for frames since it last did, or none can come any more."""
+        await self._news.wait()
+        self._news.clear()
 
     def check(self) -> None:
         """Raises what has gone wrong with the frames."""
@@ -86,6 +92,7 @@ class FrameIntake:
 
     def _absorb(self) -> None:
         """Takes what has arrived by now; a fault ends the intake and the acquisition."""
+        self._news.set()
         if self._failure is not None:
             return
         try:
@@ -157,6 +164,10 @@ class FrameDriver(Generic[OptionsT]):
         self._intake.check()
         readings, self._readings = self._readings, {}
         return readings
+
+    async def news(self) -> None:
+        """Returns when `poll` may tell more than it has: frames have been taken in, or something is wrong."""
+        await self._intake.news()
 
     def heard(self) -> Mapping[str, Heard]:
         """When each channel was last heard of, as far as its frames have been taken in."""

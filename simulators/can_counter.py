@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,7 +18,7 @@ from simulators.faults import FaultPlan
 from simulators.gyro_unit import SimulatedGyro
 from simulators.imu import ImuChannel
 from simulators.unit_file import stream
-from simulators.uut import Integrator
+from simulators.uut import Counts, Integrator
 from simulators.world import World
 
 Array = NDArray[np.float64]
@@ -44,6 +44,25 @@ class CounterSettings:
     encoders: Mapping[str, float] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, slots=True)
+class _Converters:
+    """Converters that are worked out together: all whose charge does not turn round between two latches, or one."""
+
+    channels: Sequence[str]
+    swings: bool
+    integrator: Integrator
+
+    def count(self, pulses: Array, frozen: bool) -> tuple[Counts, Counts]:
+        """Their + and - counts after the charge of each latch, (c, n), in pulses; frozen ones stand."""
+        if frozen:
+            stood = np.zeros(pulses.shape, np.int64)
+            return stood + self.integrator.positive, stood + self.integrator.negative
+        if self.swings:
+            positive, negative = self.integrator.count_through_turns(pulses[0])
+            return positive[np.newaxis], negative[np.newaxis]
+        return self.integrator.count(pulses)
+
+
 class SimulatedCounter(CanNode):
     """A counter on the world's units.
 
@@ -65,13 +84,29 @@ class SimulatedCounter(CanNode):
         }
         for imu in world.imus.values():
             self._units |= {name: unit for name, unit in imu.channels.items() if name in settings.form.channels}
-        self._integrators = {
-            channel: Integrator(float(draws.uniform(0, 1)), int(draws.integers(0, 1 << 20)), int(draws.integers(0, 99)))
-            for channel in settings.form.channels
-        }
+        began = [
+            [draws.uniform(0, 1), draws.integers(0, 1 << 20), draws.integers(0, 99)] for _ in settings.form.channels
+        ]
+        self._converters = self._made(np.array(began, np.float64).reshape(-1, 3))
         self._owed = dict.fromkeys(self._units, 0.0)  # pulses of the latch under way, from before a stimulus changed
         self._warmth_latches = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
         world.integrate_with(self._before_change)
+
+    def _made(self, began: Array) -> list[_Converters]:
+        """The converters of all channels, a row for each: the residue of its charge and its + and - counts."""
+        residue, counts = began[:, :1], began[:, 1:].astype(np.int64)
+        steady, made = [], []
+        for row, name in enumerate(self._settings.form.channels):
+            if (unit := self._units.get(name)) is not None and unit.swings:
+                alone = Integrator(residue[row], counts[row, :1], counts[row, 1:])
+                made.append(_Converters([name], True, alone))
+            else:
+                steady.append(row)
+        if steady:
+            names = np.array(list(self._settings.form.channels))[steady].tolist()
+            together = Integrator(residue[steady], counts[steady, :1], counts[steady, 1:])
+            made.append(_Converters(names, False, together))
+        return made
 
     def _before_change(self) -> None:
         """Makes the latches that are due, and counts what has come since under the stimulus that is about to change."""
@@ -99,7 +134,7 @@ class SimulatedCounter(CanNode):
         """Power-on: the device's clock, the latches and all counts begin at 0, and the boot counter goes up."""
         self._boots += 1
         self._origin_s, self._latch, self._tick0, self._sequence0 = self._counted_s, 0, 0, 0
-        self._integrators = {channel: Integrator(0.0, 0, 0) for channel in self._integrators}
+        self._converters = self._made(np.zeros((len(self._settings.form.channels), 3)))
 
     def _frames(self, numbers: NDArray[np.int64], edges_s: Array) -> FrameBlock:
         form, at_s = self._settings.form, edges_s[1:]
@@ -115,8 +150,8 @@ class SimulatedCounter(CanNode):
         put(form.sequence, self._sequence0 + shown)
         if form.boot_count is not None:
             put(form.boot_count, np.full_like(numbers, self._boots))
-        for name, channel in form.channels.items():
-            positive, negative = self._counts(name, edges_s, frozen)
+        for name, positive, negative in self._counts(edges_s, frozen):
+            channel = form.channels[name]
             if (unit := self._units.get(name)) is not None and unit.faults.active("silent"):
                 continue
             put(channel.positive, positive)
@@ -128,16 +163,21 @@ class SimulatedCounter(CanNode):
         host_s = self._world.host_time(at_s)
         return in_order([encode_frames(self._settings.dbc, host_s, values), self._warmth(numbers, at_s)])
 
-    def _counts(self, channel: str, edges_s: Array, frozen: bool) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        integrator, unit = self._integrators[channel], self._units.get(channel)
-        if unit is not None:
-            pulses = unit.charge_pulses(edges_s)
-            pulses[0] += self._owed[channel]
-            self._owed[channel] = 0.0
-            if not frozen:
-                return integrator.count_through_turns(pulses) if unit.swings else integrator.count(pulses)
-        latches = len(edges_s) - 1
-        return np.full(latches, integrator.positive), np.full(latches, integrator.negative)
+    def _counts(self, edges_s: Array, frozen: bool) -> Iterator[tuple[str, Counts, Counts]]:
+        """Every channel with its + and - counts at the latches."""
+        for converters in self._converters:
+            pulses = np.stack([self._pulses(channel, edges_s) for channel in converters.channels])
+            yield from zip(converters.channels, *converters.count(pulses, frozen), strict=True)
+
+    def _pulses(self, channel: str, edges_s: Array) -> Array:
+        """What a channel is owed at each latch."""
+        unit = self._units.get(channel)
+        if unit is None:
+            return np.zeros(len(edges_s) - 1)
+        pulses = unit.charge_pulses(edges_s)
+        pulses[0] += self._owed[channel]
+        self._owed[channel] = 0.0
+        return pulses
 
     def _positions(self, role: str, at_s: Array) -> NDArray[np.int64]:
         """What the encoder of an axis reads at the times, in counts."""

@@ -13,6 +13,7 @@ from simulators.dynamics import Dynamics
 from simulators.unit_file import Draw, Polynomial, UnitFile, stream
 
 Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
 INSTABILITY_S = 10.0  # correlation time of the slow wander of the bias
 WANDER_STEP_S = 1.0  # how closely it is drawn, however long a block is
 _CONVERTER_REFERENCE_C = 25.0
@@ -256,15 +257,20 @@ class Wander:
         """What it has come to at the end of each of the consecutive intervals, which are about equal."""
         over_s = float(interval_s.sum())
         steps = math.ceil(over_s / WANDER_STEP_S)
-        values = [self._value, *(self.pass_over(over_s / steps) for _ in range(steps))]
-        return np.interp(*_even(len(interval_s), steps), values)
+        return np.interp(*_even(len(interval_s), steps), [self._value, *self._passed(over_s / steps, steps)])
 
     def pass_over(self, passed_s: float) -> float:
         """What it has come to after a time."""
-        keep = math.exp(-passed_s / INSTABILITY_S)
-        fresh = float(self._draws.standard_normal())
-        self._value = keep * self._value + math.sqrt(1 - keep * keep) * self._sd * fresh
-        return self._value
+        return self._passed(passed_s, 1)[0]
+
+    def _passed(self, step_s: float, steps: int) -> list[float]:
+        """What it comes to after each of so many steps."""
+        keep = math.exp(-step_s / INSTABILITY_S)
+        spread, found = math.sqrt(1 - keep * keep) * self._sd, []
+        for fresh in self._draws.standard_normal(steps).tolist():
+            self._value = keep * self._value + spread * fresh
+            found.append(self._value)
+        return found
 
 
 @lru_cache(maxsize=16)
@@ -292,38 +298,35 @@ class Noise:
 
 
 class Integrator:
-    """One signed charge integrator with a + and a - threshold; fractions of a pulse are carried exactly."""
+    """Signed charge integrators with a + and a - threshold; fractions of a pulse are carried exactly.
 
-    def __init__(self, residue: float, positive: int, negative: int) -> None:
+    One, whose increments of charge are (n,), or several beside each other, (c, n), which begin with columns (c, 1).
+    """
+
+    def __init__(self, residue: Array | float, positive: Counts | int, negative: Counts | int) -> None:
         self._residue = residue
         self.positive, self.negative = positive, negative
 
-    def count(self, pulses: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def count(self, pulses: Array) -> tuple[Counts, Counts]:
         """Cumulative + and - counts after each of the consecutive increments of charge, in pulses."""
-        if not len(pulses):
-            return np.empty(0, np.int64), np.empty(0, np.int64)
-        charge = self._residue + pulses.cumsum()
-        if pulses.min() >= 0:
-            positive = np.maximum(np.floor(charge), 0).astype(np.int64)
-            negative = np.zeros_like(positive)
-        elif pulses.max() <= 0:
-            negative = np.maximum(np.floor(-charge), 0).astype(np.int64)
-            positive = np.zeros_like(negative)
-        else:
-            net = _both_ways(charge)
-            steps = net.copy()
-            steps[1:] -= net[:-1]
-            positive, negative = np.maximum(steps, 0).cumsum(), np.maximum(-steps, 0).cumsum()
-        self._residue = float(charge[-1] - (positive[-1] - negative[-1]))
+        if not pulses.size:
+            return np.empty(pulses.shape, np.int64), np.empty(pulses.shape, np.int64)
+        charge = self._residue + pulses.cumsum(-1)
+        net = _fired(charge)
+        steps = net.copy()
+        steps[..., 1:] -= net[..., :-1]
+        positive = np.maximum(steps, 0).cumsum(-1).astype(np.int64)
+        negative = np.maximum(-steps, 0).cumsum(-1).astype(np.int64)
+        self._residue = charge[..., -1:] - net[..., -1:]
         positive += self.positive
         negative += self.negative
-        self.positive, self.negative = int(positive[-1]), int(negative[-1])
+        self.positive, self.negative = positive[..., -1:], negative[..., -1:]
         return positive, negative
 
-    def count_through_turns(self, pulses: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The same of increments in equal times between which the charge may turn round: it goes to its extreme first.
+    def count_through_turns(self, pulses: Array) -> tuple[Counts, Counts]:
+        """The same of increments (n,) in equal times between which the charge may turn round.
 
-        That is where the parabola through three latches has it.
+        It goes to its extreme first: to where the parabola through three latches has it.
         """
         before, after = pulses[:-1], pulses[1:]
         turns = np.flatnonzero(before * after < 0)
@@ -341,24 +344,19 @@ class Integrator:
         return positive[latches], negative[latches]
 
 
-def _both_ways(charge: Array) -> NDArray[np.int64]:
-    """Net counts after a charge that may have gone through zero, where the state of the thresholds matters.
+def _fired(charge: Array) -> Array:
+    """Net counts after a charge (…, n), which may go to and fro; before it nothing has been fired.
 
-    A pulse is fired when the charge is a whole one away from what was fired: the net count is held between the
-    whole numbers below and above the charge. Only where these change can it change.
+    A pulse is fired when the charge is a whole one away from what was fired: the net count is held between the whole
+    numbers below and above the charge. It changes where one of these passes it by, and is then that one.
     """
     low, high = np.floor(charge), np.ceil(charge)
-    changed = np.ones(len(charge), np.bool_)
-    changed[1:] = (low[1:] != low[:-1]) | (high[1:] != high[:-1])
-    changes = np.flatnonzero(changed)
-    net, held = [], 0.0
-    for below, above in zip(low[changes].tolist(), high[changes].tolist(), strict=True):
-        if held < below:
-            held = below
-        elif held > above:
-            held = above
-        net.append(held)
-    return np.repeat(np.array(net), np.diff(changes, append=len(charge))).astype(np.int64)
+    up, down = low[..., 1:] > low[..., :-1], high[..., 1:] < high[..., :-1]
+    fired = np.where(up, low[..., 1:], high[..., 1:])
+    fired = np.concatenate([np.clip(0.0, low[..., :1], high[..., :1]), fired], axis=-1)
+    last = np.zeros(charge.shape, np.intp)  # where the count has changed last
+    np.maximum.accumulate(np.where(up | down, np.arange(1, charge.shape[-1]), 0), axis=-1, out=last[..., 1:])
+    return np.take_along_axis(fired, last, axis=-1)
 
 
 def _horner(coefficients: Polynomial, t: Array) -> Array:

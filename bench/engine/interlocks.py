@@ -60,6 +60,10 @@ class Interlocks:
                 if (change := interlock.take(source, reading)) is not None:
                     self._changes.append(change)
 
+    def judge_age_of(self, role: str) -> bool:
+        """Whether the age of what a device says is looked at, which grows while it says nothing."""
+        return any(isinstance(each, _Age) and role == each.sources[0].partition(".")[0] for each in self._interlocks)
+
     def disregard(self, source: str) -> list[str]:
         """Judges no more what looks at DEVICE.CHANNEL, which nobody believes any longer; the names of these."""
         gone = self._of_source.pop(source, [])

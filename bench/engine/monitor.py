@@ -151,6 +151,7 @@ class Monitor:
     async def _watch(self, role: str) -> None:
         every_s, device = period_s(role, self._bench), self._rig.devices[role]
         units = self._bench.devices[role].channels
+        news = device.news if isinstance(device, FrameSource) and not self._interlocks.judge_age_of(role) else None
         loop = asyncio.get_running_loop()
         due_s = loop.time()
         try:
@@ -161,7 +162,7 @@ class Monitor:
                     if role not in self.being_made_safe:  # which cuts the answer to a poll short
                         raise
                 due_s = max(due_s + every_s, loop.time())
-                await asyncio.sleep(due_s - loop.time())
+                await (news() if news is not None else asyncio.sleep(due_s - loop.time()))
         except (DriverError, BenchError) as problem:
             self._writer_event("fault", device=role, problem=str(problem))
             if not self.fault.done():

@@ -107,9 +107,6 @@ class CanCounter(FrameDriver[CounterOptions]):
 
     def _listen(self, block: FrameBlock) -> None:
         """Notes what each channel has said."""
-        for channel, before in self._heard.items():
-            newest = wire.newest_counts(self._format, channel, block)
-            if newest is not None:
-                at_s, counts = newest
-                pulse_s = before.pulse_s if self._newest.get(channel) == counts else at_s
-                self._heard[channel], self._newest[channel] = Heard(at_s, pulse_s), counts
+        for channel, (at_s, counts) in wire.newest_counts(self._format, block).items():
+            pulse_s = self._heard[channel].pulse_s if self._newest.get(channel) == counts else at_s
+            self._heard[channel], self._newest[channel] = Heard(at_s, pulse_s), counts

@@ -203,16 +203,27 @@ def latches(form: CounterFormat, block: FrameBlock) -> tuple[Integers, NDArray[n
     return form.sequence.signal.raw(block.payloads(rows)), block.at_s[rows]
 
 
-def newest_counts(form: CounterFormat, channel: str, block: FrameBlock) -> tuple[float, tuple[int, int]] | None:
-    """When the last frame of a channel in a block arrived, and its raw counts; None without one."""
-    pair = form.channels[channel]
-    for part in (block.last(NEWEST_FRAMES), block):
-        rows = pair.sequence.message.rows(part)[-1:]
-        if len(rows):
-            data = part.payloads(rows)
-            positive, negative = (int(field.signal.raw(data)[0]) for field in (pair.positive, pair.negative))
-            return float(part.at_s[rows[0]]), (positive, negative)
-    return None
+def newest_counts(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[float, tuple[int, int]]]:
+    """When the last frame of each channel in a block arrived, and its raw counts; without those that have none."""
+    messages = {name: pair.sequence.message for name, pair in form.channels.items()}
+    wanted = {(message.id, message.length) for message in messages.values()}
+    rows = _newest_rows(block, max(len(block) - NEWEST_FRAMES, 0))
+    if not wanted <= rows.keys():
+        rows = _newest_rows(block, 0)
+    found = {}
+    for name, pair in form.channels.items():
+        row = rows.get((messages[name].id, messages[name].length))
+        if row is not None:
+            data = block.data[row].tobytes()
+            counts = pair.positive.signal.raw_of(data), pair.negative.signal.raw_of(data)
+            found[name] = float(block.at_s[row]), counts
+    return found
+
+
+def _newest_rows(block: FrameBlock, begin: int) -> dict[tuple[int, int], int]:
+    """Where each message stands last from a row on, by its id and its length."""
+    kinds = zip(block.ids[begin:].tolist(), block.dlc[begin:].tolist(), strict=True)
+    return {kind: row for row, kind in enumerate(kinds, start=begin)}
 
 
 def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:

@@ -46,6 +46,8 @@ def test_our_decoder_agrees_with_cantools_on_thousands_of_random_frames() -> Non
         if signal.length == 64 and not signal.signed:
             plain, scaled = [value - 2**64 if value >= 2**63 else value for value in plain], []
         assert raw == plain, message
+        if signal.length < 64 or signal.signed:
+            assert [signal.raw_of(row.tobytes()) for row in data] == plain, message
         if scaled:
             assert signal.physical(data).tolist() == pytest.approx(scaled, rel=1e-12), message
         if signal.length < 64:
