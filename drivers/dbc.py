@@ -35,7 +35,7 @@ class Signal:
 
     def raw(self, data: NDArray[np.uint8]) -> NDArray[np.int64]:
         """The integers in `data` (N, 8) uint8; up to 63 bits, or 64 signed."""
-        words = data.view(">u8" if self.big_endian else "<u8").ravel().astype(np.uint64)
+        words = data.view(">u8" if self.big_endian else "<u8").ravel().astype(np.uint64, copy=False)
         words = words >> np.uint64(self.shift)
         if self.length < 64:
             words &= np.uint64((1 << self.length) - 1)

@@ -6,6 +6,7 @@ decides whether it may be used.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,16 @@ class Rate:
     problems: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class _Clock:
+    """The times between the latches, by the device's own clock, and whether they go with the latch numbers."""
+
+    tick: Integers
+    sequence: Integers
+    seconds: Array
+    irregular: bool
+
+
 def mean_rate(counts: Counts) -> Rate:
     """The net rate between the first and the last latch; NaN when there are not two.
 
@@ -37,7 +48,17 @@ def mean_rate(counts: Counts) -> Rate:
     """
     if len(counts.tick) < 2:
         return Rate(float("nan"), 0.0, ("too_few_latches",))
+    return _rate(counts, _clock_of(counts))
+
+
+def _clock_of(counts: Counts) -> _Clock:
+    """That of at least two latches."""
     seconds: Array = np.asarray(steps_of(counts.tick, counts.tick_bits) * counts.tick_period_s, np.float64)
+    return _Clock(counts.tick, counts.sequence, seconds, is_irregular(seconds / np.diff(counts.sequence)))
+
+
+def _rate(counts: Counts, clock: _Clock) -> Rate:
+    seconds = clock.seconds
     positive = steps_of(counts.positive, counts.counter_bits)
     negative = steps_of(counts.negative, counts.counter_bits)
     span_s = float(seconds.sum())
@@ -46,7 +67,7 @@ def mean_rate(counts: Counts) -> Rate:
         problems.append("too_few_latches")
     if counts.restarts:
         problems.append("counter_restarted")
-    if is_irregular(seconds / np.diff(counts.sequence)):
+    if clock.irregular:
         problems.append("irregular_clock")
     if seconds.max() * counts.max_rate_pps >= 1 << counts.counter_bits:
         problems.append("ambiguous_gap")
@@ -57,6 +78,23 @@ def mean_rate(counts: Counts) -> Rate:
     if _stands_still(seconds, positive + negative, abs(net_pps)):
         problems.append("dead_band")
     return Rate(net_pps, span_s, tuple(problems))
+
+
+def mean_rates(channels: Mapping[str, Counts]) -> dict[str, Rate]:
+    """The net rate of each channel, as `mean_rate` gives it.
+
+    Channels of one counter have one clock, which is looked at once where none has lost a latch.
+    """
+    rates: dict[str, Rate] = {}
+    clock: _Clock | None = None
+    for channel, counts in channels.items():
+        if len(counts.tick) < 2:
+            rates[channel] = mean_rate(counts)
+            continue
+        if clock is None or counts.tick is not clock.tick or counts.sequence is not clock.sequence:
+            clock = _clock_of(counts)
+        rates[channel] = _rate(counts, clock)
+    return rates
 
 
 def steps_of(cumulative: Integers, bits: int) -> Integers:
@@ -76,12 +114,11 @@ def _stands_still(seconds: Array, pulses: Integers, rate_pps: float) -> bool:
     """Whether no pulse came for much longer than the mean rate lets expect, and for at least three latches."""
     if pulses.all():
         return False
-    silent = np.concatenate(([0], np.where(pulses == 0, 1, 0), [0]))
-    begins, ends = np.flatnonzero(np.diff(silent) == 1), np.flatnonzero(np.diff(silent) == -1)
-    if not len(begins):
-        return False
+    fired = np.concatenate(([-1], np.flatnonzero(pulses), [len(pulses)]))
+    begins, ends = fired[:-1] + 1, fired[1:]  # of the times without a pulse, most of which last nothing
     clock = np.concatenate(([0.0], np.cumsum(seconds)))
-    longest = int(np.argmax(clock[ends] - clock[begins]))
+    silent_s = clock[ends] - clock[begins]
+    longest = int(np.argmax(silent_s))
     if ends[longest] - begins[longest] < 3:
         return False
-    return rate_pps == 0 or float(clock[ends[longest]] - clock[begins[longest]]) > STANDSTILL_PERIODS / rate_pps
+    return rate_pps == 0 or float(silent_s[longest]) > STANDSTILL_PERIODS / rate_pps

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from bench.analysis.acquired import Acquisition, Array, Codes, Counts, Turned, Voltages, Window
 from bench.analysis.codes import FEWEST_CODES, begins_anew, mean_between, mean_code, sampled_at_s, stuck
-from bench.analysis.counts import LEAST_SHARE, RESOLUTION_COUNTS, mean_rate
+from bench.analysis.counts import LEAST_SHARE, RESOLUTION_COUNTS, Rate, mean_rate, mean_rates
 from bench.analysis.rundata import UnitUnderTest
 
 FEWEST_VOLTAGES = 2  # which a scatter needs
@@ -87,21 +88,31 @@ def _mean_voltage(read: Voltages) -> Output:
     return Output(float(np.mean(read.values_v)), scatter_v, ())
 
 
-def window_of(found: Counts | Codes, turned: Turned | None = None) -> Window:
-    """The mean of one channel, and how long it is of.
+def windows_of(channels: Mapping[str, Counts | Codes], turned: Turned | None = None) -> dict[str, Window]:
+    """The mean of each channel, and how long it is of.
 
     Of a rotation, samples are taken between where the table was seen to stand first and last, by their times. Samples
     that are all late shift both ends alike: whole turns stay whole.
     """
-    if isinstance(found, Counts):
-        rate = mean_rate(found)
-        host_span_s = float(found.host_s[-1] - found.host_s[0]) if len(found.host_s) else 0.0
-        alone_u = RESOLUTION_COUNTS / rate.span_s if rate.span_s else float("nan")
-        return Window(rate.net_pps, rate.span_s, host_span_s, rate.problems, alone_u)
+    counted = {channel: found for channel, found in channels.items() if isinstance(found, Counts)}
+    rates = mean_rates(counted)
+    return {
+        channel: _counted(found, rates[channel]) if isinstance(found, Counts) else _sent(found, turned)
+        for channel, found in channels.items()
+    }
+
+
+def _counted(counts: Counts, rate: Rate) -> Window:
+    host_span_s = float(counts.host_s[-1] - counts.host_s[0]) if len(counts.host_s) else 0.0
+    alone_u = RESOLUTION_COUNTS / rate.span_s if rate.span_s else float("nan")
+    return Window(rate.net_pps, rate.span_s, host_span_s, rate.problems, alone_u)
+
+
+def _sent(codes: Codes, turned: Turned | None) -> Window:
     if turned is not None:
-        mean, span_s = mean_between(found, turned.from_s, turned.to_s), turned.to_s - turned.from_s
+        mean, span_s = mean_between(codes, turned.from_s, turned.to_s), turned.to_s - turned.from_s
     else:
-        mean, at_s = mean_code(found), sampled_at_s(found)
+        mean, at_s = mean_code(codes), sampled_at_s(codes)
         span_s = float(at_s[-1] - at_s[0]) if len(at_s) else 0.0
     return Window(mean.value, span_s, span_s, mean.problems, mean.scatter_u, mean.step_u)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from bench.analysis.acquired import Acquisition, Codes, Counts, Motion, Mount, Positions, Turned, Voltages
 from bench.analysis.bench_record import AxisRecord, BenchRecord, ClockRecord, SourceRecord
-from bench.analysis.outputs import window_of
+from bench.analysis.outputs import windows_of
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.config.fixture import Vector
 from bench.config.models import BenchFile
@@ -46,8 +46,7 @@ def run_data(
 
 
 def _thin(acquisition: Acquisition) -> Acquisition:
-    found: dict[str, Counts | Codes] = {**acquisition.counts, **acquisition.codes}
-    windows = {channel: window_of(each, acquisition.turned) for channel, each in found.items()}
+    windows = windows_of({**acquisition.counts, **acquisition.codes}, acquisition.turned)
     return replace(acquisition, counts={}, codes={}, windows=windows)
 
 
@@ -74,8 +73,9 @@ def acquisitions(
     }
     temperatures = {name: corrections.temperatures(reader.series(name)) for name in dict.fromkeys(thermometers)}
     samples = reader.samples_by_step()
-    for event, dwell, state in _acquired(reader, bench, label):
-        frames = reader.frames_of(event.step)
+    found = list(_acquired(reader, bench, label))
+    recorded = reader.frames_of(event.step for event, _, _ in found)
+    for (event, dwell, state), frames in zip(found, recorded, strict=True):
         acquired = _acquisition(event, dwell, state, temperatures)
         counts: dict[str, Counts] = {}
         positions: dict[str, Positions] = {}

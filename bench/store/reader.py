@@ -6,7 +6,7 @@ import hashlib
 import json
 import sqlite3
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,7 +21,9 @@ from bench.store import database
 from drivers.frame_block import FrameBlock
 
 BLOCKS_AHEAD = 8  # which are unpacked while one is looked at
+STEPS_AHEAD = 1  # whose blocks are
 _SEQS_OF_STEPS = "SELECT step, MIN(seq), MAX(seq) FROM block GROUP BY step ORDER BY MIN(seq)"
+_BLOCKS_OF_STEP = "SELECT stream, data, frames, crc FROM block WHERE step = ? AND seq BETWEEN ? AND ? ORDER BY seq"
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,14 +82,11 @@ class RunReader:
             if not kinds or kind in kinds:
                 yield Event(seq, at_s, kind, step, json.loads(data))
 
-    def blocks(self, step: str | None = None) -> Iterator[tuple[str, str, FrameBlock]]:
-        """(stream, step, frames) in order; only those of one step when it is given."""
-        where = "" if step is None else "WHERE step = ? AND seq BETWEEN ? AND ?"
-        values = () if step is None else (step, *self._seqs_of_steps.get(step, (0, -1)))
-        query = f"SELECT stream, step, data, frames, crc FROM block {where} ORDER BY seq"  # noqa: S608  no input in it
+    def blocks(self) -> Iterator[tuple[str, str, FrameBlock]]:
+        """(stream, step, frames) in order."""
         ahead: deque[tuple[str, str, Future[FrameBlock]]] = deque()
-        for stream, of_step, *packed in self._rows(query, *values):
-            ahead.append((stream, of_step, self._unpackers.submit(database.unpack, *packed)))
+        for stream, step, *packed in self._rows("SELECT stream, step, data, frames, crc FROM block ORDER BY seq"):
+            ahead.append((stream, step, self._unpackers.submit(database.unpack, *packed)))
             if len(ahead) > BLOCKS_AHEAD:
                 yield _done(ahead.popleft())
         yield from map(_done, ahead)
@@ -97,16 +96,19 @@ class RunReader:
         """The first and the last block of each step, so that one is found without going through all."""
         return {step: (first, last) for step, first, last in self._rows(_SEQS_OF_STEPS)}
 
-    def frames_of(self, step: str) -> dict[str, FrameBlock]:
-        """All frames of one step by stream."""
-        collected: dict[str, list[FrameBlock]] = {}
-        for stream, _, block in self.blocks(step):
-            collected.setdefault(stream, []).append(block)
-        return {stream: FrameBlock.joined(blocks) for stream, blocks in collected.items()}
+    def frames_of(self, steps: Iterable[str]) -> Iterator[dict[str, FrameBlock]]:
+        """All frames of one step after the other, by stream; those of the next are unpacked meanwhile."""
+        ahead: deque[Future[dict[str, FrameBlock]]] = deque()
+        for step in steps:
+            packed = self._rows(_BLOCKS_OF_STEP, step, *self._seqs_of_steps.get(step, (0, -1)))
+            ahead.append(self._unpackers.submit(_unpacked, list(packed)))
+            if len(ahead) > STEPS_AHEAD:
+                yield ahead.popleft().result()
+        yield from (each.result() for each in ahead)
 
     def frames_by_step(self) -> dict[str, dict[str, FrameBlock]]:
         """All frames of each step, by step and stream."""
-        return {step: self.frames_of(step) for step in self._seqs_of_steps}
+        return dict(zip(self._seqs_of_steps, self.frames_of(self._seqs_of_steps), strict=True))
 
     def samples_by_step(self) -> dict[str, dict[str, NDArray[np.float64]]]:
         """What was read during steps, by step and stream: (N, 2), bench time and value."""
@@ -174,3 +176,11 @@ class RunReader:
 def _done(unpacking: tuple[str, str, Future[FrameBlock]]) -> tuple[str, str, FrameBlock]:
     stream, step, block = unpacking
     return stream, step, block.result()
+
+
+def _unpacked(blocks: Iterable[tuple[str, bytes, int, int]]) -> dict[str, FrameBlock]:
+    """Packed blocks with their streams as one block of each stream."""
+    collected: dict[str, list[FrameBlock]] = {}
+    for stream, data, frames, crc in blocks:
+        collected.setdefault(stream, []).append(database.unpack(data, frames, crc))
+    return {stream: FrameBlock.joined(of_stream) for stream, of_stream in collected.items()}

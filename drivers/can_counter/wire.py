@@ -94,13 +94,14 @@ def counter_format(
 
 @dataclass(frozen=True, slots=True)
 class Latches:
-    """The latches of a block: where they stand, their data (N, 8), their raw numbers, and these unwrapped.
+    """The latches of a block: where they stand and when they came, their ticks and raw numbers, these also unwrapped.
 
     `fresh` are those with a number above all before them.
     """
 
     rows: NDArray[np.intp]
-    data: NDArray[np.uint8]
+    host_s: NDArray[np.float64]
+    tick: Integers
     raw: Integers
     numbers: Integers
     fresh: NDArray[np.bool_]
@@ -112,15 +113,16 @@ def latches_of(form: CounterFormat, block: FrameBlock) -> Latches:
     rows, data, raw = _numbered(form.sequence, block)
     numbers = unwrapped(raw, form.sequence.signal.length)
     boots = form.boot_count.signal.raw(data) if form.boot_count else np.empty(0, np.int64)
-    return Latches(rows, data, raw, numbers, ascending(numbers), int(np.count_nonzero(np.diff(boots))))
+    ticks, restarts = form.tick.signal.raw(data), int(np.count_nonzero(np.diff(boots)))
+    return Latches(rows, block.at_s[rows], ticks, raw, numbers, ascending(numbers), restarts)
 
 
 @dataclass(frozen=True, slots=True)
 class _Paired:
-    """Frames of one message and the latches that they belong to: their data (N, 8), and what did not fit."""
+    """Frames of one message, their data (N, 8), the latches that they belong to, and what did not fit."""
 
     sequence: Integers
-    latch: NDArray[np.uint8]
+    tick: Integers
     other: NDArray[np.uint8]
     host_s: NDArray[np.float64]
     lost: int
@@ -134,7 +136,7 @@ def decode_counts(form: CounterFormat, channel: str, block: FrameBlock, latches:
     found = _paired(form, pair.sequence, block, latches or latches_of(form, block))
     return Counts(
         sequence=found.sequence,
-        tick=form.tick.signal.raw(found.latch),
+        tick=found.tick,
         positive=pair.positive.signal.raw(found.other),
         negative=pair.negative.signal.raw(found.other),
         host_s=found.host_s,
@@ -152,7 +154,7 @@ def decode_positions(form: CounterFormat, name: str, block: FrameBlock, latches:
     found = _paired(form, encoder.sequence, block, latches or latches_of(form, block))
     return Positions(
         sequence=found.sequence,
-        tick=form.tick.signal.raw(found.latch),
+        tick=found.tick,
         position=encoder.position.signal.raw(found.other),
         host_s=found.host_s,
         tick_bits=form.tick.signal.length,
@@ -165,24 +167,22 @@ def decode_positions(form: CounterFormat, name: str, block: FrameBlock, latches:
 def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latches) -> _Paired:
     """The frames with a sequence number `other` and their latches."""
     rows, data, raw = _numbered(other, block)
-    of_latch: slice | NDArray[np.intp] = slice(None)
-    of_other: slice | NDArray[np.intp] = slice(None)
-    if other.signal.length == form.sequence.signal.length and _in_step(latches, rows, raw):
-        sequence, stale = latches.numbers, 0
-    else:
+    sequence, tick, host_s, stale = latches.numbers, latches.tick, latches.host_s, 0
+    if other.signal.length != form.sequence.signal.length or not _in_step(latches, rows, raw):
         numbers = unwrapped_beside(rows, raw, other.signal.length, latches.rows, latches.numbers)
         fresh = ascending(numbers)
         sequence, latch_places, other_places = np.intersect1d(
             latches.numbers[latches.fresh], numbers[fresh], assume_unique=True, return_indices=True
         )
-        of_latch, of_other = np.flatnonzero(latches.fresh)[latch_places], np.flatnonzero(fresh)[other_places]
+        of_latch = np.flatnonzero(latches.fresh)[latch_places]
+        tick, host_s, data = tick[of_latch], host_s[of_latch], data[np.flatnonzero(fresh)[other_places]]
         stale = int(np.count_nonzero(~latches.fresh) + np.count_nonzero(~fresh))
     expected = int(latches.numbers.max() - latches.numbers[0]) + 1 if len(latches.rows) else 0
     return _Paired(
         sequence=sequence,
-        latch=latches.data[of_latch],
-        other=data[of_other],
-        host_s=block.at_s[latches.rows[of_latch]],
+        tick=tick,
+        other=data,
+        host_s=host_s,
         lost=expected - len(sequence),
         dropped=stale,
         restarts=latches.restarts,

@@ -21,7 +21,7 @@ from unittest import mock
 import numpy as np
 
 from bench.analysis.acquired import Acquisition, Codes, Counts, Turned
-from bench.analysis.outputs import window_of
+from bench.analysis.outputs import windows_of
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.app.drawn import current_errors, world_settings
 from bench.app.laboratory import Laboratory, unit_files
@@ -250,7 +250,7 @@ class _Player:
         return replace(
             was,
             counts={} if thin else counts,
-            windows={name: window_of(each, turned) for name, each in (counts | codes).items()} if thin else {},
+            windows=windows_of(counts | codes, turned) if thin else {},
             turned=turned,
             temperatures_at_s={name: np.array(each)[:, 0] for name, each in told.items()},
             temperatures_c={name: np.array(each)[:, 1] for name, each in told.items()},

@@ -13,7 +13,7 @@ from bench.analysis.codes import (
     sampled_at_s,
     stuck,
 )
-from bench.analysis.outputs import NO_CODES, mean_output, outputs_between, steadiness, window_of
+from bench.analysis.outputs import NO_CODES, mean_output, outputs_between, steadiness, windows_of
 from bench.analysis.rundata import UnitUnderTest
 
 PERIOD_S, TICK_S = 0.02, 1e-5
@@ -185,6 +185,10 @@ def test_steadiness_is_that_of_the_means_of_ten_seconds():
 
 
 # Windows
+
+
+def window_of(found, turned=None):
+    return windows_of({"x": found}, turned)["x"]
 
 
 def test_a_window_at_rest_is_the_mean_of_its_samples():
