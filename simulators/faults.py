@@ -28,7 +28,8 @@ class FaultPlan:
 
     def active(self, kind: FaultKind) -> bool:
         """Whether a fault is there now."""
-        return self._now_s() >= self.since_s(kind)
+        since_s = self._starts_s.get(kind)
+        return since_s is not None and self._now_s() >= since_s
 
     def since_s(self, kind: FaultKind) -> float:
         """When a fault begins; infinite for never."""

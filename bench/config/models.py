@@ -112,7 +112,9 @@ class ReadingEntry(StrictModel):
 class Monitor(StrictModel):
     """How often devices are asked, the whole run long: those behind named readings, and all others."""
 
-    period: PositiveSeconds = Field(1.0, description="of the devices behind named readings")
+    period: PositiveSeconds = Field(
+        1.0, description="of the devices behind named readings; what sends frames is looked at as they come"
+    )
     devices: PositiveSeconds = Field(10.0, description="of all other devices")
 
 

@@ -209,6 +209,7 @@ def read_identity(text: str) -> Identity:
     )  # fmt: skip
 
 
+@lru_cache(maxsize=64)  # an axis at rest says the same again and again
 def read_state(text: str) -> State:
     """What `ask_state` asked for; ValueError."""
     angle, rate, interlock, mode, dynamics, supervisor = scpi.answers(text.encode("ascii"), 6)

@@ -166,6 +166,21 @@ def test_cancelling_while_it_connects_lets_the_channel_go() -> None:
 # Readings
 
 
+def test_it_tells_when_there_is_something_to_poll() -> None:
+    async def use(bench: Bench, driver: CanCounter) -> None:
+        for _ in range(3):
+            await driver.news()
+            newest_s = (await driver.poll())["Temperatures.Unit"][-1].at_s
+            assert now_s() - newest_s <= 1.0, "a reading is there as soon as its frame has been taken in"
+            told_s = now_s()
+        async with driver.acquire(block_s=1.0):
+            await driver.news()
+            await driver.news()
+        assert now_s() - told_s <= 2.0, "also as often as somebody acquires"
+
+    with_driver(use)
+
+
 def test_temperatures_are_readings_with_their_times() -> None:
     async def use(bench: Bench, driver: CanCounter) -> None:
         await asyncio.sleep(60)
@@ -408,8 +423,9 @@ def test_a_connection_that_is_cut() -> None:
     fails_with("cut", LinkLost, r"counter: the connection was cut\. Check the cable")
 
 
+@pytest.mark.parametrize("waits", ["for a second", "for news"])
 @pytest.mark.parametrize("kind", ["silent", "frozen", "cut"])
-def test_idle_faults_are_raised_by_the_poll(kind: FaultKind) -> None:
+def test_idle_faults_are_raised_by_the_poll(kind: FaultKind, waits: str) -> None:
     async def use(bench: Bench, driver: CanCounter) -> None:
         await asyncio.sleep(33)
         bench.faults.begin(kind)
@@ -417,7 +433,7 @@ def test_idle_faults_are_raised_by_the_poll(kind: FaultKind) -> None:
         async def watch() -> None:
             while True:
                 await driver.poll()
-                await asyncio.sleep(1)
+                await (driver.news() if waits == "for news" else asyncio.sleep(1))
 
         with pytest.raises((NoAnswer, InstrumentFault, LinkLost)):
             await watch()

@@ -51,6 +51,12 @@ def texts(interlocks, readings, source=UNIT):
     return [change.text for change in interlocks.look(readings[-1][0])]
 
 
+def test_who_is_judged_by_age_is_asked_also_while_he_says_nothing():
+    assert made(silent=SILENT, hot=HOT).judge_age_of("counter")
+    assert not made(silent=SILENT).judge_age_of("chamber")
+    assert not made(hot=HOT, fast=FAST).judge_age_of("counter")
+
+
 # A reading
 
 
