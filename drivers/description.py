@@ -50,7 +50,8 @@ class DriverDescription:
     `reports_every_s` is how long readings may be on their way because the driver takes them in together.
     `channels` are the readings that `poll` gives, with their units, or a function of the options that tells them.
     `options`, `limits`, `safe`, `uncertainty` and `corrections` are the models of those blocks of a device entry
-    (`calibration.U` and `calibration.corrections` for the last two). `target` is "module:Class".
+    (`calibration.U` and `calibration.corrections` for the last two). `target` is "module:Class"; so is `simulator`,
+    which is known by name only and may be missing.
     """
 
     name: str
@@ -63,6 +64,7 @@ class DriverDescription:
     safe: type[BaseModel] = Nothing
     uncertainty: type[BaseModel] = Nothing
     corrections: type[BaseModel] = Nothing
+    simulator: str = ""
     reports_every_s: float = 0.0
     channels: Mapping[str, str] | Callable[[Any], Mapping[str, str]] = field(default_factory=dict)
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntFlag
+from typing import Self
 
 from drivers import scpi
 from drivers.acutronic_acl import wire
@@ -21,6 +22,7 @@ from drivers.acutronic_acl.wire import (
 )
 from simulators.faults import FaultPlan
 from simulators.profiles import Slew
+from simulators.setup import InstrumentSetup
 from simulators.world import World
 
 BRAKE_DPS2 = 400.0  # how the table slows down when its drive drops out
@@ -103,6 +105,12 @@ class SimulatedAcutrol:
             "READ:RATE?": self._on_axis(lambda: _spell(self._read()[1])),
             "STATUS:CSR?": self._register,
         }
+
+    @classmethod
+    def of(cls, setup: InstrumentSetup) -> Self:
+        """As a bench file has it."""
+        options = setup.options
+        return cls(setup.world, setup.faults, axis=options.axis, byte_order=options.byte_order, role=setup.axis)
 
     def session(self) -> AclSession:
         """A new connection."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Self
 
 from drivers.aerotech_ensemble import wire
 from drivers.aerotech_ensemble.wire import AxisFault, AxisStatus, Outcome, Reply
 from simulators.faults import FaultPlan
+from simulators.setup import InstrumentSetup
 from simulators.world import World
 
 DEFAULT_RATE_DPS = 10.0
@@ -43,6 +45,11 @@ class SimulatedEnsemble:
             "AXISFAULT": lambda _: Reply(Outcome.DONE, wire.signed(self._latched)),
             "GETPARM": self._parameter,
         }
+
+    @classmethod
+    def of(cls, setup: InstrumentSetup) -> Self:
+        """As a bench file has it."""
+        return cls(setup.world, setup.faults, axis=setup.options.axis, role=setup.axis)
 
     def session(self) -> EnsembleSession:
         """A new connection."""

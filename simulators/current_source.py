@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from simulators.corrections import Array, Table, given_by
 HOUR_S = 3600.0
 
 
+@runtime_checkable
 class CurrentSource(Protocol):
     """A simulated instrument whose current a converter can be fed with."""
 

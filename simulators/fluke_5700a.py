@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import Self
 
 from drivers.fluke_5700a import wire
 from drivers.fluke_5700a.wire import Event, Status, Terminator
 from drivers.scpi import number
 from simulators.faults import FaultPlan
+from simulators.setup import InstrumentSetup
 from simulators.world import World
 
 # Only the first is documented; the manual's list of the others could not be had, so these numbers are made up.
@@ -48,6 +50,14 @@ class SimulatedFluke:
         self.level, self.unit, self.frequency_hz, self.range_a = 0.0, "V", 0.0, wire.RANGES_A[0]
         self.modes = Status(0)  # boost, offset and scale, as set at the front panel
         self._changed_s = self._switched_s = -math.inf
+
+    @classmethod
+    def of(cls, setup: InstrumentSetup) -> Self:
+        """As a bench file has it."""
+        return cls(
+            setup.world, setup.faults, model=setup.model or "5720A", serial=setup.serial or "SIM-5720A-01",
+            compliance_v=setup.options.compliance, terminator=setup.options.terminator,
+        )  # fmt: skip
 
     def session(self) -> FlukeSession:
         """A new connection."""

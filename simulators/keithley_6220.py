@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 from drivers.keithley_6220 import wire
 from drivers.keithley_6220.wire import Condition, Terminator
 from simulators.faults import FaultPlan
@@ -15,6 +17,7 @@ from simulators.scpi import (
     setting,
     switch,
 )
+from simulators.setup import InstrumentSetup
 from simulators.world import World
 
 _LEVEL_MAX_A = wire.OVER_RANGE * wire.RANGES_A[-1]
@@ -41,6 +44,12 @@ class SimulatedKeithley:
         self._end = wire.TERMINATORS[terminator]
         identity = f"KEITHLEY INSTRUMENTS INC.,MODEL 6220,{serial},D04  /700x"
         self._interpreter = Interpreter(identity, self._commands(), separator="; ")
+
+    @classmethod
+    def of(cls, setup: InstrumentSetup) -> Self:
+        """As a bench file has it."""
+        serial = setup.serial or "SIM-6220-01"
+        return cls(setup.world, setup.faults, serial=serial, terminator=setup.options.terminator)
 
     def session(self) -> LineSession:
         """A new connection."""

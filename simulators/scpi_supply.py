@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 from drivers.scpi_supply import wire
 from simulators.faults import FaultPlan
 from simulators.scpi import Interpreter, LineSession, setting, switch
+from simulators.setup import InstrumentSetup
 from simulators.world import World
 
 VOLTAGE_MAX_V = 32.0
@@ -44,6 +47,12 @@ class SimulatedSupply:
                 "*RST": lambda _: self._reset(),
             },
         )
+
+    @classmethod
+    def of(cls, setup: InstrumentSetup) -> Self:
+        """As a bench file has it."""
+        model, serial = setup.model or "SIM-PSU", setup.serial or "SIM-PSU-01"
+        return cls(setup.world, setup.faults, name=setup.role, model=model, serial=serial)
 
     def session(self) -> LineSession:
         """A new connection."""

@@ -9,10 +9,12 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from enum import IntEnum
 from itertools import chain
+from typing import Self
 
 from drivers.watlow_f4t.wire import (
     CHAMBER_TEMPERATURE,
     DISPLAY_UNIT,
+    DISPLAY_UNIT_SERIAL,
     ControlMode,
     DisplayUnit,
     LoopFormat,
@@ -23,7 +25,8 @@ from drivers.watlow_f4t.wire import (
     Words,
 )
 from simulators.faults import FaultPlan
-from simulators.modbus_tcp import ExceptionCode, ModbusTcpSession, RegisterError
+from simulators.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, ModbusTcpSession, RegisterError
+from simulators.setup import InstrumentSetup
 from simulators.world import World
 
 _UNUSED = (2812, 2816, 2818)  # between the values of a loop; read as zero
@@ -55,9 +58,11 @@ class SimulatedF4T:
         word_order: WordOrder = "low_first",
         set_point_limits_c: tuple[float, float] = (-70.0, 180.0),
         display_unit: DisplayUnit = DisplayUnit.CELSIUS,
+        serial_line: bool = False,
     ) -> None:
         self.faults = faults
-        self._world, self._unit_id = world, unit_id
+        self._world, self._serial_line = world, serial_line
+        self._server = ModbusServer(self, unit_id)
         self._form = form = LoopFormat(loop, word_order)
         self._air_c = world.thermal.air_c  # the last reading, for when it is frozen
         at = form.address
@@ -77,7 +82,7 @@ class SimulatedF4T:
             at(LoopRegister.RAMP_ACTION): (RampAction.OFF, 0),
             at(LoopRegister.RAMP_SCALE): (RampScale.HOURS, 0),
             at(LoopRegister.RAMP_RATE): form.words(60.0),
-            DISPLAY_UNIT: (display_unit, 0),
+            DISPLAY_UNIT_SERIAL if serial_line else DISPLAY_UNIT: (display_unit, 0),
             **dict.fromkeys(_EVENTS, (_Switch.OFF, 0)),
         }
         self._measured: Mapping[int, Callable[[], Words]] = {
@@ -89,9 +94,20 @@ class SimulatedF4T:
             **{unused + at(LoopRegister.SET_POINT) - LoopRegister.SET_POINT: lambda: (0, 0) for unused in _UNUSED},
         }
 
-    def session(self) -> ModbusTcpSession:
+    @classmethod
+    def of(cls, setup: InstrumentSetup) -> Self:
+        """As a bench file has it."""
+        options = setup.options
+        return cls(
+            setup.world, setup.faults, unit_id=options.unit_id, loop=options.loop, word_order=options.word_order,
+            serial_line=setup.is_serial_line,
+        )  # fmt: skip
+
+    def session(self) -> ModbusTcpSession | ModbusRtuSession:
         """A new connection."""
-        return ModbusTcpSession(self, self._unit_id)
+        if self._serial_line:
+            return ModbusRtuSession(self._server, self._world.now)
+        return ModbusTcpSession(self._server)
 
     def read(self, address: int, count: int) -> Sequence[int]:
         """Words from `address`; a half of a value is given as it is."""

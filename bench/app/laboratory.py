@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from bench.app.can_nodes import counter_settings, telemetry_settings
 from bench.app.drawn import (
@@ -30,22 +30,17 @@ from drivers.transport.address import Address
 from drivers.transport.frames import FrameLink
 from drivers.transport.memory import Line, join
 from drivers.transport.wires import RealWires
-from simulators.acutronic_acl import SimulatedAcutrol
-from simulators.aerotech_ensemble import SimulatedEnsemble
 from simulators.can_counter import SimulatedCounter
 from simulators.can_node import CanNode
 from simulators.can_telemetry import SimulatedTelemetry
-from simulators.current_source import Feed
+from simulators.current_source import CurrentSource, Feed
 from simulators.faults import FaultPlan
-from simulators.fluke_5700a import SimulatedFluke
 from simulators.gyro_unit import GyroFile
 from simulators.imu_file import ImuFile
-from simulators.keithley_6220 import SimulatedKeithley
 from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
-from simulators.scpi_supply import SimulatedSupply
 from simulators.serve import Instrument, protocol_factory
+from simulators.setup import InstrumentSetup, make_instrument
 from simulators.unit_file import UnitFile
-from simulators.watlow_f4t import SimulatedF4T
 from simulators.world import World
 
 P = TypeVar("P", bound=asyncio.Protocol)
@@ -105,7 +100,7 @@ def make_laboratory(
             instruments[role] = Simulated3458A(world, faults, voltmeters[role], name=role)
         else:
             instruments[role] = made = _instrument(role, entry, world, faults)
-            if isinstance(made, (SimulatedFluke, SimulatedKeithley)):
+            if isinstance(made, CurrentSource):
                 table = columns(corrections_of(bench).currents.get(role))
                 world.sources[role] = Feed(made, current_errors(bench, role, seed), table)
     return Laboratory(world, instruments, nodes, voltmeters)
@@ -120,31 +115,13 @@ def _check_current(place: str, units: Mapping[str, AnyUnitFile]) -> None:
 
 def _instrument(role: str, entry: DeviceEntry, world: World, faults: FaultPlan) -> Instrument:
     """The simulator of a dialect, with the identity and settings that the bench file states."""
-    options: Any = entry.options  # validated by the driver's own model
-    pin = entry.identity
-    driven = role if role in world.axes else None
-    match entry.driver:
-        case "watlow_f4t":
-            return SimulatedF4T(
-                world, faults, unit_id=options.unit_id, loop=options.loop, word_order=options.word_order
-            )
-        case "acutronic_acl":
-            return SimulatedAcutrol(world, faults, axis=options.axis, byte_order=options.byte_order, role=driven)
-        case "aerotech_ensemble":
-            return SimulatedEnsemble(world, faults, axis=options.axis, role=driven)
-        case "scpi_supply":
-            return SimulatedSupply(
-                world, faults, name=role, model=pin.model or "SIM-PSU", serial=pin.serial or "SIM-PSU-01"
-            )
-        case "keithley_6220":
-            return SimulatedKeithley(world, faults, serial=pin.serial or "SIM-6220-01", terminator=options.terminator)
-        case "fluke_5700a":
-            return SimulatedFluke(
-                world, faults, model=pin.model or "5720A", serial=pin.serial or "SIM-5720A-01",
-                compliance_v=options.compliance, terminator=options.terminator,
-            )  # fmt: skip
-        case _:
-            raise InputError(f"there is no simulator for '{entry.driver}'; '{role}' needs a real connection")
+    if not entry.description.simulator:
+        raise InputError(f"there is no simulator for '{entry.driver}'; '{role}' needs a real connection")
+    setup = InstrumentSetup(
+        role, world, faults, entry.options, model=entry.identity.model or "", serial=entry.identity.serial or "",
+        is_serial_line=entry.connection.is_serial_line, axis=role if role in world.axes else None,
+    )  # fmt: skip
+    return make_instrument(entry.description.simulator, setup)
 
 
 class BenchWires:

@@ -98,6 +98,7 @@ DESCRIPTION = DriverDescription(
     capabilities=frozenset({"positioner", "rate_table"}),
     schemes=frozenset({"tcp"}),
     target="drivers.acutronic_acl.driver:AcutronicAcl",
+    simulator="simulators.acutronic_acl:SimulatedAcutrol",
     options=AclOptions,
     limits=AclLimits,
     uncertainty=AxisUncertainty,

@@ -56,6 +56,7 @@ DESCRIPTION = DriverDescription(
     capabilities=frozenset({"positioner"}),
     schemes=frozenset({"tcp"}),
     target="drivers.aerotech_ensemble.driver:AerotechEnsemble",
+    simulator="simulators.aerotech_ensemble:SimulatedEnsemble",
     options=EnsembleOptions,
     limits=EnsembleLimits,
     uncertainty=AxisUncertainty,

@@ -46,6 +46,7 @@ DESCRIPTION = DriverDescription(
     capabilities=frozenset({"current_source"}),
     schemes=frozenset({"serial", "tcp"}),
     target="drivers.fluke_5700a.driver:Fluke5700A",
+    simulator="simulators.fluke_5700a:SimulatedFluke",
     options=FlukeOptions,
     limits=SourceLimits,
     uncertainty=CurrentUncertainty,

@@ -38,6 +38,7 @@ DESCRIPTION = DriverDescription(
     capabilities=frozenset({"current_source"}),
     schemes=frozenset({"serial", "tcp"}),
     target="drivers.keithley_6220.driver:Keithley6220",
+    simulator="simulators.keithley_6220:SimulatedKeithley",
     options=KeithleyOptions,
     limits=SourceLimits,
     uncertainty=CurrentUncertainty,

@@ -33,6 +33,7 @@ DESCRIPTION = DriverDescription(
     capabilities=frozenset({"power_supply"}),
     schemes=frozenset({"tcp", "serial"}),
     target="drivers.scpi_supply.driver:ScpiSupply",
+    simulator="simulators.scpi_supply:SimulatedSupply",
     limits=SupplyLimits,
     channels={"voltage": "V", "current": "A"},
 )

@@ -1,5 +1,7 @@
 """Where an instrument is: `tcp://host:port`, `serial:///dev/ttyUSB0?baud=9600`, `slcan:///dev/ttyACM0?bitrate=500000`.
 
+`socket://host:port` is a serial line behind a TCP serial server.
+
 `sim+` before an address puts the simulator at its other end, inside the same process.
 """
 
@@ -38,6 +40,7 @@ class Scheme(NamedTuple):
 
 SCHEMES: Mapping[str, Scheme] = {
     "tcp": Scheme(_TCP, {}, "tcp://192.168.1.10:502"),
+    "socket": Scheme(_TCP, {"baud": _ANY_NUMBER}, "socket://192.168.1.20:4001"),
     "serial": Scheme(_DEVICE_FILE, _SERIAL_OPTIONS, "serial:///dev/ttyUSB0?baud=9600"),
     "slcan": Scheme(_DEVICE_FILE, {"bitrate": _ANY_NUMBER, "baud": _ANY_NUMBER}, "slcan:///dev/ttyACM0?bitrate=500000"),
     "can": Scheme(_INTERFACE, {"bitrate": _ANY_NUMBER}, "can:socketcan/can0?bitrate=500000"),
@@ -71,7 +74,7 @@ class Address:
         found = form.fullmatch(where)
         parts = found.groupdict(default="") if found else {}
         port = int(parts.get("port", 0))
-        if not found or (scheme == "tcp") != (0 < port < 65536):
+        if not found or (form is _TCP) != (0 < port < 65536):
             raise AddressError(f"{quoted(text)} is not a {scheme} address; expected one like {example}")
         return cls(
             scheme,
@@ -89,6 +92,11 @@ class Address:
             raise AddressError(f"{self}: '{name}={text}' is not a whole number")
         return int(text)
 
+    @property
+    def is_serial_line(self) -> bool:
+        """Whether bytes go over a serial line, at this machine or behind a TCP serial server."""
+        return self.scheme in ("serial", "socket")
+
     def as_simulated(self) -> Address:
         """The same place with the simulator at its other end."""
         return replace(self, simulated=True)
@@ -101,7 +109,7 @@ class Address:
 
     def __str__(self) -> str:
         host = f"[{self.host}]" if ":" in self.host else self.host
-        where = f"//{host}:{self.port}" if self.scheme == "tcp" else self.path
+        where = f"//{host}:{self.port}" if self.port else self.path
         if self.path.startswith("/"):
             where = f"//{self.path}"
         query = "&".join(f"{key}={value}" for key, value in self.options.items())

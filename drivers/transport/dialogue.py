@@ -28,7 +28,7 @@ class Dialogue:
     ) -> None:  # fmt: skip
         self._device, self._wires, self._address, self._proof = device, wires, address, proof
         self._end, self._framing = end, framing
-        self._serial = address.scheme == "serial"
+        self._serial = address.is_serial_line
         pace = pace or Pace()
         self._pace = replace(pace, gap_s=max(pace.gap_s, SERIAL_GAP_S)) if self._serial else pace
         self._line: LineExchange | None = None

@@ -262,3 +262,8 @@ def printable(data: bytes) -> str:
     """Bytes as a technician can read them; long ones cut."""
     text = repr(data[:80])[1:]
     return text if len(data) <= 80 else f"{text}… ({len(data)} bytes)"
+
+
+def printable_hex(data: bytes | bytearray) -> str:
+    """Bytes of a binary protocol as its documents write them; long ones cut."""
+    return data[:40].hex(" ") + (f" … ({len(data)} bytes)" if len(data) > 40 else "")

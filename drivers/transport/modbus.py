@@ -1,26 +1,19 @@
-"""Registers over Modbus TCP; the only importer of pymodbus."""
+"""Registers over Modbus: TCP, a serial line (RTU), or a serial line behind a TCP serial server."""
 
 from __future__ import annotations
 
 import asyncio
-import logging
-from collections.abc import Awaitable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
-from pymodbus import FramerType
-from pymodbus.client import AsyncModbusTcpClient
-from pymodbus.exceptions import ConnectionException, ModbusException
-from pymodbus.pdu import ModbusPDU
-
-from drivers.errors import BadAnswer, CannotConnect, LinkLost, NoAnswer, Refused
+from drivers.errors import BadAnswer, CannotConnect, DriverError, LinkLost, NoAnswer, Refused
 from drivers.transport.address import Address
+from drivers.transport.exchange import printable_hex
+from drivers.transport.modbus_frames import Frames, Framing, Pdu, ReadFunction, frames_of, read_request, write_request
+from drivers.transport.wires import Wires
 
-logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # what it logs, we raise
-
-_READ, _WRITE_ONE, _WRITE_MANY, _REFUSED = 3, 6, 16, 0x80
-# pymodbus keeps its time with asyncio.wait_for, which before Python 3.12 swallows a cancellation that comes together
-# with the answer. Without a limit it only waits, and ModbusLink keeps the time.
-_NO_TIMEOUT: Any = None
+GAP_S = 0.03  # what a controller on a serial line needs between an answer and the next request
+QUIET_S = 0.5  # after such a silence of a serial line a late answer is no longer expected
+DRAINS = 10  # such silences are waited for so often
 _EXCEPTIONS = {  # code: (what it means, what to do)
     1: ("illegal function", "Check that the driver fits the instrument."),
     2: ("no such register", "Check that the driver, and its options in the bench file, fit the instrument."),
@@ -34,121 +27,136 @@ _EXCEPTIONS = {  # code: (what it means, what to do)
 
 
 class ModbusLink:
-    """Holding registers of one unit behind one TCP connection.
+    """Registers of one unit behind one connection.
 
-    Every request is sent once. Answers are matched by transaction id, so a late one is never taken for another; still,
-    a timeout, an answer that does not fit and a cancelled request end the trust in the connection: it is closed, and
-    its owner opens it again and asks who is there before anything else.
+    Every request is sent once. A timeout, an answer that does not fit and a cancelled request end the trust in the
+    connection: it is closed, and its owner opens it again and asks who is there before anything else. Over TCP answers
+    are numbered, and a late one is dropped; a serial line is drained when it is opened.
 
     Concurrency: one request at a time; callers take turns.
     """
 
-    def __init__(self, device: str, address: Address, *, unit_id: int, answer_s: float = 3.0) -> None:
-        self.device, self.address, self._unit_id, self._answer_s = device, address, unit_id, answer_s
-        self._client: AsyncModbusTcpClient | None = None
+    def __init__(
+        self, device: str, wires: Wires, address: Address, *, unit_id: int, answer_s: float = 3.0,
+        gap_s: float = GAP_S,
+    ) -> None:  # fmt: skip
+        self.device, self.address, self._wires = device, address, wires
+        self.framing: Framing = "rtu" if address.is_serial_line else "tcp"
+        self._unit_id, self._answer_s = unit_id, answer_s
+        self._gap_s = gap_s if address.is_serial_line else 0.0
+        self._turn = asyncio.Lock()
+        self._stream: _Stream | None = None
+        self._frames: Frames = frames_of(self.framing, unit_id)
 
     async def open(self) -> None:
-        """Connects, anew if need be; raises CannotConnect."""
+        """Connects, anew if need be; raises CannotConnect, and BadAnswer for a line that is never quiet."""
         self.close()
-
-        def end_request(connected: bool) -> None:
-            """Ends the request under way; pymodbus would let it wait for its whole time on a lost connection."""
-            waiting = client.ctx.response_future
-            if not connected and not waiting.done():
-                waiting.set_exception(ConnectionException("the connection was closed"))
-                waiting.exception()  # nobody may be waiting: it is then not an error that nobody saw
-
-        client = AsyncModbusTcpClient(
-            self.address.host, port=self.address.port, framer=FramerType.SOCKET, retries=0, reconnect_delay=0,
-            timeout=_NO_TIMEOUT, trace_connect=end_request,
-        )  # fmt: skip
         try:
-            async with asyncio.timeout(self._answer_s):
-                connected = await client.connect()
-        except TimeoutError:
-            connected = False
-        except asyncio.CancelledError:
-            client.close()
-            raise
-        if not connected:
-            client.close()
+            async with asyncio.timeout(self._answer_s) as limit:
+                stream = await self._wires.stream(self.device, self.address, _Stream)
+        except TimeoutError as problem:
+            if not limit.expired():
+                raise
             raise CannotConnect(
                 self.device, f"nobody answers at {self.address}",
                 remedy="Check that the controller is on, its network address, and the port in the bench file.",
-            )  # fmt: skip
-        self._client = client
+            ) from problem  # fmt: skip
+        self._frames = frames_of(self.framing, self._unit_id)
+        self._stream = stream
+        if self.framing == "rtu":
+            await self._drain(stream)
 
     @property
     def is_open(self) -> bool:
         """Whether it was opened and not closed since; a connection that the other end dropped is noticed when asked."""
-        return self._client is not None
+        return self._stream is not None
 
-    async def read(self, address: int, count: int) -> tuple[int, ...]:
-        """`count` holding registers from the wire address `address`.
+    async def read(self, address: int, count: int, *, function: ReadFunction = 3) -> tuple[int, ...]:
+        """`count` holding registers, or input registers by function 4, from the wire address `address`.
 
         Raises NoAnswer after the time for an answer, Refused for a Modbus exception, BadAnswer, LinkLost.
         """
-        sent = f"read {count} registers at {address}"
-        request = self._open_client(sent).read_holding_registers(address, count=count, device_id=self._unit_id)
-        answer = await self._answer(request, _READ, sent)
+        sent = f"read {count} register{'s' if count != 1 else ''} at {address}"
+        answer = await self._answer(read_request(address, count, function), sent)
         if len(answer.registers) != count:
             raise self._misfit(f"{len(answer.registers)} registers", sent)
         return tuple(answer.registers)
 
-    async def write(self, address: int, words: Sequence[int]) -> None:
+    async def write(self, address: int, words: Sequence[int], *, many: bool = False) -> None:
         """Writes registers from the wire address `address` in one request; raises as `read`.
 
-        After NoAnswer and LinkLost nobody knows whether it was carried out: read back, then decide.
+        One register goes by function 6, or by 16 with `many`. After NoAnswer and LinkLost nobody knows whether it was
+        carried out: read back, then decide.
         """
         sent = f"write {' '.join(f'{word:04x}' for word in words)} at {address}"
-        client = self._open_client(sent)
-        if len(words) == 1:
-            request = client.write_register(address, words[0], device_id=self._unit_id)
-            answer = await self._answer(request, _WRITE_ONE, sent)
-            confirmed = (answer.address, *answer.registers) == (address, words[0])
-        else:
-            request = client.write_registers(address, list(words), device_id=self._unit_id)
-            answer = await self._answer(request, _WRITE_MANY, sent)
-            confirmed = (answer.address, answer.count) == (address, len(words))
-        if not confirmed:
+        request = write_request(address, words, many=many)
+        answer = await self._answer(request, sent)
+        told = answer.registers[0] if answer.function_code == request.function_code == 6 else answer.count
+        if (answer.address, told) != (address, words[0] if request.function_code == 6 else len(words)):
             raise self._misfit(str(answer), sent)
 
     def close(self) -> None:
         """Closes the connection; closing twice is harmless."""
-        if self._client is not None:
-            self._client.close()
-            self._client = None
+        if self._stream is not None:
+            self._stream.close()
+            self._stream = None
 
-    def _open_client(self, sent: str) -> AsyncModbusTcpClient:
-        if self._client is None or not self._client.connected:
-            self.close()
-            raise self._lost("is closed", sent)
-        return self._client
-
-    async def _answer(self, request: Awaitable[ModbusPDU], function: int, sent: str) -> ModbusPDU:
-        """The answer to a request of `function`, when it is one and no refusal."""
-        try:
-            async with asyncio.timeout(self._answer_s):
-                answer = await request
-        except TimeoutError:
-            self.close()
-            raise NoAnswer(
-                self.device, f"no answer within {self._answer_s:g} s from {self.address}", sent=sent,
-                remedy="Check that the controller is on and that nobody pulled the cable.",
-            ) from None  # fmt: skip
-        except ModbusException as problem:
-            self.close()
-            raise self._lost("was closed", sent) from problem
-        except asyncio.CancelledError:
-            self.close()
-            raise
-        if answer.transaction_id == 0 or answer.function_code & ~_REFUSED != function:
-            raise self._misfit(str(answer), sent)
+    async def _answer(self, request: Pdu, sent: str) -> Pdu:
+        """The answer to a request, when it is one and no refusal."""
+        async with self._turn:
+            stream = self._open_stream(sent)
+            try:
+                answer = await self._exchange(stream, request, sent)
+            except (DriverError, asyncio.CancelledError):
+                self.close()
+                raise
         if answer.isError():
             code = answer.exception_code
             meaning, remedy = _EXCEPTIONS.get(code, ("unknown", "Look it up in the instrument's manual."))
             raise Refused(self.device, f"Modbus exception {code}, {meaning}", sent=sent, remedy=remedy)
         return answer
+
+    async def _exchange(self, stream: _Stream, request: Pdu, sent: str) -> Pdu:
+        if stream.silent_s < self._gap_s:
+            await asyncio.sleep(self._gap_s - stream.silent_s)
+        if stream.received and self.framing == "rtu":
+            raise self._misfit(f"{printable_hex(stream.received)} before anything was asked", sent)
+        stream.write(self._frames.request(request))
+        try:
+            async with asyncio.timeout(self._answer_s):
+                while (answer := self._frames.answer(stream.received)) is None:
+                    await stream.more()
+        except TimeoutError:
+            raise NoAnswer(
+                self.device, f"no answer within {self._answer_s:g} s from {self.address}", sent=sent,
+                received=printable_hex(stream.received),
+                remedy="Check that the controller is on and that nobody pulled the cable.",
+            ) from None  # fmt: skip
+        except ConnectionError as problem:
+            raise self._lost("was closed", sent) from problem
+        except ValueError as problem:
+            raise self._misfit(str(problem), sent) from problem
+        return answer
+
+    async def _drain(self, stream: _Stream) -> None:
+        """Throws away what a serial line still says to somebody who asked before."""
+        for _ in range(DRAINS):
+            await asyncio.sleep(QUIET_S)
+            if stream.silent_s >= QUIET_S:
+                stream.received.clear()
+                return
+        self.close()
+        raise BadAnswer(
+            self.device, f"the line at {self.address} is not silent within {DRAINS * QUIET_S:g} s",
+            received=printable_hex(stream.received),
+            remedy="Check that no other program or display asks on this line, and the line settings.",
+        )  # fmt: skip
+
+    def _open_stream(self, sent: str) -> _Stream:
+        if self._stream is None or self._stream.lost:
+            self.close()
+            raise self._lost("is closed", sent)
+        return self._stream
 
     def _lost(self, how: str, sent: str) -> LinkLost:
         return LinkLost(
@@ -162,3 +170,60 @@ class ModbusLink:
             self.device, "the answer does not fit the request", sent=sent, received=received,
             remedy="Check what is at this address, and that no gateway mixes up its clients.",
         )  # fmt: skip
+
+
+class _Stream(asyncio.Protocol):
+    """What was received on a connection, and when."""
+
+    def __init__(self) -> None:
+        self.received = bytearray()
+        self.lost = False
+        self._heard_at_s = asyncio.get_running_loop().time()
+        self._waiter: asyncio.Future[None] | None = None
+        self._transport: asyncio.Transport | None = None
+
+    @property
+    def silent_s(self) -> float:
+        """For how long nothing was heard."""
+        return asyncio.get_running_loop().time() - self._heard_at_s
+
+    def write(self, data: bytes) -> None:
+        """Sends bytes."""
+        if self._transport is not None:
+            self._transport.write(data)
+
+    async def more(self) -> None:
+        """Waits for the next bytes; raises ConnectionError when none will come."""
+        if self.lost:
+            raise ConnectionError("closed")
+        self._waiter = asyncio.get_running_loop().create_future()
+        try:
+            await self._waiter
+        finally:
+            self._waiter = None
+
+    def close(self) -> None:
+        """Closes the connection."""
+        if self._transport is not None:
+            self._transport.close()
+
+    # asyncio.Protocol
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The connection is open."""
+        if not isinstance(transport, asyncio.Transport):
+            raise TypeError("a stream transport is needed")
+        self._transport = transport
+
+    def data_received(self, data: bytes) -> None:
+        """Bytes from the instrument."""
+        self.received += data
+        self._heard_at_s = asyncio.get_running_loop().time()
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The connection is closed; who waits learns it now."""
+        self.lost = True
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_exception(ConnectionError("closed"))

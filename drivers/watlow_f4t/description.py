@@ -61,10 +61,11 @@ class F4TSafe(StrictModel):
 
 DESCRIPTION = DriverDescription(
     name="watlow_f4t",
-    title="thermal chamber with a Watlow F4T, Modbus TCP",
+    title="thermal chamber with a Watlow F4T, Modbus TCP or RTU",
     capabilities=frozenset({"thermal_chamber"}),
-    schemes=frozenset({"tcp"}),
+    schemes=frozenset({"tcp", "serial", "socket"}),
     target="drivers.watlow_f4t.driver:WatlowF4T",
+    simulator="simulators.watlow_f4t:SimulatedF4T",
     options=F4TOptions,
     limits=F4TLimits,
     safe=F4TSafe,

@@ -35,7 +35,9 @@ class WatlowF4T:
         self._pin, self._limits, self._safe_c = setup.identity, setup.limits, setup.safe.temperature
         self._poll_s, self._block_reads = options.poll, options.block_reads
         self._form = LoopFormat(options.loop, options.word_order)
-        link = ModbusLink(setup.name, setup.address, unit_id=options.unit_id, answer_s=options.answer_timeout)
+        link = ModbusLink(
+            setup.name, setup.wires, setup.address, unit_id=options.unit_id, answer_s=options.answer_timeout
+        )
         self._registers = LoopRegisters(link, self._form)
         self._turn = asyncio.Lock()
         self._commanded_c: float | None = None  # the set point last written and read back, as long as it is known

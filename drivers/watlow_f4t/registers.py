@@ -8,6 +8,7 @@ from drivers.watlow_f4t.wire import (
     BLOCK_COUNT,
     BLOCK_FIRST,
     DISPLAY_UNIT,
+    DISPLAY_UNIT_SERIAL,
     DisplayUnit,
     LoopBlock,
     LoopFormat,
@@ -129,10 +130,11 @@ class LoopRegisters:
         self.set_point_limits_c = limits_c
 
     async def _check_unit(self) -> None:
-        (unit,) = await self._link.read(DISPLAY_UNIT, 1)
+        register = DISPLAY_UNIT_SERIAL if self._link.address.is_serial_line else DISPLAY_UNIT
+        (unit,) = await self._link.read(register, 1)
         if unit != DisplayUnit.CELSIUS:
             raise WrongIdentity(
-                self._device, "the display unit of the controller is not °C", sent=f"read register {DISPLAY_UNIT}",
+                self._device, "the display unit of the controller is not °C", sent=f"read register {register}",
                 received="30, which is °F" if unit == DisplayUnit.FAHRENHEIT else f"{unit}, expected 15",
                 remedy="Set the display unit to °C at the controller.",
             )  # fmt: skip

@@ -18,7 +18,7 @@ Words = tuple[int, ...]
 WordOrder = Literal["low_first", "high_first"]
 
 LOOP_STRIDE = 160
-DISPLAY_UNIT = 6730  # as seen through TCP; a serial port has its own, at 14080
+DISPLAY_UNIT, DISPLAY_UNIT_SERIAL = 6730, 14080  # as seen through TCP, and through the serial port
 CHAMBER_TEMPERATURE = 27586  # analog input 1, float32, whatever the loops do
 
 

@@ -8,9 +8,10 @@ import pytest
 
 from drivers.errors import BadAnswer, InstrumentFault, LinkLost, NoAnswer, Refused, WrongIdentity
 from drivers.transport.modbus import ModbusLink
+from drivers.transport.wires import RealWires
 from drivers.watlow_f4t.driver import FAR_AWAY_POLL_S
 from drivers.watlow_f4t.wire import ControlMode, LoopRegister
-from simulators.modbus_tcp import ExceptionCode, RegisterError
+from simulators.modbus import ExceptionCode, RegisterError
 from simulators.watlow_f4t import SimulatedF4T
 from tests.support.chamber import ADDRESS, WRITES, Chamber, is_write_to, with_chamber, words
 
@@ -138,7 +139,7 @@ def test_a_foreign_set_point_is_seen_by_the_next_look_and_names_both() -> None:
             await driver.poll()
             ramp = asyncio.create_task(driver.ramp_to(30.0, 1.0))
             await asyncio.sleep(100.5)
-            second_master = ModbusLink("web page", ADDRESS, unit_id=1)
+            second_master = ModbusLink("web page", RealWires(), ADDRESS, unit_id=1)
             await second_master.open()
             await second_master.write(LoopRegister.SET_POINT, words(50.0))
             second_master.close()

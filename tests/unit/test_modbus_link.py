@@ -11,6 +11,7 @@ from drivers.errors import BadAnswer, CannotConnect, DriverError, LinkLost, NoAn
 from drivers.transport.address import Address
 from drivers.transport.memory import Line
 from drivers.transport.modbus import ModbusLink
+from drivers.transport.wires import RealWires
 
 READ_27586 = bytes.fromhex("00 01 00 00 00 06 01 03 6b c2 00 02")
 ANSWER_25_C = bytes.fromhex("00 01 00 00 00 07 01 03 04 00 00 41 c8")
@@ -46,7 +47,7 @@ class Wired:
         assert isinstance(loop, BenchLoop)
         self.requests: list[bytes] = []
         loop.serve_in_memory("127.0.0.1", 1502, lambda: Server(script, self.requests), Line(latency_s=0.002))
-        self.link = ModbusLink("chamber", Address.parse("tcp://127.0.0.1:1502"), unit_id=1, answer_s=3.0)
+        self.link = ModbusLink("chamber", RealWires(), Address.parse("tcp://127.0.0.1:1502"), unit_id=1, answer_s=3.0)
 
 
 def with_server(script: Script, use: Callable[[Wired], Coroutine[Any, Any, None]]) -> None:
@@ -252,7 +253,7 @@ def test_a_connection_closed_before_any_request_is_told_too() -> None:
         unhandled: list[object] = []
         loop.set_exception_handler(lambda _loop, context: unhandled.append(context))
         loop.serve_in_memory("127.0.0.1", 1502, Closing, Line(latency_s=0.002))
-        link = ModbusLink("chamber", Address.parse("tcp://127.0.0.1:1502"), unit_id=1)
+        link = ModbusLink("chamber", RealWires(), Address.parse("tcp://127.0.0.1:1502"), unit_id=1)
         await link.open()
         await asyncio.sleep(1.0)
         with pytest.raises(LinkLost):
@@ -311,7 +312,7 @@ def test_a_connect_that_hangs_is_given_up() -> None:
         loop = asyncio.get_running_loop()
         assert isinstance(loop, BenchLoop)
         loop.serve_in_memory("127.0.0.1", 1502, asyncio.Protocol, Line(latency_s=60.0))
-        link = ModbusLink("chamber", Address.parse("tcp://127.0.0.1:1502"), unit_id=1, answer_s=3.0)
+        link = ModbusLink("chamber", RealWires(), Address.parse("tcp://127.0.0.1:1502"), unit_id=1, answer_s=3.0)
         with pytest.raises(CannotConnect):
             await link.open()
         assert elapsed_s() == pytest.approx(3.0)
@@ -336,8 +337,8 @@ def test_nobody_at_the_address_is_told() -> None:
             raise ConnectionRefusedError
 
     async def main() -> None:
-        link = ModbusLink("chamber", Address.parse("tcp://127.0.0.1:1502"), unit_id=1)
-        with pytest.raises(CannotConnect, match=r"nobody answers at tcp://.* Check that the controller is on"):
+        link = ModbusLink("chamber", RealWires(), Address.parse("tcp://127.0.0.1:1502"), unit_id=1)
+        with pytest.raises(CannotConnect, match=r"nobody answers at tcp://.* Check that the instrument is on"):
             await link.open()
         assert not link.is_open
 

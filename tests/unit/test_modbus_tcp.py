@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulators.modbus_tcp import ExceptionCode, ModbusTcpSession, RegisterError
+from simulators.modbus import ExceptionCode, ModbusServer, ModbusTcpSession, RegisterError
 
 READ = bytes.fromhex("00 01 00 00 00 06 11 03 00 6b 00 03")
 READ_ANSWER = bytes.fromhex("00 01 00 00 00 09 11 03 06 00 6b 00 6c 00 6d")
@@ -37,7 +37,7 @@ def memory() -> Memory:
 
 @pytest.fixture
 def session(memory: Memory) -> ModbusTcpSession:
-    return ModbusTcpSession(memory, unit_id=0x11)
+    return ModbusTcpSession(ModbusServer(memory, unit_id=0x11))
 
 
 def test_registers_are_read(session: ModbusTcpSession) -> None:
@@ -53,7 +53,7 @@ def test_registers_are_written(session: ModbusTcpSession, memory: Memory) -> Non
 @given(st.lists(st.integers(1, 40), max_size=20))
 def test_requests_are_answered_however_they_are_cut(sizes: list[int]) -> None:
     stream, answers = READ + WRITE_ONE + WRITE_MANY, b""
-    session = ModbusTcpSession(Memory(), unit_id=0x11)
+    session = ModbusTcpSession(ModbusServer(Memory(), unit_id=0x11))
     for size in [*sizes, len(stream)]:
         answers += session.feed(stream[:size])
         stream = stream[size:]
