@@ -8,9 +8,10 @@ import pytest
 from pydantic import ValidationError
 
 from drivers.capabilities import ThermalChamber
+from drivers.chamber.description import ChamberLimits, ChamberSafe
 from drivers.description import known_drivers
 from drivers.errors import BadAnswer, BeyondLimit, InstrumentFault, LinkLost, NotSettled, WrongIdentity
-from drivers.watlow_f4t.description import DESCRIPTION, F4TLimits, F4TOptions, F4TSafe
+from drivers.watlow_f4t.description import DESCRIPTION, F4TOptions
 from drivers.watlow_f4t.wire import ControlMode, DisplayUnit, LoopRegister
 from simulators.thermal import ChamberPhysics
 from simulators.watlow_f4t import SimulatedF4T
@@ -31,10 +32,10 @@ def test_it_is_installed_under_its_name() -> None:
         (F4TOptions, {"word_order": "little"}, "low_first"),
         (F4TOptions, {"poll": "5 min"}, "at most 30 s"),
         (F4TOptions, {"word_oder": "low_first"}, "did you mean 'word_order'"),
-        (F4TLimits, {**LIMITS, "temperature": {"min": "50 °C", "max": "50 °C"}}, "min is not below max"),
-        (F4TLimits, {"temperature": LIMITS["temperature"]}, "missing"),
-        (F4TLimits, {**LIMITS, "ramp_rate": {"max": "0 °C/min"}}, "more than 0"),
-        (F4TSafe, {"temperature": "25"}, "has no unit"),
+        (ChamberLimits, {**LIMITS, "temperature": {"min": "50 °C", "max": "50 °C"}}, "min is not below max"),
+        (ChamberLimits, {"temperature": LIMITS["temperature"]}, "missing"),
+        (ChamberLimits, {**LIMITS, "ramp_rate": {"max": "0 °C/min"}}, "more than 0"),
+        (ChamberSafe, {"temperature": "25"}, "has no unit"),
     ],
 )
 def test_a_wrong_bench_file_is_told_what_is_wrong(model: Any, data: Any, problem: str) -> None:
@@ -247,7 +248,9 @@ def test_out_of_auto_no_ramp_is_commanded() -> None:
     async def use(chamber: Chamber) -> None:
         chamber.write_behind_its_back(LoopRegister.CONTROL_MODE, (ControlMode.OFF,))
         async with chamber.driver() as driver:
-            with pytest.raises(InstrumentFault, match="control loop 1 is not in auto; received mode off"):
+            with pytest.raises(
+                InstrumentFault, match="does not follow its set point; received control loop 1 is not in auto, mode off"
+            ):
                 await driver.ramp_to(30.0, 1.0)
             await driver.state()  # nothing was commanded, so looking is no complaint
             assert chamber.writes_to(LoopRegister.SET_POINT) == []

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import pytest
 
+from drivers.chamber.ramp import FAR_AWAY_POLL_S
 from drivers.errors import BadAnswer, InstrumentFault, LinkLost, NoAnswer, Refused, WrongIdentity
 from drivers.transport.modbus import ModbusLink
 from drivers.transport.wires import RealWires
-from drivers.watlow_f4t.driver import FAR_AWAY_POLL_S
 from drivers.watlow_f4t.wire import ControlMode, LoopRegister
 from simulators.modbus import ExceptionCode, RegisterError
 from simulators.watlow_f4t import SimulatedF4T

@@ -5,11 +5,12 @@ from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, BenchLoop, run
+from drivers.chamber.description import ChamberLimits, ChamberSafe
 from drivers.description import IdentityPin, Setup, make_driver
 from drivers.transport.address import Address
 from drivers.transport.memory import Line
 from drivers.transport.wires import RealWires
-from drivers.watlow_f4t.description import DESCRIPTION, F4TLimits, F4TOptions, F4TSafe
+from drivers.watlow_f4t.description import DESCRIPTION, F4TOptions
 from drivers.watlow_f4t.driver import WatlowF4T
 from drivers.watlow_f4t.wire import LoopFormat, LoopRegister
 from simulators.faults import FaultPlan
@@ -66,7 +67,7 @@ class Chamber:
     def driver(self, *, limits: object = LIMITS, safe: object = None, pin: object = None, **options: Any) -> WatlowF4T:
         setup = Setup(
             name="chamber", address=ADDRESS, wires=RealWires(), options=F4TOptions.model_validate(options),
-            limits=F4TLimits.model_validate(limits), safe=F4TSafe.model_validate(safe or {}),
+            limits=ChamberLimits.model_validate(limits), safe=ChamberSafe.model_validate(safe or {}),
             identity=IdentityPin.model_validate(pin or {}),
         )  # fmt: skip
         driver = make_driver(DESCRIPTION, setup)

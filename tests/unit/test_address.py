@@ -23,6 +23,8 @@ A_CAN = "is not a can address; expected one like can:socketcan/can0?bitrate=5000
         ("tcp://[::1]:8000", Address("tcp", host="::1", port=8000)),
         ("tcp://[fe80::1:2]:8000", Address("tcp", host="fe80::1:2", port=8000)),
         ("sim+tcp://127.0.0.1:502", Address("tcp", host="127.0.0.1", port=502, simulated=True)),
+        ("socket://192.168.1.20:4001", Address("socket", host="192.168.1.20", port=4001)),
+        ("sim+socket://h:10001?baud=9600", Address("socket", "h", 10001, options={"baud": "9600"}, simulated=True)),
         ("serial:///dev/ttyUSB0", Address("serial", path="/dev/ttyUSB0")),
         ("serial:///dev/ttyUSB0?baud=9600", Address("serial", path="/dev/ttyUSB0", options={"baud": "9600"})),
         (

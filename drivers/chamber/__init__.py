@@ -1,0 +1,1 @@
+"""What all drivers of thermal chambers share: a dialect says how, these modules decide what."""

@@ -1,0 +1,67 @@
+"""What a dialect of a chamber's controller has to be able to do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+from drivers.values import Identity
+
+
+class Control(Enum):
+    """Who decides the temperature."""
+
+    SET_POINT = "set point"  # the one that this driver commands
+    NOBODY = "nobody"  # it is switched off or idle
+    OTHER = "other"  # a profile, a person, an alarm
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """One look at a controller, °C.
+
+    `set_point_c` is in force now; `target_c` is what was commanded last, by whomever. `why` says what else controls,
+    in the controller's words.
+    """
+
+    process_value_c: float
+    set_point_c: float
+    target_c: float
+    control: Control = Control.SET_POINT
+    why: str = ""
+
+
+class Controller(Protocol):
+    """One dialect on one wire. Nothing here decides; every method is a few exchanges.
+
+    `limits_c` are the controller's own, once it is identified. `can_start` tells whether a command may switch it on.
+    Concurrency: one caller at a time.
+    """
+
+    limits_c: tuple[float, float] | None
+    can_start: bool
+
+    async def connect(self) -> None:
+        """Connects anew and identifies; raises CannotConnect, WrongIdentity."""
+
+    def close(self) -> None:
+        """Closes the wire; closing twice is harmless."""
+
+    async def identify(self) -> Identity:
+        """Who is there, the same as before; raises WrongIdentity, and closes the wire when it is not."""
+
+    async def look(self, commanded_c: float | None) -> Look:
+        """One look; `commanded_c` is the set point that should be there, where one is known."""
+
+    async def command(self, temperature_c: float) -> None:
+        """Writes the set point once and reads it back; Refused when something else was kept."""
+
+    def kept(self, temperature_c: float) -> float:
+        """What the controller holds when it was told this set point: rounded as the wire rounds."""
+
+    async def set_ramp(self, rate_c_per_min: float) -> None:
+        """Makes the next set point one that is gone to at this rate; asked of controllers that ramp by themselves."""
+
+    async def take_control(self) -> None:
+        """Makes the set point count, after it was commanded; raises InstrumentFault where only a person may do that."""

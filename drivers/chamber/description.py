@@ -1,0 +1,54 @@
+"""What a bench file says of any thermal chamber."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.fields import Celsius, CelsiusPerMinute, InUnit, PositiveSeconds, Range, StrictModel
+
+CHANNELS = {"process_value": "°C", "set_point": "°C"}
+
+
+class ChamberOptions(StrictModel):
+    """How any controller is spoken to."""
+
+    poll: Annotated[float, InUnit("s", above=0, at_most=30)] = Field(
+        1.0, description="how often a ramp that has nearly arrived is looked at"
+    )
+    answer_timeout: PositiveSeconds = Field(3.0, description="how long an answer may take")
+
+
+class StairOptions(ChamberOptions):
+    """As well, for controllers that the driver ramps by many set points, one after the other."""
+
+    step: Annotated[float, InUnit("s", at_least=10, at_most=120)] = Field(
+        15.0, description="how long a set point stands during a ramp; a controller's memory wears out"
+    )
+
+
+class TemperatureRange(Range):
+    """From `min` to `max`, both allowed."""
+
+    min: Celsius
+    max: Celsius
+
+
+class RampRateRange(StrictModel):
+    """The fastest ramp: `max`."""
+
+    max: CelsiusPerMinute
+
+
+class ChamberLimits(StrictModel):
+    """What the bench allows the chamber; the controller's own limits hold as well."""
+
+    temperature: TemperatureRange
+    ramp_rate: RampRateRange
+
+
+class ChamberSafe(StrictModel):
+    """Where the set point goes when the bench is made safe."""
+
+    temperature: Celsius = Field(25.0, description="the set point")

@@ -1,0 +1,40 @@
+"""How a set point gets from one temperature to another: the controller ramps, or gets one set point after the other."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+ARRIVED_WITHIN_C = 1e-4  # a few times the last bit of a float32: the set point in force is computed, not copied
+FAR_AWAY_POLL_S = 5.0  # how often a ramp is looked at while its end is far away
+
+
+@dataclass(frozen=True, slots=True)
+class Climb:
+    """One ramp, begun at the loop time `began_s`; without `step_s` the controller ramps by itself."""
+
+    start_c: float
+    target_c: float
+    rate_c_per_s: float
+    began_s: float
+    step_s: float | None
+
+    @property
+    def takes_s(self) -> float:
+        """How long the way is."""
+        return abs(self.target_c - self.start_c) / self.rate_c_per_s
+
+    def set_point_c(self, at_s: float) -> float:
+        """What should be commanded at a loop time: the end of the step that is under way, at last the target."""
+        if self.step_s is None:
+            return self.target_c
+        steps = math.floor((at_s - self.began_s) / self.step_s) + 1
+        way_c = self.target_c - self.start_c
+        return self.start_c + math.copysign(min(steps * self.step_s * self.rate_c_per_s, abs(way_c)), way_c)
+
+    def pause_s(self, at_s: float, set_point_c: float, poll_s: float) -> float:
+        """How long until the next look, when the set point in force is `set_point_c`."""
+        if self.step_s is not None:
+            return self.step_s - (at_s - self.began_s) % self.step_s
+        left_s = abs(self.target_c - set_point_c) / self.rate_c_per_s
+        return max(poll_s, min(left_s / 2, FAR_AWAY_POLL_S))
