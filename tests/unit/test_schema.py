@@ -187,7 +187,7 @@ BAD_BENCHES = [
     ("  chamber:\n    driver", "  Chamber:\n    driver"),
     ("driver: watlow_f4t", "driver: watlow_ft4"),
     ("    driver: watlow_f4t\n", ""),
-    ("connection: sim+tcp://127.0.0.1:1502", "connection: sim+serial:///dev/ttyS0"),
+    ("connection: sim+tcp://127.0.0.1:1502", "connection: sim+slcan:///dev/ttyS0"),
     ("connection: sim+tcp://127.0.0.1:1502", "connection: 1502"),
     ("unit_id: 1", "unit_id: 248"),
     ("unit_id: 1", "unitid: 1"),
