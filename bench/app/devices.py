@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from bench.app.laboratory import BenchWires, Laboratory
 from bench.config.models import BenchFile
 from drivers.capabilities import Device
 from drivers.description import Setup, make_driver
+from drivers.transport.trace import Passed, TracedWires
+from drivers.transport.wires import Wires
 
 
-def open_devices(bench: BenchFile, laboratory: Laboratory | None) -> dict[str, Device]:
-    """A driver for every device, not yet connected, on wires that lead to the laboratory where the file says so."""
-    wires = BenchWires(bench, laboratory)
+def open_devices(
+    bench: BenchFile, laboratory: Laboratory | None, keep: Callable[[Passed], object] | None = None
+) -> dict[str, Device]:
+    """A driver for every device, not yet connected, on wires that lead to the laboratory where the file says so.
+
+    `keep` is told everything that passes on them.
+    """
+    wires: Wires = BenchWires(bench, laboratory)
+    if keep is not None:
+        wires = TracedWires(wires, keep)
     return {
         role: make_driver(
             entry.description,

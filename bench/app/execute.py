@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -13,6 +13,7 @@ from bench.app.devices import open_devices
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
 from bench.app.request import PreparedRun
 from bench.app.technician import Technician
+from bench.app.tracing import Keep, recording
 from bench.app.truth import truth_of
 from bench.clock import Clock, Stopwatch, wall_utc
 from bench.engine.engine import Observer, Outcome
@@ -93,9 +94,11 @@ def execute(prepared: PreparedRun, observer: RunObserver) -> RunResult:
             laboratory = None
             if bench.needs_simulators:
                 laboratory = make_laboratory(bench, units, prepared.seed, asyncio.get_running_loop().time)
-            return await _run(prepared, directory.path, laboratory, observer)
+            return await _run(prepared, directory.path, laboratory, observer, keep)
 
-        ran = run_loop(main(), prepared.speed)
+        trace = prepared.request.trace
+        with nullcontext() if trace is None else recording(trace) as keep:
+            ran = run_loop(main(), prepared.speed)
         return _finish(directory, record, ran, watch)
     finally:
         directory.release()
@@ -109,7 +112,9 @@ class _Run:
     bench_s: float
 
 
-async def _run(prepared: PreparedRun, folder: Path, laboratory: Laboratory | None, observer: RunObserver) -> _Run:
+async def _run(
+    prepared: PreparedRun, folder: Path, laboratory: Laboratory | None, observer: RunObserver, keep: Keep | None
+) -> _Run:
     bench = prepared.loaded.bench
     clock = Clock(bench.simulation.start if bench.is_simulated else None)
     began_s = clock.monotonic()
@@ -117,7 +122,7 @@ async def _run(prepared: PreparedRun, folder: Path, laboratory: Laboratory | Non
     try:
         writer.event("run_begins", utc=clock.utc().isoformat(), title=prepared.plan.sequence.title, seed=prepared.seed)
         observer.run_begins(folder, prepared.expected, clock)
-        devices = open_devices(bench, laboratory)
+        devices = open_devices(bench, laboratory, keep)
         outcome, identities = await run_plan(
             prepared.plan,
             bench,

@@ -6,7 +6,7 @@ import asyncio
 from dataclasses import dataclass
 
 from bench.app.devices import open_devices
-from bench.app.laboratory import make_laboratory, unit_files
+from bench.app.laboratory import laboratory_of
 from bench.app.request import load_bench_named
 from bench.config.models import BenchFile
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
@@ -37,11 +37,7 @@ def look_at_devices(name: str | None, *, simulate: bool = False) -> list[Look]:
     bench = load_bench_named(name, simulate=simulate).bench
 
     async def main() -> list[Look]:
-        laboratory = None
-        if bench.needs_simulators:
-            host_s = asyncio.get_running_loop().time
-            laboratory = make_laboratory(bench, unit_files(bench, None), bench.simulation.seed, host_s)
-        devices = open_devices(bench, laboratory)
+        devices = open_devices(bench, laboratory_of(bench))
         return list(await asyncio.gather(*(_look(bench, role, device) for role, device in devices.items())))
 
     return run_loop(main(), AS_FAST_AS_POSSIBLE if bench.is_simulated else REAL_TIME)

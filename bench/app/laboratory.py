@@ -53,7 +53,7 @@ class Laboratory:
     """A world, the instruments in it by role, what sends CAN frames, and the voltmeters' errors as drawn."""
 
     world: World
-    instruments: Mapping[str, Instrument]
+    instruments: dict[str, Instrument]
     nodes: Mapping[str, CanNode]
     voltmeters: Mapping[str, VoltmeterSettings] = field(default_factory=dict)
 
@@ -76,6 +76,14 @@ def _unit_file(path: Path, *, is_inertial: bool) -> AnyUnitFile:
         return load(document, ImuFile)
     has_gyro = isinstance(document.value, dict) and "gyro" in document.value
     return load(document, GyroFile) if has_gyro else load(document, UnitFile)
+
+
+def laboratory_of(bench: BenchFile) -> Laboratory | None:
+    """The laboratory of a bench with its own units and seed, in the running loop; None for a bench without any."""
+    if not bench.needs_simulators:
+        return None
+    host_s = asyncio.get_running_loop().time
+    return make_laboratory(bench, unit_files(bench, None), bench.simulation.seed, host_s)
 
 
 def make_laboratory(

@@ -57,6 +57,7 @@ class RunRequest:
     not_after: str | None = None
     past_due: PastDue = "refuse"
     calibrations: tuple[str, ...] = ()
+    trace: Path | None = None
 
 
 @dataclass(frozen=True)

@@ -10,29 +10,36 @@ from pathlib import Path
 
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
 from bench.app.request import load_bench_named
+from bench.app.tracing import read_trace_file
 from bench.config.models import BenchFile
 from bench.errors import BenchError, InputError
 from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
 from drivers.transport.address import Address
 from simulators.pty import serve_pty
+from simulators.replay import ReplayedInstrument
 from simulators.serve import protocol_factory
 from simulators.slcan_adapter import SimulatedAdapter
 
 
-def serve_bench(name: str, seed: int | None, say: Callable[[str], object]) -> None:
+def serve_bench(name: str, seed: int | None, say: Callable[[str], object], trace: Path | None = None) -> None:
     """Serves until SIGINT or SIGTERM; `say` gets a line for each address that is served, then `ready`.
 
-    Raises InputError when the file has no local address, BenchError when one is taken.
+    Devices that a `trace` has recorded say again what they said there. Raises InputError when the file has no local
+    address, BenchError when one is taken.
     """
     bench = load_bench_named(name).bench
     units = unit_files(bench, None)
     if not any(entry.connection.is_local for entry in bench.devices.values()):
         raise InputError(f"{name}: no device is at a loopback address or a pty, so there is nothing to simulate")
 
+    recorded = [] if trace is None else read_trace_file(trace)
+
     async def main() -> None:
         loop = asyncio.get_running_loop()
         laboratory = make_laboratory(bench, units, bench.simulation.seed if seed is None else seed, loop.time)
+        for role in {passed.device for passed in recorded} & laboratory.instruments.keys():
+            laboratory.instruments[role] = ReplayedInstrument(role, recorded, say)
         stopped = asyncio.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, stopped.set)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -17,6 +18,7 @@ def register(app: typer.Typer) -> None:
     """Adds the commands."""
     app.add_typer(group, name="devices")
     app.command()(simulate)
+    app.command()(trace)
 
 
 @group.callback()
@@ -41,8 +43,28 @@ def list_devices(bench: BenchOption = None, simulate: Simulate = False) -> None:
 def simulate(
     bench: Annotated[str, typer.Option("--bench", metavar="FILE", help="The bench whose instruments to simulate.")],
     seed: Annotated[int | None, typer.Option(help="Seed of the simulation.")] = None,
+    trace: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Instruments that it records say again what they said there.")
+    ] = None,
 ) -> None:
     """Serve the other end of every loopback and pty address of a bench file, in real time, until Ctrl-C."""
     from bench.app.serve import serve_bench
 
-    serve_bench(bench, seed, lambda line: sys.stderr.write(line + "\n"))
+    serve_bench(bench, seed, lambda line: sys.stderr.write(line + "\n"), trace)
+
+
+def trace(
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The new file for what passes.")],
+    bench: BenchOption = None,
+    simulate: Simulate = False,
+    for_s: Annotated[float, typer.Option("--for", metavar="SECONDS", min=0, help="For how long to look.")] = 10.0,
+) -> None:
+    """Read every instrument of a bench for a while, and record every byte on the wires."""
+    from bench.app.tracing import trace_bench
+
+    lines, problems = trace_bench(bench, out, for_s, simulate=simulate)
+    sys.stdout.write(f"{lines} lines in {out}\n")
+    for problem in dict.fromkeys(problems):
+        sys.stderr.write(f"{problem}\n")
+    if problems:
+        raise typer.Exit(BENCH_ERROR)

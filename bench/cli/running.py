@@ -209,6 +209,9 @@ def run(
             metavar="refuse|mark", help="With an instrument past due: refuse to run, or run and mark the results."
         ),
     ] = PastDue.REFUSE,
+    trace: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Record every byte on the wires of the bench in a new file.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the results as JSON, alone on stdout.")] = False,
 ) -> None:
     """Run a sequence on a bench."""
@@ -240,6 +243,7 @@ def run(
             not_after=not_after,
             past_due=past_due.value,
             calibrations=tuple(calibration or ()),
+            trace=trace,
         )
     )
     warn(prepared.plan, prepared.warnings)

@@ -1,0 +1,71 @@
+"""Recording what passes on the wires of a bench, and looking at a bench for a while to record it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from bench.app.devices import open_devices
+from bench.app.laboratory import laboratory_of
+from bench.app.request import load_bench_named
+from bench.errors import InputError
+from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
+from bench.loop import run as run_loop
+from bench.rig import Rig
+from drivers.errors import DriverError
+from drivers.transport.trace import HEAD, Passed, read_trace
+
+Keep = Callable[[Passed], object]
+
+
+@contextmanager
+def recording(path: Path) -> Iterator[Keep]:
+    """A place for what passes, in a new file; InputError when it cannot be made."""
+    try:
+        file = path.open("x", encoding="utf-8", buffering=1)
+    except OSError as problem:
+        raise InputError(f"the trace {path} cannot be written: {problem.strerror}") from problem
+    with file:
+        file.write(f"{HEAD}\n")
+        yield lambda passed: file.write(f"{passed.line()}\n")
+
+
+def read_trace_file(path: Path) -> list[Passed]:
+    """The lines of a trace; InputError."""
+    try:
+        return list(read_trace(path.read_text("utf-8").splitlines()))
+    except (OSError, ValueError) as problem:
+        raise InputError(f"{path}: {problem}") from problem
+
+
+def trace_bench(name: str | None, path: Path, for_s: float, *, simulate: bool = False) -> tuple[int, list[str]]:
+    """Opens a bench, reads every instrument each second for `for_s`, and records all that passes.
+
+    Gives the number of lines, and what went wrong. Raises OpenError, InputError.
+    """
+    bench = load_bench_named(name, simulate=simulate).bench
+    lines, problems = 0, []
+
+    async def main(keep: Keep) -> None:
+        async with Rig(open_devices(bench, laboratory_of(bench), keep)) as rig:
+            loop = asyncio.get_running_loop()
+            end_s = loop.time() + for_s
+            while loop.time() < end_s:
+                for device in rig.devices.values():
+                    try:
+                        await device.poll()
+                    except DriverError as problem:
+                        problems.append(str(problem))
+                await asyncio.sleep(bench.monitor.period)
+
+    with recording(path) as keep:
+
+        def counted(passed: Passed) -> None:
+            nonlocal lines
+            lines += 1
+            keep(passed)
+
+        run_loop(main(counted), AS_FAST_AS_POSSIBLE if bench.is_simulated else REAL_TIME)
+    return lines, problems
