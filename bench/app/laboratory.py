@@ -38,6 +38,7 @@ from simulators.faults import FaultPlan
 from simulators.gyro_unit import GyroFile
 from simulators.imu_file import ImuFile
 from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
+from simulators.line_faults import BadLine
 from simulators.serve import Instrument, protocol_factory
 from simulators.setup import InstrumentSetup, make_instrument
 from simulators.unit_file import UnitFile
@@ -133,16 +134,20 @@ def _instrument(role: str, entry: DeviceEntry, world: World, faults: FaultPlan) 
 
 
 class BenchWires:
-    """Joins what the bench file marks as simulated to the laboratory, in memory; everything else to real wires."""
+    """Joins what the bench file marks as simulated to the laboratory, in memory; everything else to real wires.
 
-    def __init__(self, bench: BenchFile, laboratory: Laboratory | None) -> None:
-        self._laboratory, self._real = laboratory, RealWires()
+    `bad` are lines, by role, on which answers suffer.
+    """
+
+    def __init__(
+        self, bench: BenchFile, laboratory: Laboratory | None, bad: Mapping[str, BadLine] | None = None
+    ) -> None:
+        self._laboratory, self._real, self._bad = laboratory, RealWires(), bad or {}
         loop = asyncio.get_running_loop()
         for role, entry in bench.devices.items():
             address = entry.connection
             if laboratory is not None and address.simulated and address.scheme == "tcp" and isinstance(loop, BenchLoop):
-                factory = protocol_factory(laboratory.instruments[role])
-                loop.serve_in_memory(address.host, address.port, factory, TCP)
+                loop.serve_in_memory(address.host, address.port, self._instrument(laboratory, role), TCP)
 
     async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
         """Joins `factory()` to a TCP connection or a serial line."""
@@ -150,7 +155,7 @@ class BenchWires:
             return await self._real.stream(device, address, factory)
         line = Line.serial(address.option("baud", 9600), SERIAL_LATENCY_S)
         protocol = factory()
-        join(protocol, protocol_factory(self._laboratory.instruments[device])(), line, str(address))
+        join(protocol, self._instrument(self._laboratory, device)(), line, str(address))
         return protocol
 
     async def frames(self, device: str, address: Address) -> FrameLink:
@@ -158,3 +163,8 @@ class BenchWires:
         if self._laboratory is not None and address.simulated:
             return self._laboratory.nodes[device]
         return await self._real.frames(device, address)
+
+    def _instrument(self, laboratory: Laboratory, role: str) -> Callable[[], asyncio.Protocol]:
+        """What is at the other end of a simulated wire, behind a bad line where there is one."""
+        factory = protocol_factory(laboratory.instruments[role])
+        return self._bad[role].in_front_of(factory) if role in self._bad else factory

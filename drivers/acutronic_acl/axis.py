@@ -55,7 +55,7 @@ class AclAxis:
 
     async def identify(self) -> Identity:
         """Who is there now; raises WrongIdentity when it is not who was there before."""
-        return await self._dialogue.line.ask(wire.ASK_IDENTITY.encode(), self._recognise)
+        return await self._dialogue.ask(wire.ASK_IDENTITY.encode(), self._recognise)
 
     async def look(self) -> State:
         """What the axis does now, its angle over whole turns."""
@@ -105,14 +105,14 @@ class AclAxis:
     async def set(self, *commands: str) -> None:
         """Sends what moves nothing by itself; raises Refused, and NoAnswer when nobody knows whether it holds."""
         for command in commands:
-            await self._accepted(command, await self._dialogue.line.ask(command.encode(), self._read_reply))
+            await self._accepted(command, await self._dialogue.ask(command.encode(), self._read_reply))
 
     async def order(self, command: str) -> None:
         """Sends what moves or energises, once; raises InstrumentFault or Refused when the answer is an error.
 
         Returns as well when the answer is missing or garbled: what the caller reads back decides.
         """
-        reply = await self._dialogue.line.order(command.encode(), self._read_reply)
+        reply = await self._dialogue.order(command.encode(), self._read_reply)
         if reply is not None:
             await self._accepted(command, reply)
 
@@ -127,7 +127,7 @@ class AclAxis:
             reply = self._read_reply(answer)
             return read(reply.text) if reply.code == wire.NO_ERROR else reply
 
-        found = await self._dialogue.line.ask(question.encode(), read_text)
+        found = await self._dialogue.ask(question.encode(), read_text)
         if isinstance(found, Reply):
             raise self._refusal(question, found)
         return found

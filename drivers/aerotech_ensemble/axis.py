@@ -31,17 +31,15 @@ class EnsembleAxis:
         self._device, self._name = device, name
         self._fingerprint = ""
         proof = Proof(wire.ask_fingerprint(name).encode(), self._recognise)
-        self._dialogue = Dialogue(device, wires, address, proof, pace=Pace(ANSWER_S))
+        self._dialogue = Dialogue(device, wires, address, proof, pace=Pace(ANSWER_S), greet=self._do_not_wait)
 
     async def open(self) -> None:
         """Connects and takes the fingerprint; raises CannotConnect, or WrongIdentity when it is not the first one."""
         await self._dialogue.open()
-        await self._do_not_wait()
 
     async def reopen(self) -> None:
         """Connects again if the wire was lost; else nothing."""
-        if await self._dialogue.reopen():
-            await self._do_not_wait()
+        await self._dialogue.reopen()
 
     def close(self) -> None:
         """Closes the wire; closing twice is harmless."""
@@ -49,7 +47,7 @@ class EnsembleAxis:
 
     async def fingerprint(self) -> str:
         """What tells this axis from others, asked anew; raises WrongIdentity when it has changed."""
-        await self._dialogue.line.ask(wire.ask_fingerprint(self._name).encode(), self._recognise)
+        await self._dialogue.ask(wire.ask_fingerprint(self._name).encode(), self._recognise)
         return f"{wire.FINGERPRINT_PARAMETER} {self._fingerprint}"
 
     async def angle(self) -> Reading:
@@ -102,11 +100,7 @@ class EnsembleAxis:
 
         A controller that does not know this answers them when they are done; a move's deadline allows for that.
         """
-        try:
-            await self._dialogue.line.order(wire.NO_WAIT.encode(), wire.read_reply)
-        except BaseException:
-            self.close()
-            raise
+        await self._dialogue.order(wire.NO_WAIT.encode(), wire.read_reply)
 
     async def _ask(self, question: str, read: Callable[[str], T]) -> T:
         """What `read` makes of the data of an answer; raises Refused when there is none."""
@@ -115,14 +109,14 @@ class EnsembleAxis:
             reply = wire.read_reply(line)
             return read(reply.data) if reply.outcome is Outcome.DONE else reply
 
-        answer = await self._dialogue.line.ask(question.encode(), read_data)
+        answer = await self._dialogue.ask(question.encode(), read_data)
         if isinstance(answer, Reply):
             raise self._refusal(question, answer)
         return answer
 
     async def _order(self, command: str, *, answer_s: float = ANSWER_S) -> None:
         """Sends a command once; raises InstrumentFault or Refused when the answer says that it was not carried out."""
-        reply = await self._dialogue.line.order(command.encode(), wire.read_reply, answer_s=answer_s)
+        reply = await self._dialogue.order(command.encode(), wire.read_reply, answer_s=answer_s)
         # A controller may stop waiting for a move ($) that goes on.
         if reply is not None and reply.outcome not in (Outcome.DONE, Outcome.TIMEOUT):
             await self.check_faults(command)

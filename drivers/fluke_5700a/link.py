@@ -66,7 +66,7 @@ class FlukeLink:
 
     async def ask(self, question: bytes, read: Callable[[bytes], T]) -> T:
         """One question; see LineExchange.ask."""
-        return await self._dialogue.line.ask(question, read)
+        return await self._dialogue.ask(question, read)
 
     async def write(self, command: str) -> list[str]:
         """Sends a command, once; the faults that are in the queue after it.
@@ -74,7 +74,7 @@ class FlukeLink:
         Returns as well when the answer is missing or garbled: what the caller reads back decides.
         """
         message = command.encode() + self._end + wire.FAULT_QUERY
-        fault = await self._dialogue.line.order(message, wire.read_integer)
+        fault = await self._dialogue.order(message, wire.read_integer)
         return await self.faults() if fault is None else await self._faults_from(fault)
 
     def cut_in(self, *commands: str) -> None:

@@ -115,7 +115,7 @@ class Keysight3458A:
         """Sets the instrument up and reads back; raises Refused."""
         self._set = None
         message = wire.set_up(setting)
-        await self._dialogue.line.order(message, wire.read_numbers)
+        await self._dialogue.order(message, wire.read_numbers)
         if problem := "; ".join(await self._errors()) or await self._misfit(setting):
             raise Refused(
                 self.name, "a setting was not carried out", sent=message.decode(), received=problem,
@@ -138,7 +138,7 @@ class Keysight3458A:
 
     async def _reading(self, setting: Setting) -> Reading:
         takes_s = wire.takes_s(setting.nplc, self._line_hz)
-        value_v = await self._dialogue.line.ask(wire.TRIGGER, wire.read_number, answer_s=takes_s + _SLACK_S)
+        value_v = await self._dialogue.ask(wire.TRIGGER, wire.read_number, answer_s=takes_s + _SLACK_S)
         if abs(value_v) >= wire.OVERLOAD_V:
             raise InstrumentFault(
                 self.name, f"the input is beyond the {setting.range_v:g} V range", received=f"{value_v:g}",
@@ -177,7 +177,7 @@ class Keysight3458A:
         return errors
 
     async def _ask(self, question: bytes, read: Callable[[bytes], T]) -> T:
-        return await self._dialogue.line.ask(question, read)
+        return await self._dialogue.ask(question, read)
 
     def _recognise(self, line: bytes) -> Identity:
         """Maker and model; raises WrongIdentity when they are not those of the bench file."""

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+import math
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from dataclasses import replace
+from typing import TypeVar
 
 from drivers.errors import LinkLost, NoAnswer
 from drivers.transport.address import Address
 from drivers.transport.exchange import Framing, LineExchange, Pace, Proof
 from drivers.transport.wires import Wires
 
+T = TypeVar("T")
+
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 30.0  # between attempts to connect again
 SERIAL_GAP_S = 0.02  # some twenty bytes at 9600 baud
 SAFE_LIMIT_S = 5.0
 
@@ -19,15 +24,20 @@ SAFE_LIMIT_S = 5.0
 class Dialogue:
     """One line after the other to the same instrument.
 
+    Whatever asks connects again when the wire was lost: at once, then after longer and longer pauses. A command does
+    not: what the instrument does by then is to be read first. `greet` is what must be said on every new line.
+
     Lifetime: `open`, then `close`; `reopen` when the wire was lost.
     """
 
     def __init__(
         self, device: str, wires: Wires, address: Address, proof: Proof, *, end: bytes = b"\n",
-        framing: Framing | None = None, pace: Pace | None = None,
+        framing: Framing | None = None, pace: Pace | None = None, greet: Callable[[], Awaitable[object]] | None = None,
     ) -> None:  # fmt: skip
         self._device, self._wires, self._address, self._proof = device, wires, address, proof
-        self._end, self._framing = end, framing
+        self._end, self._framing, self._greet = end, framing, greet
+        self._opening = False
+        self._failures, self._next_attempt_s = 0, -math.inf
         self._serial = address.is_serial_line
         pace = pace or Pace()
         self._pace = replace(pace, gap_s=max(pace.gap_s, SERIAL_GAP_S)) if self._serial else pace
@@ -41,19 +51,44 @@ class Dialogue:
         return self._line
 
     async def open(self) -> None:
-        """Connects, and asks for the proof; raises CannotConnect, and what the proof raises.
+        """Connects, asks for the proof, and greets; raises CannotConnect, and what the proof raises.
 
         A serial line is drained first: it may hold what an earlier program asked for.
         """
         self.close()
-        self._line = await self._wires.stream(self._device, self._address, self._new_line)
+        self._opening = True
         try:
+            self._line = await self._wires.stream(self._device, self._address, self._new_line)
             if self._serial:
                 self._line.distrust()
             await self._line.ask(self._proof.question, self._proof.check)
+            if self._greet is not None:
+                await self._greet()
         except BaseException:
             self.close()
+            pause_s = min(FIRST_PAUSE_S * 2**self._failures, LONGEST_PAUSE_S)
+            self._failures += 1
+            self._next_attempt_s = asyncio.get_running_loop().time() + pause_s
             raise
+        finally:
+            self._opening = False
+        self._failures, self._next_attempt_s = 0, -math.inf
+
+    async def ask(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
+        """One question, on a new line if the wire was lost; see LineExchange.ask, and `open`.
+
+        Raises LinkLost at once while the next attempt to connect is still to come.
+        """
+        if not self._opening and (self._line is None or self._line.lost):
+            wait_s = self._next_attempt_s - asyncio.get_running_loop().time()
+            if self._line is not None and wait_s > 0:
+                raise LinkLost(self._device, f"is not connected; the next attempt is in {wait_s:.1f} s")
+            await self.open()
+        return await self.line.ask(question, read, answer_s=answer_s)
+
+    async def order(self, command: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T | None:
+        """Sends a command that moves or energises, once; see LineExchange.order."""
+        return await self.line.order(command, read, answer_s=answer_s)
 
     async def reopen(self) -> bool:
         """Connects again if the wire was lost; whether it was."""
@@ -68,7 +103,14 @@ class Dialogue:
             self._line.close()
 
     def _new_line(self) -> LineExchange:
-        return LineExchange(self._device, self._proof, end=self._end, framing=self._framing, pace=self._pace)
+        return LineExchange(
+            self._device,
+            self._proof,
+            end=self._end,
+            framing=self._framing,
+            pace=self._pace,
+            gives_up=self._address.scheme != "serial",
+        )
 
 
 @asynccontextmanager

@@ -62,19 +62,22 @@ def lines_ending(end: bytes) -> Framing:
 class LineExchange(asyncio.Protocol):
     """A line-terminated dialogue with one instrument; give it to a transport, then `ask`.
 
-    `framing` is for instruments whose answers are no lines: it finds them.
+    `framing` is for instruments whose answers are no lines: it finds them. With `gives_up` a wire on which even the
+    proof has no answer is closed, so that its owner opens another: a network connection may be open at one end only.
 
     Concurrency: callers queue for the line. Cancelling an exchange leaves the channel untrusted, as a timeout does.
     """
 
     def __init__(
-        self, device: str, proof: Proof, *, end: bytes = b"\n", framing: Framing | None = None, pace: Pace | None = None
-    ) -> None:
+        self, device: str, proof: Proof, *, end: bytes = b"\n", framing: Framing | None = None,
+        pace: Pace | None = None, gives_up: bool = False,
+    ) -> None:  # fmt: skip
         self.device = device
         self._proof = proof
         self._end = end
         self._framing = framing or lines_ending(end)
         self._pace = pace or Pace()
+        self._gives_up = gives_up
         self._turn = asyncio.Lock()
         self._received = bytearray()
         self._heard_at_s = -math.inf
@@ -185,10 +188,18 @@ class LineExchange(asyncio.Protocol):
             )  # fmt: skip
 
     async def _prove(self) -> None:
-        """Drains the channel and proves that questions and answers match again."""
+        """Drains the channel and proves that questions and answers match again.
+
+        Without an answer the wire is closed, if it `gives_up`: nobody may be at its other end any more.
+        """
         doubts = self._doubts
         await self._drain()
-        await self._exchange(self._proof.question, self._proof.check)
+        try:
+            await self._exchange(self._proof.question, self._proof.check)
+        except NoAnswer:
+            if self._gives_up:
+                self.close()
+            raise
         self._doubts -= doubts
 
     async def _drain(self) -> None:

@@ -29,17 +29,15 @@ class ScpiLink:
         self._device, self._pin = setup.name, setup.identity
         self._identity: Identity | None = None
         proof = Proof(IDENTITY_QUERY, self._recognise)
-        self._dialogue = Dialogue(setup.name, setup.wires, setup.address, proof, end=end)
+        self._dialogue = Dialogue(setup.name, setup.wires, setup.address, proof, end=end, greet=self._forget_errors)
 
     async def open(self) -> None:
         """Connects, identifies, and empties the error queue; raises CannotConnect or WrongIdentity."""
         await self._dialogue.open()
-        await self._forget_errors()
 
     async def reopen(self) -> None:
         """Connects and identifies again if the wire was lost; else nothing."""
-        if await self._dialogue.reopen():
-            await self._forget_errors()
+        await self._dialogue.reopen()
 
     def close(self) -> None:
         """Closes the wire; closing twice is harmless."""
@@ -51,14 +49,14 @@ class ScpiLink:
 
     async def ask(self, question: bytes, read: Callable[[bytes], T]) -> T:
         """One question; see LineExchange.ask."""
-        return await self._dialogue.line.ask(question, read)
+        return await self._dialogue.ask(question, read)
 
     async def write(self, commands: str) -> None:
         """Sends commands in one message, once; raises Refused with every error that they left in the queue.
 
         Returns as well when the answer is missing or garbled: what the caller reads back decides.
         """
-        entry = await self._dialogue.line.order(commands.encode() + b";" + ERROR_QUERY, scpi.error_entry)
+        entry = await self._dialogue.order(commands.encode() + b";" + ERROR_QUERY, scpi.error_entry)
         if entry is not None and (errors := await self._errors_from(entry)):
             raise Refused(
                 self._device, "the instrument refused a command", sent=commands, received="; ".join(errors),
@@ -71,11 +69,7 @@ class ScpiLink:
 
     async def _forget_errors(self) -> None:
         """Empties the error queue of what others left there."""
-        try:
-            await self._errors_from(await self.ask(ERROR_QUERY, scpi.error_entry))
-        except BaseException:
-            self.close()
-            raise
+        await self._errors_from(await self.ask(ERROR_QUERY, scpi.error_entry))
 
     async def _errors_from(self, entry: scpi.ErrorEntry) -> list[str]:
         """Every entry of the error queue, from `entry` on; the queue is empty after it."""

@@ -1,0 +1,181 @@
+"""Readings on bad lines: none is wrong, each comes or fails in time, and the driver finds its instrument again."""
+
+import asyncio
+import sys
+
+import pytest
+from pymodbus.framer.rtu import FramerRTU
+
+from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME, BenchLoop, run
+from drivers.transport.exchange import LineExchange
+from drivers.transport.memory import Line
+from simulators.line_faults import BadLine, LineFault, in_turn, now_and_then
+from simulators.proxy import serve_bad_line
+from tests.line_faults.campaign import play
+from tests.line_faults.cases import CASES
+
+TRIALS = 1000 // len(CASES) + 1
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_no_reading_over_a_bad_line_is_wrong_or_late(name: str) -> None:
+    tally = play(name, CASES[name], TRIALS, seed=1)
+    assert tally.unexpected == []
+    assert tally.trials == TRIALS
+    assert tally.outcomes["reported"] > TRIALS / 4
+
+
+def test_a_client_that_takes_whatever_comes_first_for_its_answer_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def trusting(self: LineExchange) -> None:
+        self._doubts = 0
+
+    monkeypatch.setattr(LineExchange, "_make_ready", trusting)
+    tally = play("supply", CASES["scpi_supply"], 60, 1, [LineFault.LATE])
+    assert tally.unexpected
+
+
+def test_a_client_that_does_not_look_at_checksums_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(FramerRTU, "check_CRC", lambda *_: True)
+    tally = play("chamber", CASES["watlow_f4t, RTU"], 60, 1, [LineFault.FLIP])
+    assert tally.outcomes["wrong"] > 0
+
+
+# The line itself
+
+
+class Saying(asyncio.Protocol):
+    """A server that answers every request with `answer`."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        self.transport = transport
+
+    def data_received(self, data: bytes) -> None:
+        self.transport.write(b"answer\n")
+
+
+class Hearing(asyncio.Protocol):
+    def __init__(self) -> None:
+        self.heard: list[tuple[float, bytes]] = []
+        self.lost_at_s: float | None = None
+
+    def data_received(self, data: bytes) -> None:
+        self.heard.append((round(asyncio.get_running_loop().time(), 3), data))
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self.lost_at_s = asyncio.get_running_loop().time()
+
+
+def heard_after(fault: LineFault, seed: int = 1) -> Hearing:
+    """What a client hears that asks twice, 10 s apart, when the first answer suffers."""
+    client = Hearing()
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, BenchLoop)
+        bad = BadLine(seed, in_turn([fault]), patience_s=1.0)
+        loop.serve_in_memory("instrument", 1, bad.in_front_of(Saying), Line())
+        transport, _ = await loop.create_connection(lambda: client, "instrument", 1)
+        for _ in range(2):
+            transport.write(b"question\n")
+            await asyncio.sleep(10.0)
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+    return client
+
+
+GOOD = (10.0, b"answer\n")
+
+
+@pytest.mark.parametrize(
+    ("fault", "heard"),
+    [
+        (LineFault.SILENCE, [GOOD]),
+        (LineFault.DELAY, [(0.5, b"answer\n"), GOOD]),
+        (LineFault.LATE, [(1.1, b"answer\n"), GOOD]),
+        (LineFault.DUPLICATE, [(0.0, b"answer\nanswer\n"), GOOD]),
+        (LineFault.ECHO, [(0.0, b"question\nanswer\n"), GOOD]),
+        (LineFault.HALF_OPEN, []),
+        (LineFault.RESET, []),
+        (LineFault.SLOW_CLOSE, []),
+    ],
+)
+def test_the_first_answer_suffers_what_was_chosen_and_the_next_none(
+    fault: LineFault, heard: list[tuple[float, bytes]]
+) -> None:
+    client = heard_after(fault)
+    assert client.heard == heard
+    assert client.lost_at_s == {LineFault.RESET: 0.0, LineFault.SLOW_CLOSE: 0.5}.get(fault)
+
+
+def test_an_answer_in_pieces_is_whole_in_the_end() -> None:
+    client = heard_after(LineFault.SPLIT)
+    pieces = [data for at_s, data in client.heard if at_s < 10.0]
+    assert b"".join(pieces) == b"answer\n"
+    assert [len(piece) for piece in pieces] == [1] * 7
+
+
+def test_altered_answers_differ_by_what_their_fault_says_and_are_the_same_with_the_same_seed() -> None:
+    for seed in range(20):
+        (_, cut), (_, garbage), (_, flipped) = (
+            heard_after(fault, seed).heard[0] for fault in (LineFault.CUT, LineFault.GARBAGE, LineFault.FLIP)
+        )
+        assert b"answer\n".startswith(cut) or cut == b"answer\n"
+        assert garbage.endswith(b"answer\n")
+        assert len(garbage) > 7
+        assert sum((a ^ b).bit_count() for a, b in zip(flipped, b"answer\n", strict=True)) == 1
+        assert heard_after(LineFault.FLIP, seed).heard[0] == (0.0, flipped)
+
+
+def test_faults_that_come_now_and_then_come_as_often_as_they_should() -> None:
+    choose = now_and_then(1, 0.2, [LineFault.CUT, LineFault.LATE])
+    chosen = [choose(number) for number in range(2000)]
+    assert 300 < sum(fault is not None for fault in chosen) < 500
+    assert set(chosen) == {None, LineFault.CUT, LineFault.LATE}
+    assert chosen == [choose(number) for number in range(2000)]
+
+
+@pytest.mark.integration
+def test_a_proxy_process_stands_in_front_of_a_real_address() -> None:
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        server = await loop.create_server(Saying, "127.0.0.1", 0)
+        target = server.sockets[0].getsockname()
+        bad = BadLine(1, in_turn([None, LineFault.DUPLICATE, LineFault.RESET]), patience_s=0.2)
+        proxy = await serve_bad_line(("127.0.0.1", 0), target, bad)
+        reader, writer = await asyncio.open_connection(*proxy.sockets[0].getsockname())
+        for expected in (b"answer\n", b"answer\nanswer\n"):
+            writer.write(b"question\n")
+            assert await asyncio.wait_for(reader.readexactly(len(expected)), 10) == expected
+        writer.write(b"question\n")
+        with pytest.raises((ConnectionResetError, asyncio.IncompleteReadError)):
+            await asyncio.wait_for(reader.readexactly(7), 10)
+        writer.close()
+        for each in (proxy, server):
+            each.close()
+        assert [injected.number for injected in bad.injected] == [1, 2]
+
+    run(main(), REAL_TIME)
+
+
+@pytest.mark.integration
+def test_the_proxy_is_a_program() -> None:
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        server = await loop.create_server(Saying, "127.0.0.1", 0)
+        host, port = server.sockets[0].getsockname()
+        program = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", "simulators.proxy", "--listen", "127.0.0.1:0", "--to", f"{host}:{port}",
+            "--first", "duplicate", stderr=asyncio.subprocess.PIPE,
+        )  # fmt: skip
+        assert program.stderr is not None
+        ready = (await asyncio.wait_for(program.stderr.readline(), 30)).decode()
+        reader, writer = await asyncio.open_connection("127.0.0.1", int(ready.rpartition(" ")[2]))
+        writer.write(b"question\n")
+        assert await asyncio.wait_for(reader.readexactly(14), 10) == b"answer\nanswer\n"
+        writer.close()
+        program.terminate()
+        await program.wait()
+        server.close()
+
+    run(main(), REAL_TIME)
