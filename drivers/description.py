@@ -73,9 +73,13 @@ class DriverDescription:
         return self.channels(options) if callable(self.channels) else self.channels
 
 
+def unheard(_text: str) -> None:
+    """For a driver whose notes nobody keeps."""
+
+
 @dataclass(frozen=True)
 class Setup(Generic[OptionsT, LimitsT, SafeT]):
-    """Everything a driver is made from."""
+    """Everything a driver is made from; `note` takes what it did on its own: asked again, connected again."""
 
     name: str
     address: Address
@@ -84,6 +88,7 @@ class Setup(Generic[OptionsT, LimitsT, SafeT]):
     limits: LimitsT
     safe: SafeT
     identity: IdentityPin
+    note: Callable[[str], object] = unheard
 
 
 @lru_cache(maxsize=1)

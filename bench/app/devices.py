@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 from bench.app.laboratory import BenchWires, Laboratory
+from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from drivers.capabilities import Device
 from drivers.description import Setup, make_driver
@@ -13,19 +16,21 @@ from drivers.transport.wires import Wires
 
 
 def open_devices(
-    bench: BenchFile, laboratory: Laboratory | None, keep: Callable[[Passed], object] | None = None
-) -> dict[str, Device]:
+    bench: BenchFile, laboratory: Laboratory | None, keep: Callable[[Passed], object] | None = None,
+    note: Callable[[str, str], object] = lambda _role, _text: None,
+) -> dict[str, Device]:  # fmt: skip
     """A driver for every device, not yet connected, on wires that lead to the laboratory where the file says so.
 
-    `keep` is told everything that passes on them.
+    `keep` is told everything that passes on them; `note` what a driver did on its own, with its role.
     """
     wires: Wires = BenchWires(bench, laboratory)
     if keep is not None:
         wires = TracedWires(wires, keep)
     return {
-        role: make_driver(
-            entry.description,
-            Setup(role, entry.connection, wires, entry.options, entry.limits, entry.safe, entry.identity),
-        )
+        role: make_driver(entry.description, _setup(role, entry, wires, partial(note, role)))
         for role, entry in bench.devices.items()
     }
+
+
+def _setup(role: str, entry: DeviceEntry, wires: Wires, note: Callable[[str], object]) -> Setup[Any, Any, Any]:
+    return Setup(role, entry.connection, wires, entry.options, entry.limits, entry.safe, entry.identity, note)

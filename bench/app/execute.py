@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -122,7 +122,12 @@ async def _run(
     try:
         writer.event("run_begins", utc=clock.utc().isoformat(), title=prepared.plan.sequence.title, seed=prepared.seed)
         observer.run_begins(folder, prepared.expected, clock)
-        devices = open_devices(bench, laboratory, keep)
+
+        def note(device: str, text: str) -> None:
+            with suppress(StoreError):  # the step that it stops tells it
+                writer.event("device_note", device=device, text=text)
+
+        devices = open_devices(bench, laboratory, keep, note)
         outcome, identities = await run_plan(
             prepared.plan,
             bench,

@@ -99,9 +99,13 @@ def notes_of_steps(run: StoredRun) -> Iterator[str]:
 
 
 def done_again(run: StoredRun) -> Iterator[str]:
-    """Steps that were done again, after a failure or because the operator wanted it."""
-    for event in run.reader.events("retried", "operator"):
-        if event.kind == "retried":
+    """Steps and questions that were done again, after a failure or because the operator wanted it."""
+    for event in run.reader.events("retried", "operator", "device_note"):
+        if event.kind == "device_note":
+            yield tr("{role}, {time} after the start:", role=event.data["device"], time=duration(event.at_s)) + (
+                f" {event.data['text']}"
+            )
+        elif event.kind == "retried":
             yield tr("Done again: step {step}.", step=event.step) + f" {event.data['text']}"
         elif event.data["action"] == "repeat":
             yield tr("Done again, as the operator wished: step {step}.", step=event.step)

@@ -38,7 +38,7 @@ class AclAxis:
         framing = partial(wire.whole_answer, order=self._byte_order)
         proof = Proof(wire.ASK_IDENTITY.encode(), self._recognise)
         self._dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, proof, framing=framing, pace=Pace(ANSWER_S)
+            setup.name, setup.wires, setup.address, proof, framing=framing, pace=Pace(ANSWER_S), note=setup.note
         )  # fmt: skip
 
     async def open(self) -> None:

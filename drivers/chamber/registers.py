@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 
+from drivers.description import unheard
 from drivers.errors import DriverError, LinkLost, NoAnswer, Refused
 from drivers.transport.modbus import ModbusLink
 from drivers.transport.modbus_frames import ReadFunction
@@ -17,15 +18,17 @@ class ProvedRegisters:
     """Reads, and writes that are proved by reading back.
 
     After a timeout or a lost connection the next request connects and identifies first, by `identify`, which asks
-    through `link` and raises WrongIdentity. A read without an answer is asked again once; a write is sent once,
-    whatever happens.
+    through `link` and raises WrongIdentity. A read without an answer is asked again once, which `note` is told; a write
+    is sent once, whatever happens.
 
     Concurrency: one caller at a time.
     """
 
-    def __init__(self, link: ModbusLink, identify: Callable[[], Awaitable[None]]) -> None:
+    def __init__(
+        self, link: ModbusLink, identify: Callable[[], Awaitable[None]], note: Callable[[str], object] = unheard
+    ) -> None:
         self.link = link
-        self._identify = identify
+        self._identify, self._note = identify, note
 
     async def connect(self) -> None:
         """Connects anew and identifies; raises CannotConnect and what `identify` raises."""
@@ -45,9 +48,11 @@ class ProvedRegisters:
             await self.connect()
         try:
             return await self.link.read(address, count, function=function)
-        except NoAnswer:
+        except NoAnswer as problem:
             await self.connect()
-            return await self.link.read(address, count, function=function)
+            words = await self.link.read(address, count, function=function)
+            self._note(f"asked again: {problem}")
+            return words
 
     async def set(
         self, address: int, words: Words, what: str, spelled: Spelled, *, many: bool = False, function: ReadFunction = 3

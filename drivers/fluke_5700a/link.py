@@ -31,7 +31,7 @@ class FlukeLink:
         self._identity: Identity | None = None
         proof = Proof(wire.IDENTITY_QUERY, self._recognise)
         pace = Pace(answer_s=ANSWER_S)
-        self._dialogue = Dialogue(setup.name, setup.wires, setup.address, proof, end=end, pace=pace)
+        self._dialogue = Dialogue(setup.name, setup.wires, setup.address, proof, end=end, pace=pace, note=setup.note)
 
     async def open(self) -> None:
         """Connects, identifies, and empties the fault queue; raises CannotConnect, WrongIdentity or BadAnswer."""

@@ -41,7 +41,9 @@ class Keysight3458A:
         proof = Proof(wire.IDENTITY_QUESTION, self._recognise)
         # A reading whose asker has gone is still to come, so the line is quiet only when the longest is over.
         pace = Pace(quiet_s=_LONGEST_S)
-        self._dialogue = Dialogue(setup.name, setup.wires, setup.address, proof, end=wire.END, pace=pace)
+        self._dialogue = Dialogue(
+            setup.name, setup.wires, setup.address, proof, end=wire.END, pace=pace, note=setup.note
+        )
         self._turn = asyncio.Lock()
         self._identity: Identity | None = None
         self._set: Setting | None = None  # what was made and read back

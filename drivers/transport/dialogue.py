@@ -25,7 +25,8 @@ class Dialogue:
     """One line after the other to the same instrument.
 
     Whatever asks connects again when the wire was lost: at once, then after longer and longer pauses. A command does
-    not: what the instrument does by then is to be read first. `greet` is what must be said on every new line.
+    not: what the instrument does by then is to be read first. `greet` is what must be said on every new line; `note` is
+    told that the wire was lost and is there again.
 
     Lifetime: `open`, then `close`; `reopen` when the wire was lost.
     """
@@ -33,9 +34,11 @@ class Dialogue:
     def __init__(
         self, device: str, wires: Wires, address: Address, proof: Proof, *, end: bytes = b"\n",
         framing: Framing | None = None, pace: Pace | None = None, greet: Callable[[], Awaitable[object]] | None = None,
+        note: Callable[[str], object] = lambda _text: None,
     ) -> None:  # fmt: skip
         self._device, self._wires, self._address, self._proof = device, wires, address, proof
         self._end, self._framing, self._greet = end, framing, greet
+        self._note = note
         self._opening = False
         self._failures, self._next_attempt_s = 0, -math.inf
         self._serial = address.is_serial_line
@@ -83,7 +86,7 @@ class Dialogue:
             wait_s = self._next_attempt_s - asyncio.get_running_loop().time()
             if self._line is not None and wait_s > 0:
                 raise LinkLost(self._device, f"is not connected; the next attempt is in {wait_s:.1f} s")
-            await self.open()
+            await self.reopen()
         return await self.line.ask(question, read, answer_s=answer_s)
 
     async def order(self, command: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T | None:
@@ -94,7 +97,10 @@ class Dialogue:
         """Connects again if the wire was lost; whether it was."""
         if self._line is not None and not self._line.lost:
             return False
+        why = self._line.why_lost if self._line is not None else ""
         await self.open()
+        if why:
+            self._note(f"connected and identified again at {self._address}: {why}")
         return True
 
     def close(self) -> None:

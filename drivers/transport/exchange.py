@@ -92,6 +92,11 @@ class LineExchange(asyncio.Protocol):
         """Whether the wire is closed; it stays closed."""
         return bool(self._lost)
 
+    @property
+    def why_lost(self) -> str:
+        """Why the wire is closed, "" while it is not."""
+        return self._lost
+
     async def ask(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
         """Sends `question` and a terminator; what `read` makes of the answer, given without its terminator.
 
@@ -198,6 +203,7 @@ class LineExchange(asyncio.Protocol):
             await self._exchange(self._proof.question, self._proof.check)
         except NoAnswer:
             if self._gives_up:
+                self._lost = "nobody answered any more"
                 self.close()
             raise
         self._doubts -= doubts

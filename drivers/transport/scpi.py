@@ -29,7 +29,9 @@ class ScpiLink:
         self._device, self._pin = setup.name, setup.identity
         self._identity: Identity | None = None
         proof = Proof(IDENTITY_QUERY, self._recognise)
-        self._dialogue = Dialogue(setup.name, setup.wires, setup.address, proof, end=end, greet=self._forget_errors)
+        self._dialogue = Dialogue(
+            setup.name, setup.wires, setup.address, proof, end=end, greet=self._forget_errors, note=setup.note
+        )
 
     async def open(self) -> None:
         """Connects, identifies, and empties the error queue; raises CannotConnect or WrongIdentity."""

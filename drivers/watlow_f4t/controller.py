@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from drivers.chamber.controller import Control, Look
 from drivers.chamber.ramp import ARRIVED_WITHIN_C
@@ -40,10 +40,12 @@ class F4TLoop:
 
     can_start = False
 
-    def __init__(self, link: ModbusLink, form: LoopFormat, pin: IdentityPin, *, block_reads: bool) -> None:
+    def __init__(
+        self, link: ModbusLink, form: LoopFormat, pin: IdentityPin, note: Callable[[str], object], *, block_reads: bool
+    ) -> None:
         self.limits_c: tuple[float, float] | None = None
         self._link, self._form, self._pin, self._block_reads = link, form, pin, block_reads
-        self._registers = ProvedRegisters(link, self._identify)
+        self._registers = ProvedRegisters(link, self._identify, note)
 
     async def connect(self) -> None:
         """Connects anew and identifies."""

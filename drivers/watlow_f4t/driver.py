@@ -20,5 +20,5 @@ class WatlowF4T(Chamber):
             setup.name, setup.wires, setup.address, unit_id=options.unit_id, answer_s=options.answer_timeout
         )
         form = LoopFormat(options.loop, options.word_order)
-        loop = F4TLoop(link, form, setup.identity, block_reads=options.block_reads)
+        loop = F4TLoop(link, form, setup.identity, setup.note, block_reads=options.block_reads)
         super().__init__(setup.name, loop, setup.limits, setup.safe, options)

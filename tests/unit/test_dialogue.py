@@ -2,11 +2,12 @@
 
 import asyncio
 from collections.abc import Callable
+from itertools import pairwise
 
 import pytest
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.errors import BadAnswer, LinkLost, NoAnswer
+from drivers.errors import BadAnswer, CannotConnect, LinkLost, NoAnswer
 from drivers.transport.address import Address
 from drivers.transport.dialogue import Dialogue, safe_in_time
 from drivers.transport.exchange import LineExchange, Proof
@@ -129,5 +130,115 @@ def test_making_safe_is_bounded_and_other_timeouts_stay_what_they_are() -> None:
         with pytest.raises(NoAnswer, match="of its own"):
             async with safe_in_time("head"):
                 raise NoAnswer("head", "of its own")
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
+# A wire that is lost
+
+
+class Moody(Echoes):
+    """Refuses connections on demand."""
+
+    refuses = False
+
+    async def stream(self, device: str, address: Address, factory: Callable[[], LineExchange]) -> LineExchange:
+        if self.refuses:
+            raise CannotConnect(device, "refused")
+        return await super().stream(device, address, factory)
+
+
+def test_a_question_connects_again_after_a_lost_wire_and_says_so() -> None:
+    wires, notes = Moody(), list[str]()
+
+    async def main() -> None:
+        address = Address.parse("tcp://127.0.0.1:5025")
+        dialogue = Dialogue("echo", wires, address, Proof(b"who?", check), note=notes.append)
+        await dialogue.open()
+        wires.opened[-1].transport.abort()
+        await asyncio.sleep(1.0)
+        assert await dialogue.ask(b"what?", bytes) == b"what?"
+        assert wires.opened[-1].heard == [b"who?\n", b"what?\n"]
+        dialogue.close()
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+    assert notes == [
+        "connected and identified again at tcp://127.0.0.1:5025: the connection was closed (by the other end)"
+    ]
+
+
+def test_a_command_does_not_connect_again() -> None:
+    wires = Moody()
+
+    async def main() -> None:
+        dialogue = a_dialogue(wires)
+        await dialogue.open()
+        wires.opened[-1].transport.abort()
+        await asyncio.sleep(1.0)
+        with pytest.raises(LinkLost):
+            await dialogue.order(b"move!", bytes)
+        assert len(wires.opened) == 1
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
+def test_attempts_to_connect_again_come_after_longer_and_longer_pauses() -> None:
+    wires, attempts_s, told = Moody(), list[float](), set[str]()
+
+    async def main() -> None:
+        dialogue = a_dialogue(wires)
+        await dialogue.open()
+        wires.opened[-1].transport.abort()
+        await asyncio.sleep(0.5)
+        wires.refuses, began_s = True, now_s()
+        for _ in range(2000):
+            try:
+                await dialogue.ask(b"what?", bytes)
+            except CannotConnect:
+                attempts_s.append(round(now_s() - began_s, 1))
+            except LinkLost as problem:
+                told.add(str(problem).partition("is in")[0])
+            await asyncio.sleep(0.1)
+        wires.refuses = False
+        await asyncio.sleep(30.0)
+        assert await dialogue.ask(b"what?", bytes) == b"what?"
+        dialogue.close()
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+    pauses_s = [after - before for before, after in pairwise(attempts_s)]
+    assert pauses_s == pytest.approx([1, 2, 4, 8, 16, 30, 30, 30, 30, 30][: len(pauses_s)], abs=0.15)
+    assert len(pauses_s) > 7
+    assert told == {"echo: is not connected; the next attempt "}
+
+
+def test_a_connection_that_is_open_at_one_end_only_is_given_up_and_made_anew() -> None:
+    wires = Moody()
+
+    async def main() -> None:
+        dialogue = a_dialogue(wires)
+        await dialogue.open()
+        wires.opened[-1].transport.write = lambda _data: None
+        for _ in range(2):  # the question, then the proof on the same wire
+            with pytest.raises(NoAnswer):
+                await dialogue.ask(b"what?", bytes)
+        assert await dialogue.ask(b"what?", bytes) == b"what?"
+        assert len(wires.opened) == 2
+        dialogue.close()
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
+def test_a_port_has_no_other_end_and_is_kept() -> None:
+    wires = Moody()
+
+    async def main() -> None:
+        dialogue = a_dialogue(wires, "serial:///dev/ttyUSB0")
+        await dialogue.open()
+        wires.opened[-1].transport.write = lambda _data: None
+        for _ in range(4):
+            with pytest.raises(NoAnswer):
+                await dialogue.ask(b"what?", bytes)
+        assert len(wires.opened) == 1
+        dialogue.close()
 
     run(main(), AS_FAST_AS_POSSIBLE)
