@@ -17,6 +17,7 @@ from bench.analysis.channel_temperature import ChannelRules, ChannelRun, reduce_
 from bench.analysis.finding import BudgetLine
 from bench.analysis.fit import NotDetermined
 from bench.analysis.instrument import STEPS
+from bench.analysis.limits import MARGINAL_K
 from bench.analysis.rundata import RunData, UnitUnderTest
 
 GRAVITY_REFERENCE, SOURCE_REFERENCE = "up_1g", "src_1g"
@@ -38,7 +39,7 @@ def is_of_the_read_outs(line: BudgetLine) -> bool:
 class Level:
     """One input level: its line, what that is known by, how its input drifted, and the drift that a budget assumes.
 
-    `slope_lines` are the sources of uncertainty of its slope that it does not share with other levels, in pulse/s/°C.
+    `slope_lines` are the sources of uncertainty of its slope but for the thermometer, in pulse/s/°C.
     """
 
     data: LevelData
@@ -64,10 +65,24 @@ class Level:
         return [line for line in self.slope_lines if not is_of_the_read_outs(line)]
 
     @property
-    def run_to_compare(self) -> ChannelRun:
-        """Its line with the whole uncertainty of the slope that is its own."""
-        u = float(np.sqrt(sum(line.u**2 for line in self.slope_lines)))
-        return replace(self.run, u_slope_pps_per_c=u)
+    def known_run(self) -> ChannelRun:
+        """Its line with the whole uncertainty of the slope."""
+        return self._run_known_by(self.slope_lines)
+
+    def run_beside(self, other: Level) -> ChannelRun:
+        """Its line with the uncertainty of the slope that is its own."""
+        return self._run_known_by(self.lines_beside(other))
+
+    def lines_beside(self, other: Level) -> list[BudgetLine]:
+        """Those of its slope that it does not share with another level.
+
+        An accelerometer that follows the chamber changes the rate in proportion at all levels of gravity.
+        """
+        theirs = {line.shared for line in other.slope_lines if line.shared}
+        return [line for line in self.slope_lines if line.shared not in theirs]
+
+    def _run_known_by(self, lines: Sequence[BudgetLine]) -> ChannelRun:
+        return replace(self.run, u_slope_pps_per_c=float(np.sqrt(sum(line.u**2 for line in lines))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +147,7 @@ def _level(
     certified_per_h = certificate.drift_u_per_s * 3600.0 if certificate is not None else 0.0
     ramp_h = float(np.sum(run.gates.seconds)) / 3600.0
     found_per_h = drift.found_per_h(None if level.level.kind == "source" else ramp_h) if drift is not None else 0.0
-    drift_u_per_h = max(certified_per_h, found_per_h)
+    drift_u_per_h = found_per_h if found_per_h > MARGINAL_K * certified_per_h else certified_per_h
     rate_pps = abs(run.rate_pps)
     what = "source" if level.level.kind == "source" else "accelerometer"
     lines = [
@@ -142,7 +157,8 @@ def _level(
     ]
     if level.level.kind == "gravity":
         followed = abs(scatter.accelerometer_per_c) * settings["accelerometer_drift_u"]
-        lines.append(BudgetLine("accelerometer: its own temperature", "B", rate_pps * followed))
+        own = f"{unit.place}.accelerometer"
+        lines.append(BudgetLine("accelerometer: its own temperature", "B", rate_pps * followed, None, own))
     return Level(level, run, scatter, drift, drift_u_per_h, tuple(lines))
 
 
@@ -153,8 +169,9 @@ def _scatter(run: ChannelRun, reference_c: float) -> LineScatter:
     except NotDetermined:
         dof = max(run.gates_used - 2, 1)
         return LineScatter(
-            0.0, 0.0, run.u_rate_pps, run.u_slope_pps_per_c, dof, run.residual_rms_pps, np.nan, np.empty(0), 0.0, 0.0
-        )
+            0.0, 0.0, run.u_rate_pps, run.u_slope_pps_per_c, dof, run.residual_rms_pps, np.nan, np.empty(0), np.nan,
+            0.0, 0.0,
+        )  # fmt: skip
 
 
 def compared_levels(levels: Mapping[str, Level], settings: Mapping[str, Any]) -> Iterator[Compared]:
@@ -164,7 +181,7 @@ def compared_levels(levels: Mapping[str, Level], settings: Mapping[str, Any]) ->
         if reference is None or reference is level:
             continue
         comparison = compare(
-            level.run_to_compare, reference.run_to_compare,
+            level.run_beside(reference), reference.run_beside(level),
             threshold=settings["threshold"], basis=settings["compare_basis"],
         )  # fmt: skip
         drifted = any(has_drifted(each, settings["drift_limit"]) for each in (level, reference))
@@ -185,7 +202,7 @@ def has_drifted(level: Level, limit: float) -> bool:
 
 def drift_of_channel(levels: Sequence[Level]) -> ChannelDrift | None:
     """The line through the slopes of levels over their rates; None where the levels do not tell it."""
-    usable = [level.run_to_compare for level in levels if level.run.valid]
+    usable = [level.known_run for level in levels if level.run.valid]
     if len(usable) < 2:
         return None
     try:

@@ -103,8 +103,8 @@ class ChannelConclusions:
             if not np.isfinite(deviation.value):
                 continue
             lines = [
-                *_named(ours, 1 / abs(per[0] * reference)),
-                *_named(theirs, abs(value / (per[1] * reference**2))),
+                *_named(ours, theirs, 1 / abs(per[0] * reference)),
+                *_named(theirs, ours, abs(value / (per[1] * reference**2))),
             ]
             name = f"of the slope of {ours.name} from that of {theirs.name}"
             flags = ("marginal",) if compared.marginal else ()
@@ -176,10 +176,11 @@ class ChannelConclusions:
         )
 
 
-def _named(level: Level, factor: float) -> list[BudgetLine]:
-    """What a level contributes to a deviation."""
+def _named(level: Level, other: Level, factor: float) -> list[BudgetLine]:
+    """What a level contributes to a deviation from another."""
     return [
-        BudgetLine(f"{level.name}: {line.source}", line.type, line.u * factor, line.dof) for line in level.slope_lines
+        BudgetLine(f"{level.name}: {line.source}", line.type, line.u * factor, line.dof)
+        for line in level.lines_beside(other)
     ]
 
 

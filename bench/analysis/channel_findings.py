@@ -121,7 +121,7 @@ class ChannelFindings:
             return
         residuals = scatter.residuals_pps / rate_pps
         value = float(np.max(np.abs(residuals)))
-        u = scatter.mean_u_pps(scatter.stretch_s) / rate_pps
+        u = scatter.stretch_u_pps / rate_pps
         name = "largest departure from the line, of means over a twenty-fourth of the run"
         lines = [BudgetLine("read-outs: scatter of a mean", "A", u, scatter.dof)]
         found = self._of_level("rate/model_residual", name, level, value, "1", lines)

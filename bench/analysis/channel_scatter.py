@@ -2,7 +2,9 @@
 
 The errors of counts in neighbouring gates cancel each other, since what one has more the next has less: only the ends
 of the record matter (methods.md 1.7). Residuals of the gates would make far too much of them. So the part of the count
-is worked out from the latches that gates share, and the rest is looked for in means over longer stretches.
+is worked out from the latches that gates share. The rest is looked for in slow waves of the gates, nearly as slow as
+the line: there the count leaves next to nothing, and what comes and goes within a minute or two, such as a chamber's
+limit cycle, does not tilt a line either.
 """
 
 from __future__ import annotations
@@ -10,6 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial import chebyshev
+from scipy.optimize import brentq
 
 from bench.analysis.channel_temperature import Gates
 from bench.analysis.codes import by_level
@@ -17,7 +21,8 @@ from bench.analysis.counts import RESOLUTION_COUNTS
 from bench.analysis.fit import Array, NotDetermined, fit_polynomial
 
 STRETCHES = 24  # of a run, long enough that what the input does within seconds averages out
-SMOOTH_DEGREE = 3  # of the polynomial that the means scatter about
+SMOOTH_DEGREE = 3  # of the polynomial that gates scatter about
+WAVES_DEGREE = 17  # of the steepest polynomial in time that is still a slow wave
 LEAST_GATES = 3 * STRETCHES
 LATCH_COUNTS = RESOLUTION_COUNTS / np.sqrt(2)  # standard deviation of the charge that a latch has not counted yet
 SAME_LATCH_S = 1e-3
@@ -28,10 +33,10 @@ class LineScatter:
     """Standard uncertainties of type A of a line's rate (pulse/s) and slope (pulse/s/°C).
 
     `counting_` is of the count alone, `scatter_` of the rest with `dof` degrees of freedom. `excess_pps` is the
-    standard deviation of the rest in a mean over one stretch, which is `stretch_s` long. `residuals_pps` (m,) are
-    those of the means of the stretches from the line, none where the run is too short for stretches. `drift_h_per_c`
-    and `accelerometer_per_c` are what a line over the converter's temperature gives for time (h) and for the
-    accelerometer's temperature (°C): an input that drifts, or follows the chamber, changes the slope by so much.
+    standard deviation of the rest in a gate, which is `gate_s` long. `residuals_pps` (m,) are what the means of
+    stretches are away from the line, and `stretch_u_pps` is what they scatter by; none where the run is too short.
+    `drift_h_per_c` and `accelerometer_per_c` are what a line over the converter's temperature gives for time (h) and
+    for the accelerometer's temperature (°C): an input that drifts or follows the chamber changes the slope by so much.
     `step_u_pps` is what the steps of codes hide from a mean, 0 for volts; None where pulses were counted.
     """
 
@@ -41,8 +46,9 @@ class LineScatter:
     scatter_slope: float
     dof: int
     excess_pps: float
-    stretch_s: float
+    gate_s: float
     residuals_pps: Array
+    stretch_u_pps: float
     drift_h_per_c: float
     accelerometer_per_c: float
     step_u_pps: float | None = None
@@ -50,7 +56,7 @@ class LineScatter:
     def mean_u_pps(self, span_s: float) -> float:
         """Standard uncertainty of a mean rate over `span_s`, of the count or the steps of codes, and the rest."""
         alone_pps = RESOLUTION_COUNTS / span_s if self.step_u_pps is None else self.step_u_pps
-        return float(np.hypot(alone_pps, self.excess_pps * np.sqrt(self.stretch_s / span_s)))
+        return float(np.hypot(alone_pps, self.excess_pps * np.sqrt(self.gate_s / span_s)))
 
 
 def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
@@ -63,43 +69,80 @@ def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
     rate_gain = 1 / count + (reference_c - centre_c) * slope_gain
     smooth = fit_polynomial(gates.converter_c, gates.rate_pps, SMOOTH_DEGREE).residuals
     line = fit_polynomial(gates.converter_c, gates.rate_pps, 1).residuals
-    means, stretches_s = _stretches(smooth, gates.seconds)
-    dof = STRETCHES - SMOOTH_DEGREE - 1
-    counted = float(np.mean((RESOLUTION_COUNTS / stretches_s) ** 2)) if gates.step_u is None else 0.0
-    found = float(np.sum(means**2)) / dof
-    excess_pps = np.sqrt(max(found - counted, 0.0))
-    slope_means, rate_means = (_sums(gain) for gain in (slope_gain, rate_gain))
+    counting_slope, counting_rate = np.linalg.norm(_unresolved(np.stack([slope_gain, rate_gain]), gates), axis=1)
+    excess_pps = _excess_pps(smooth, gates)
     accelerometer_c = np.where(np.isfinite(gates.accelerometer_c), gates.accelerometer_c, 0.0)
     return LineScatter(
-        counting_rate=_counting(rate_gain, gates),
-        counting_slope=_counting(slope_gain, gates),
-        scatter_rate=float(excess_pps * np.linalg.norm(rate_means)),
-        scatter_slope=float(excess_pps * np.linalg.norm(slope_means)),
-        dof=dof,
-        excess_pps=float(excess_pps),
-        stretch_s=float(np.mean(stretches_s)),
+        counting_rate=float(counting_rate),
+        counting_slope=float(counting_slope),
+        scatter_rate=float(excess_pps * np.linalg.norm(rate_gain)),
+        scatter_slope=float(excess_pps * np.linalg.norm(slope_gain)),
+        dof=WAVES_DEGREE - SMOOTH_DEGREE,
+        excess_pps=excess_pps,
+        gate_s=float(np.mean(gates.seconds)),
         residuals_pps=_stretches(line, gates.seconds)[0],
+        stretch_u_pps=_stretch_u_pps(smooth, gates),
         drift_h_per_c=float(slope_gain @ gates.time_s) / 3600.0,
         accelerometer_per_c=float(slope_gain @ accelerometer_c),
         step_u_pps=None if gates.step_u is None else float(np.mean(gates.step_u)),
     )
 
 
-def _counting(gain: Array, gates: Gates) -> float:
-    """What the latches leave uncounted, in a sum of gates with these gains; gates side by side share a latch.
+def _unresolved(gains: Array, gates: Gates) -> Array:
+    """What a count leaves uncounted in sums of gates with gains (k, n), or the steps of codes hide: (k, m) by cause.
 
-    Or it is what the steps of codes hide: gates whose means are on one step err alike.
+    Gates whose means are on one step err alike.
     """
-    if gates.step_u is not None:
-        largest = float(np.max(gates.step_u, initial=0.0)) * np.sqrt(12)
-        on_step = np.round(gates.rate_pps / largest) if largest else gates.time_s
-        return float(np.linalg.norm(by_level(gain, gates.step_u, on_step)))
-    per_count = gain / gates.seconds
+    if gates.step_u is None:
+        return _of_latches(gains, gates)
+    largest = float(np.max(gates.step_u, initial=0.0)) * np.sqrt(12)
+    on_step = np.round(gates.rate_pps / largest) if largest else gates.time_s
+    return np.stack([by_level(gain, gates.step_u, on_step) for gain in gains])
+
+
+def _of_latches(gains: Array, gates: Gates) -> Array:
+    """What the latches leave uncounted in sums of gates with gains (k, n): the standard deviation by latch (k, m).
+
+    Gates side by side share a latch: what the one has more, the other has less.
+    """
     end_s, begin_s = gates.time_s + gates.seconds / 2, gates.time_s - gates.seconds / 2
-    shared = np.abs(begin_s[1:] - end_s[:-1]) < SAME_LATCH_S
-    own = np.sum(per_count[:-1][~shared] ** 2) + np.sum(per_count[1:][~shared] ** 2)
-    common = np.sum((per_count[1:] - per_count[:-1])[shared] ** 2)
-    return float(LATCH_COUNTS * np.sqrt(own + common + per_count[0] ** 2 + per_count[-1] ** 2))
+    apart = np.abs(begin_s[1:] - end_s[:-1]) >= SAME_LATCH_S
+    begins = np.arange(len(gates.seconds)) + np.concatenate(([0], np.cumsum(apart)))
+    per_count = gains / gates.seconds
+    found = np.zeros((len(gains), int(begins[-1]) + 2))
+    found[:, begins] -= per_count
+    found[:, begins + 1] += per_count
+    return np.asarray(LATCH_COUNTS * found)
+
+
+def _excess_pps(residual_pps: Array, gates: Gates) -> float:
+    """The standard deviation of a gate that is not of the count, as far as slow waves of the gates have it.
+
+    So large that the squares of the waves are together what they should be (Paule and Mandel, J. Res. NBS 87, 377):
+    those in which the count leaves the least tell the most. Nothing where the count alone would scatter as much.
+    """
+    through = chebyshev.chebvander(np.linspace(-1, 1, len(residual_pps)), WAVES_DEGREE)
+    waves = np.linalg.qr(through)[0][:, SMOOTH_DEGREE + 1 :].T
+    unresolved = _unresolved(waves, gates)
+    counted, apart = np.linalg.eigh(unresolved @ unresolved.T)  # waves share the latches at the ends
+    squares = (apart.T @ waves @ residual_pps) ** 2
+    if not unresolved.any():
+        return float(np.sqrt(np.mean(squares)))
+    counted = np.maximum(counted, np.finfo(np.float64).eps * counted[-1])  # few steps of codes hide nothing of some
+
+    def surplus(excess: float) -> float:
+        return float(np.sum(squares / (counted + excess))) - len(squares)
+
+    most = float(np.mean(squares))
+    return float(np.sqrt(brentq(surplus, 0.0, most))) if surplus(0.0) > 0 else 0.0
+
+
+def _stretch_u_pps(residual_pps: Array, gates: Gates) -> float:
+    """What the means of stretches scatter by, of which the count is the least, or the steps of codes."""
+    means, stretches_s = _stretches(residual_pps, gates.seconds)
+    found = float(np.sum(means**2)) / (STRETCHES - SMOOTH_DEGREE - 1)
+    alone_pps = RESOLUTION_COUNTS / stretches_s if gates.step_u is None else gates.step_u
+    return float(np.sqrt(max(found, float(np.mean(alone_pps**2)))))
 
 
 def _stretches(residual_pps: Array, seconds: Array) -> tuple[Array, Array]:

@@ -146,7 +146,7 @@ def _slopes(levels: list[Level], detail: ChannelDetail, name: str) -> Plot:
     axes = figure.subplots()
     decisions = {each.level.name: each for each in detail.compared}
     for number, (level, colour) in enumerate(zip(levels, _colours(levels), strict=True)):
-        slope, run = level.run.relative_slope_per_c * PPM, level.run_to_compare
+        slope, run = level.run.relative_slope_per_c * PPM, level.known_run
         bar = COVERAGE * run.u_relative_slope_per_c * PPM
         axes.errorbar(number, slope, bar, marker="o", color=colour, capsize=3, linestyle="none")
         each = decisions.get(level.name)

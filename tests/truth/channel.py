@@ -43,16 +43,31 @@ def compare_channel(folder: Path, results: dict | None = None) -> dict[str, Comp
 
 
 def compared(truth: dict, results: dict) -> dict[str, Comparison]:
-    """The same of a truth and of results at hand."""
+    """The same of a truth and of results at hand. A deviation, told without its sign, is compared with it.
+
+    What an uncertainty says is about the difference of two slopes. Its size alone would be nearer to that of the truth
+    than that tells where the truth is about nothing.
+    """
     found = results["findings"]
-    lines = {each["at"]["run"]: true_line(truth, each) for each in found if each["quantity"] == "rate"}
+    true = {each["at"]["run"]: true_line(truth, each) for each in found if each["quantity"] == "rate"}
+    lines = {run: tuple(_of_run(found, run, quantity) for quantity in OF_A_LEVEL[:2]) for run in true}
     compared = {}
     for each in found:
-        if each["quantity"] in (*OF_A_LEVEL, *OF_TWO, *OF_ALL):
-            key = each["id"].split("/", 2)[2]
-            value = _true_value(each, lines)
-            compared[key] = Comparison(truth["seed"], 0, each["quantity"], each["value"], value, each["u"])
+        if each["quantity"] in (*OF_A_LEVEL, *OF_ALL):
+            value, true_value = each["value"], _true_value(each, true)
+        elif each["quantity"] in OF_TWO:
+            value, true_value = _deviation(each, lines), _deviation(each, true)
+            assert math.isclose(abs(value), each["value"], rel_tol=1e-6), each["id"]
+        else:
+            continue
+        key = each["id"].split("/", 2)[2]
+        compared[key] = Comparison(truth["seed"], 0, each["quantity"], value, true_value, each["u"])
     return compared
+
+
+def _of_run(findings: list[dict], run: str, quantity: str) -> float:
+    """What was found of a level."""
+    return next(each["value"] for each in findings if each["quantity"] == quantity and each["at"].get("run") == run)
 
 
 def true_line(truth: dict, finding: dict) -> Line:
@@ -75,11 +90,15 @@ def _true_value(finding: dict, lines: dict[str, Line]) -> float:
         scale, offset = np.polyfit([rate for rate, _ in lines.values()], [slope for _, slope in lines.values()], 1)
         return float(scale if quantity == "tempco_scale" else offset)
     rate, slope = lines[at["run"]]
-    if quantity in OF_A_LEVEL:
-        return {"rate": rate, "rate/temperature_coefficient": slope}.get(quantity, slope / rate)
-    reference_rate, reference = lines[at["reference"]]
-    ratio = slope / reference if quantity == "deviation/raw" else slope / rate / (reference / reference_rate)
-    return abs(ratio - 1)
+    return {"rate": rate, "rate/temperature_coefficient": slope}.get(quantity, slope / rate)
+
+
+def _deviation(finding: dict, lines: dict[str, Line]) -> float:
+    """By how much the slope of a line is more than that of its reference, or its slope relative to its rate."""
+    rate, slope = lines[finding["at"]["run"]]
+    reference_rate, reference = lines[finding["at"]["reference"]]
+    ratio = slope / reference
+    return (ratio if finding["quantity"] == "deviation/raw" else ratio * reference_rate / rate) - 1
 
 
 # Errors planted in the reduction
@@ -123,10 +142,10 @@ def late_temperatures() -> AbstractContextManager[object]:
 def independent_gates() -> AbstractContextManager[object]:
     """Gates side by side averaged as if each had counts of its own, though they share their latches."""
 
-    def mistaken(gain: np.ndarray, gates: channel_temperature.Gates) -> float:
-        return float(RESOLUTION_COUNTS * np.linalg.norm(gain / gates.seconds))
+    def mistaken(gains: np.ndarray, gates: channel_temperature.Gates) -> np.ndarray:
+        return RESOLUTION_COUNTS * gains / gates.seconds
 
-    return mock.patch.object(channel_scatter, "_counting", mistaken)
+    return mock.patch.object(channel_scatter, "_of_latches", mistaken)
 
 
 PLANTED = {

@@ -200,12 +200,18 @@ class _Player:
         }
 
     def _pass_until(self, host_s: float) -> None:
-        while self._to_come and self._to_come[0].at_s <= host_s:
-            stimulus = self._to_come.pop(0)
+        for stimulus in self._due(host_s):
             self._pause_until(self.world.true_time(stimulus.at_s))
             self._host_s = stimulus.at_s
-            getattr(self.world, stimulus.what)(*stimulus.args, **stimulus.named)
+            self._play(stimulus)
         self._pause_until(self.world.true_time(host_s))
+
+    def _due(self, host_s: float) -> Iterator[Stimulus]:
+        while self._to_come and self._to_come[0].at_s <= host_s:
+            yield self._to_come.pop(0)
+
+    def _play(self, stimulus: Stimulus) -> None:
+        getattr(self.world, stimulus.what)(*stimulus.args, **stimulus.named)
 
     def _pause_until(self, true_s: float) -> None:
         while true_s - self._now_s > 1e-6:
@@ -240,6 +246,8 @@ class _Player:
         told: dict[str, list[tuple[float, float]]] = {}
         for block in range(0, len(at_s) - 1, LATCHES):
             edges_s = at_s[block : block + LATCHES + 1]
+            for stimulus in self._due(float(self.world.host_time(edges_s[-1]))):  # a ramp begins while it is acquired
+                self._play(stimulus)
             for name, part in self._count(edges_s).items():
                 parts[name].append(part)
             for name, celsius in self._temperatures(units):
