@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import sqrt
-
-from scipy.special import fdtr
 
 from bench.analysis.finding import BudgetLine, Finding, Subject
 from bench.analysis.fit import Array, PolynomialFit
+from bench.analysis.pooling import Scatter, pooled
 from bench.analysis.temperature_coefficients import bias_coefficients, scale_coefficients
 
-SIGNIFICANT = 0.95  # of the distribution of F under which the fit leaves no more than the readings' scatter
 TERMS = ("linear", "quadratic")
 
 
@@ -59,8 +56,5 @@ def _pooled(fit: BudgetLine, readings: BudgetLine) -> BudgetLine:
     """What scatter gives: of the fit, if it is significantly more than that of the readings, else of both together."""
     if not fit.dof:
         return readings
-    if not readings.dof or not readings.u or fdtr(fit.dof, readings.dof, (fit.u / readings.u) ** 2) > SIGNIFICANT:
-        return fit
-    dof = fit.dof + readings.dof
-    u = sqrt((fit.dof * fit.u**2 + readings.dof * readings.u**2) / dof)
-    return BudgetLine("fit and readings: scatter, pooled", "A", u, dof)
+    both = pooled(Scatter(fit.u, fit.dof), Scatter(readings.u, readings.dof or 0))
+    return BudgetLine("fit and readings: scatter, pooled", "A", *both) if both else fit

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 
 from bench.analysis.acquired import Counts
 from bench.analysis.bench_record import AxisRecord
-from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
+from bench.analysis.counts import mean_rate
 from bench.analysis.rest import Rest, RestReading, fit_rest
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.steady_turning import Steady
 from bench.analysis.table_intake import table_samples
-from bench.analysis.table_samples import harmonics_u_dps, steady
+from bench.analysis.table_samples import PARTS_DOF, harmonics_u_dps, steady
 
 AT_REST_DPS = 0.01
 
@@ -79,9 +79,7 @@ def range_blocks(
             u_dps = harmonics_u_dps(samples, data.bench.axes.get(motion.device, AxisRecord()).harmonics_u_deg)
             turning.append((middle_s, Turning(acquisition.step, motion.rate_dps, read, u_dps, samples.temperature_c)))
         elif motion is None and abs(read.rate_dps) < AT_REST_DPS:
-            counted = RESOLUTION_COUNTS / (acquisition.end_s - acquisition.begin_s) * per_pulse
-            u = counted if unit.is_counted else read.u_output  # at least; readings tell their scatter
-            at_rest.append(RestReading(middle_s, acquisition.angle_deg, read.output, u))
+            at_rest.append(RestReading(middle_s, acquisition.angle_deg, read.output, read.u_output, PARTS_DOF))
             found.rest_steps.append(acquisition.step)
         else:
             found.leave_out(acquisition.step, ["not_at_rest"])

@@ -11,18 +11,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.analysis.fit import Array, NotDetermined, least_squares
+from bench.analysis.pooling import Scatter, pooled
 
 OPPOSITE = 0.02  # rad from half a turn: a pair of angles whose mean is free of the first harmonic
 
 
 @dataclass(frozen=True, slots=True)
 class RestReading:
-    """One reading: when, at which angle of the table, and the output with its standard uncertainty."""
+    """One reading: when, at which angle of the table, and the output with its standard uncertainty of type A."""
 
     at_s: float
     angle_deg: float
     output: float
     u: float
+    dof: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,25 +49,27 @@ class Rest:
 def fit_rest(readings: Sequence[RestReading]) -> Rest:
     """The bias that readings tell; ValueError for none.
 
-    Their scatter is that of the readings themselves, or that about the fit where it is larger.
+    What scatters is told by each reading and by what the fit leaves of them: by both together, or by the fit where that
+    is significantly more.
     """
     if not readings:
         raise ValueError("no reading at rest")
     at_s = np.array([reading.at_s for reading in readings])
     angle_deg = np.array([reading.angle_deg % 360 for reading in readings])
     output = np.array([reading.output for reading in readings])
-    own = float(np.sqrt(np.mean([reading.u**2 for reading in readings])))
+    own = Scatter(float(np.sqrt(np.mean([each.u**2 for each in readings]))), sum(each.dof for each in readings))
     middle_s = float(np.mean(at_s))
     for columns in _designs(at_s - middle_s, np.radians(angle_deg)):
         try:
             fit = least_squares(np.column_stack(list(columns.values())), output, names=list(columns))
         except NotDetermined:
             continue
-        sd = max(own, fit.residual_sd) if fit.dof else own
+        left = Scatter(fit.residual_sd, fit.dof)
+        sd, dof = (pooled(left, own) or left) if fit.dof else own
         names = list(columns)
         drift = float(fit.coefficients[names.index("drift")]) / _span_s(at_s) if "drift" in names else 0.0
         u = sd * float(np.sqrt(fit.unscaled_covariance[0, 0]))
-        return Rest(float(fit.coefficients[0]), u, drift, middle_s, max(fit.dof, 1), "cosine" not in names)
+        return Rest(float(fit.coefficients[0]), u, drift, middle_s, dof, "cosine" not in names)
     raise AssertionError("readings do not determine their mean")
 
 

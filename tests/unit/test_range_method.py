@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bench.analysis.range_method import reduce_accelerometer, reduce_gyro
+from bench.analysis.table_samples import PARTS_DOF
 from bench.report.flag_words import flag_in_words
 from bench.sequence.methods.response import ACCELEROMETER_RANGE, GYRO_RANGE
 from tests.support.table_runs import at_rate, at_rest, data
@@ -50,9 +51,10 @@ def test_the_errors_of_a_gyro_are_those_of_its_scale():
     assert (unit.flags, unit.left_out) == ((), ())
 
 
-def test_the_scatter_of_few_readings_at_rest_is_told_as_that_of_few():
+def test_the_scatter_of_few_readings_at_rest_is_told_together_with_that_within_them():
     (rest,) = [each for each in gyro(*REST, *REST).findings if each.quantity == "rest_rate"]
-    assert [line.dof for line in rest.budget] == [len([*REST, *REST]) - 4], "bias, drift, and two of a harmonic"
+    few = len([*REST, *REST]) - 4  # bias, drift, and two of a harmonic
+    assert [line.dof for line in rest.budget] == [few + len([*REST, *REST]) * PARTS_DOF]
 
 
 def test_relative_to_the_full_scale_it_is_that_part_of_it():

@@ -92,7 +92,7 @@ def test_a_sensor_at_its_clip_level_is_seen():
 
 def readings(bias, tilt, drift, angles_deg, every_s=10.0):
     return [
-        RestReading(i * every_s, at, bias + tilt * np.cos(np.radians(at - 40)) + drift * i * every_s, 1e-6)
+        RestReading(i * every_s, at, bias + tilt * np.cos(np.radians(at - 40)) + drift * i * every_s, 1e-6, 29)
         for i, at in enumerate(angles_deg)
     ]
 
@@ -101,7 +101,23 @@ def test_a_tilt_and_a_drift_are_not_in_the_bias():
     found = fit_rest(readings(1e-3, 5e-5, 1e-7, [0, 90, 180, 270, 0, 90, 180, 270]))
     assert found.value + found.change(0.0) == pytest.approx(1e-3, abs=1e-9)
     assert found.drift_per_s == pytest.approx(1e-7)
-    assert (found.dof, found.of_one_angle) == (4, False)
+    assert (found.dof, found.of_one_angle) == (4 + 8 * 29, False)
+
+
+@pytest.mark.parametrize(("more", "low", "high"), [(1.0, 0.9, 1.1), (3.0, 0.9, 1.6)])
+def test_the_uncertainty_of_the_bias_is_what_biases_scatter_by(more, low, high):
+    """Readings that scatter as each tells, and three times more, of which a fit of eight readings tells a little."""
+    rng = np.random.default_rng(6)
+    ratios = []
+    for _ in range(500):
+        told = 1e-6 * np.sqrt(rng.chisquare(29, 8) / 29)
+        scatter = more * 1e-6 * rng.standard_normal(8)
+        found = fit_rest([
+            RestReading(10.0 * i, 90.0 * i, 1e-3 + error, u, 29)
+            for i, (error, u) in enumerate(zip(scatter, told, strict=True))
+        ])  # fmt: skip
+        ratios.append((found.value - 1e-3) / found.u)
+    assert low < np.sqrt(np.mean(np.square(ratios))) < high
 
 
 def test_opposite_angles_are_enough_and_others_are_told():
