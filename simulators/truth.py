@@ -162,9 +162,13 @@ def _output(world: World, reading: LegAsMeasured) -> float:
 
 
 def _leg(world: World, leg: LegAsMeasured) -> dict[str, Any]:
-    """What the noiseless channel put out during a leg: temperature, output less gravity in g, K1 in its unit per g."""
+    """What the noiseless channel put out during a leg: temperature, output less gravity in g, K1 in its unit per g.
+
+    In the middle of samples of 10 s from its begin on; a leg is curved at its ends, so that it matters where it ends.
+    """
     unit = world.units[leg.place]
-    at_s = np.arange(world.true_time(leg.begin_s), world.true_time(leg.end_s), LEG_EVERY_S)
+    begin_s, end_s = world.true_time(leg.begin_s), world.true_time(leg.end_s)
+    at_s = np.arange(begin_s + LEG_EVERY_S / 2, max(end_s - LEG_EVERY_S, begin_s + LEG_EVERY_S), LEG_EVERY_S)
     history = np.array(unit.history)
     drifted_g, moving_g, sensor_c, thermometer_c = (np.interp(at_s, history[:, 0], row) for row in history.T[1:])
     axis_rad = np.full_like(at_s, np.radians(_axis_deg(world, leg.place, leg.lies)))

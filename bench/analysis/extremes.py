@@ -97,6 +97,17 @@ def interval_of_span(values: Array, sd: float) -> Interval:
     return Interval(low, span + float(ndtri(one_sided) * np.sqrt(2) * sd), float(np.mean(spans)))
 
 
+def interval_of_rms(values: Array, sd: float) -> Interval:
+    """The range of the root mean square of (n,) that scatter by `sd`, whatever they are without scatter.
+
+    Scatter adds its own square to the mean square, which varies by as much as n values tell.
+    """
+    square, width = float(np.mean(values**2)) - sd**2, float(ndtri((1 + CONFIDENCE) / 2))
+    width *= sd * float(np.sqrt((4 * max(square, 0.0) + 2 * sd**2) / len(values)))
+    low, high = (float(np.sqrt(max(square + side * width, 0.0))) for side in (-1, 1))
+    return Interval(low, high, sd)
+
+
 def _calm(values: Array, sd: float) -> Array:
     together = np.ones(min(NEIGHBOURS, len(values)))
     count = np.convolve(np.ones(len(values)), together, "same")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from bench.analysis.compensation import Compensation
-from bench.analysis.extremes import interval_of_largest, largest_u, scatter_sd
+from bench.analysis.extremes import interval_of_largest, interval_of_rms, largest_u, scatter_sd
 from bench.analysis.finding import BudgetLine, Finding, Interval, Subject
 from bench.analysis.fit import Array, PolynomialFit
 from bench.analysis.models import TemperatureModel
@@ -94,7 +94,10 @@ class RampFindings:
             BudgetLine("samples: scatter is part of it", "A", added_g),
             self._scale_error(rms_g), self._scale_left(), BudgetLine(LAG, "alias", 0.0),
         ]  # fmt: skip
-        yield self._finding("K0/model_residual_rms", "root mean square of the residuals", rms_g, "g", lines, {})
+        yield self._finding(
+            "K0/model_residual_rms", "root mean square of the residuals", rms_g, "g", lines, {},
+            interval=interval_of_rms(residuals_g, sd_g),
+        )  # fmt: skip
 
     def _at_largest(self) -> dict[str, Any]:
         pairs = list(zip(self.found.legs, self.found.residuals_ug, strict=True))

@@ -24,7 +24,9 @@ from bench.analysis import channel_runs, channel_scatter, channel_temperature
 from bench.analysis.counts import RESOLUTION_COUNTS
 from bench.app.request import RunRequest
 from bench.report.stored import open_run
+from tests.truth import judge
 from tests.truth.campaign import Comparison, campaign, full_bench, perfect_bench, results_of
+from tests.truth.judge import rms_of as rms
 from tests.truth.replay import at_record_level
 
 BENCH = "channel"
@@ -174,21 +176,6 @@ def by_result(runs: Sequence[dict[str, Comparison]]) -> dict[str, list[Compariso
     return {key: [run[key] for run in runs if key in run] for key in keys}
 
 
-def rms(comparisons: Sequence[Comparison]) -> float:
-    return math.sqrt(sum(each.ratio**2 for each in comparisons) / len(comparisons))
-
-
-def problems(found: dict[str, list[Comparison]], highest: float) -> list[str]:
-    """What is not honest: errors larger than their uncertainties tell."""
-    told = []
-    for key, comparisons in found.items():
-        if rms(comparisons) > highest:
-            told.append(f"{key}: rms(error/u) is {rms(comparisons):.3g} over {len(comparisons)} runs")
-        if (beyond := sum(abs(each.ratio) > 3 for each in comparisons)) > max(1, len(comparisons) // 40):
-            told.append(f"{key}: {beyond} of {len(comparisons)} runs are beyond k = 3")
-    return told
-
-
 def worse(found: dict[str, list[Comparison]], honest: dict[str, list[Comparison]]) -> list[str]:
     """Results whose errors a planted mistake has made much larger than in the same runs without it, or u too large."""
     return [
@@ -229,7 +216,7 @@ def main() -> int:
             else:  # only pulses are replayed
                 found = by_result([compare_channel(path) for path in campaign(requests[name], options.processes)])
             print(f"\n{name} bench, {options.seeds} seeds\n{table(found)}", flush=True)
-            told += [f"{name} bench: {problem}" for problem in problems(found, 1.35)]
+            told += [f"{name} bench: {problem}" for problem in judge.beyond(found, name)]
         if options.bench == BENCH:
             told += _plant(campaign(requests["perfect"][:THROUGH_ALL_WIRES], options.processes))
     print("\n".join([*told, f"channel truth: {'FAILED' if told else 'ok'}"]))

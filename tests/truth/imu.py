@@ -6,7 +6,6 @@ import argparse
 import json
 import sys
 import tempfile
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from simulators.gyro import GyroTruth
 from simulators.imu_uut import GyroSends, ImuTruth, ZeroDrift
 from simulators.truth_imu import accelerometer_constants, gyro_constants
 from simulators.uut import Decoding, UnitTruth
+from tests.truth import judge
 from tests.truth.campaign import Comparison, campaign, full_bench, results_of
 from tests.truth.replay import at_record_level
 
@@ -106,10 +106,7 @@ def imu_truth(raw: dict) -> ImuTruth:
 
 def rms_of(comparisons: Sequence[Comparison]) -> dict[str, float]:
     """rms(error/u) by quantity."""
-    ratios = defaultdict(list)
-    for each in comparisons:
-        ratios[each.quantity].append(each.ratio)
-    return {quantity: float(np.sqrt(np.mean(np.square(found)))) for quantity, found in ratios.items()}
+    return {quantity: judge.rms_of(found) for quantity, found in judge.by_quantity(comparisons).items()}
 
 
 def table(comparisons: Sequence[Comparison]) -> Iterator[str]:
@@ -172,21 +169,9 @@ def main() -> int:
             judged = comparisons if kind == "perfect" else [each for each in comparisons if each.dwell == 0]
             print(f"\n{kind} bench, {options.seeds} seeds")
             print("\n".join(table(judged)), flush=True)
-            problems += [f"{kind} bench: {problem}" for problem in beyond(judged, kind)]
+            problems += [f"{kind} bench: {problem}" for problem in judge.beyond(judge.by_quantity(judged), kind)]
     print("\n".join(problems) or "\ntruth: ok")
     return 1 if problems else 0
-
-
-def beyond(comparisons: Sequence[Comparison], kind: str) -> Iterator[str]:
-    """What is beyond the bars of methods.md 8.8; one value of each run counts on a full bench, that of each axis."""
-    low, high = (0.8, 1.25) if kind == "perfect" else (0.7, 1.35)
-    for quantity, rms in rms_of(comparisons).items():
-        ratios = [abs(each.ratio) for each in comparisons if each.quantity == quantity]
-        if not low <= rms <= high:
-            yield f"{quantity}: rms(error/u) is {rms:.3g} over {len(ratios)} values"
-        most = 0.01 * len(ratios) if kind == "perfect" else max(1, len(ratios) / 40)
-        if (far := sum(ratio > 3 for ratio in ratios)) > most:
-            yield f"{quantity}: {far} of {len(ratios)} values are beyond k = 3"
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from bench.analysis.indexing_static import _attempts
 from bench.app.request import RunRequest
 from bench.report.stored import open_run
 from bench.sequence.methods.indexing import INDEXING_STATIC
+from tests.truth import judge
 from tests.truth.campaign import Comparison, campaign, full_bench, perfect_bench, results_of
 
 QUANTITIES = ("K0", "K1", "misalignment", "Kip", "scale_difference", "bias", "bias_corrected", "b3", "b5")
@@ -96,16 +97,11 @@ def main() -> int:
 
 def judged(comparisons: list[Comparison], name: str) -> Iterator[str]:
     """What is beyond the bars; a line is printed for each quantity."""
-    low, high = (0.8, 1.25) if name == "perfect" else (0.7, 1.35)
-    for quantity in QUANTITIES:
-        ratios = [each.ratio for each in comparisons if each.quantity == quantity and each.u]
-        if ratios:
-            rms, worst = math.sqrt(sum(ratio**2 for ratio in ratios) / len(ratios)), max(map(abs, ratios))
-            print(f"{quantity:<18} n {len(ratios):>3}  rms(error/u) {rms:.3f}  largest {worst:.2f}")
-            if not low <= rms <= high:
-                yield f"{quantity}: rms(error/u) is {rms:.3f}"
-            if (far := sum(abs(ratio) > 3 for ratio in ratios)) > max(1, len(ratios) // 40):
-                yield f"{quantity}: {far} of {len(ratios)} runs are beyond k = 3"
+    found = judge.by_quantity(each for each in comparisons if each.u)
+    for quantity, chosen in found.items():
+        rms, worst = judge.rms_of(chosen), max(abs(each.ratio) for each in chosen)
+        print(f"{quantity:<18} n {len(chosen):>3}  rms(error/u) {rms:.3f}  largest {worst:.2f}")
+    yield from judge.beyond(found, name)
 
 
 if __name__ == "__main__":

@@ -3,12 +3,48 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from tests.truth.campaign import QUANTITIES, Comparison
 
 K0_U_LIMIT_G = 2e-6
 K1_U_LIMIT = 2e-6  # of the value
+RMS = {"perfect": (0.8, 1.25), "full": (0.7, 1.35)}  # of error/u
+FAR = {"perfect": 0.01, "full": 1 / 40}  # of the values may be beyond k = 3, or one
+LEAST_HELD = 0.9  # of the intervals of largest values
+
+
+def by_quantity(comparisons: Iterable[Comparison]) -> dict[str, list[Comparison]]:
+    """The comparisons of each quantity."""
+    found = defaultdict(list)
+    for each in comparisons:
+        found[each.quantity].append(each)
+    return dict(found)
+
+
+def beyond(found: Mapping[str, Sequence[Comparison]], kind: str, cautious: Sequence[str] = ()) -> Iterator[str]:
+    """What is beyond the bars of a "perfect" or of a "full" bench; largest values by their intervals (methods.md 8.8).
+
+    A largest value is not symmetric about its truth: only that its uncertainty is not too small is asked of it beside,
+    as it is of what is known to be stated with caution.
+    """
+    low, high = RMS[kind]
+    for name, comparisons in found.items():
+        rms, largest = rms_of(comparisons), any(math.isfinite(each.interval[1]) for each in comparisons)
+        held = sum(each.held for each in comparisons) / len(comparisons)
+        if held < LEAST_HELD:
+            yield f"{name}: {held:.0%} of {len(comparisons)} intervals hold the truth"
+        if not (0.0 if largest or name in cautious else low) <= rms <= high:
+            yield f"{name}: rms(error/u) is {rms:.3g} over {len(comparisons)} values"
+        far = sum(abs(each.ratio) > 3 for each in comparisons)
+        if far > max(1, FAR[kind] * len(comparisons)):
+            yield f"{name}: {far} of {len(comparisons)} values are beyond k = 3"
+
+
+def rms_of(comparisons: Iterable[Comparison]) -> float:
+    """Of error over u."""
+    return _rms([each.ratio for each in comparisons])
 
 
 def judge_perfect(comparisons: Sequence[Comparison]) -> list[str]:
