@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from bench.analysis.extremes import interval_of_largest, largest_u, scatter_sd
+from bench.analysis.extremes import interval_of_largest, interval_of_rms, largest_u, scatter_sd
 
 
 @pytest.fixture
@@ -90,3 +90,15 @@ def test_without_scatter_the_interval_is_the_value_itself():
     found = interval_of_largest(np.array([-3.0, 2.0]), 0.0)
     assert (found.low, found.high, found.from_scatter) == (3.0, 3.0, 0.0)
     assert interval_of_largest(np.array([-3.0]), 1.0).times(-2.0).high == pytest.approx(2 * (3 + 1.96), abs=0.001)
+
+
+@pytest.mark.parametrize("height", [0.0, 0.3, 5.0])
+def test_the_interval_of_a_root_mean_square_holds_what_it_is_without_scatter(height):
+    rng = np.random.default_rng(12)
+    calm = height * np.sin(np.linspace(0, 9, 200))
+    true = float(np.sqrt(np.mean(calm**2)))
+    found = [interval_of_rms(calm + rng.standard_normal(200), 1.0) for _ in range(400)]
+    held = np.mean([each.low <= true <= each.high for each in found])
+    assert 0.92 < held <= 1.0
+    assert {each.from_scatter for each in found} == {1.0}
+    assert np.mean([each.high for each in found]) < true + 0.5
