@@ -28,16 +28,18 @@ pytest: $(VENV)/.dev
 	$(BIN)/pytest -n 2 --cov --cov-report= --dist worksteal --durations 20
 	$(BIN)/coverage report --fail-under=90
 
-# Results against the simulated truth, 40 seeds on a perfect and on a full bench, then with errors planted: half an hour.
+# Results against the simulated truth on a perfect and on a full bench, then with errors planted. Forty seeds go at the
+# level of records where there is that way, so that a seed takes seconds; behind each is what it takes of one processor.
+# All of it is about an hour, or half of that with two processors. `python -m tests.truth... --seeds 4` tries a few.
 truth: $(VENV)/.dev
-	$(BIN)/python -m tests.truth --seeds 40
-	$(BIN)/python -m tests.truth.indexing --seeds 40
-	$(BIN)/python -m tests.truth.imu --seeds 40
-	$(BIN)/python -m tests.truth.channel --seeds 40
-	$(BIN)/python -m tests.truth.ramp --seeds 40
-	$(BIN)/python -m tests.truth.repeatability --seeds 40
+	$(BIN)/python -m tests.truth --seeds 40                # static tumble, through all wires
+	$(BIN)/python -m tests.truth.indexing --seeds 40       # through all wires: 5 s a seed and bench, 7 min
+	$(BIN)/python -m tests.truth.imu --seeds 40            # records: 5 s, 8 min
+	$(BIN)/python -m tests.truth.channel --seeds 40        # records: 2 s, 4 min
+	$(BIN)/python -m tests.truth.ramp --seeds 40           # records: 4 s, 6 min
+	$(BIN)/python -m tests.truth.repeatability --seeds 40  # through all wires
 	$(BIN)/python -m tests.truth.imu_start_up --seeds 20
-	$(BIN)/python -m tests.truth.table --seeds 10
+	$(BIN)/python -m tests.truth.table --seeds 10          # through all wires: 13 s a seed of all four, 5 min
 	$(BIN)/python -m tests.truth.ladder --seeds 20
 	$(BIN)/python -m tests.truth.monte_carlo --draws 1500
 
