@@ -57,9 +57,7 @@ def levels_record(world: World, levels: Sequence[LevelAsMeasured]) -> dict[str, 
 
 def _level(world: World, level: LevelAsMeasured) -> dict[str, Any]:
     unit = world.units[level.place]
-    begin_s, end_s = world.true_time(level.begin_s), world.true_time(level.end_s)
-    end_s = max(end_s - EVERY_S, begin_s + 2 * EVERY_S)
-    at_s = np.arange(begin_s + EVERY_S, end_s, EVERY_S)  # in the middle of gates, which reach from latch to latch
+    at_s = np.arange(world.true_time(level.begin_s), world.true_time(level.end_s), EVERY_S)
     history = np.array(unit.board.history)
     board_c, thermometer_c, sensor_c, drifted_g = (np.interp(at_s, history[:, 0], row) for row in history.T[1:])
     input_a = level.source_a
