@@ -130,11 +130,12 @@ def _excess_pps(residual_pps: Array, gates: Gates) -> float:
         return float(np.sqrt(np.mean(squares)))
     counted = np.maximum(counted, np.finfo(np.float64).eps * counted[-1])  # few steps of codes hide nothing of some
 
-    def surplus(excess: float) -> float:
-        return float(np.sum(squares / (counted + excess))) - len(squares)
+    usual = float(np.mean(squares))
 
-    most = float(np.mean(squares))
-    return float(np.sqrt(brentq(surplus, 0.0, most))) if surplus(0.0) > 0 else 0.0
+    def surplus(share: float) -> float:
+        return float(np.sum(squares / (counted + share * usual))) - len(squares)
+
+    return float(np.sqrt(usual * brentq(surplus, 0.0, 2.0))) if surplus(0.0) > 0 else 0.0
 
 
 def _stretch_u_pps(residual_pps: Array, gates: Gates) -> float:
