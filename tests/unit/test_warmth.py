@@ -10,7 +10,8 @@ from simulators.current_source import CurrentErrors, Feed
 from simulators.thermal import ChamberPhysics, Thermal, UnitPhysics
 from simulators.thermostat import Thermostat
 from simulators.unit_file import ThermostatModel, UnitFile
-from simulators.uut import draw_unit
+from simulators.uut import Decoding, draw_unit
+from simulators.warmth import Board, Warmth
 from tests.support.sequences import ROOT
 
 MODEL = ThermostatModel.model_validate(
@@ -72,6 +73,38 @@ def test_a_converter_drifts_as_its_file_says():
     slope, bend = (warm - cold) / 20, (warm - 2 * at_25 + cold) / 200
     assert slope == pytest.approx(s * i * (1 + truth.asymmetry / 2) * truth.alpha + truth.zero_drift_pps, rel=1e-9)
     assert bend == pytest.approx(s * i * (1 + truth.asymmetry / 2) * truth.alpha2, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "through", "scale", "terms"),
+    [
+        ("volts_channel", 500.0, 500.0, ("resistor_alpha", "resistor_alpha2", "zero_v", "zero_drift_v")),
+        ("digital_channel", Decoding(), None, ("code_alpha", "code_alpha2", "zero_code", "zero_drift_code")),
+    ],
+)
+def test_a_converter_that_makes_volts_or_codes_drifts_as_its_file_says(name, through, scale, terms):
+    truth = draw_unit(load_file(ROOT / f"config/uut/{name}.yaml", UnitFile), 1, "a")
+    scale, current_a = scale or truth.codes_per_a, 1.13e-3
+    alpha, alpha2, zero, zero_drift = (getattr(truth, term) for term in terms)
+    assert 0 not in (alpha, alpha2, zero, zero_drift)
+    for warm_c in (-10.0, 0.0, 15.0):
+        made = truth.output(np.array([current_a]), through, np.array([25.0 + warm_c]))
+        due = scale * current_a * (1 + alpha * warm_c + alpha2 * warm_c**2) + zero + zero_drift * warm_c
+        assert made[0] == pytest.approx(due, rel=1e-12)
+    assert truth.output(np.array([current_a]), through) == pytest.approx(scale * current_a + zero, rel=1e-12)
+
+
+def test_a_board_was_a_moment_ago_where_its_rate_says_however_long_nobody_looked():
+    ramped = Thermal(ChamberPhysics(limit_cycle_c=0.0), (UnitPhysics(180, 60, 0, 20, 120),), 0.0)
+    unit = load_file(ROOT / "config/uut/volts_channel.yaml", UnitFile)
+    warmth = Warmth(ramped, 0, unit, 20.0, 20.0)
+    board = Board(warmth, 20.0)
+    ramped.ramp(60.0, 25 / 3600)
+    ramped.advance(3600.0)
+    rate = 25 / 3600
+    assert board.just_before_c(3600.0, 1.0, 0.0) == pytest.approx(ramped.board_c(0) - rate, abs=1e-6)
+    (state,) = board.history
+    assert (state.true_s, state.board_c) == (3600.0, ramped.board_c(0))
 
 
 def test_a_source_drifts_faster_until_it_is_warm_and_not_at_zero():
