@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 ARRIVED_WITHIN_C = 1e-4  # a few times the last bit of a float32: the set point in force is computed, not copied
 FAR_AWAY_POLL_S = 5.0  # how often a ramp is looked at while its end is far away
+OWN_RAMP_WITHIN_C, OWN_RAMP_WITHIN_S = 1.0, 30.0  # how far a controller's own ramp may be from where it should be
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,3 +39,24 @@ class Climb:
             return self.step_s - (at_s - self.began_s) % self.step_s
         left_s = abs(self.target_c - set_point_c) / self.rate_c_per_s
         return max(poll_s, min(left_s / 2, FAR_AWAY_POLL_S))
+
+
+@dataclass(frozen=True, slots=True)
+class OwnRamp:
+    """A ramp that a controller makes by itself and tells little of: where its set point should be, by the clock."""
+
+    start_c: float
+    target_c: float
+    rate_c_per_s: float
+    began_s: float
+
+    def set_point_c(self, at_s: float) -> float:
+        """The set point that should be in force at a loop time."""
+        way_c = self.target_c - self.start_c
+        done_c = self.rate_c_per_s * (at_s - self.began_s)
+        return self.target_c if done_c >= abs(way_c) else self.start_c + math.copysign(done_c, way_c)
+
+    def is_at(self, set_point_c: float, at_s: float) -> bool:
+        """Whether a set point that a controller tells may be the one in force, within 1 °C and half a minute."""
+        off_c = abs(set_point_c - self.set_point_c(at_s))
+        return off_c <= OWN_RAMP_WITHIN_C + self.rate_c_per_s * OWN_RAMP_WITHIN_S

@@ -1,0 +1,81 @@
+"""Lines of text to a chamber's controller, behind a connection that is identified before it is used."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable
+from typing import TypeVar
+
+from drivers.errors import NoAnswer
+from drivers.transport.dialogue import Dialogue
+
+T = TypeVar("T")
+Read = Callable[[bytes], T]
+
+
+class ProvedLine:
+    """Questions that are asked again once, and orders that are sent once, whatever happens.
+
+    After a lost connection the next exchange connects and identifies first, by `identify`, which asks by `ask_once` and
+    raises WrongIdentity; after any other surprise the dialogue's proof comes first. For `order_gap_s` after an order
+    nothing is sent.
+
+    Concurrency: one caller at a time.
+    """
+
+    def __init__(
+        self, dialogue: Dialogue, identify: Callable[[], Awaitable[None]], *, order_gap_s: float = 0.0
+    ) -> None:
+        self._dialogue, self._identify, self._order_gap_s = dialogue, identify, order_gap_s
+        self._busy_until_s = -math.inf
+
+    async def connect(self) -> None:
+        """Connects anew and identifies; raises CannotConnect and what `identify` raises."""
+        await self._dialogue.open()
+        await self._prove()
+
+    def close(self) -> None:
+        """Closes the wire; closing twice is harmless."""
+        self._dialogue.close()
+
+    async def identify(self) -> None:
+        """Identifies; raises and closes the wire when it is not the controller that it should be."""
+        await self._dialogue.reopen()
+        await self._prove()
+
+    async def ask(self, question: str, read: Read[T]) -> T:
+        """What `read` makes of the answer; see LineExchange.ask. Asked again once when there is no answer."""
+        await self._make_ready()
+        try:
+            return await self.ask_once(question, read)
+        except NoAnswer:
+            return await self.ask_once(question, read)
+
+    async def ask_once(self, question: str, read: Read[T]) -> T:
+        """The same on the connection as it is."""
+        await self._rest()
+        return await self._dialogue.line.ask(question.encode("latin-1"), read)
+
+    async def order(self, command: str, read: Read[T]) -> T | None:
+        """Sends a command once; None when its answer is missing or garbled, and the read-back has to decide."""
+        await self._make_ready()
+        await self._rest()
+        try:
+            return await self._dialogue.line.order(command.encode("latin-1"), read)
+        finally:
+            self._busy_until_s = asyncio.get_running_loop().time() + self._order_gap_s
+
+    async def _make_ready(self) -> None:
+        if await self._dialogue.reopen():
+            await self._prove()
+
+    async def _rest(self) -> None:
+        await asyncio.sleep(max(0.0, self._busy_until_s - asyncio.get_running_loop().time()))
+
+    async def _prove(self) -> None:
+        try:
+            await self._identify()
+        except BaseException:
+            self._dialogue.close()  # who is there is not known: the next exchange connects and asks first
+            raise

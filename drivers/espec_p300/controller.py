@@ -1,0 +1,176 @@
+"""A P300: what is asked and set for a chamber."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TypeVar
+
+from drivers.chamber.controller import Control, Look
+from drivers.chamber.description import ChamberLimits, ChamberSafe
+from drivers.chamber.lines import ProvedLine
+from drivers.description import Setup, check_identity, still_the_same
+from drivers.errors import BadAnswer, InstrumentFault, Refused, WrongIdentity
+from drivers.espec_p300 import wire
+from drivers.espec_p300.description import P300Options
+from drivers.espec_p300.wire import Monitor, Refusal, Temperatures
+from drivers.transport.dialogue import Dialogue
+from drivers.transport.exchange import Pace, Proof
+from drivers.values import Identity
+
+T = TypeVar("T")
+
+SAME_WITHIN_C = 1.0  # what the air of a chamber may do in the second between two questions
+QUESTION_GAP_S, SETTING_GAP_S = 0.3, 1.0  # what drivers of others leave after a question and after a setting
+_CONTROL: Mapping[str, Control] = {
+    wire.CONSTANT: Control.SET_POINT, wire.OFF: Control.NOBODY, wire.STANDBY: Control.NOBODY,
+}  # fmt: skip
+
+
+class P300:
+    """A Controller; it has one set point and no ramp.
+
+    It tells its kind and the version of its programs, and no serial number.
+    """
+
+    can_start = True
+
+    def __init__(self, setup: Setup[P300Options, ChamberLimits, ChamberSafe]) -> None:
+        self.limits_c: tuple[float, float] | None = None
+        self._device, self._pin, self._address = setup.name, setup.identity, setup.options.address
+        self._commanded_c = math.nan
+        self._kind = ""  # the answer to TYPE?
+        self._identity: Identity | None = None
+        proof = Proof(self._addressed(wire.TYPE_QUERY).encode(), self._recognise)
+        pace = Pace(answer_s=setup.options.answer_timeout, gap_s=QUESTION_GAP_S)
+        dialogue = Dialogue(setup.name, setup.wires, setup.address, proof, end=wire.END, pace=pace)
+        self._line = ProvedLine(dialogue, self._identify, order_gap_s=SETTING_GAP_S)
+
+    async def connect(self) -> None:
+        """Connects anew and identifies."""
+        await self._line.connect()
+
+    def close(self) -> None:
+        """Closes the wire; the next exchange would open it again."""
+        self._line.close()
+
+    async def identify(self) -> Identity:
+        """Kind and version as it answers, the serial number as the bench file states it."""
+        await self._line.identify()
+        return self._identity or Identity()
+
+    async def look(self, commanded_c: float | None) -> Look:
+        """Temperatures, then what the chamber does; BadAnswer when the two answers disagree of the process value."""
+        temperatures = await self._temperatures(commanded_c)
+        monitor = await self._ask(wire.MONITOR_QUERY, wire.read_monitor)
+        set_point_c = temperatures.set_point_c
+        if abs(temperatures.process_value_c - monitor.process_value_c) > SAME_WITHIN_C:
+            raise BadAnswer(
+                self._device, "the process value is told twice, and not the same",
+                sent=f"{wire.TEMPERATURE_QUERY} and {wire.MONITOR_QUERY}",
+                received=f"{temperatures.process_value_c:g} and {monitor.process_value_c:g} °C",
+                remedy="Check the serial line: its cable, its shield, its baud rate.",
+            )  # fmt: skip
+        control = Control.OTHER if monitor.alarms else _CONTROL.get(monitor.mode, Control.OTHER)
+        return Look(temperatures.process_value_c, set_point_c, set_point_c, control, await self._in_words(monitor))
+
+    async def command(self, temperature_c: float) -> None:
+        """Sends the set point and reads it back; while a program runs, its own is read, and `take_control` proves."""
+        self._commanded_c = temperature_c
+        command = wire.set_point(temperature_c)
+        await self._order(command)
+        set_point_c = (await self._temperatures(wire.kept(temperature_c))).set_point_c
+        if set_point_c != wire.kept(temperature_c):
+            if (await self._ask(wire.MONITOR_QUERY, wire.read_monitor)).mode not in _CONTROL:
+                return
+            raise Refused(
+                self._device, "the controller did not take a new set point", sent=command,
+                received=f"set point {set_point_c:g} °C",
+                remedy="Look at the controller for a running program or protected settings.",
+            )  # fmt: skip
+
+    def kept(self, temperature_c: float) -> float:
+        """To a tenth of a degree."""
+        return wire.kept(temperature_c)
+
+    async def set_ramp(self, rate_c_per_min: float) -> None:
+        """Nothing: it has no ramp, and the driver gives it one set point after the other."""
+
+    async def take_control(self) -> None:
+        """Switches it on and to constant operation, which ends a program, and sends the set point again.
+
+        InstrumentFault while there is an alarm.
+        """
+        monitor = await self._ask(wire.MONITOR_QUERY, wire.read_monitor)
+        if monitor.alarms:
+            raise InstrumentFault(
+                self._device, "the chamber has an alarm", received=await self._in_words(monitor),
+                remedy="See to its cause and acknowledge it at the chamber.",
+            )  # fmt: skip
+        if monitor.mode == wire.OFF:
+            await self._order(wire.POWER_ON)
+        await self._order(wire.CONSTANT_MODE)
+        monitor = await self._ask(wire.MONITOR_QUERY, wire.read_monitor)
+        if monitor.mode != wire.CONSTANT:
+            raise Refused(
+                self._device, "the chamber did not go to constant operation", sent=wire.CONSTANT_MODE,
+                received=await self._in_words(monitor), remedy="Start it by hand at the chamber.",
+            )  # fmt: skip
+        await self.command(self._commanded_c)
+
+    async def _identify(self) -> None:
+        rom = self._taken(wire.ROM_QUERY, await self._once(wire.ROM_QUERY, wire.read_rom))
+        limits = self._taken(wire.TEMPERATURE_QUERY, await self._once(wire.TEMPERATURE_QUERY, wire.read_temperatures))
+        pin = self._pin
+        found = Identity(
+            maker=pin.maker or "ESPEC", model=self._kind, serial=pin.serial or "", firmware=rom, verified=False,
+            fingerprint=f"controller {self._kind}, programs {rom}",
+        )  # fmt: skip
+        check_identity(self._device, pin, found)
+        self._identity = still_the_same(self._device, self._identity, found, found.fingerprint)
+        self.limits_c = (limits.lowest_c, limits.highest_c)
+
+    def _recognise(self, line: bytes) -> None:
+        kind = self._taken(wire.TYPE_QUERY, wire.unless_refused(wire.read_type)(line))
+        expected = self._pin.model if self._identity is None else self._identity.model
+        if expected not in (None, kind):
+            raise WrongIdentity(
+                self._device, f"the controller is of kind '{kind}', expected '{expected}'", sent=wire.TYPE_QUERY,
+                received=line.decode("ascii"),
+                remedy="Check that the right chamber is at this address, or correct the bench file.",
+            )  # fmt: skip
+        self._kind = kind
+
+    async def _temperatures(self, set_point_c: float | None) -> Temperatures:
+        """Asked twice when the set point is another than it should be: the line has no checksum."""
+        found = await self._ask(wire.TEMPERATURE_QUERY, wire.read_temperatures)
+        if set_point_c in (None, found.set_point_c):
+            return found
+        return await self._ask(wire.TEMPERATURE_QUERY, wire.read_temperatures)
+
+    async def _in_words(self, monitor: Monitor) -> str:
+        if not monitor.alarms:
+            return f"the chamber is in mode {monitor.mode}"
+        codes = await self._ask(wire.ALARM_QUERY, wire.read_alarms)
+        return f"the chamber is in mode {monitor.mode}, alarm {', '.join(map(str, codes))}"
+
+    async def _ask(self, question: str, read: Callable[[str], T]) -> T:
+        answer = await self._line.ask(self._addressed(question), wire.unless_refused(read))
+        return self._taken(question, answer)
+
+    async def _once(self, question: str, read: Callable[[str], T]) -> T | Refusal:
+        return await self._line.ask_once(self._addressed(question), wire.unless_refused(read))
+
+    async def _order(self, command: str) -> None:
+        self._taken(command, await self._line.order(self._addressed(command), wire.unless_refused(wire.read_done)))
+
+    def _taken(self, sent: str, answer: T | Refusal) -> T:
+        if isinstance(answer, Refusal):
+            raise Refused(
+                self._device, "the controller refused a command", sent=sent, received=str(answer),
+                remedy="Look at the controller what it does, and whether its settings are protected.",
+            )  # fmt: skip
+        return answer
+
+    def _addressed(self, command: str) -> str:
+        return wire.addressed(command, self._address)

@@ -1,0 +1,33 @@
+"""What a bench file says of a chamber with an ESPEC P300 or SCP-220."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions
+from drivers.description import DriverDescription
+from drivers.fields import WholeNumber
+
+
+class P300Options(StairOptions):
+    """How the controller is spoken to, and how it is ramped."""
+
+    address: Annotated[WholeNumber, Field(ge=1, le=16)] | None = Field(
+        None, description="its address on an RS-485 line; without one on RS-232 and TCP"
+    )
+
+
+DESCRIPTION = DriverDescription(
+    name="espec_p300",
+    title="thermal chamber with an ESPEC P300 or SCP-220",
+    capabilities=frozenset({"thermal_chamber"}),
+    schemes=frozenset({"serial", "socket", "tcp"}),
+    target="drivers.espec_p300.driver:EspecP300",
+    simulator="simulators.espec_p300:SimulatedP300",
+    options=P300Options,
+    limits=ChamberLimits,
+    safe=ChamberSafe,
+    channels=CHANNELS,
+)
