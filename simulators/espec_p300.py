@@ -37,7 +37,8 @@ class SimulatedP300:
     """One controller of a chamber without humidity, or with one that stands still.
 
     `protected` is the switch at its front panel, `alarm` stops it. `hurried` counts the lines that came sooner than the
-    makers' waiting times allow. `stuck`: settings are accepted and not carried out. `frozen`: the air is read as it was.
+    makers' waiting times allow. `stuck`: settings are accepted and not carried out. `frozen`: the air reads as it
+    was.
     """
 
     def __init__(

@@ -11,9 +11,8 @@ from pydantic import ValidationError
 from drivers.description import known_drivers
 from drivers.errors import WrongIdentity
 from drivers.espec_p300.description import DESCRIPTION, P300Options
-from tests.support.chambers import DIALECTS, Rig, with_rig
-
-P300 = next(dialect for dialect in DIALECTS if dialect.driver == "espec_p300")
+from tests.support.chambers import Rig, with_rig
+from tests.support.chambers_ascii import P300
 
 
 def test_it_is_installed_under_its_name() -> None:

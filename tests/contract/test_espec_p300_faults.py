@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 
 from drivers.errors import BadAnswer, InstrumentFault, Refused
-from tests.support.chambers import DIALECTS, Rig, with_rig
+from tests.support.chambers import Rig, with_rig
+from tests.support.chambers_ascii import P300
 
-P300 = next(dialect for dialect in DIALECTS if dialect.driver == "espec_p300")
 SERIAL = replace(P300, address="serial:///dev/ttyS1?baud=9600")
 
 
@@ -70,7 +70,7 @@ def test_a_power_failure_in_a_ramp_is_seen() -> None:
             ramp = asyncio.create_task(driver.ramp_to(30.0, 1.0))
             await asyncio.sleep(100.0)
             rig.instrument.restart()
-            with pytest.raises(InstrumentFault, match="does not follow its set point; received .* mode OFF"):
+            with pytest.raises(InstrumentFault, match=r"does not follow its set point; received .* mode OFF"):
                 await ramp
 
     with_rig(P300, use)

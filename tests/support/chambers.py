@@ -134,27 +134,8 @@ def _f4t(address: str, function_at: int) -> Dialect:
     )  # fmt: skip
 
 
-# ESPEC P300
-
-
-def _p300_set_point(p300: Any, value_c: float) -> None:
-    assert p300.execute(f"TEMP, S{value_c:.1f}").startswith("OK:")
-
-
-def _p300_prefixed(command: bytes) -> Callable[[bytes], bool]:
-    return lambda request: request.startswith(command)
-
-
-_P300 = Dialect(
-    driver="espec_p300", address="tcp://127.0.0.1:10001",
-    commands=_p300_prefixed(b"TEMP, S"), set_point=_p300_set_point,
-    take_over=lambda p300: p300.execute("PRGM,RUN,RAM:1,STEP1"), switch_off=lambda p300: p300.execute("MODE,OFF"),
-    stranger=lambda p300: setattr(p300, "_kind", "S1"), limits=lambda p300: p300.execute("TEMP, H80.1 L-40.1"),
-    within_c=0.5,
-)  # fmt: skip
-
 DIALECTS = [
     _f4t("tcp://127.0.0.1:502", 7),
     _f4t("socket://127.0.0.1:4001", 1),
-    _P300,
+    _f4t("serial:///dev/ttyUSB0?baud=9600", 1),
 ]

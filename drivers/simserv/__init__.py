@@ -1,0 +1,1 @@
+"""Weiss and Vötsch chambers by SIMSERV, the protocol of their SIMPAC controllers."""

@@ -1,0 +1,31 @@
+"""What a bench file says of a Weiss or Vötsch chamber."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberOptions, ChamberSafe
+from drivers.description import DriverDescription
+from drivers.simserv.wire import Reads
+
+
+class SimservOptions(ChamberOptions):
+    """How the controller is spoken to."""
+
+    set_point_reads: Reads = Field(
+        "target", description="what it tells as its set point during a ramp: where the ramp ends, or where it is"
+    )
+
+
+DESCRIPTION = DriverDescription(
+    name="simserv",
+    title="thermal chamber of Weiss or Vötsch, SIMSERV",
+    capabilities=frozenset({"thermal_chamber"}),
+    schemes=frozenset({"tcp"}),
+    target="drivers.simserv.driver:Simserv",
+    simulator="simulators.simserv:SimulatedSimserv",
+    options=SimservOptions,
+    limits=ChamberLimits,
+    safe=ChamberSafe,
+    channels=CHANNELS,
+)

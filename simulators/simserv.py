@@ -1,0 +1,210 @@
+"""A Weiss or Vötsch chamber with a SIMPAC controller: SIMSERV messages in front of the world's chamber.
+
+What the air of a chamber does that is off is not simulated: a new set point waits until it is started.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Self
+
+from drivers.simserv import wire
+from drivers.simserv.wire import Function, Info, Reads, Status
+from simulators.faults import FaultPlan
+from simulators.scpi import LineSession
+from simulators.setup import InstrumentSetup
+from simulators.world import World
+
+PROGRAMS: Mapping[int, tuple[float, float]] = {1: (80.0, 1.0), 2: (-20.0, 0.5)}  # to where, °C, and how fast, °C/min
+MESSAGES = ("Door open", "Temperature limiter", "Water supply")
+NO_SUCH_CHAMBER, UNKNOWN, WRONG_ARGUMENTS, NOTHING_THERE, NOT_CARRIED_OUT = -4, -5, -6, -8, -9
+OUTPUTS = 16
+
+
+class Refusal(Exception):
+    """What is not done, with the number that is answered."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(str(code))
+        self.code = code
+
+
+class SimulatedSimserv:
+    """A chamber with one control variable, its temperature.
+
+    `set_point_reads` is what it tells as its set point during a ramp. `error` stops it with a message that is active
+    until errors are cleared and its cause is gone. `stuck`: settings are accepted and not carried out. `frozen`: the
+    air reads as it was.
+    """
+
+    def __init__(
+        self, world: World, faults: FaultPlan, *, kind: str = "WT3-180/70", serial: str = "59226001",
+        set_point_reads: Reads = "target", limits_c: tuple[float, float] = (-75.0, 185.0),
+    ) -> None:  # fmt: skip
+        self.faults, self.kind, self.serial, self.limits_c = faults, kind, serial, limits_c
+        self.set_point_c = wire.kept(world.thermal.set_point_c)
+        self.gradients: dict[Function, float] = {Function.GRADIENT_UP: 0.0, Function.GRADIENT_DOWN: 0.0}
+        self.outputs = {1: True}
+        self.program = 0
+        self.active: set[int] = set()
+        self._world, self._reads = world, set_point_reads
+        self._air_c = world.thermal.air_c  # the last reading, for when it is frozen
+        self._functions: Mapping[int, tuple[int, Callable[..., object]]] = {
+            Function.INFO: (1, self._info),
+            Function.STATUS: (0, self._status),
+            Function.SET_POINT: (1, lambda _: f"{self._told_c():.1f}"),
+            Function.PROCESS_VALUE: (1, lambda _: f"{self._read_c():.1f}"),
+            Function.LOWEST: (1, lambda _: f"{self.limits_c[0]:.1f}"),
+            Function.HIGHEST: (1, lambda _: f"{self.limits_c[1]:.1f}"),
+            Function.UNIT: (1, lambda _: "°C"),
+            Function.GRADIENT_UP: (1, lambda _: f"{self.gradients[Function.GRADIENT_UP]:g}"),
+            Function.GRADIENT_DOWN: (1, lambda _: f"{self.gradients[Function.GRADIENT_DOWN]:g}"),
+            Function.SWITCHED: (1, lambda output: int(self.outputs.get(int(output), False))),
+            Function.MESSAGES: (0, lambda: len(MESSAGES)),
+            Function.MESSAGE_TEXT: (1, lambda index: _one_of(MESSAGES, index)),
+            Function.MESSAGE_ACTIVE: (1, lambda index: int(_one_of(MESSAGES, index) in self._active_texts())),
+            Function.PROGRAM_STATUS: (0, lambda: int(bool(self.program))),
+        }
+        self._settings: Mapping[int, tuple[int, Callable[..., None]]] = {
+            Function.SET_SET_POINT: (2, self._set_set_point),
+            Function.SET_GRADIENT_UP: (2, lambda _, rate: self._set_gradient(Function.GRADIENT_UP, rate)),
+            Function.SET_GRADIENT_DOWN: (2, lambda _, rate: self._set_gradient(Function.GRADIENT_DOWN, rate)),
+            Function.SWITCH: (2, self._switch),
+            Function.CLEAR_ERRORS: (0, self.active.clear),
+            Function.START_PROGRAM: (2, self._run),
+            Function.STOP_PROGRAM: (0, self._end_program),
+        }
+
+    @classmethod
+    def of(cls, setup: InstrumentSetup) -> Self:
+        """As a bench file has it."""
+        return cls(
+            setup.world, setup.faults, kind=setup.model or "WT3-180/70", serial=setup.serial or "59226001",
+            set_point_reads=setup.options.set_point_reads,
+        )  # fmt: skip
+
+    def session(self) -> LineSession:
+        """A new connection."""
+        return LineSession(self.execute, end=wire.END, answer_end=wire.ANSWER_END)
+
+    def execute(self, line: str) -> str:
+        """What is answered to one message."""
+        self._world.look()
+        try:
+            return self._carry_out(line.split(wire.SEPARATOR))
+        except Refusal as refusal:
+            return str(refusal.code)
+
+    def error(self, index: int) -> None:
+        """Something happens that stops the chamber: a message, counted from 1, is active."""
+        self.active.add(index)
+        self.outputs[wire.START] = False
+
+    def restart(self) -> None:
+        """The mains fail for a moment: it comes back switched off."""
+        self.outputs.clear()
+        self.program = 0
+
+    def _carry_out(self, fields: list[str]) -> str:
+        if len(fields) < 2 or not all(field.isdecimal() for field in fields[:2]):
+            raise Refusal(WRONG_ARGUMENTS)
+        function, chamber, arguments = int(fields[0]), fields[1], fields[2:]
+        if chamber != "1":
+            raise Refusal(NO_SUCH_CHAMBER)
+        if function in self._functions:
+            count, ask = self._functions[function]
+            return f"{wire.DONE}{wire.SEPARATOR}{_called(ask, count, arguments)}"
+        if function not in self._settings:
+            raise Refusal(UNKNOWN)
+        count, carry_out = self._settings[function]
+        if not self.faults.active("stuck"):
+            _called(carry_out, count, arguments)
+        return str(wire.DONE)
+
+    def _info(self, what: str) -> str:
+        return _one_of((self.kind, "26", self.serial), what, first=Info.TYPE)
+
+    def _status(self) -> int:
+        status = Status.AVAILABLE
+        if self._runs:
+            status |= Status.RUNNING
+        if self.active:
+            status |= Status.ERROR
+        return int(status)
+
+    @property
+    def _runs(self) -> bool:
+        return self.outputs.get(wire.START, False)
+
+    def _active_texts(self) -> set[str]:
+        return {MESSAGES[index - 1] for index in self.active}
+
+    def _set_set_point(self, variable: str, value: str) -> None:
+        value_c = float(value)
+        if variable != str(wire.TEMPERATURE) or not self.limits_c[0] <= value_c <= self.limits_c[1]:
+            raise Refusal(WRONG_ARGUMENTS)
+        self.set_point_c = wire.kept(value_c)
+        self._follow()
+
+    def _set_gradient(self, which: Function, rate: str) -> None:
+        if not (rate_c_per_min := float(rate)) >= 0:
+            raise Refusal(WRONG_ARGUMENTS)
+        self.gradients[which] = rate_c_per_min
+
+    def _switch(self, output: str, on: str) -> None:
+        if not 1 <= int(output) <= OUTPUTS or on not in ("0", "1"):
+            raise Refusal(WRONG_ARGUMENTS)
+        if int(output) == wire.START and on == "1" and self.active:
+            raise Refusal(NOT_CARRIED_OUT)
+        if int(output) == wire.START and on == "1" and not self._runs:
+            self._world.ramp(self._world.thermal.air_c, math.inf)  # a ramp begins where the air is
+        self.outputs[int(output)] = on == "1"
+        self._follow()
+
+    def _run(self, program: str, _times: str) -> None:
+        if int(program) not in PROGRAMS:
+            raise Refusal(NOTHING_THERE)
+        if self.active:
+            raise Refusal(NOT_CARRIED_OUT)
+        self.program, self.outputs[wire.START] = int(program), True
+        target_c, rate_c_per_min = PROGRAMS[self.program]
+        self._world.ramp(target_c, rate_c_per_min / 60)
+
+    def _end_program(self) -> None:
+        if self.program:
+            self.program, self.outputs[wire.START] = 0, False
+
+    def _follow(self) -> None:
+        """The set point in force starts for the set point, at its gradient."""
+        if not self._runs or self.program:
+            return
+        up = self.set_point_c > self._world.thermal.set_point_c
+        rate_c_per_min = self.gradients[Function.GRADIENT_UP if up else Function.GRADIENT_DOWN]
+        self._world.ramp(self.set_point_c, rate_c_per_min / 60 or math.inf)
+
+    def _told_c(self) -> float:
+        in_force = self.program or (self._runs and self._reads == "in_force")
+        return self._world.thermal.set_point_c if in_force else self.set_point_c
+
+    def _read_c(self) -> float:
+        if not self.faults.active("frozen"):
+            self._air_c = self._world.thermal.air_c
+        return self._air_c
+
+
+def _called(function: Callable[..., object], count: int, arguments: list[str]) -> object:
+    """Calls with as many arguments as are needed; further ones, as the name of a user, say nothing."""
+    if len(arguments) < count:
+        raise Refusal(WRONG_ARGUMENTS)
+    try:
+        return function(*arguments[:count])
+    except ValueError:
+        raise Refusal(WRONG_ARGUMENTS) from None
+
+
+def _one_of(texts: tuple[str, ...], index: str, *, first: int = 1) -> str:
+    place = int(index) - first
+    if not 0 <= place < len(texts):
+        raise Refusal(NOTHING_THERE)
+    return texts[place]

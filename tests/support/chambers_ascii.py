@@ -1,0 +1,44 @@
+"""The dialects of chambers' controllers that speak in lines or frames of text, for the tests that all chambers pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from tests.support.chambers import Dialect
+
+
+def _beginning(*commands: bytes) -> Callable[[bytes], bool]:
+    return lambda request: request.startswith(commands)
+
+
+def _told(*messages: str) -> Callable[[Any], None]:
+    """Messages of somebody else to a controller, which takes them."""
+
+    def tell(instrument: Any) -> None:
+        for message in messages:
+            instrument.execute(message)
+
+    return tell
+
+
+P300 = Dialect(
+    driver="espec_p300", address="tcp://127.0.0.1:10001",
+    commands=_beginning(b"TEMP, S"),
+    set_point=lambda p300, value_c: _told(f"TEMP, S{value_c:.1f}")(p300),
+    take_over=_told("PRGM,RUN,RAM:1,STEP1"), switch_off=_told("MODE,OFF"),
+    stranger=lambda p300: setattr(p300, "_kind", "S1"), limits=_told("TEMP, H80.1 L-40.1"),
+    within_c=0.5,
+)  # fmt: skip
+
+SIMSERV = Dialect(
+    driver="simserv", address="tcp://127.0.0.1:2049",
+    commands=_beginning(b"11001"),
+    set_point=lambda simserv, value_c: _told(f"11001¶1¶1¶{value_c:.1f}")(simserv),
+    take_over=_told("19014¶1¶1¶1"), switch_off=_told("14001¶1¶1¶0"),
+    stranger=lambda simserv: setattr(simserv, "serial", "59226002"),
+    limits=lambda simserv: setattr(simserv, "limits_c", (-40.1, 80.1)), within_c=0.1,
+    prepare=lambda simserv: setattr(simserv, "serial", "SIM-01"),
+)  # fmt: skip
+
+ASCII_DIALECTS = [P300, SIMSERV]
