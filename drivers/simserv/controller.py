@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeVar
 
 from drivers.chamber.controller import Control, Look
@@ -123,6 +124,7 @@ class Simpac:
                 remedy="Start it by hand at the chamber.",
             )  # fmt: skip
         if self._ramp is not None:
+            self._ramp = replace(self._ramp, began_s=_now_s())  # it stood until now
             await self.command(self._ramp.target_c)
 
     async def _ramp_to(self, target_c: float) -> OwnRamp:

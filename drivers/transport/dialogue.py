@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from drivers.errors import LinkLost, NoAnswer
 from drivers.transport.address import Address
-from drivers.transport.exchange import Framing, LineExchange, Pace, Proof
+from drivers.transport.exchange import Framing, LineExchange, Pace, Proof, Wrap
 from drivers.transport.wires import Wires
 
 T = TypeVar("T")
@@ -33,11 +33,11 @@ class Dialogue:
 
     def __init__(
         self, device: str, wires: Wires, address: Address, proof: Proof, *, end: bytes = b"\n",
-        framing: Framing | None = None, pace: Pace | None = None, greet: Callable[[], Awaitable[object]] | None = None,
-        note: Callable[[str], object] = lambda _text: None,
+        framing: Framing | None = None, wrap: Wrap | None = None, pace: Pace | None = None,
+        greet: Callable[[], Awaitable[object]] | None = None, note: Callable[[str], object] = lambda _text: None,
     ) -> None:  # fmt: skip
         self._device, self._wires, self._address, self._proof = device, wires, address, proof
-        self._end, self._framing, self._greet = end, framing, greet
+        self._end, self._framing, self._wrap, self._greet = end, framing, wrap, greet
         self._note = note
         self._opening = False
         self._failures, self._next_attempt_s = 0, -math.inf
@@ -114,6 +114,7 @@ class Dialogue:
             self._proof,
             end=self._end,
             framing=self._framing,
+            wrap=self._wrap,
             pace=self._pace,
             gives_up=self._address.scheme != "serial",
         )

@@ -27,6 +27,9 @@ DRAIN_LIMIT_S = 10.0
 Framing = Callable[[bytearray], tuple[int, int] | None]
 """Finds the first whole answer in what was received: its length without and with its end; None until it is there."""
 
+Wrap = Callable[[bytes], bytes]
+"""What goes over the wire for a command."""
+
 
 @dataclass(frozen=True, slots=True)
 class Pace:
@@ -62,19 +65,20 @@ def lines_ending(end: bytes) -> Framing:
 class LineExchange(asyncio.Protocol):
     """A line-terminated dialogue with one instrument; give it to a transport, then `ask`.
 
-    `framing` is for instruments whose answers are no lines: it finds them. With `gives_up` a wire on which even the
-    proof has no answer is closed, so that its owner opens another: a network connection may be open at one end only.
+    `framing` is for instruments whose answers are no lines: it finds them. `wrap` is for commands that are no lines.
+    With `gives_up` a wire on which even the proof has no answer is closed, so that its owner opens another: a network
+    connection may be open at one end only.
 
     Concurrency: callers queue for the line. Cancelling an exchange leaves the channel untrusted, as a timeout does.
     """
 
     def __init__(
         self, device: str, proof: Proof, *, end: bytes = b"\n", framing: Framing | None = None,
-        pace: Pace | None = None, gives_up: bool = False,
+        wrap: Wrap | None = None, pace: Pace | None = None, gives_up: bool = False,
     ) -> None:  # fmt: skip
         self.device = device
         self._proof = proof
-        self._end = end
+        self._wrap = wrap or (lambda command: command + end)
         self._framing = framing or lines_ending(end)
         self._pace = pace or Pace()
         self._gives_up = gives_up
@@ -228,7 +232,7 @@ class LineExchange(asyncio.Protocol):
     def _send(self, command: bytes) -> None:
         if self._transport is None or self._lost:
             raise LinkLost(self.device, self._lost, sent=printable(command))
-        self._transport.write(command + self._end)
+        self._transport.write(self._wrap(command))
 
     async def _line(self) -> bytes:
         while (found := self._framing(self._received)) is None:

@@ -41,4 +41,19 @@ SIMSERV = Dialect(
     prepare=lambda simserv: setattr(simserv, "serial", "SIM-01"),
 )  # fmt: skip
 
-ASCII_DIALECTS = [P300, SIMSERV]
+
+def _cts(ramp_channel: int, set_point_reads: str) -> Dialect:
+    return Dialect(
+        name=f"cts-{set_point_reads}", driver="cts", address="serial:///dev/ttyUSB0?baud=19200&parity=O",
+        options={"ramp_channel": ramp_channel},
+        commands=_beginning(bytes.fromhex("02 81 e1 b0")),
+        set_point=lambda cts, value_c: _told(f"a0 {value_c:05.1f}")(cts),
+        take_over=_told("s3 0"), switch_off=_told("s1 0"),
+        stranger=lambda cts: setattr(cts, "versions", "2.41;1.07;123457"), within_c=0.1,
+        prepare=lambda cts: setattr(cts, "_reads", set_point_reads),
+    )  # fmt: skip
+
+
+CTS = _cts(1, "in_force")
+
+ASCII_DIALECTS = [P300, SIMSERV, CTS, _cts(0, "target")]

@@ -89,6 +89,28 @@ def test_an_answer_that_is_no_line_is_found_by_its_framing() -> None:
     run(main(), AS_FAST_AS_POSSIBLE)
 
 
+def test_a_command_that_is_no_line_is_wrapped_and_told_as_it_was_given() -> None:
+    class Framed(asyncio.Protocol):
+        def connection_made(self, transport: asyncio.BaseTransport) -> None:
+            self.transport = transport
+
+        def data_received(self, data: bytes) -> None:
+            assert data in (b"\x02who?\x03", b"\x024\x03")
+            assert isinstance(self.transport, asyncio.Transport)
+            self.transport.write(b"oracle\n" if b"who" in data else b"forty\n")
+
+    async def main() -> None:
+        proof = Proof(b"who?", lambda _: None)
+        line = LineExchange("oracle", proof, wrap=lambda command: b"\x02" + command + b"\x03", pace=PACE)
+        join(line, Framed(), LINE, "oracle")
+        assert await line.ask(b"4", bytes) == b"forty"
+        with pytest.raises(BadAnswer, match=r"sent '4'; received 'forty'"):
+            await line.ask(b"4", int)
+        assert await line.ask(b"4", bytes) == b"forty"
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
 def test_a_question_waits_until_the_line_is_silent() -> None:
     async def use(line: LineExchange, oracle: Oracle) -> None:
         await value(line, 1)

@@ -1,0 +1,1 @@
+"""CTS chambers, by their ASCII protocol."""

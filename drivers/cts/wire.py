@@ -1,0 +1,144 @@
+"""Frames of a CTS chamber ⇄ values, both directions; no I/O.
+
+Facts from two drivers of other people. A frame is STX, the address, the text with bit 7 of every byte set, the XOR of
+all of that with bit 7 set, and ETX: `A0` to address 1 is 02 81 c1 b0 f0 03. A question is a capital letter, and its
+answer begins as it does; a setting is a small letter, and its answer is that letter. Temperatures are in °C with one
+decimal, rates in °C/min.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import reduce
+from operator import xor
+from typing import Literal, TypeVar
+
+T = TypeVar("T")
+RampChannel = Literal[0, 1]
+
+STX, ETX, HIGH_BIT = 0x02, 0x03, 0x80
+ADDRESSES = range(1, 33)
+
+TEMPERATURE_QUERY, STATUS_QUERY, VERSIONS_QUERY = "A0", "S", "C"
+START, RESUME = "s1 1", "s3 1"
+COLDEST_C, HOTTEST_C = -99.9, 999.9  # what a set point can be spelled as
+STEPS_PER_C, STEPS_PER_C_PER_MIN = 10, 10
+FULL_SPEED_C_PER_MIN = 999.9  # no ramp
+
+_TEMPERATURES = re.compile(r"A0 (\d{3}\.\d|-\d{2}\.\d) (\d{3}\.\d|-\d{2}\.\d)", re.ASCII)
+_RAMP = re.compile(r"R([01]) ([01])([01]) (\d{1,4}\.\d{1,2}) (\d{1,4}\.\d{1,2}) (-?\d{1,4}\.\d{1,2})", re.ASCII)
+_STATUS = re.compile(r"S([01])([01])([01])[01]{5}(.)", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class Temperatures:
+    """The answer to A0, °C."""
+
+    process_value_c: float
+    set_point_c: float
+
+
+@dataclass(frozen=True, slots=True)
+class Ramp:
+    """The answer to R: whether set points are ramped, how fast up and down, °C/min, and to where, °C."""
+
+    active: bool
+    up_c_per_min: float
+    down_c_per_min: float
+    target_c: float
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """The answer to S; `error` is its number as one character, "" without one."""
+
+    running: bool
+    paused: bool
+    error: str
+
+
+def frame(address: int, text: bytes) -> bytes:
+    """A text on the wire."""
+    body = bytes([HIGH_BIT | address, *(HIGH_BIT | byte for byte in text)])
+    return bytes([STX, *body, HIGH_BIT | reduce(xor, body), ETX])
+
+
+def text_of(address: int, received: bytes) -> str:
+    """The text in a frame without its ETX; ValueError for anything but a whole frame of this address."""
+    if len(received) < 4 or received[0] != STX:
+        raise ValueError("not a frame")
+    *body, checksum = received[1:]
+    if min(body) < HIGH_BIT or checksum != HIGH_BIT | reduce(xor, body):
+        raise ValueError("the checksum is wrong")
+    if body[0] != HIGH_BIT | address:
+        raise ValueError(f"from address {body[0] & ~HIGH_BIT}")
+    return bytes(byte & ~HIGH_BIT for byte in body[1:]).decode("ascii")
+
+
+def of_address(address: int, read: Callable[[str], T]) -> Callable[[bytes], T]:
+    """Reads a frame of this address."""
+    return lambda received: read(text_of(address, received))
+
+
+def set_point(temperature_c: float) -> str:
+    """The command that sets it."""
+    return f"a0 {kept(temperature_c):05.1f}"
+
+
+def kept(temperature_c: float) -> float:
+    """A set point to the tenth of a degree that is sent."""
+    return round(temperature_c * STEPS_PER_C) / STEPS_PER_C
+
+
+def ramp_rates(channel: RampChannel, rate_c_per_min: float) -> tuple[str, str]:
+    """The commands that set the rates up and down."""
+    return f"u{channel} {rate_c_per_min:05.1f}", f"d{channel} {rate_c_per_min:05.1f}"
+
+
+def can_be_set(rate_c_per_min: float) -> bool:
+    """Whether a rate is one of the tenths that can be sent."""
+    return abs(rate_c_per_min * STEPS_PER_C_PER_MIN - round(rate_c_per_min * STEPS_PER_C_PER_MIN)) < 1e-9
+
+
+def read_temperatures(text: str) -> Temperatures:
+    """`A0 023.5 -40.0`."""
+    return Temperatures(*map(float, _groups(_TEMPERATURES, text, "two temperatures")))
+
+
+def read_ramp(text: str) -> Ramp:
+    """`R1 11 0001.00 0001.00 -40.00`: active, running, up, down, target."""
+    _, active, _, up, down, target = _groups(_RAMP, text, "a ramp")
+    return Ramp(active == "1", float(up), float(down), float(target))
+
+
+def read_status(text: str) -> Status:
+    """`S101000000`: running, error, not paused, five more that say nothing here, the number of the error."""
+    running, error, not_paused, number = _groups(_STATUS, text, "a status")
+    return Status(running == "1", not_paused == "0", number if error == "1" else "")
+
+
+def read_versions(text: str) -> str:
+    """`C1.23;4.56;1234;`: of its PLC, of its controller, the number of its PLC; kept as they are."""
+    if not text.startswith(VERSIONS_QUERY) or not (found := text[1:].strip("; ")):
+        raise ValueError("not versions")
+    return found
+
+
+def read_done(command: str) -> Callable[[str], bool]:
+    """The letter of a setting, and perhaps its number."""
+
+    def read(text: str) -> bool:
+        if text[:1] != command[0]:
+            raise ValueError(f"not {command[0]}")
+        return True
+
+    return read
+
+
+def _groups(form: re.Pattern[str], text: str, what: str) -> tuple[str, ...]:
+    match = form.fullmatch(text)
+    if match is None:
+        raise ValueError(f"not {what}")
+    return match.groups()
