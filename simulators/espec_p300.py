@@ -25,6 +25,7 @@ _TEMPERATURE = re.compile(
 )
 _MODE = re.compile(rf"MODE,\s*({OFF}|{STANDBY}|{CONSTANT})")
 _POWER = re.compile(r"POWER,(ON|OFF)")
+_HUMIDITY = re.compile(r"HUMI,\s*S(OFF|\d{1,3})")
 _RUN = re.compile(r"PRGM,RUN,RAM:(\d+),STEP(\d+)")
 _END = re.compile(rf"PRGM,END,({OFF}|{STANDBY}|{CONSTANT})")
 
@@ -64,6 +65,7 @@ class SimulatedP300:
         }
         self._settings: list[tuple[re.Pattern[str], Callable[[re.Match[str]], None]]] = [
             (_TEMPERATURE, self._set_temperature),
+            (_HUMIDITY, self._set_humidity),
             (_MODE, lambda match: self._enter(match[1])),
             (_POWER, lambda match: self._enter(STANDBY if match[1] == "ON" else OFF)),
             (_RUN, lambda match: self._run(int(match[1]))),
@@ -112,7 +114,7 @@ class SimulatedP300:
                 if not self.faults.active("stuck"):
                     carry_out(match)
                 return f"OK:{line}"
-        known = any(line.partition(",")[0] == name for name in ("TEMP", "MODE", "POWER", "PRGM"))
+        known = any(line.partition(",")[0] == name for name in ("TEMP", "HUMI", "MODE", "POWER", "PRGM"))
         raise Refusal("PARA ERR" if known else "CMD ERR")
 
     def _set_temperature(self, match: re.Match[str]) -> None:
@@ -125,6 +127,11 @@ class SimulatedP300:
         self._lowest_c, self._highest_c, self.set_point_c = lowest_c, highest_c, set_point_c
         if self.mode == CONSTANT:
             self._world.ramp(self.set_point_c, math.inf)
+
+    def _set_humidity(self, _match: re.Match[str]) -> None:
+        """Accepted where there is humidity, which stands still all the same."""
+        if self._humidity_percent is None:
+            raise Refusal("CONT NOT READY-1")
 
     def _enter(self, mode: str) -> None:
         if self.alarms and mode == CONSTANT:

@@ -19,7 +19,11 @@ settings.register_profile("fixed", derandomize=True)
 settings.register_profile("explore", print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
 REQUIRED = os.environ.get("BENCH_REQUIRE_PEERS") == "1"
-_MODULES = {"pymeasure": ("pymeasure", "pyvisa", "pyvisa_py"), "msgpack": ("msgpack",), "imucal": ("imucal",)}
+_MODULES = {
+    "pymeasure": ("pymeasure", "pyvisa", "pyvisa_py"), "msgpack": ("msgpack",), "imucal": ("imucal",),
+    "chamberconnectlibrary": ("chamberconnectlibrary",), "espec_pr3j": ("espec_pr3j", "pyvisa_py"),
+    "cts_chamber": ("cts_chamber", "pyvisa_py"),
+}  # fmt: skip
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -38,7 +38,7 @@ async def open_serial(device: str, address: Address, factory: Callable[[], P]) -
             address.path,
             baudrate=address.option("baud", 9600),
             bytesize=address.option("bytesize", 8),
-            parity=address.options.get("parity", "N"),
+            parity=_parity(address),
             stopbits=address.option("stopbits", 1),
             rtscts=flow == "rtscts",
             xonxoff=flow == "xonxoff",
@@ -53,6 +53,12 @@ async def open_serial(device: str, address: Address, factory: Callable[[], P]) -
     protocol = factory()
     await join_device(port, protocol)
     return protocol
+
+
+def _parity(address: Address) -> str:
+    """As the address has it; a pseudo-terminal carries whole bytes, and cannot be opened with a parity."""
+    is_pseudo_terminal = os.path.realpath(address.path).startswith("/dev/pts/")
+    return "N" if is_pseudo_terminal else address.options.get("parity", "N")
 
 
 async def join_device(device: CharacterDevice, protocol: asyncio.Protocol) -> DeviceTransport:
