@@ -7,11 +7,12 @@ import math
 from collections.abc import Awaitable, Callable
 from typing import TypeVar
 
-from drivers.errors import NoAnswer
+from drivers.chamber.refusal import Refusal
+from drivers.errors import NoAnswer, Refused
 from drivers.transport.dialogue import Dialogue
 
 T = TypeVar("T")
-Read = Callable[[bytes], T]
+Read = Callable[[bytes], T | Refusal]
 
 
 class ProvedLine:
@@ -19,15 +20,15 @@ class ProvedLine:
 
     After a lost connection the next exchange connects and identifies first, by `identify`, which asks by `ask_once` and
     raises WrongIdentity; after any other surprise the dialogue's proof comes first. For `order_gap_s` after an order
-    nothing is sent.
+    nothing is sent. Refusals are raised as Refused, and neither asked nor sent again.
 
     Concurrency: one caller at a time.
     """
 
     def __init__(
-        self, dialogue: Dialogue, identify: Callable[[], Awaitable[None]], *, order_gap_s: float = 0.0
+        self, device: str, dialogue: Dialogue, identify: Callable[[], Awaitable[None]], *, order_gap_s: float = 0.0
     ) -> None:
-        self._dialogue, self._identify, self._order_gap_s = dialogue, identify, order_gap_s
+        self._device, self._dialogue, self._identify, self._order_gap_s = device, dialogue, identify, order_gap_s
         self._busy_until_s = -math.inf
 
     async def connect(self) -> None:
@@ -55,16 +56,24 @@ class ProvedLine:
     async def ask_once(self, question: str, read: Read[T]) -> T:
         """The same on the connection as it is."""
         await self._rest()
-        return await self._dialogue.line.ask(question.encode("latin-1"), read)
+        return self._taken(question, await self._dialogue.line.ask(question.encode("latin-1"), read))
 
     async def order(self, command: str, read: Read[T]) -> T | None:
         """Sends a command once; None when its answer is missing or garbled, and the read-back has to decide."""
         await self._make_ready()
         await self._rest()
         try:
-            return await self._dialogue.line.order(command.encode("latin-1"), read)
+            return self._taken(command, await self._dialogue.line.order(command.encode("latin-1"), read))
         finally:
             self._busy_until_s = asyncio.get_running_loop().time() + self._order_gap_s
+
+    def _taken(self, sent: str, answer: T | Refusal) -> T:
+        if isinstance(answer, Refusal):
+            raise Refused(
+                self._device, "the controller refused a command", sent=sent, received=str(answer),
+                remedy="Look at the controller what it does, who else uses it, and whether its settings are protected.",
+            )  # fmt: skip
+        return answer
 
     async def _make_ready(self) -> None:
         if await self._dialogue.reopen():

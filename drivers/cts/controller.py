@@ -45,7 +45,7 @@ class CtsController:
             setup.name, setup.wires, setup.address, proof, framing=lines_ending(bytes([wire.ETX])),
             wrap=partial(wire.frame, address), pace=Pace(answer_s=setup.options.answer_timeout),
         )  # fmt: skip
-        self._line = ProvedLine(dialogue, self._identify)
+        self._line = ProvedLine(setup.name, dialogue, self._identify)
 
     async def connect(self) -> None:
         """Connects anew and identifies."""

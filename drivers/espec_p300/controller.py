@@ -13,7 +13,7 @@ from drivers.description import Setup, check_identity, still_the_same
 from drivers.errors import BadAnswer, InstrumentFault, Refused, WrongIdentity
 from drivers.espec_p300 import wire
 from drivers.espec_p300.description import P300Options
-from drivers.espec_p300.wire import Monitor, Refusal, Temperatures
+from drivers.espec_p300.wire import Monitor, Temperatures
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Pace, Proof
 from drivers.values import Identity
@@ -44,7 +44,7 @@ class P300:
         proof = Proof(self._addressed(wire.TYPE_QUERY).encode(), self._recognise)
         pace = Pace(answer_s=setup.options.answer_timeout, gap_s=QUESTION_GAP_S)
         dialogue = Dialogue(setup.name, setup.wires, setup.address, proof, end=wire.END, pace=pace)
-        self._line = ProvedLine(dialogue, self._identify, order_gap_s=SETTING_GAP_S)
+        self._line = ProvedLine(setup.name, dialogue, self._identify, order_gap_s=SETTING_GAP_S)
 
     async def connect(self) -> None:
         """Connects anew and identifies."""
@@ -119,8 +119,8 @@ class P300:
         await self.command(self._commanded_c)
 
     async def _identify(self) -> None:
-        rom = self._taken(wire.ROM_QUERY, await self._once(wire.ROM_QUERY, wire.read_rom))
-        limits = self._taken(wire.TEMPERATURE_QUERY, await self._once(wire.TEMPERATURE_QUERY, wire.read_temperatures))
+        rom = await self._once(wire.ROM_QUERY, wire.read_rom)
+        limits = await self._once(wire.TEMPERATURE_QUERY, wire.read_temperatures)
         pin = self._pin
         found = Identity(
             maker=pin.maker or "ESPEC", model=self._kind, serial=pin.serial or "", firmware=rom, verified=False,
@@ -131,7 +131,7 @@ class P300:
         self.limits_c = (limits.lowest_c, limits.highest_c)
 
     def _recognise(self, line: bytes) -> None:
-        kind = self._taken(wire.TYPE_QUERY, wire.unless_refused(wire.read_type)(line))
+        kind = wire.read_type(line.decode("ascii"))
         expected = self._pin.model if self._identity is None else self._identity.model
         if expected not in (None, kind):
             raise WrongIdentity(
@@ -155,22 +155,13 @@ class P300:
         return f"the chamber is in mode {monitor.mode}, alarm {', '.join(map(str, codes))}"
 
     async def _ask(self, question: str, read: Callable[[str], T]) -> T:
-        answer = await self._line.ask(self._addressed(question), wire.unless_refused(read))
-        return self._taken(question, answer)
+        return await self._line.ask(self._addressed(question), wire.unless_refused(read))
 
-    async def _once(self, question: str, read: Callable[[str], T]) -> T | Refusal:
+    async def _once(self, question: str, read: Callable[[str], T]) -> T:
         return await self._line.ask_once(self._addressed(question), wire.unless_refused(read))
 
     async def _order(self, command: str) -> None:
-        self._taken(command, await self._line.order(self._addressed(command), wire.unless_refused(wire.read_done)))
-
-    def _taken(self, sent: str, answer: T | Refusal) -> T:
-        if isinstance(answer, Refusal):
-            raise Refused(
-                self._device, "the controller refused a command", sent=sent, received=str(answer),
-                remedy="Look at the controller what it does, and whether its settings are protected.",
-            )  # fmt: skip
-        return answer
+        await self._line.order(self._addressed(command), wire.unless_refused(wire.read_done))
 
     def _addressed(self, command: str) -> str:
         return wire.addressed(command, self._address)

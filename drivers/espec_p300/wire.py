@@ -12,6 +12,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
+from drivers.chamber.refusal import Refusal
+
 T = TypeVar("T")
 
 END = b"\r\n"
@@ -37,17 +39,6 @@ _TEMPERATURES = re.compile(",".join(4 * [_TEMPERATURE]), re.ASCII)
 _MONITOR = re.compile(rf"{_TEMPERATURE},\d{{0,3}},([A-Z][A-Z ]*),(\d{{1,2}})", re.ASCII)
 _TYPE = re.compile(r"(?:\w+,){1,2}(\w+),(\d{1,3}\.\d)", re.ASCII)
 _ALARMS = re.compile(r"(\d{1,2})((?:,\d{1,3})*)", re.ASCII)
-
-
-@dataclass(frozen=True, slots=True)
-class Refusal:
-    """What a controller does not do, in its own words: `PROTECT ON`."""
-
-    reason: str
-
-    def __str__(self) -> str:
-        meaning = REFUSALS.get(self.reason)
-        return f"NA:{self.reason}" + (f", {meaning}" if meaning else "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +80,10 @@ def unless_refused(read: Callable[[str], T]) -> Callable[[bytes], T | Refusal]:
 
     def read_line(line: bytes) -> T | Refusal:
         text = line.decode("ascii")
-        return Refusal(text[3:].strip()) if text.startswith("NA:") else read(text)
+        if not text.startswith("NA:"):
+            return read(text)
+        reason = text[3:].strip()
+        return Refusal(f"NA:{reason}", REFUSALS.get(reason, ""))
 
     return read_line
 

@@ -16,7 +16,7 @@ from drivers.description import Setup, check_identity, still_the_same
 from drivers.errors import InstrumentFault, NoAnswer, Refused, WrongIdentity
 from drivers.simserv import wire
 from drivers.simserv.description import SimservOptions
-from drivers.simserv.wire import Function, Info, Refusal, Status, message
+from drivers.simserv.wire import Function, Info, Status, message
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Pace, Proof, lines_ending
 from drivers.values import Identity
@@ -50,7 +50,7 @@ class Simpac:
             setup.name, setup.wires, setup.address, Proof(_SERIAL_QUESTION.encode("latin-1"), self._recognise),
             end=wire.END, framing=lines_ending(wire.ANSWER_END), pace=Pace(answer_s=setup.options.answer_timeout),
         )  # fmt: skip
-        self._line = ProvedLine(dialogue, self._identify)
+        self._line = ProvedLine(setup.name, dialogue, self._identify)
 
     async def connect(self) -> None:
         """Connects anew and identifies."""
@@ -195,7 +195,7 @@ class Simpac:
         self.limits_c = (low_c, high_c)
 
     def _recognise(self, line: bytes) -> None:
-        serial = self._taken(_SERIAL_QUESTION, wire.unless_refused(wire.text)(line))
+        serial = str(wire.unless_refused(wire.text)(line))
         expected = self._pin.serial if self._identity is None else self._identity.serial
         if expected not in (None, serial):
             raise WrongIdentity(
@@ -208,23 +208,14 @@ class Simpac:
         return await self._ask(message(function, wire.TEMPERATURE), wire.number)
 
     async def _ask(self, question: str, read: Callable[[list[str]], T]) -> T:
-        return self._taken(question, await self._line.ask(question, wire.unless_refused(read)))
+        return await self._line.ask(question, wire.unless_refused(read))
 
     async def _once(self, question: str, read: Callable[[list[str]], T]) -> T:
-        return self._taken(question, await self._line.ask_once(question, wire.unless_refused(read)))
+        return await self._line.ask_once(question, wire.unless_refused(read))
 
     async def _order(self, command: str) -> bool:
         """Sends it once; whether it was acknowledged."""
-        answer = await self._line.order(command, wire.unless_refused(lambda _: True))
-        return bool(self._taken(command, answer))
-
-    def _taken(self, sent: str, answer: T | Refusal) -> T:
-        if isinstance(answer, Refusal):
-            raise Refused(
-                self._device, "the controller refused a command", sent=sent, received=str(answer),
-                remedy="Look at the controller what it does, and who else uses it.",
-            )  # fmt: skip
-        return answer
+        return await self._line.order(command, wire.unless_refused(lambda _: True)) is not None
 
 
 def _now_s() -> float:

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import Literal, TypeVar
+
+from drivers.chamber.refusal import Refusal
 
 T = TypeVar("T")
 Reads = Literal["target", "in_force"]
@@ -86,17 +87,6 @@ class Status(IntFlag):
     ERROR = 8
 
 
-@dataclass(frozen=True, slots=True)
-class Refusal:
-    """A negative answer."""
-
-    code: int
-
-    def __str__(self) -> str:
-        meaning = REFUSALS.get(self.code)
-        return str(self.code) + (f", {meaning}" if meaning else "")
-
-
 def message(function: Function, *arguments: int | str) -> str:
     """A message to the chamber, without its end."""
     return SEPARATOR.join(map(str, (int(function), 1, *arguments)))
@@ -126,7 +116,7 @@ def unless_refused(read: Callable[[list[str]], T]) -> Callable[[bytes], T | Refu
             return read(fields)
         if re.fullmatch(r"-\d{1,3}", code, re.ASCII) is None:
             raise ValueError("neither 1 nor a negative number")
-        return Refusal(int(code))
+        return Refusal(code, REFUSALS.get(int(code), ""))
 
     return read_line
 

@@ -5,20 +5,10 @@ import pytest
 from drivers.cts import wire
 from drivers.cts.wire import Ramp, Status, Temperatures
 from simulators.cts import SimulatedCts
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.thermal import ChamberPhysics
-from simulators.world import World
+from tests.support.chambers_ascii import Clock, at_25_c
 
 QUESTION = bytes.fromhex("02 81 c1 b0 f0 03")  # A0 to address 1
 ANSWER = bytes.fromhex("02 81 c1 b0 a0 b0 b2 b5 ae b0 a0 b0 b2 b5 ae b0 f0 03")  # A0 025.0 025.0
-
-
-class Clock:
-    now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 @pytest.fixture
@@ -26,14 +16,9 @@ def clock() -> Clock:
     return Clock()
 
 
-def a_chamber(clock: Clock, **settings: object) -> SimulatedCts:
-    world = World(WorldSettings(1, 9.8, chamber=ChamberPhysics(start_c=25.0, limit_cycle_c=0.0)), clock)
-    return SimulatedCts(world, FaultPlan(now_s=clock), **settings)  # type: ignore[arg-type]  # a test's own settings
-
-
 @pytest.fixture
 def chamber(clock: Clock) -> SimulatedCts:
-    return a_chamber(clock)
+    return at_25_c(SimulatedCts, clock)
 
 
 # Frames
@@ -149,7 +134,7 @@ def test_a_session(chamber: SimulatedCts, clock: Clock) -> None:
 
 @pytest.mark.parametrize(("reads", "told"), [("in_force", "A0 025.1 030.0"), ("target", "A0 025.1 035.0")])
 def test_rates_ramp_the_set_point(clock: Clock, reads: str, told: str) -> None:
-    chamber = a_chamber(clock, set_point_reads=reads)
+    chamber = at_25_c(SimulatedCts, clock, set_point_reads=reads)
     assert [chamber.execute(text) for text in ("u1 001.0", "d1 000.5", "a0 035.0")] == ["u", "d", "a"]
     assert chamber.execute("R1") == "R1 11 0001.00 0000.50 0035.00"
     clock.now_s = 300.0

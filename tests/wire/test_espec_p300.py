@@ -2,20 +2,11 @@
 
 import pytest
 
+from drivers.chamber.refusal import Refusal
 from drivers.espec_p300 import wire
-from drivers.espec_p300.wire import Monitor, Refusal, Temperatures
+from drivers.espec_p300.wire import Monitor, Temperatures
 from simulators.espec_p300 import SimulatedP300
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.thermal import ChamberPhysics
-from simulators.world import World
-
-
-class Clock:
-    now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
+from tests.support.chambers_ascii import Clock, at_25_c
 
 
 @pytest.fixture
@@ -23,14 +14,9 @@ def clock() -> Clock:
     return Clock()
 
 
-def a_chamber(clock: Clock, **settings: object) -> SimulatedP300:
-    world = World(WorldSettings(1, 9.8, chamber=ChamberPhysics(start_c=25.0, limit_cycle_c=0.0)), clock)
-    return SimulatedP300(world, FaultPlan(now_s=clock), **settings)  # type: ignore[arg-type]  # a test's own settings
-
-
 @pytest.fixture
 def chamber(clock: Clock) -> SimulatedP300:
-    return a_chamber(clock)
+    return at_25_c(SimulatedP300, clock)
 
 
 def talk(chamber: SimulatedP300, *lines: bytes) -> list[bytes]:
@@ -93,9 +79,9 @@ def test_anything_else_is_no_answer(read, line: str) -> None:
 def test_a_refusal_says_why() -> None:
     read = wire.unless_refused(wire.read_temperatures)
     assert read(b"23.1,25.0,100.0,-40.0") == Temperatures(23.1, 25.0, 100.0, -40.0)
-    assert read(b"NA:PROTECT ON") == Refusal("PROTECT ON")
-    assert str(Refusal("PROTECT ON")) == "NA:PROTECT ON, its settings are protected at the front panel"
-    assert str(Refusal("CONT NOT READY-3")) == "NA:CONT NOT READY-3"
+    assert isinstance(read(b"NA:PROTECT ON"), Refusal)
+    assert str(read(b"NA:PROTECT ON")) == "NA:PROTECT ON, its settings are protected at the front panel"
+    assert str(read(b"NA:CONT NOT READY-3")) == "NA:CONT NOT READY-3"
     with pytest.raises(ValueError, match="ascii"):
         read(b"23.1,25.0,100.0,\xb240.0")
 
@@ -114,7 +100,7 @@ def test_a_session(chamber: SimulatedP300, clock: Clock) -> None:
 
 
 def test_with_humidity_it_says_more(clock: Clock) -> None:
-    chamber = a_chamber(clock, humidity_percent=45)
+    chamber = at_25_c(SimulatedP300, clock, humidity_percent=45)
     assert talk(chamber, b"TYPE?", b"MON?", b"HUMI?") == [
         b"T,T,S2,180.0\r\n", b"25.0,45,CONSTANT,0\r\n", b"45,OFF,100,0\r\n",
     ]  # fmt: skip
@@ -144,7 +130,7 @@ def test_limits_are_set_alone_and_together(chamber: SimulatedP300) -> None:
 
 
 def test_an_address_is_asked_for(clock: Clock) -> None:
-    chamber = a_chamber(clock, address=3)
+    chamber = at_25_c(SimulatedP300, clock, address=3)
     assert talk(chamber, b"3,MODE?", b"4,MODE?", b"MODE?") == [b"CONSTANT\r\n", b"", b""]
 
 

@@ -2,20 +2,11 @@
 
 import pytest
 
+from drivers.chamber.refusal import Refusal
 from drivers.simserv import wire
-from drivers.simserv.wire import Function, Info, Refusal, Status
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
+from drivers.simserv.wire import Function, Info, Status
 from simulators.simserv import SimulatedSimserv
-from simulators.thermal import ChamberPhysics
-from simulators.world import World
-
-
-class Clock:
-    now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
+from tests.support.chambers_ascii import Clock, at_25_c
 
 
 @pytest.fixture
@@ -23,14 +14,9 @@ def clock() -> Clock:
     return Clock()
 
 
-def a_chamber(clock: Clock, **settings: object) -> SimulatedSimserv:
-    world = World(WorldSettings(1, 9.8, chamber=ChamberPhysics(start_c=25.0, limit_cycle_c=0.0)), clock)
-    return SimulatedSimserv(world, FaultPlan(now_s=clock), **settings)  # type: ignore[arg-type]  # a test's own settings
-
-
 @pytest.fixture
 def chamber(clock: Clock) -> SimulatedSimserv:
-    return a_chamber(clock)
+    return at_25_c(SimulatedSimserv, clock)
 
 
 def talk(chamber: SimulatedSimserv, *messages: str) -> list[str]:
@@ -95,9 +81,10 @@ def test_anything_else_is_no_answer(read, line: bytes) -> None:
 
 
 def test_a_refusal_says_why() -> None:
-    assert wire.unless_refused(wire.number)(b"-5") == Refusal(-5)
-    assert str(Refusal(-5)) == "-5, a function that it does not know"
-    assert str(Refusal(-77)) == "-77"
+    read = wire.unless_refused(wire.number)
+    assert isinstance(read(b"-5"), Refusal)
+    assert str(read(b"-5")) == "-5, a function that it does not know"
+    assert str(read(b"-77")) == "-77"
 
 
 # The simulator's side
@@ -145,7 +132,7 @@ def test_what_it_does_not_do_is_refused(chamber: SimulatedSimserv, message: str,
 
 @pytest.mark.parametrize(("reads", "told"), [("target", "1|35.0"), ("in_force", "1|30.0")])
 def test_gradients_ramp_the_set_point(clock: Clock, reads: str, told: str) -> None:
-    chamber = a_chamber(clock, set_point_reads=reads)
+    chamber = at_25_c(SimulatedSimserv, clock, set_point_reads=reads)
     assert talk(chamber, "11068|1|1|1.0", "11072|1|1|0.5", "11066|1|1", "11070|1|1") == ["1", "1", "1|1", "1|0.5"]
     talk(chamber, "11001|1|1|35.0")
     clock.now_s = 300.0
