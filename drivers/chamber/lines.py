@@ -5,11 +5,13 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Awaitable, Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from drivers.chamber.refusal import Refusal
+from drivers.description import Setup
 from drivers.errors import NoAnswer, Refused
 from drivers.transport.dialogue import Dialogue
+from drivers.transport.exchange import Framing, Pace, Proof, Wrap
 
 T = TypeVar("T")
 Read = Callable[[bytes], T | Refusal]
@@ -19,22 +21,27 @@ class ProvedLine:
     """Questions that are asked again once, and orders that are sent once, whatever happens.
 
     After a lost connection the next exchange connects and identifies first, by `identify`, which asks by `ask_once` and
-    raises WrongIdentity; after any other surprise the dialogue's proof comes first. For `order_gap_s` after an order
-    nothing is sent. Refusals are raised as Refused, and neither asked nor sent again.
+    raises WrongIdentity; after any other surprise `proof` comes first. For `order_gap_s` after an order nothing is
+    sent. Refusals are raised as Refused, and neither asked nor sent again.
 
     Concurrency: one caller at a time.
     """
 
     def __init__(
-        self, device: str, dialogue: Dialogue, identify: Callable[[], Awaitable[None]], *, order_gap_s: float = 0.0
-    ) -> None:
-        self._device, self._dialogue, self._identify, self._order_gap_s = device, dialogue, identify, order_gap_s
+        self, setup: Setup[Any, Any, Any], proof: Proof, identify: Callable[[], Awaitable[None]], pace: Pace, *,
+        end: bytes = b"\n", framing: Framing | None = None, wrap: Wrap | None = None, order_gap_s: float = 0.0,
+    ) -> None:  # fmt: skip
+        self._device, self._note = setup.name, setup.note
+        self._identify, self._order_gap_s = identify, order_gap_s
+        self._dialogue = Dialogue(
+            setup.name, setup.wires, setup.address, proof, end=end, framing=framing, wrap=wrap, pace=pace,
+            greet=identify, note=setup.note,
+        )  # fmt: skip
         self._busy_until_s = -math.inf
 
     async def connect(self) -> None:
         """Connects anew and identifies; raises CannotConnect and what `identify` raises."""
         await self._dialogue.open()
-        await self._prove()
 
     def close(self) -> None:
         """Closes the wire; closing twice is harmless."""
@@ -42,16 +49,24 @@ class ProvedLine:
 
     async def identify(self) -> None:
         """Identifies; raises and closes the wire when it is not the controller that it should be."""
-        await self._dialogue.reopen()
-        await self._prove()
+        if await self._dialogue.reopen():
+            return
+        try:
+            await self._identify()
+        except BaseException:
+            self._dialogue.close()  # who is there is not known: the next exchange connects and asks first
+            raise
 
     async def ask(self, question: str, read: Read[T]) -> T:
         """What `read` makes of the answer; see LineExchange.ask. Asked again once when there is no answer."""
-        await self._make_ready()
+        await self._dialogue.reopen()
         try:
             return await self.ask_once(question, read)
-        except NoAnswer:
-            return await self.ask_once(question, read)
+        except NoAnswer as problem:
+            await self._dialogue.reopen()
+            answer = await self.ask_once(question, read)
+            self._note(f"asked again: {problem}")
+            return answer
 
     async def ask_once(self, question: str, read: Read[T]) -> T:
         """The same on the connection as it is."""
@@ -60,10 +75,10 @@ class ProvedLine:
 
     async def order(self, command: str, read: Read[T]) -> T | None:
         """Sends a command once; None when its answer is missing or garbled, and the read-back has to decide."""
-        await self._make_ready()
+        await self._dialogue.reopen()
         await self._rest()
         try:
-            return self._taken(command, await self._dialogue.line.order(command.encode("latin-1"), read))
+            return self._taken(command, await self._dialogue.order(command.encode("latin-1"), read))
         finally:
             self._busy_until_s = asyncio.get_running_loop().time() + self._order_gap_s
 
@@ -75,16 +90,5 @@ class ProvedLine:
             )  # fmt: skip
         return answer
 
-    async def _make_ready(self) -> None:
-        if await self._dialogue.reopen():
-            await self._prove()
-
     async def _rest(self) -> None:
         await asyncio.sleep(max(0.0, self._busy_until_s - asyncio.get_running_loop().time()))
-
-    async def _prove(self) -> None:
-        try:
-            await self._identify()
-        except BaseException:
-            self._dialogue.close()  # who is there is not known: the next exchange connects and asks first
-            raise

@@ -18,7 +18,6 @@ from drivers.cts.description import CtsOptions
 from drivers.cts.wire import Ramp, Status
 from drivers.description import Setup, check_identity, still_the_same
 from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, Refused
-from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Pace, Proof, lines_ending
 from drivers.values import Identity
 
@@ -41,11 +40,10 @@ class CtsController:
         self._ramp: OwnRamp | None = None  # the one that was commanded last
         self._identity: Identity | None = None
         proof = Proof(wire.STATUS_QUERY.encode(), wire.of_address(address, wire.read_status))
-        dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, proof, framing=lines_ending(bytes([wire.ETX])),
-            wrap=partial(wire.frame, address), pace=Pace(answer_s=setup.options.answer_timeout),
+        self._line = ProvedLine(
+            setup, proof, self._identify, Pace(answer_s=setup.options.answer_timeout),
+            framing=lines_ending(bytes([wire.ETX])), wrap=partial(wire.frame, address),
         )  # fmt: skip
-        self._line = ProvedLine(setup.name, dialogue, self._identify)
 
     async def connect(self) -> None:
         """Connects anew and identifies."""

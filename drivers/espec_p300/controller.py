@@ -14,7 +14,6 @@ from drivers.errors import BadAnswer, InstrumentFault, Refused, WrongIdentity
 from drivers.espec_p300 import wire
 from drivers.espec_p300.description import P300Options
 from drivers.espec_p300.wire import Monitor, Temperatures
-from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Pace, Proof
 from drivers.values import Identity
 
@@ -43,8 +42,7 @@ class P300:
         self._identity: Identity | None = None
         proof = Proof(self._addressed(wire.TYPE_QUERY).encode(), self._recognise)
         pace = Pace(answer_s=setup.options.answer_timeout, gap_s=QUESTION_GAP_S)
-        dialogue = Dialogue(setup.name, setup.wires, setup.address, proof, end=wire.END, pace=pace)
-        self._line = ProvedLine(setup.name, dialogue, self._identify, order_gap_s=SETTING_GAP_S)
+        self._line = ProvedLine(setup, proof, self._identify, pace, end=wire.END, order_gap_s=SETTING_GAP_S)
 
     async def connect(self) -> None:
         """Connects anew and identifies."""

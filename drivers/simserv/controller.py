@@ -17,7 +17,6 @@ from drivers.errors import InstrumentFault, NoAnswer, Refused, WrongIdentity
 from drivers.simserv import wire
 from drivers.simserv.description import SimservOptions
 from drivers.simserv.wire import Function, Info, Status, message
-from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Pace, Proof, lines_ending
 from drivers.values import Identity
 
@@ -46,11 +45,10 @@ class Simpac:
         self._ramp: OwnRamp | None = None  # the one that was commanded last
         self._serial = ""
         self._identity: Identity | None = None
-        dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, Proof(_SERIAL_QUESTION.encode("latin-1"), self._recognise),
-            end=wire.END, framing=lines_ending(wire.ANSWER_END), pace=Pace(answer_s=setup.options.answer_timeout),
+        self._line = ProvedLine(
+            setup, Proof(_SERIAL_QUESTION.encode("latin-1"), self._recognise), self._identify,
+            Pace(answer_s=setup.options.answer_timeout), end=wire.END, framing=lines_ending(wire.ANSWER_END),
         )  # fmt: skip
-        self._line = ProvedLine(setup.name, dialogue, self._identify)
 
     async def connect(self) -> None:
         """Connects anew and identifies."""

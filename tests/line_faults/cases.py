@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +30,7 @@ class Case:
     call_s: float
     checked: bool = False
     connection: str = ""
+    device: Mapping[str, object] | None = None
     moving: frozenset[str] = frozenset()
     settles_s: float = 2.0
 
@@ -60,6 +61,13 @@ async def _nothing(laboratory: Laboratory, _twin: Any, _trial: int) -> None:
     """What it reads is never the same twice."""
 
 
+def _chamber(driver: str, connection: str, *, checked: bool = False) -> Case:
+    """Another chamber in the place of that of the first bench."""
+    limits = {"temperature": {"min": "-50 °C", "max": "100 °C"}, "ramp_rate": {"max": "3 °C/min"}}
+    device = {"driver": driver, "connection": connection, "limits": limits}
+    return Case("simulated", "chamber", _air, 3.0, 20.0, checked=checked, device=device, settles_s=3600.0)
+
+
 CASES = {
     "watlow_f4t, TCP": Case("simulated", "chamber", _air, 3.0, 15.0, settles_s=3600.0),
     "watlow_f4t, RTU": Case(
@@ -72,6 +80,9 @@ CASES = {
         connection="sim+serial:///dev/ttyS0?baud=9600",
         settles_s=3600.0,
     ),
+    "espec_p300": _chamber("espec_p300", "sim+serial:///dev/ttyS0?baud=9600"),
+    "simserv": _chamber("simserv", "sim+tcp://127.0.0.1:2049"),
+    "cts": _chamber("cts", "sim+serial:///dev/ttyS0?baud=19200&parity=O", checked=True),
     "aerotech_ensemble": Case("simulated", "head", _angle, 2.0, 12.0),
     "scpi_supply": Case("simulated", "supply", _output, 2.0, 12.0),
     "keithley_6220": Case("simulated", "source", _current, 2.0, 12.0),
