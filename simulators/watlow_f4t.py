@@ -11,6 +11,7 @@ from enum import IntEnum
 from itertools import chain
 from typing import Self
 
+from drivers.chamber.words import WordOrder, Words
 from drivers.watlow_f4t.wire import (
     CHAMBER_TEMPERATURE,
     DISPLAY_UNIT,
@@ -21,8 +22,6 @@ from drivers.watlow_f4t.wire import (
     LoopRegister,
     RampAction,
     RampScale,
-    WordOrder,
-    Words,
 )
 from simulators.faults import FaultPlan
 from simulators.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, ModbusTcpSession, RegisterError

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 
+from drivers.chamber.words import Words
 from drivers.description import unheard
 from drivers.errors import DriverError, LinkLost, NoAnswer, Refused
 from drivers.transport.modbus import ModbusLink
 from drivers.transport.modbus_frames import ReadFunction
 
-Words = tuple[int, ...]
 Spelled = Callable[[Words], str]
 """Words as numbers for a person."""
 

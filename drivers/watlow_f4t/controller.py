@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from drivers.chamber.controller import Control, Look
 from drivers.chamber.ramp import ARRIVED_WITHIN_C
 from drivers.chamber.registers import ProvedRegisters, hexadecimal
+from drivers.chamber.words import Words
 from drivers.description import IdentityPin
 from drivers.errors import BadAnswer, InstrumentFault, WrongIdentity
 from drivers.transport.modbus import ModbusLink
@@ -23,7 +24,6 @@ from drivers.watlow_f4t.wire import (
     LoopRegister,
     RampAction,
     RampScale,
-    Words,
     mode_name,
 )
 

@@ -7,9 +7,9 @@ from typing import Annotated
 from pydantic import Field
 
 from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberOptions, ChamberSafe
+from drivers.chamber.words import WordOrder
 from drivers.description import DriverDescription
 from drivers.fields import Flag, WholeNumber
-from drivers.watlow_f4t.wire import WordOrder
 
 
 class F4TOptions(ChamberOptions):

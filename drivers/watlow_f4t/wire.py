@@ -7,15 +7,11 @@ treated as zero. Which half of a float comes first is a setting of the controlle
 
 from __future__ import annotations
 
-import math
-import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal
 
-Words = tuple[int, ...]
-WordOrder = Literal["low_first", "high_first"]
+from drivers.chamber.words import WordOrder, Words, float32_value, float32_words
 
 LOOP_STRIDE = 160
 DISPLAY_UNIT, DISPLAY_UNIT_SERIAL = 6730, 14080  # as seen through TCP, and through the serial port
@@ -96,17 +92,11 @@ class LoopFormat:
 
     def words(self, value: float) -> Words:
         """The two registers of a float32; OverflowError when it does not fit one."""
-        high, low = struct.unpack(">HH", struct.pack(">f", value))
-        return (low, high) if self.word_order == "low_first" else (high, low)
+        return float32_words(value, self.word_order)
 
     def value(self, words: Sequence[int]) -> float:
         """The float32 in two registers; ValueError unless it is finite."""
-        first, second = words
-        high, low = (second, first) if self.word_order == "low_first" else (first, second)
-        value: float = struct.unpack(">f", struct.pack(">HH", high, low))[0]
-        if not math.isfinite(value):
-            raise ValueError(f"{value} is not a number that can be measured or set")
-        return value
+        return float32_value(words, self.word_order)
 
     def block(self, words: Sequence[int]) -> LoopBlock:
         """What the registers from BLOCK_FIRST say; ValueError as for `value`."""

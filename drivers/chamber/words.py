@@ -1,0 +1,39 @@
+"""Numbers ⇄ the 16-bit words of registers; bytes inside a word are always high first."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from typing import Literal
+
+Words = tuple[int, ...]
+WordOrder = Literal["low_first", "high_first"]
+
+
+def float32_words(value: float, order: WordOrder) -> Words:
+    """The two words of a float32; OverflowError when it does not fit one."""
+    high, low = struct.unpack(">HH", struct.pack(">f", value))
+    return (low, high) if order == "low_first" else (high, low)
+
+
+def float32_value(words: Sequence[int], order: WordOrder) -> float:
+    """The float32 in two words; ValueError unless it is finite."""
+    first, second = words
+    high, low = (second, first) if order == "low_first" else (first, second)
+    value: float = struct.unpack(">f", struct.pack(">HH", high, low))[0]
+    if not math.isfinite(value):
+        raise ValueError(f"{value} is not a number that can be measured or set")
+    return value
+
+
+def int16_word(value: int) -> int:
+    """The word of a number with a sign; OverflowError when it does not fit one."""
+    if not -0x8000 <= value <= 0x7FFF:
+        raise OverflowError(f"{value} does not fit a signed word")
+    return value & 0xFFFF
+
+
+def int16_value(word: int) -> int:
+    """The number with a sign in a word."""
+    return word - 0x10000 if word & 0x8000 else word

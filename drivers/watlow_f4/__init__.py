@@ -1,0 +1,1 @@
+"""Watlow F4 chamber controllers over Modbus RTU."""

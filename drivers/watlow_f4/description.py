@@ -1,0 +1,35 @@
+"""What a bench file says of a chamber with a Watlow F4 S or D."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions
+from drivers.description import DriverDescription
+from drivers.fields import WholeNumber
+from drivers.watlow_f4.wire import EVENT_OUTPUTS
+
+
+class F4Options(StairOptions):
+    """How the controller is spoken to."""
+
+    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="its Modbus address")
+    power_event: Annotated[WholeNumber, Field(ge=1, le=EVENT_OUTPUTS)] | None = Field(
+        None, description="the event output that switches the chamber on, where one does"
+    )
+
+
+DESCRIPTION = DriverDescription(
+    name="watlow_f4",
+    title="thermal chamber with a Watlow F4 S or D, Modbus RTU",
+    capabilities=frozenset({"thermal_chamber"}),
+    schemes=frozenset({"serial", "socket"}),
+    target="drivers.watlow_f4.driver:WatlowF4",
+    simulator="simulators.watlow_f4:SimulatedF4",
+    options=F4Options,
+    limits=ChamberLimits,
+    safe=ChamberSafe,
+    channels=CHANNELS,
+)
