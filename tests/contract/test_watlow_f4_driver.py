@@ -177,9 +177,7 @@ def test_a_profile_that_cannot_be_ended_is_told() -> None:
         await driver.ramp_to(25.0, 3.0)
         rig.instrument.start_profile()
         rig.faults.begin("stuck")
-        with pytest.raises(
-            InstrumentFault, match=r"the profile did not end; .*Terminate the profile at"
-        ):
+        with pytest.raises(InstrumentFault, match=r"the profile did not end; .*Terminate the profile at"):
             await driver.make_safe()
 
     async def main(rig: Rig) -> None:

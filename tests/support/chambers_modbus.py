@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from drivers.binder.wire import IDLE_LINE, LINES, MODE
+from drivers.chamber.words import float32_words
 from tests.support.chambers import Dialect
 
 SERIAL, SERVER = "serial:///dev/ttyUSB0?baud=9600", "socket://127.0.0.1:4001"
@@ -39,4 +41,26 @@ def _f4(address: str) -> Dialect:
     )  # fmt: skip
 
 
-MODBUS_DIALECTS = [_f4(SERIAL), _f4(SERVER)]
+def _binder(name: str, controller: str, register: int, **options: object) -> Dialect:
+    def set_point(binder: Any, value_c: float) -> None:
+        binder.write(register, float32_words(value_c, "low_first"))
+        if binder.kind == "mb1":
+            binder.write(MODE, (binder._mode,))
+
+    return Dialect(
+        name=name, driver="binder", address=SERVER, commands=writes(register),
+        options={"controller": controller, "range": {"min": "-60 °C", "max": "180 °C"}, **options},
+        set_point=set_point, take_over=lambda binder: binder.start_program(),
+        switch_off=_written((MODE, 0)) if controller == "mb1" else _written((LINES, IDLE_LINE)),
+        stranger=lambda binder: setattr(binder, "kind", "mb2" if controller == "mb1" else "mb1"), within_c=0.5,
+    )  # fmt: skip
+
+
+MODBUS_DIALECTS = [
+    _f4(SERIAL),
+    _f4(SERVER),
+    _binder("binder-mb1", "mb1", 0x1581),
+    _binder("binder-mb1-swapped", "mb1", 0x1581, set_point="basic", swapped=True),
+    _binder("binder-mb1-basic", "mb1", 0x156F, set_point="basic"),
+    _binder("binder-mb2", "mb2", 0x114C),
+]

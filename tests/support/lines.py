@@ -22,6 +22,7 @@ class Tap(InstrumentProtocol):
         super().__init__(wire.instrument)
         self._wire = wire
         self.transport: asyncio.Transport | None = None
+        self._request = b""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
@@ -35,9 +36,14 @@ class Tap(InstrumentProtocol):
             return
         if self._wire.lose(data):
             return
+        self._request = data
         answer = self._wire.alter(data, self._session.feed(data))
         if answer and self.transport is not None:
             self.transport.write(answer)
+
+    def _say_later(self, delay_s: float, answer: Callable[[], bytes]) -> None:
+        request = self._request
+        super()._say_later(delay_s, lambda: self._wire.alter(request, answer()))
 
 
 class TappedWire:

@@ -1,0 +1,24 @@
+"""A thermal chamber of Binder's."""
+
+from __future__ import annotations
+
+from drivers.binder.controller import Mb1, Mb2
+from drivers.binder.description import BinderOptions
+from drivers.chamber.description import ChamberLimits, ChamberSafe
+from drivers.chamber.driver import Chamber
+from drivers.description import Setup
+from drivers.transport.modbus import ModbusLink
+
+
+class Binder(Chamber):
+    """A ThermalChamber whose set point goes in steps."""
+
+    def __init__(self, setup: Setup[BinderOptions, ChamberLimits, ChamberSafe]) -> None:
+        options = setup.options
+        link = ModbusLink(
+            setup.name, setup.wires, setup.address, unit_id=options.unit_id, answer_s=options.answer_timeout
+        )
+        controller = Mb1 if options.controller == "mb1" else Mb2
+        super().__init__(
+            setup.name, controller(link, setup.identity, options), setup.limits, setup.safe, options
+        )  # fmt: skip
