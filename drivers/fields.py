@@ -9,10 +9,10 @@ from __future__ import annotations
 import datetime as dt
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Generic, Self, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -33,6 +33,8 @@ from drivers.quantities import Quantity, as_quantity, parse
 from drivers.suggest import did_you_mean, nearest
 from drivers.units import NO_DIMENSION, QuantityError, in_unit, parse_unit, quoted
 from drivers.wording import expected, in_plain_words, in_words, telling
+
+ContentT = TypeVar("ContentT", bound=BaseModel)
 
 DEFERRED = {"deferred": True}
 UNKNOWN = Quantity(math.nan)  # what an expression has whose value is not known yet
@@ -248,12 +250,13 @@ class FileBeside:
     """
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.with_info_plain_validator_function(self._validate)
+        return core_schema.with_info_plain_validator_function(self.path)
 
     def __get_pydantic_json_schema__(self, _: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {"type": "string", "minLength": 1, "description": "the name of a file beside this one, or below it"}
 
-    def _validate(self, raw: object, info: core_schema.ValidationInfo) -> Path:
+    def path(self, raw: object, info: core_schema.ValidationInfo) -> Path:
+        """The file; raises what a person is to be told."""
         context = info.context or {}
         folder = context.get("folder")
         if not isinstance(raw, str) or not raw or not isinstance(folder, Path):
@@ -270,6 +273,37 @@ class FileBeside:
         if context.get("files_needed", True) and not exists:
             raise telling(f"there is no file {quoted(raw)} beside this one")
         return path
+
+
+@dataclass(frozen=True, slots=True)
+class DocumentFile(Generic[ContentT]):
+    """A file beside a document and the model in it; `content` is None where only a run keeps the document."""
+
+    path: Path
+    content: ContentT | None
+
+
+@dataclass(frozen=True, slots=True)
+class ModelBeside:
+    """Validates the name of a file beside the document into the `model` of the document in it, or takes a DocumentFile.
+
+    The validation's context says by `load` how such files are read; what it raises about them is not caught.
+    """
+
+    model: type[BaseModel]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.with_info_plain_validator_function(self._validate)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return FileBeside().__get_pydantic_json_schema__(schema, handler)
+
+    def _validate(self, raw: object, info: core_schema.ValidationInfo) -> DocumentFile[Any]:
+        if isinstance(raw, DocumentFile):
+            return raw
+        path = FileBeside().path(raw, info)
+        load: Callable[[Path, type[BaseModel]], BaseModel] = (info.context or {})["load"]
+        return DocumentFile(path, load(path, self.model) if path.is_file() else None)
 
 
 class StrictModel(BaseModel):

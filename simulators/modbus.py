@@ -55,11 +55,15 @@ class Registers(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ModbusServer:
-    """Registers behind a unit number; `functions` are those that it serves."""
+    """Registers behind a unit number; `functions` are those that it serves.
+
+    Input registers are those of `inputs`, and the same as the others without.
+    """
 
     registers: Registers
     unit_id: int
     functions: frozenset[int] = frozenset({READ, WRITE_ONE, WRITE_MANY})
+    inputs: Registers | None = None
 
     def answer(self, request: bytes) -> bytes:
         """The answer to function and data: function and data, or a refusal."""
@@ -68,16 +72,16 @@ class ModbusServer:
             if function not in self.functions:
                 raise RegisterError(ExceptionCode.ILLEGAL_FUNCTION)
             if function in (READ, READ_INPUT):
-                return bytes([function]) + self._read(data)
+                return bytes([function]) + self._read(data, self.inputs if function == READ_INPUT else None)
             return bytes([function]) + (self._write_one(data) if function == WRITE_ONE else self._write_many(data))
         except RegisterError as refusal:
             return bytes([function | 0x80, refusal.code])
 
-    def _read(self, data: bytes) -> bytes:
+    def _read(self, data: bytes, inputs: Registers | None) -> bytes:
         address, count = _two_words(data)
         _check(1 <= count <= _READ_LIMIT, ExceptionCode.ILLEGAL_VALUE)
         _check(address + count <= _ADDRESSES, ExceptionCode.ILLEGAL_ADDRESS)
-        words = self.registers.read(address, count)
+        words = (inputs or self.registers).read(address, count)
         return struct.pack(f">B{count}H", 2 * count, *words)
 
     def _write_one(self, data: bytes) -> bytes:

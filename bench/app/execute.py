@@ -33,6 +33,7 @@ from bench.store.writer import RunWriter
 from drivers.can_counter.description import CounterOptions
 from drivers.can_options import text_of
 from drivers.can_telemetry.description import TelemetryOptions
+from drivers.modbus_chamber.description import ModbusChamberOptions
 from drivers.values import Reading
 
 CALLED = "called"  # the folder of sequences that the one of a run calls
@@ -174,6 +175,8 @@ def _keep_inputs(prepared: PreparedRun, folder: Path) -> dict[str, str]:
     for entry in prepared.loaded.bench.devices.values():
         if isinstance(entry.options, CounterOptions | TelemetryOptions):
             copies[entry.options.dbc.name] = text_of(entry.options.dbc)
+        elif isinstance(entry.options, ModbusChamberOptions):
+            copies[entry.options.profile.path.name] = entry.options.profile.path.read_text("utf-8")
     if called:
         (folder / CALLED).mkdir()
     for name, text in copies.items():

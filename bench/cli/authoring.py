@@ -39,6 +39,14 @@ def schema_of_benches() -> None:
     _print(bench_schema())
 
 
+@schemas.command("chamber-profile")
+def schema_of_chamber_profiles() -> None:
+    """Print the JSON Schema of the files that describe a chamber's Modbus registers."""
+    from bench.config.schema import chamber_profile_schema
+
+    _print(chamber_profile_schema())
+
+
 def _print(schema: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(schema, ensure_ascii=False, indent=2) + "\n")
 

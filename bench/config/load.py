@@ -23,10 +23,12 @@ _KEY = "[key]"  # ends the location of an error about a key itself
 def load(document: Document, model: type[ModelT], **context: Any) -> ModelT:
     """The model of a document; InputError has a `file:line:column: what` for each problem.
 
-    Validators find the document's folder and what `context` gives in their context.
+    Validators find the document's folder, how files beside it are loaded, and what `context` gives in their context.
     """
     try:
-        return model.model_validate(document.value, context={"folder": document.path.parent, **context})
+        return model.model_validate(
+            document.value, context={"folder": document.path.parent, "load": load_file, **context}
+        )
     except ValidationError as error:
         raise InputError(*document.told(problems(document.value, error))) from None
 

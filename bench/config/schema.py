@@ -19,6 +19,7 @@ from pydantic_core import core_schema
 from bench.config.models import BenchFile
 from drivers.description import DriverDescription, known_drivers
 from drivers.fields import UNIT_KEYWORD
+from drivers.modbus_chamber.profile import ChamberProfile
 
 Schema = dict[str, Any]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -33,6 +34,11 @@ def bench_schema() -> Schema:
     device["properties"]["driver"] = {"enum": sorted(drivers)}
     device["allOf"] = [when("driver", name, _as_driver(drivers[name], refs)) for name in sorted(drivers)]
     return without_unused(schema)
+
+
+def chamber_profile_schema() -> Schema:
+    """The schema of the files that describe the controller of a chamber."""
+    return schema_of(ChamberProfile, ())[0]
 
 
 def schema_of(

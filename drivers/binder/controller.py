@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import suppress
 from typing import ClassVar
 
 from drivers.binder.description import BinderOptions
@@ -23,7 +24,7 @@ from drivers.chamber.ramp import ARRIVED_WITHIN_C
 from drivers.chamber.registers import ProvedRegisters, hexadecimal
 from drivers.chamber.words import Words
 from drivers.description import IdentityPin
-from drivers.errors import BadAnswer, InstrumentFault, Refused, WrongIdentity
+from drivers.errors import BadAnswer, InstrumentFault, LinkLost, NoAnswer, Refused, WrongIdentity
 from drivers.transport.modbus import ModbusLink
 from drivers.values import Identity
 
@@ -181,7 +182,8 @@ class Mb2(_Controller):
         if lines & IDLE_LINE:
             await self._registers.set(LINES, (lines & ~IDLE_LINE,), "state of the operation lines", hexadecimal)
         elif not await self._follows(target_c):
-            await self._link.write(PROGRAM_STOP, (1,))
+            with suppress(NoAnswer, LinkLost):  # the set point in force will tell whether it was carried out
+                await self._link.write(PROGRAM_STOP, (1,))
         await asyncio.sleep(FOLLOWS_S)
         if not await self._follows(target_c):
             raise InstrumentFault(

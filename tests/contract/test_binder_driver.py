@@ -156,6 +156,17 @@ def test_an_mb2_in_a_program_is_taken_back_by_stopping_it() -> None:
     with_rig(MB2, use)
 
 
+def test_a_program_is_stopped_once_when_that_has_no_answer() -> None:
+    async def use(rig: Rig) -> None:
+        async with rig.driver() as driver:
+            rig.instrument.start_program()
+            rig.wire.alter = lambda request, answer: b"" if writes(PROGRAM_STOP)(request) else answer
+            await driver.make_safe()
+            assert written(rig) == [0x114C, PROGRAM_STOP]
+
+    with_rig(MB2, use)
+
+
 def test_an_mb2_whose_program_goes_on_is_told() -> None:
     class Stubborn(SimulatedBinder):
         def _write_word(self, address: int, words: Sequence[int]) -> None:
