@@ -23,6 +23,7 @@ _MODULES = {
     "pymeasure": ("pymeasure", "pyvisa", "pyvisa_py"), "msgpack": ("msgpack",), "imucal": ("imucal",),
     "chamberconnectlibrary": ("chamberconnectlibrary",), "espec_pr3j": ("espec_pr3j", "pyvisa_py"),
     "cts_chamber": ("cts_chamber", "pyvisa_py"),
+    "pyModbusTCP": ("pyModbusTCP",), "watlow_f4": ("watlow_f4", "minimalmodbus"),
 }  # fmt: skip
 
 
@@ -38,6 +39,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def _is_here(peer: str) -> bool:
     if peer == "pango":
         return find_library("pangoft2-1.0") is not None
+    if peer == "libmodbus":
+        return find_library("modbus") is not None
     if peer == "a Chinese font":
         return shutil.which("fc-list") is not None and bool(subprocess.check_output(["fc-list", ":lang=zh"]))
     modules = _MODULES.get(peer)
