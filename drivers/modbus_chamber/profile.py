@@ -116,7 +116,7 @@ class ModeRegister(CodeRegister):
 class Switch(CodeRegister):
     """A register that has to hold a number before something else has an effect."""
 
-    value: Word
+    value: Word = Field(description="what it has to hold")
     write: WriteFunction = Field(6, description="the function that writes it")
 
 
@@ -139,8 +139,8 @@ class ChamberProfile(StrictModel):
     """One kind of controller."""
 
     schema_: Literal["itb-chamber/1"] = Field(alias="schema", description="what kind of file this is")
-    maker: Meaning
-    model: Meaning
+    maker: Meaning = Field(description="who makes the controller")
+    model: Meaning = Field(description="its name")
     source: Meaning = Field(description="where these numbers are from: a manual and its edition, or who tried them")
     word_order: WordOrder | None = Field(None, description="of values in two registers")
     gap: Annotated[float, InUnit("s", at_least=0, at_most=2)] = Field(
