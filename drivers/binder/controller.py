@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from contextlib import suppress
 from typing import ClassVar
 
@@ -40,11 +41,13 @@ class _Controller:
     can_start = True
     model: ClassVar[str]
 
-    def __init__(self, link: ModbusLink, pin: IdentityPin, options: BinderOptions) -> None:
+    def __init__(
+        self, link: ModbusLink, pin: IdentityPin, options: BinderOptions, note: Callable[[str], object]
+    ) -> None:
         self.limits_c: tuple[float, float] | None = None
         self._link, self._pin, self._options = link, pin, options
         self._at = registers_of(options.controller, options.set_point, swapped=options.swapped)
-        self._registers = ProvedRegisters(link, self._identify)
+        self._registers = ProvedRegisters(link, self._identify, note)
 
     async def connect(self) -> None:
         """Connects anew and identifies."""

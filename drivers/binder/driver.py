@@ -18,7 +18,6 @@ class Binder(Chamber):
         link = ModbusLink(
             setup.name, setup.wires, setup.address, unit_id=options.unit_id, answer_s=options.answer_timeout
         )
-        controller = Mb1 if options.controller == "mb1" else Mb2
-        super().__init__(
-            setup.name, controller(link, setup.identity, options), setup.limits, setup.safe, options
-        )  # fmt: skip
+        made = Mb1 if options.controller == "mb1" else Mb2
+        controller = made(link, setup.identity, options, setup.note)
+        super().__init__(setup.name, controller, setup.limits, setup.safe, options)

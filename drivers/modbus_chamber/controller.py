@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from drivers.chamber.controller import Control, Look
 from drivers.chamber.registers import ProvedRegisters, hexadecimal
 from drivers.chamber.words import Words
@@ -27,11 +29,13 @@ class ProfiledController:
     Every controller is told a set point only when another is there, since many wear out a memory with each.
     """
 
-    def __init__(self, link: ModbusLink, pin: IdentityPin, profile: ChamberProfile) -> None:
+    def __init__(
+        self, link: ModbusLink, pin: IdentityPin, profile: ChamberProfile, note: Callable[[str], object]
+    ) -> None:
         self.limits_c: tuple[float, float] | None = None
         self.can_start = profile.mode is not None and profile.mode.start is not None
         self._link, self._pin, self._profile = link, pin, profile
-        self._registers = ProvedRegisters(link, self._identify)
+        self._registers = ProvedRegisters(link, self._identify, note)
 
     async def connect(self) -> None:
         """Connects anew and identifies."""

@@ -28,6 +28,5 @@ class ModbusChamber(Chamber):
         how: ChamberOptions = options
         if profile.ramp is not None:
             how = ChamberOptions.model_construct(poll=options.poll, answer_timeout=options.answer_timeout)
-        super().__init__(
-            setup.name, ProfiledController(link, setup.identity, profile), setup.limits, setup.safe, how
-        )  # fmt: skip
+        controller = ProfiledController(link, setup.identity, profile, setup.note)
+        super().__init__(setup.name, controller, setup.limits, setup.safe, how)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections.abc import Callable
 from contextlib import suppress
 
 from drivers.chamber.controller import Control, Look
@@ -38,7 +39,9 @@ class F4Channel:
 
     can_start = True
 
-    def __init__(self, link: ModbusLink, pin: IdentityPin, power_event: int | None) -> None:
+    def __init__(
+        self, link: ModbusLink, pin: IdentityPin, power_event: int | None, note: Callable[[str], object]
+    ) -> None:
         self.limits_c: tuple[float, float] | None = None
         self._link, self._pin = link, pin
         self._power = event_output(power_event) if power_event is not None else None
@@ -46,7 +49,7 @@ class F4Channel:
         self._form = TemperatureFormat()
         self._known: tuple[Words, Words, int] | None = None  # of the controller that was there first
         self._commanded_c = math.nan
-        self._registers = ProvedRegisters(link, self._identify)
+        self._registers = ProvedRegisters(link, self._identify, note)
 
     async def connect(self) -> None:
         """Connects anew and identifies."""

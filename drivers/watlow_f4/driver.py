@@ -18,5 +18,5 @@ class WatlowF4(Chamber):
         link = ModbusLink(
             setup.name, setup.wires, setup.address, unit_id=options.unit_id, answer_s=options.answer_timeout
         )
-        channel = F4Channel(link, setup.identity, options.power_event)
+        channel = F4Channel(link, setup.identity, options.power_event, setup.note)
         super().__init__(setup.name, channel, setup.limits, setup.safe, options)
