@@ -20,7 +20,7 @@ from drivers.binder.wire import (
     value_c,
     words,
 )
-from drivers.chamber.controller import Control, Look
+from drivers.chamber.controller import Control, Look, as_stated
 from drivers.chamber.ramp import ARRIVED_WITHIN_C
 from drivers.chamber.registers import ProvedRegisters, hexadecimal
 from drivers.chamber.words import Words
@@ -60,11 +60,8 @@ class _Controller:
     async def identify(self) -> Identity:
         """The names as the bench file states them; the fingerprint is what the wire tells."""
         await self._registers.identify()
-        return Identity(
-            maker=self._pin.maker or "Binder", model=self._pin.model or self.model, serial=self._pin.serial or "",
-            firmware=self._pin.firmware or "", verified=False,
-            fingerprint=f"temperatures in the registers of an {self.model}",
-        )  # fmt: skip
+        fingerprint = f"temperatures in the registers of an {self.model}"
+        return as_stated(self._pin, fingerprint, maker="Binder", model=self.model)
 
     def kept(self, temperature_c: float) -> float:
         """The float32 nearest to it."""

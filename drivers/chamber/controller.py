@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
+from drivers.description import IdentityPin
 from drivers.values import Identity
 
 
@@ -65,3 +66,11 @@ class Controller(Protocol):
 
     async def take_control(self) -> None:
         """Makes the set point count, after it was commanded; raises InstrumentFault where only a person may do that."""
+
+
+def as_stated(pin: IdentityPin, fingerprint: str, *, maker: str, model: str, firmware: str = "") -> Identity:
+    """Who is there, where the wire tells no names: those of the bench file, or else these, not verified."""
+    return Identity(
+        maker=pin.maker or maker, model=pin.model or model, serial=pin.serial or "",
+        firmware=firmware or pin.firmware or "", verified=False, fingerprint=fingerprint,
+    )  # fmt: skip

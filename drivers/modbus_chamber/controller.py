@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from drivers.chamber.controller import Control, Look
+from drivers.chamber.controller import Control, Look, as_stated
 from drivers.chamber.registers import ProvedRegisters, hexadecimal
 from drivers.chamber.words import Words
 from drivers.description import IdentityPin
@@ -52,11 +52,8 @@ class ProfiledController:
         told = [each.means for each in self._profile.must_be]
         if self._profile.limits is not None:
             told.append(f"set point {low_c:g} to {high_c:g} °C")
-        return Identity(
-            maker=self._pin.maker or self._profile.maker, model=self._pin.model or self._profile.model,
-            serial=self._pin.serial or "", firmware=self._pin.firmware or "", verified=False,
-            fingerprint=", ".join(told) or "a temperature where the process value is",
-        )  # fmt: skip
+        fingerprint = ", ".join(told) or "a temperature where the process value is"
+        return as_stated(self._pin, fingerprint, maker=self._profile.maker, model=self._profile.model)
 
     async def look(self, commanded_c: float | None) -> Look:
         """Alarms, mode and temperatures."""

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 
-from drivers.chamber.controller import Control, Look
+from drivers.chamber.controller import Control, Look, as_stated
 from drivers.chamber.registers import ProvedRegisters, hexadecimal
 from drivers.chamber.words import Words
 from drivers.description import IdentityPin
@@ -64,11 +64,10 @@ class F4Channel:
         await self._registers.identify()
         (_, *serial, software, revision), _, decimals = self._known or ((0,) * 5, (), 0)
         low_c, high_c = self.limits_c or (0.0, 0.0)
-        return Identity(
-            maker=self._pin.maker or "Watlow", model=self._pin.model or "F4", serial=self._pin.serial or "",
-            firmware=f"{software} revision {revision / 100:.2f}", verified=False,
-            fingerprint=f"serial number registers {serial[0]} {serial[1]}, °C with {decimals} decimals, "
+        return as_stated(
+            self._pin, f"serial number registers {serial[0]} {serial[1]}, °C with {decimals} decimals, "
             f"set point {low_c:g} to {high_c:g} °C",
+            maker="Watlow", model="F4", firmware=f"{software} revision {revision / 100:.2f}",
         )  # fmt: skip
 
     async def look(self, commanded_c: float | None) -> Look:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from drivers.chamber.controller import Control, Look
+from drivers.chamber.controller import Control, Look, as_stated
 from drivers.chamber.ramp import ARRIVED_WITHIN_C
 from drivers.chamber.registers import ProvedRegisters, hexadecimal
 from drivers.chamber.words import Words
@@ -59,11 +59,8 @@ class F4TLoop:
         """The names as the bench file states them; the fingerprint is what the wire tells."""
         await self._registers.identify()
         low_c, high_c = self.limits_c or (0.0, 0.0)
-        return Identity(
-            maker=self._pin.maker or "Watlow", model=self._pin.model or "F4T", serial=self._pin.serial or "",
-            firmware=self._pin.firmware or "", verified=False,
-            fingerprint=f"display unit °C, set point {low_c:g} to {high_c:g} °C",
-        )  # fmt: skip
+        fingerprint = f"display unit °C, set point {low_c:g} to {high_c:g} °C"
+        return as_stated(self._pin, fingerprint, maker="Watlow", model="F4T")
 
     async def look(self, commanded_c: float | None) -> Look:
         """Set point in force, mode and process value; the set point itself only where it could be another."""

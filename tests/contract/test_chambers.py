@@ -236,7 +236,7 @@ def test_a_chamber_that_is_off_is_started_by_a_ramp_or_left_to_a_person(dialect:
                 return
             await driver.ramp_to(22.0, 1.0)
             await driver.poll()
-            assert rig.set_point_c() == pytest.approx(22.0, abs=1e-4)
+            assert rig.set_point_c() == pytest.approx(22.0, abs=dialect.within_c)
 
     with_rig(dialect, use)
 

@@ -8,17 +8,8 @@ from drivers.binder.wire import Kind, Mode, mode_of, registers_of, value_c, word
 from simulators.binder import ANSWER_AFTER_S, SimulatedBinder
 from simulators.faults import FaultPlan
 from simulators.modbus import crc16
-from simulators.settings import WorldSettings
-from simulators.thermal import ChamberPhysics
 from simulators.world import World
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
+from tests.support.clock import Clock, quiet_chamber
 
 
 @pytest.fixture
@@ -28,7 +19,7 @@ def clock() -> Clock:
 
 @pytest.fixture
 def world(clock: Clock) -> World:
-    return World(WorldSettings(1, 9.8, chamber=ChamberPhysics(start_c=23.5, limit_cycle_c=0.0)), clock)
+    return quiet_chamber(clock, 23.5)
 
 
 def a_binder(world: World, kind: Kind = "mb1") -> SimulatedBinder:

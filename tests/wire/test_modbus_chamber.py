@@ -8,18 +8,9 @@ from drivers.chamber.words import WordOrder
 from drivers.modbus_chamber.wire import ValueFormat, ValueType
 from simulators.faults import FaultPlan
 from simulators.modbus_chamber import SimulatedProfile
-from simulators.settings import WorldSettings
-from simulators.thermal import ChamberPhysics
 from simulators.world import World
 from tests.support.chambers_modbus import FICTIONAL, PLAIN
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
+from tests.support.clock import Clock, quiet_chamber
 
 
 @pytest.fixture
@@ -29,7 +20,7 @@ def clock() -> Clock:
 
 @pytest.fixture
 def world(clock: Clock) -> World:
-    return World(WorldSettings(1, 9.8, chamber=ChamberPhysics(start_c=25.3, limit_cycle_c=0.0)), clock)
+    return quiet_chamber(clock, 25.3)
 
 
 @pytest.fixture

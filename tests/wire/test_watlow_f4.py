@@ -7,21 +7,12 @@ from hypothesis import strategies as st
 from drivers.watlow_f4.wire import Measured, TemperatureFormat, event_output
 from simulators.faults import FaultPlan
 from simulators.modbus import crc16
-from simulators.settings import WorldSettings
-from simulators.thermal import ChamberPhysics
 from simulators.watlow_f4 import SimulatedF4
 from simulators.world import World
+from tests.support.clock import Clock, quiet_chamber
 
 READ_100 = "01 03 00 64 00 01 c5 d5"
 WRITE_MINUS_40 = "01 06 01 2c fe 70 08 7b"
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 @pytest.fixture
@@ -31,7 +22,7 @@ def clock() -> Clock:
 
 @pytest.fixture
 def world(clock: Clock) -> World:
-    return World(WorldSettings(1, 9.8, chamber=ChamberPhysics(start_c=25.3, limit_cycle_c=0.0)), clock)
+    return quiet_chamber(clock, 25.3)
 
 
 @pytest.fixture
