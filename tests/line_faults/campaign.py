@@ -11,7 +11,6 @@ import numpy as np
 
 from bench.app.laboratory import BenchWires, Laboratory, make_laboratory, unit_files
 from bench.app.request import load_bench_named
-from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.capabilities import Device
@@ -52,11 +51,8 @@ def play(name: str, case: Case, trials: int, seed: int, kinds: Iterable[LineFaul
     """So many trials on one dialect, every kind of fault in turn; which answer of a reading suffers is drawn."""
     tally = Tally()
     bench = load_bench_named(case.bench).bench
-    entry = bench.devices[case.role] if case.device is None else DeviceEntry.model_validate(case.device)
-    if case.address is not None:
-        entry = entry.model_copy(update={"connection": case.address})
-    if entry is not bench.devices[case.role]:
-        bench = bench.model_copy(update={"devices": {**bench.devices, case.role: entry}})
+    entry = case.of(bench.devices[case.role])
+    bench = bench.model_copy(update={"devices": {**bench.devices, case.role: entry}})
     at_a_port = bench.devices[case.role].connection.scheme == "serial"
     faults = [kind for kind in kinds if not (at_a_port and kind is LineFault.HALF_OPEN)]  # a port has no other end
     still = bench.simulation.chamber.model_copy(update={"limit_cycle": 0.0})

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from bench.app.laboratory import Laboratory
+from bench.config.devices import DeviceEntry
+from bench.config.load import load_file
+from drivers.description import known_drivers
+from drivers.fields import DocumentFile
+from drivers.modbus_chamber.profile import ChamberProfile
 from drivers.transport.address import Address
+from tests.support.runs import ROOT
 
+PROFILE = ROOT / "config/chambers/fictional.yaml"
 Vary = Callable[[Laboratory, Any, int], Awaitable[None]]
 """Given the laboratory, a second driver of the same instrument on a good line, and the number of the trial."""
 
@@ -20,7 +27,8 @@ class Case:
 
     `checked` says whether the link has a checksum or a number in every answer. `call_s` is how long a reading may take
     at the most, whatever the line does; `patience_s` how long the driver waits for one answer. The channels `moving`
-    are another value by the time they are compared. After `settles_s` nothing else moves any more.
+    are another value by the time they are compared. A `driver` with its `options` is another instrument in the place of
+    that of the bench. After `settles_s` nothing else moves any more.
     """
 
     bench: str
@@ -30,14 +38,18 @@ class Case:
     call_s: float
     checked: bool = False
     connection: str = ""
-    device: Mapping[str, object] | None = None
+    driver: str = ""
+    options: Mapping[str, Any] = field(default_factory=dict)
     moving: frozenset[str] = frozenset()
     settles_s: float = 2.0
 
-    @property
-    def address(self) -> Address | None:
-        """Another address than that of the bench file."""
-        return Address.parse(self.connection) if self.connection else None
+    def of(self, entry: DeviceEntry) -> DeviceEntry:
+        """The instrument of the bench file at another address, or another one in its place."""
+        update: dict[str, Any] = {"connection": Address.parse(self.connection)} if self.connection else {}
+        if self.driver:
+            options = known_drivers()[self.driver].options.model_validate(dict(self.options))
+            update |= {"driver": self.driver, "options": options}
+        return entry.model_copy(update=update)
 
 
 async def _air(laboratory: Laboratory, _twin: Any, trial: int) -> None:
@@ -57,32 +69,30 @@ async def _angle(laboratory: Laboratory, twin: Any, trial: int) -> None:
     laboratory.world.move(3.7 * (trial % 90), 1e6, 1e9, role)
 
 
-async def _nothing(laboratory: Laboratory, _twin: Any, _trial: int) -> None:
-    """What it reads is never the same twice."""
+def _chamber(
+    driver: str, connection: str, patience_s: float = 3.0, call_s: float = 0.0, *, checked: bool = True,
+    **options: object,
+) -> Case:  # fmt: skip
+    """A chamber of another dialect in the place of the one of the demonstration bench."""
+    return Case(
+        "simulated", "chamber", _air, patience_s, call_s or 5 * patience_s, checked=checked, connection=connection,
+        driver=driver, options=options, settles_s=3600.0,
+    )  # fmt: skip
 
 
-def _chamber(driver: str, connection: str, *, checked: bool = False) -> Case:
-    """Another chamber in the place of that of the first bench."""
-    limits = {"temperature": {"min": "-50 °C", "max": "100 °C"}, "ramp_rate": {"max": "3 °C/min"}}
-    device = {"driver": driver, "connection": connection, "limits": limits}
-    return Case("simulated", "chamber", _air, 3.0, 20.0, checked=checked, device=device, settles_s=3600.0)
-
+_PORT = "sim+serial:///dev/ttyS0?baud=9600"
+_FICTIONAL = DocumentFile(PROFILE, load_file(PROFILE, ChamberProfile))
 
 CASES = {
     "watlow_f4t, TCP": Case("simulated", "chamber", _air, 3.0, 15.0, settles_s=3600.0),
-    "watlow_f4t, RTU": Case(
-        "simulated",
-        "chamber",
-        _air,
-        3.0,
-        15.0,
-        checked=True,
-        connection="sim+serial:///dev/ttyS0?baud=9600",
-        settles_s=3600.0,
-    ),
-    "espec_p300": _chamber("espec_p300", "sim+serial:///dev/ttyS0?baud=9600"),
-    "simserv": _chamber("simserv", "sim+tcp://127.0.0.1:2049"),
-    "cts": _chamber("cts", "sim+serial:///dev/ttyS0?baud=19200&parity=O", checked=True),
+    "watlow_f4t, RTU": Case("simulated", "chamber", _air, 3.0, 15.0, checked=True, connection=_PORT, settles_s=3600.0),
+    "espec_p300": _chamber("espec_p300", _PORT, call_s=20.0, checked=False),
+    "simserv": _chamber("simserv", "sim+tcp://127.0.0.1:2049", call_s=20.0, checked=False),
+    "cts": _chamber("cts", "sim+serial:///dev/ttyS0?baud=19200&parity=O", call_s=20.0),
+    "watlow_f4": _chamber("watlow_f4", _PORT, power_event=1),
+    "binder": _chamber("binder", _PORT, controller="mb1", range={"min": "-60 °C", "max": "180 °C"}),
+    "modbus_chamber, TCP": _chamber("modbus_chamber", "sim+tcp://127.0.0.1:1502", checked=False, profile=_FICTIONAL),
+    "modbus_chamber, RTU": _chamber("modbus_chamber", _PORT, profile=_FICTIONAL),
     "aerotech_ensemble": Case("simulated", "head", _angle, 2.0, 12.0),
     "scpi_supply": Case("simulated", "supply", _output, 2.0, 12.0),
     "keithley_6220": Case("simulated", "source", _current, 2.0, 12.0),
