@@ -109,10 +109,8 @@ def _profile(name: str, profile: ChamberProfile, address: str, **more: Any) -> D
 
 MODBUS_DIALECTS = [
     _f4(SERIAL),
-    _f4(SERVER),
     _binder("binder-mb1", "mb1", 0x1581),
     _binder("binder-mb1-swapped", "mb1", 0x1581, set_point="basic", swapped=True),
-    _binder("binder-mb1-basic", "mb1", 0x156F, set_point="basic"),
     _binder("binder-mb2", "mb2", 0x114C),
     _profile("profile-fictional-tcp", FICTIONAL, "tcp://127.0.0.1:502"),
     _profile("profile-fictional-serial", FICTIONAL, SERIAL),

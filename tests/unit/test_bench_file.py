@@ -17,6 +17,7 @@ from bench.config.fixture import InputAxis
 from bench.config.load import find, load, load_file
 from bench.config.models import BenchFile, ReadingEntry
 from bench.errors import InputError
+from drivers.description import known_drivers
 from drivers.transport.address import Address
 
 ROOT = Path(__file__).parents[2]
@@ -220,24 +221,22 @@ def test_a_missing_key_is_named_where_it_belongs(folder, old, new, at, key):
     check(folder, old, new, at, f"the key '{key}' is missing")
 
 
-DRIVERS = (
-    "acutronic_acl, aerotech_ensemble, can_counter, can_telemetry, fluke_5700a, keithley_6220, keysight_3458a, "
-    "scpi_supply or watlow_f4t"
-)
+*OTHERS, LAST = sorted(known_drivers())
+DRIVERS = f"{', '.join(OTHERS)} or {LAST}"
 
 
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [
-        ("driver: watlow_f4t", "driver: watlow_ft4", "there is no driver 'watlow_ft4'; did you mean 'watlow_f4t'?"),
+        ("driver: watlow_f4t", "driver: watlow_f4tt", "there is no driver 'watlow_f4tt'; did you mean 'watlow_f4t'?"),
         ("driver: watlow_f4t", "driver: xyz", f"there is no driver 'xyz'; expected {DRIVERS}"),
         ("driver: watlow_f4t", "driver: 5", "is 5, expected text; put it in quotes"),
         ("driver: watlow_f4t", "driver: [a]", "is a list, expected text"),
         ("driver: watlow_f4t", "driver: # none", "is empty, expected text"),
         (
             "connection: sim+tcp://127.0.0.1:1502",
-            "connection: sim+serial:///dev/ttyS0",
-            "watlow_f4t is reached by tcp, not by serial",
+            "connection: sim+slcan:///dev/ttyS0",
+            "watlow_f4t is reached by serial or socket or tcp, not by slcan",
         ),
         (
             "connection: sim+slcan:///tmp/itb/can?bitrate=500000",
