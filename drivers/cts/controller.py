@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
-from drivers.chamber.controller import Control, Look
+from drivers.chamber.controller import Control, Look, as_stated
 from drivers.chamber.description import ChamberLimits, ChamberSafe
 from drivers.chamber.lines import ProvedLine
 from drivers.chamber.ramp import OwnRamp
@@ -143,13 +143,9 @@ class CtsController:
 
     async def _identify(self) -> None:
         versions = await self._ask_versions() if self._options.versions else ""
-        pin = self._pin
-        found = Identity(
-            maker=pin.maker or "CTS", model=pin.model or "", serial=pin.serial or "",
-            firmware=versions or pin.firmware or "", verified=False,
-            fingerprint=f"versions {versions}" if versions else f"answers at address {self._address}",
-        )  # fmt: skip
-        check_identity(self._device, pin, found)
+        fingerprint = f"versions {versions}" if versions else f"answers at address {self._address}"
+        found = as_stated(self._pin, fingerprint, maker="CTS", model="", firmware=versions)
+        check_identity(self._device, self._pin, found)
         self._identity = still_the_same(self._device, self._identity, found, found.fingerprint)
         self.limits_c = (wire.COLDEST_C, wire.HOTTEST_C)
 

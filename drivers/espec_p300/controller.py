@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TypeVar
 
-from drivers.chamber.controller import Control, Look
+from drivers.chamber.controller import Control, Look, as_stated
 from drivers.chamber.description import ChamberLimits, ChamberSafe
 from drivers.chamber.lines import ProvedLine
 from drivers.description import Setup, check_identity, still_the_same
@@ -119,12 +120,10 @@ class P300:
     async def _identify(self) -> None:
         rom = await self._once(wire.ROM_QUERY, wire.read_rom)
         limits = await self._once(wire.TEMPERATURE_QUERY, wire.read_temperatures)
-        pin = self._pin
-        found = Identity(
-            maker=pin.maker or "ESPEC", model=self._kind, serial=pin.serial or "", firmware=rom, verified=False,
-            fingerprint=f"controller {self._kind}, programs {rom}",
-        )  # fmt: skip
-        check_identity(self._device, pin, found)
+        fingerprint = f"controller {self._kind}, programs {rom}"
+        stated = as_stated(self._pin, fingerprint, maker="ESPEC", model=self._kind, firmware=rom)
+        found = replace(stated, model=self._kind)  # which the wire does tell
+        check_identity(self._device, self._pin, found)
         self._identity = still_the_same(self._device, self._identity, found, found.fingerprint)
         self.limits_c = (limits.lowest_c, limits.highest_c)
 

@@ -6,21 +6,11 @@ from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.thermal import ChamberPhysics
 from simulators.world import World
 from tests.support.chambers import Dialect
+from tests.support.clock import Clock, quiet_chamber
 
 S = TypeVar("S", covariant=True)
-
-
-class Clock:
-    """A clock that a test sets."""
-
-    now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 class Simulator(Protocol[S]):
@@ -31,8 +21,7 @@ class Simulator(Protocol[S]):
 
 def at_25_c(simulator: Simulator[S], clock: Clock, **settings: object) -> S:
     """A simulated chamber whose air is at 25 °C and stands still."""
-    world = World(WorldSettings(1, 9.8, chamber=ChamberPhysics(start_c=25.0, limit_cycle_c=0.0)), clock)
-    return simulator(world, FaultPlan(now_s=clock), **settings)
+    return simulator(quiet_chamber(clock, 25.0), FaultPlan(now_s=clock), **settings)
 
 
 def _beginning(*commands: bytes) -> Callable[[bytes], bool]:

@@ -5,7 +5,8 @@ import pytest
 from drivers.cts import wire
 from drivers.cts.wire import Ramp, Status, Temperatures
 from simulators.cts import SimulatedCts
-from tests.support.chambers_ascii import Clock, at_25_c
+from tests.support.chambers_ascii import at_25_c
+from tests.support.clock import Clock
 
 QUESTION = bytes.fromhex("02 81 c1 b0 f0 03")  # A0 to address 1
 ANSWER = bytes.fromhex("02 81 c1 b0 a0 b0 b2 b5 ae b0 a0 b0 b2 b5 ae b0 f0 03")  # A0 025.0 025.0

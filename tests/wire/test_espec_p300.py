@@ -6,7 +6,8 @@ from drivers.chamber.refusal import Refusal
 from drivers.espec_p300 import wire
 from drivers.espec_p300.wire import Monitor, Temperatures
 from simulators.espec_p300 import SimulatedP300
-from tests.support.chambers_ascii import Clock, at_25_c
+from tests.support.chambers_ascii import at_25_c
+from tests.support.clock import Clock
 
 
 @pytest.fixture

@@ -6,7 +6,8 @@ from drivers.chamber.refusal import Refusal
 from drivers.simserv import wire
 from drivers.simserv.wire import Function, Info, Status
 from simulators.simserv import SimulatedSimserv
-from tests.support.chambers_ascii import Clock, at_25_c
+from tests.support.chambers_ascii import at_25_c
+from tests.support.clock import Clock
 
 
 @pytest.fixture
