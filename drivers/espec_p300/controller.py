@@ -74,19 +74,24 @@ class P300:
         return Look(temperatures.process_value_c, set_point_c, set_point_c, control, await self._in_words(monitor))
 
     async def command(self, temperature_c: float) -> None:
-        """Sends the set point and reads it back; while a program runs, its own is read, and `take_control` proves."""
+        """Sends the set point and reads it back.
+
+        While a program runs it may be refused, and what is read is the program's: then `take_control` sends it again.
+        """
         self._commanded_c = temperature_c
         command = wire.set_point(temperature_c)
-        await self._order(command)
-        set_point_c = (await self._temperatures(wire.kept(temperature_c))).set_point_c
-        if set_point_c != wire.kept(temperature_c):
-            if (await self._ask(wire.MONITOR_QUERY, wire.read_monitor)).mode not in _CONTROL:
-                return
-            raise Refused(
-                self._device, "the controller did not take a new set point", sent=command,
-                received=f"set point {set_point_c:g} °C",
-                remedy="Look at the controller for a running program or protected settings.",
-            )  # fmt: skip
+        try:
+            await self._order(command)
+            set_point_c = (await self._temperatures(wire.kept(temperature_c))).set_point_c
+            if set_point_c != wire.kept(temperature_c):
+                raise Refused(
+                    self._device, "the controller did not take a new set point", sent=command,
+                    received=f"set point {set_point_c:g} °C",
+                    remedy="Look at the controller for a running program or protected settings.",
+                )  # fmt: skip
+        except Refused:
+            if (await self._ask(wire.MONITOR_QUERY, wire.read_monitor)).mode in _CONTROL:
+                raise
 
     def kept(self, temperature_c: float) -> float:
         """To a tenth of a degree."""

@@ -12,6 +12,7 @@ from drivers.chamber.controller import Control, Look
 from drivers.chamber.description import ChamberLimits, ChamberSafe
 from drivers.chamber.lines import ProvedLine
 from drivers.chamber.ramp import OwnRamp
+from drivers.chamber.refusal import Refusal
 from drivers.description import Setup, check_identity, still_the_same
 from drivers.errors import InstrumentFault, NoAnswer, Refused, WrongIdentity
 from drivers.simserv import wire
@@ -72,23 +73,17 @@ class Simpac:
         return Look(process_value_c, set_point_c, target_c, control, why)
 
     async def command(self, temperature_c: float) -> None:
-        """Sends the set point and reads it back; while a program runs, its own is read, and `take_control` proves."""
+        """Sends the set point and reads it back.
+
+        While a program runs it may be refused, and what is read is the program's: then `take_control` sends it again.
+        """
         target_c = wire.kept(temperature_c)
-        ramp = await self._ramp_to(target_c)
-        command = message(Function.SET_SET_POINT, wire.TEMPERATURE, wire.temperature(target_c))
-        self._ramp = ramp
-        acknowledged = await self._order(command)
-        told_c = await self._variable(Function.SET_POINT)
-        if told_c == target_c or await self._program_status():
-            return
-        if self._tells_target or not ramp.is_at(told_c, _now_s()):
-            raise Refused(
-                self._device, "the controller did not take a new set point", sent=command,
-                received=f"set point {told_c:g} °C",
-                remedy="Look at the controller for a lock; options.set_point_reads in the bench file may be wrong.",
-            )  # fmt: skip
-        if not acknowledged:
-            raise NoAnswer(self._device, "nobody knows whether a new set point was taken", sent=command)
+        self._ramp = await self._ramp_to(target_c)
+        try:
+            await self._send(self._ramp)
+        except Refused:
+            if not await self._program_status():
+                raise
 
     def kept(self, temperature_c: float) -> float:
         """To a tenth of a degree."""
@@ -124,6 +119,22 @@ class Simpac:
         if self._ramp is not None:
             self._ramp = replace(self._ramp, began_s=_now_s())  # it stood until now
             await self.command(self._ramp.target_c)
+
+    async def _send(self, ramp: OwnRamp) -> None:
+        """Sends the end of a ramp and reads it back."""
+        command = message(Function.SET_SET_POINT, wire.TEMPERATURE, wire.temperature(ramp.target_c))
+        acknowledged = await self._order(command)
+        told_c = await self._variable(Function.SET_POINT)
+        if told_c == ramp.target_c:
+            return
+        if self._tells_target or not ramp.is_at(told_c, _now_s()):
+            raise Refused(
+                self._device, "the controller did not take a new set point", sent=command,
+                received=f"set point {told_c:g} °C",
+                remedy="Look at the controller for a lock; options.set_point_reads in the bench file may be wrong.",
+            )  # fmt: skip
+        if not acknowledged:
+            raise NoAnswer(self._device, "nobody knows whether a new set point was taken", sent=command)
 
     async def _ramp_to(self, target_c: float) -> OwnRamp:
         """The ramp that a new set point begins: from the one in force, or from the air when the chamber is off."""
@@ -193,7 +204,9 @@ class Simpac:
         self.limits_c = (low_c, high_c)
 
     def _recognise(self, line: bytes) -> None:
-        serial = str(wire.unless_refused(wire.text)(line))
+        serial = wire.unless_refused(wire.text)(line)
+        if isinstance(serial, Refusal):
+            raise ValueError(f"refused, {serial}")
         expected = self._pin.serial if self._identity is None else self._identity.serial
         if expected not in (None, serial):
             raise WrongIdentity(

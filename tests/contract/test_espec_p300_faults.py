@@ -64,6 +64,21 @@ def test_a_chamber_that_does_not_start_is_told() -> None:
     with_rig(P300, use)
 
 
+def test_making_safe_ends_a_program_that_lets_no_set_point_through() -> None:
+    async def use(rig: Rig) -> None:
+        async with rig.driver() as driver:
+            rig.wire.alter = lambda request, answer: (
+                b"NA:CHB NOT READY\r\n" if P300.commands(request) and rig.instrument.mode == "RUN" else answer
+            )
+            P300.take_over(rig.instrument)
+            await driver.make_safe()
+            assert (await driver.state()).target_c == 25.0
+            assert rig.set_point_c() == 25.0
+            assert len(rig.commands()) == 2
+
+    with_rig(P300, use)
+
+
 def test_a_power_failure_in_a_ramp_is_seen() -> None:
     async def use(rig: Rig) -> None:
         async with rig.driver() as driver:

@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import pytest
 
+from drivers.chamber.description import ChamberLimits, ChamberSafe
+from drivers.description import IdentityPin, Setup, make_driver
 from drivers.errors import BadAnswer, InstrumentFault, NoAnswer, Refused
-from tests.support.chambers import Rig, with_rig
+from tests.support.chambers import LIMITS, Dialect, Rig, with_rig
 from tests.support.chambers_ascii import SIMSERV
 
 IN_FORCE = replace(SIMSERV, options={"set_point_reads": "in_force"})
@@ -75,6 +77,24 @@ def test_a_chamber_that_does_not_start_is_told() -> None:
     with_rig(SIMSERV, use)
 
 
+@pytest.mark.parametrize("dialect", [SIMSERV, IN_FORCE], ids=["target", "in_force"])
+def test_making_safe_ends_a_program_that_lets_no_set_point_through(dialect: Dialect) -> None:
+    async def use(rig: Rig) -> None:
+        async with rig.driver() as driver:
+            rig.wire.alter = lambda request, answer: (
+                b"-9\r\n" if SIMSERV.commands(request) and rig.instrument.program else answer
+            )
+            SIMSERV.take_over(rig.instrument)
+            await asyncio.sleep(600.0)
+            await driver.make_safe()
+            assert (await driver.state()).target_c == 25.0
+            await asyncio.sleep(7200.0)
+            assert rig.set_point_c() == 25.0
+            assert len(rig.commands()) == 2
+
+    with_rig(dialect, use)
+
+
 def test_a_power_failure_in_a_ramp_is_seen() -> None:
     async def use(rig: Rig) -> None:
         async with rig.driver() as driver:
@@ -123,5 +143,35 @@ def test_an_answer_that_is_not_understood_is_told(answer: bytes) -> None:
                 await driver.poll()
             rig.wire.alter = lambda _request, right: right
             await driver.poll()
+
+    with_rig(SIMSERV, use)
+
+
+def test_a_chamber_that_nobody_is_logged_in_at_cannot_be_opened() -> None:
+    async def use(rig: Rig) -> None:
+        rig.wire.alter = lambda _request, _answer: b"-11\r\n"
+        with pytest.raises(BadAnswer, match="refused, -11, nobody is logged in"):
+            await rig.driver().__aenter__()
+
+    with_rig(SIMSERV, use)
+
+
+def test_what_the_driver_did_on_its_own_is_noted() -> None:
+    async def use(rig: Rig) -> None:
+        notes: list[str] = []
+        setup = Setup(
+            "chamber", rig.address, rig.wire, rig.options, ChamberLimits.model_validate(LIMITS), ChamberSafe(),
+            IdentityPin(), notes.append,
+        )  # fmt: skip
+        async with make_driver(SIMSERV.description, setup) as driver:
+            lost = [True]
+            rig.wire.lose = lambda _request: bool(lost) and lost.pop()
+            await driver.poll()
+            rig.wire.drop()
+            await asyncio.sleep(1.0)
+            await driver.poll()
+        asked, connected = notes
+        assert asked.startswith("asked again: chamber: no answer within 3 s; sent '11004")
+        assert connected.startswith("connected and identified again at tcp://127.0.0.1:2049")
 
     with_rig(SIMSERV, use)
