@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := bench drivers simulators
 
-.PHONY: demo test setup lint types contracts pytest truth hostile profile benchmark peers clean
+.PHONY: demo test setup lint types contracts pytest truth faults hostile profile benchmark peers clean
 
 demo: $(VENV)/.core
 	$(BIN)/bench run sequences/tumble_static.yaml --bench config/simulated.yaml --operator demo
@@ -42,6 +42,10 @@ truth: $(VENV)/.dev
 	$(BIN)/python -m tests.truth.table --seeds 10          # through all wires: 13 s a seed of all four, 5 min
 	$(BIN)/python -m tests.truth.ladder --seeds 20
 	$(BIN)/python -m tests.truth.monte_carlo --draws 1500
+
+# Readings on bad lines: 20,000 faults over all dialects, each reported or borne, and none that makes a value wrong.
+faults: $(VENV)/.dev
+	$(BIN)/python -m tests.line_faults --trials 20000
 
 # 100,000 mutated and hostile documents: each is read, or refused in our own words, within 100 ms.
 hostile: $(VENV)/.dev
