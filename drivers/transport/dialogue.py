@@ -39,7 +39,8 @@ class Dialogue:
         self._device, self._wires, self._address, self._proof = device, wires, address, proof
         self._end, self._framing, self._wrap, self._greet = end, framing, wrap, greet
         self._note = note
-        self._opening = False
+        self._in_use = self._opening = False
+        self._reviving = asyncio.Lock()
         self._failures, self._next_attempt_s = 0, -math.inf
         self._serial = address.is_serial_line
         pace = pace or Pace()
@@ -58,8 +59,8 @@ class Dialogue:
 
         A serial line is drained first: it may hold what an earlier program asked for.
         """
-        self.close()
-        self._opening = True
+        self._drop()
+        self._in_use = self._opening = True
         try:
             self._line = await self._wires.stream(self._device, self._address, self._new_line)
             if self._serial:
@@ -68,7 +69,7 @@ class Dialogue:
             if self._greet is not None:
                 await self._greet()
         except BaseException:
-            self.close()
+            self._drop()
             pause_s = min(FIRST_PAUSE_S * 2**self._failures, LONGEST_PAUSE_S)
             self._failures += 1
             self._next_attempt_s = asyncio.get_running_loop().time() + pause_s
@@ -80,14 +81,19 @@ class Dialogue:
     async def ask(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
         """One question, on a new line if the wire was lost; see LineExchange.ask, and `open`.
 
-        Raises LinkLost at once while the next attempt to connect is still to come.
+        Raises LinkLost at once while the next attempt to connect is still to come, and when it is not open.
         """
-        if not self._opening and (self._line is None or self._line.lost):
-            wait_s = self._next_attempt_s - asyncio.get_running_loop().time()
-            if self._line is not None and wait_s > 0:
-                raise LinkLost(self._device, f"is not connected; the next attempt is in {wait_s:.1f} s")
-            await self.reopen()
+        if self._in_use and not self._opening and self.line.lost:
+            async with self._reviving:
+                await self._revive()
         return await self.line.ask(question, read, answer_s=answer_s)
+
+    async def _revive(self) -> None:
+        """Connects again, unless somebody else just has, or it is not time yet."""
+        wait_s = self._next_attempt_s - asyncio.get_running_loop().time()
+        if self.line.lost and wait_s > 0:
+            raise LinkLost(self._device, f"is not connected; the next attempt is in {wait_s:.1f} s")
+        await self.reopen()
 
     async def order(self, command: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T | None:
         """Sends a command that moves or energises, once; see LineExchange.order."""
@@ -104,7 +110,11 @@ class Dialogue:
         return True
 
     def close(self) -> None:
-        """Closes the wire; closing twice is harmless."""
+        """Closes the wire for good; closing twice is harmless."""
+        self._in_use = False
+        self._drop()
+
+    def _drop(self) -> None:
         if self._line is not None:
             self._line.close()
 

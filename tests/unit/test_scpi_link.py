@@ -131,11 +131,12 @@ def test_a_lost_wire_is_opened_again_once() -> None:
         assert len(wire.connections) == 1
         wire.drop()
         await asyncio.sleep(0.1)
-        with pytest.raises(LinkLost):
-            await link.identify()
-        await link.reopen()
         assert (await link.identify()).serial == "C"
+        assert len(wire.connections) == 2
         link.close()
         link.close()
+        with pytest.raises(LinkLost, match="closed by this program"):
+            await link.identify()
+        assert len(wire.connections) == 2
 
     with_link(use)
