@@ -168,7 +168,7 @@ def _leg(world: World, leg: LegAsMeasured) -> dict[str, Any]:
     """
     unit = world.units[leg.place]
     begin_s, end_s = world.true_time(leg.begin_s), world.true_time(leg.end_s)
-    at_s = np.arange(begin_s + LEG_EVERY_S / 2, max(end_s - LEG_EVERY_S, begin_s + LEG_EVERY_S), LEG_EVERY_S)
+    at_s = np.arange(begin_s + LEG_EVERY_S / 2, end_s - LEG_EVERY_S / 2, LEG_EVERY_S)
     history = np.array(unit.history)
     drifted_g, moving_g, sensor_c, thermometer_c = (np.interp(at_s, history[:, 0], row) for row in history.T[1:])
     axis_rad = np.full_like(at_s, np.radians(_axis_deg(world, leg.place, leg.lies)))

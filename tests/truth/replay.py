@@ -241,7 +241,9 @@ class _Player:
         self._pause_until(float(at_s[0]))
         for role, source in self._sources.items():
             source.feeds_a = was.sources_a.get(role)
-        parts = {name: [(np.array([i.positive]), np.array([i.negative]))] for name, i in self._integrators.items()}
+        parts = {
+            name: [(np.atleast_1d(i.positive), np.atleast_1d(i.negative))] for name, i in self._integrators.items()
+        }
         parts |= {name: [] for name in self._sent}
         told: dict[str, list[tuple[float, float]]] = {}
         for block in range(0, len(at_s) - 1, LATCHES):
