@@ -8,16 +8,17 @@ from typing import TypeVar
 
 from drivers.aerotech_ensemble import wire
 from drivers.aerotech_ensemble.wire import AxisStatus, Outcome, Reply
+from drivers.description import IdentityPin
 from drivers.errors import InstrumentFault, Refused, WrongIdentity
+from drivers.head.axis import ANSWER_S, AxisState, OwnLimits
 from drivers.transport.address import Address
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Pace, Proof
 from drivers.transport.wires import Wires
-from drivers.values import Reading
+from drivers.values import Identity, Reading
 
 T = TypeVar("T")
 
-ANSWER_S = 2.0
 NOT_TOLD = "not told"
 
 
@@ -27,8 +28,10 @@ class EnsembleAxis:
     Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
     """
 
-    def __init__(self, device: str, wires: Wires, address: Address, name: str) -> None:
-        self._device, self._name = device, name
+    limits: OwnLimits | None = None  # it tells none
+
+    def __init__(self, device: str, wires: Wires, address: Address, name: str, stated: IdentityPin) -> None:
+        self._device, self._name, self._stated = device, name, stated
         self._fingerprint = ""
         proof = Proof(wire.ask_fingerprint(name).encode(), self._recognise)
         self._dialogue = Dialogue(device, wires, address, proof, pace=Pace(ANSWER_S), greet=self._do_not_wait)
@@ -45,19 +48,32 @@ class EnsembleAxis:
         """Closes the wire; closing twice is harmless."""
         self._dialogue.close()
 
-    async def fingerprint(self) -> str:
-        """What tells this axis from others, asked anew; raises WrongIdentity when it has changed."""
+    async def identify(self) -> Identity:
+        """The names as the bench file states them, since the wire tells none; the fingerprint is what it does tell.
+
+        Raises WrongIdentity when the fingerprint has changed.
+        """
         await self._dialogue.ask(wire.ask_fingerprint(self._name).encode(), self._recognise)
-        return f"{wire.FINGERPRINT_PARAMETER} {self._fingerprint}"
+        return Identity(
+            maker=self._stated.maker or "Aerotech", model=self._stated.model or "Ensemble",
+            serial=self._stated.serial or "", firmware=self._stated.firmware or "", verified=False,
+            fingerprint=f"{wire.FINGERPRINT_PARAMETER} {self._fingerprint}",
+        )  # fmt: skip
 
     async def angle(self) -> Reading:
         """The encoder's angle (°)."""
         angle_deg = await self._ask(wire.ask_feedback(self._name), wire.read_angle)
         return Reading(asyncio.get_running_loop().time(), angle_deg)
 
-    async def status(self) -> AxisStatus:
+    async def state(self) -> AxisState:
         """The status bits."""
-        return await self._ask(wire.ask_status(self._name), wire.read_status)
+        status = await self._ask(wire.ask_status(self._name), wire.read_status)
+        return AxisState(
+            homed=AxisStatus.HOMED in status,
+            enabled=AxisStatus.ENABLED in status,
+            moving=AxisStatus.MOVING in status,
+            in_position=AxisStatus.IN_POSITION in status,
+        )
 
     async def check_faults(self, sent: str = "") -> None:
         """Raises InstrumentFault with the names of the faults there are; `sent` is the command that met them."""
@@ -73,7 +89,7 @@ class EnsembleAxis:
         """Energises the motor; raises Refused unless the status says so afterwards."""
         command = wire.enable(self._name)
         await self._order(command)
-        if AxisStatus.ENABLED not in await self.status():
+        if not (await self.state()).enabled:
             raise Refused(
                 self._device, f"axis {self._name} stays disabled", sent=command,
                 remedy="Check the emergency stop and the amplifier, then run again.",

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from drivers.aerotech_ensemble.description import DESCRIPTION, EnsembleLimits, EnsembleOptions
+from drivers.aerotech_ensemble.description import DESCRIPTION, EnsembleOptions
 from drivers.aerotech_ensemble.driver import AerotechEnsemble
 from drivers.axes import AxisUncertainty
 from drivers.capabilities import Approach, Positioner
@@ -21,6 +21,7 @@ from drivers.errors import (
     Refused,
     WrongIdentity,
 )
+from drivers.head.description import HeadLimits
 from tests.support.head import LIMITS, OPTIONS, Head, now_s, with_driver, with_head
 
 # The bench file
@@ -42,8 +43,8 @@ def test_it_is_installed_under_its_name() -> None:
         (EnsembleOptions, OPTIONS | {"rate": "20 °"}, "expected a quantity in °/s"),
         (EnsembleOptions, OPTIONS | {"settle": {"band": "0 arcsec", "hold": "1 s"}}, "more than 0"),
         (EnsembleOptions, OPTIONS | {"settel": {}}, "did you mean 'settle'"),
-        (EnsembleLimits, LIMITS | {"angle": {"min": "5°", "max": "-5°"}}, "min is not below max"),
-        (EnsembleLimits, {"angle": LIMITS["angle"]}, "missing"),
+        (HeadLimits, LIMITS | {"angle": {"min": "5°", "max": "-5°"}}, "min is not below max"),
+        (HeadLimits, {"angle": LIMITS["angle"]}, "missing"),
     ],
 )
 def test_a_wrong_bench_file_is_told_what_is_wrong(model: Any, data: Any, problem: str) -> None:

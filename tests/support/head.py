@@ -5,9 +5,10 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.aerotech_ensemble.description import DESCRIPTION, EnsembleLimits, EnsembleOptions
+from drivers.aerotech_ensemble.description import DESCRIPTION, EnsembleOptions
 from drivers.aerotech_ensemble.driver import AerotechEnsemble
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
+from drivers.head.description import HeadLimits
 from drivers.transport.address import Address
 from simulators.aerotech_ensemble import SimulatedEnsemble
 from simulators.faults import FaultPlan
@@ -32,7 +33,7 @@ class Head:
     def driver(self, **options: Any) -> AerotechEnsemble:
         setup = Setup(
             name="head", address=Address.parse("tcp://127.0.0.1:8000"), wires=self.wire,
-            options=EnsembleOptions.model_validate(OPTIONS | options), limits=EnsembleLimits.model_validate(LIMITS),
+            options=EnsembleOptions.model_validate(OPTIONS | options), limits=HeadLimits.model_validate(LIMITS),
             safe=Nothing(), identity=IdentityPin(serial="SIM-HEAD-01"),
         )  # fmt: skip
         driver = make_driver(DESCRIPTION, setup)

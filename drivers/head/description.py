@@ -1,0 +1,38 @@
+"""What a bench file says of an indexing head, whatever controller it has."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.axes import RateRange, SettleOptions
+from drivers.fields import Degrees, DegreesPerSecond, InUnit, Range, StrictModel
+
+
+class HeadOptions(StrictModel):
+    """How the axis is moved; from `rate` and `acceleration` follows how long a move may take."""
+
+    rate: DegreesPerSecond = Field(description="of every move")
+    settle: SettleOptions
+    approach_distance: Annotated[float, InUnit("°", above=0, at_most=30)] = Field(
+        2.0, description="how far from its target an approach from one side begins"
+    )
+    acceleration: Annotated[float, InUnit("°/s²", above=0)] = Field(40.0, description="the controller's own setting")
+    poll: Annotated[float, InUnit("s", above=0, at_most=5)] = Field(
+        0.1, description="how often an axis that has nearly arrived is looked at"
+    )
+
+
+class AngleRange(Range):
+    """From `min` to `max`, both allowed; not taken modulo a turn, since cables are not."""
+
+    min: Degrees
+    max: Degrees
+
+
+class HeadLimits(StrictModel):
+    """What the bench allows the axis; the controller's own limits hold as well."""
+
+    angle: AngleRange
+    rate: RateRange
