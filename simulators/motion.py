@@ -91,6 +91,10 @@ class Axis:
         """Whether the axis has come to what it was told to do."""
         return at_s >= self._profile.start_s + self._profile.duration_s
 
+    def left_s(self, at_s: float) -> float:
+        """How long it takes yet to come to that."""
+        return max(0.0, self._profile.start_s + self._profile.duration_s - at_s)
+
     def moving(self, at_s: float) -> bool:
         """Whether it is not at rest."""
         return self._profile.endless or not self.done(at_s)

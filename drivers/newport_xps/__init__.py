@@ -1,0 +1,1 @@
+"""Positioning axes behind a Newport XPS controller, over its TCP port."""

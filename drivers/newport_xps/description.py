@@ -1,0 +1,37 @@
+"""What a bench file says of an indexing head on a Newport XPS."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.axes import AxisUncertainty
+from drivers.corrections import AxisCorrections
+from drivers.description import DriverDescription
+from drivers.fields import TextLike
+from drivers.head.description import HeadLimits, HeadOptions
+
+Name = Annotated[str, TextLike("[A-Za-z][A-Za-z0-9_-]{0,31}", "a name such as HEAD")]
+
+
+class XpsOptions(HeadOptions):
+    """How the axis is moved; `rate` and `acceleration` are set in the controller before a move."""
+
+    group: Name = Field(description="of the axis, as in the controller's system.ini; of a single axis or a spindle")
+    positioner: Name = Field("Pos", description="of the group, as in system.ini")
+
+
+DESCRIPTION = DriverDescription(
+    name="newport_xps",
+    title="indexing head or rotary stage on a Newport XPS",
+    capabilities=frozenset({"positioner"}),
+    schemes=frozenset({"tcp"}),
+    target="drivers.newport_xps.driver:NewportXps",
+    simulator="simulators.newport_xps:SimulatedXps",
+    options=XpsOptions,
+    limits=HeadLimits,
+    uncertainty=AxisUncertainty,
+    corrections=AxisCorrections,
+    channels={"angle": "°"},
+)
