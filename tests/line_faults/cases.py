@@ -94,6 +94,7 @@ CASES = {
     "modbus_chamber, TCP": _chamber("modbus_chamber", "sim+tcp://127.0.0.1:1502", checked=False, profile=_FICTIONAL),
     "modbus_chamber, RTU": _chamber("modbus_chamber", _PORT, profile=_FICTIONAL),
     "aerotech_ensemble": Case("simulated", "head", _angle, 2.0, 12.0),
+    "newport_xps": Case("indexing_telemetry", "head", _angle, 2.0, 12.0),
     "scpi_supply": Case("simulated", "supply", _output, 2.0, 12.0),
     "keithley_6220": Case("simulated", "source", _current, 2.0, 12.0),
     "fluke_5700a": Case("channel", "source", _current, 5.0, 20.0, moving=frozenset({"on_time"})),
