@@ -89,14 +89,15 @@ class XpsAxis:
         return Reading(asyncio.get_running_loop().time(), angle_deg)
 
     async def state(self) -> AxisState:
-        """The group's status."""
+        """The group's status, in words where it cannot move."""
         status = await self._ask(wire.ask_status(self._group), wire.read_integer)
         state = wire.group_state(status)
-        words = await self._words(wire.ask_status_words(status), status)
         at_rest = state is GroupState.READY
+        enabled = at_rest or state is GroupState.MOVING
+        words = "" if enabled else await self._words(wire.ask_status_words(status), status)
         return AxisState(
             homed=state not in (GroupState.NOT_INITIALISED, GroupState.NOT_HOMED),
-            enabled=at_rest or state is GroupState.MOVING,
+            enabled=enabled,
             moving=state is GroupState.MOVING,
             in_position=at_rest,
             words=words,

@@ -9,7 +9,7 @@ from pydantic import Field
 from drivers.axes import AxisUncertainty
 from drivers.corrections import AxisCorrections
 from drivers.description import DriverDescription
-from drivers.fields import TextLike
+from drivers.fields import InUnit, TextLike
 from drivers.head.description import HeadLimits, HeadOptions
 
 Name = Annotated[str, TextLike("[A-Za-z][A-Za-z0-9_-]{0,31}", "a name such as HEAD")]
@@ -20,6 +20,7 @@ class XpsOptions(HeadOptions):
 
     group: Name = Field(description="of the axis, as in the controller's system.ini; of a single axis or a spindle")
     positioner: Name = Field("Pos", description="of the group, as in system.ini")
+    acceleration: Annotated[float, InUnit("°/s²", above=0)] = Field(40.0, description="of every move")
 
 
 DESCRIPTION = DriverDescription(
