@@ -95,6 +95,9 @@ class EnsembleAxis:
                 remedy="Check the emergency stop and the amplifier, then run again.",
             )  # fmt: skip
 
+    async def prepare(self, rate_dps: float) -> None:
+        """Nothing: the rate is told with each move."""
+
     async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
         """Sends the axis to an angle, once.
 

@@ -62,8 +62,11 @@ class Axis(Protocol):
     async def enable(self) -> None:
         """Energises the motor; raises Refused unless the state says so afterwards."""
 
+    async def prepare(self, rate_dps: float) -> None:
+        """Tells the controller how moves are to be made, where that is said before them; raises Refused."""
+
     async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
-        """Sends the axis to an angle, once.
+        """Sends the axis to an angle, once, at a rate that it was prepared for; says nothing else before.
 
         Returns when the controller has accepted the move, or has done it, or within `answer_s` when the answer is
         missing: the angle decides. Raises Refused, InstrumentFault.
@@ -73,4 +76,4 @@ class Axis(Protocol):
         """Lets the axis decelerate and hold; raises Refused."""
 
     def abort_at_once(self) -> None:
-        """As `abort`, before anything else that is to be said; raises LinkLost."""
+        """As `abort`, before anything else that is to be said, and no move that waits is sent; raises LinkLost."""

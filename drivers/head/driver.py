@@ -88,7 +88,7 @@ class Head:
         self._check_angle("the angle", angle_deg)
         self._check_angle(f"the angle where the approach to {angle_deg:g}° begins,", begin_deg)
         order = self._new_order()
-        await self._make_ready()
+        await self._make_ready(order)
         start_deg = (await self._axis.angle()).value
         if (start_deg - begin_deg) * _SIDES[approach] < 0:
             await self._go(order, begin_deg, hold_s=0.0)
@@ -132,8 +132,11 @@ class Head:
                 f"{own.max_deg:g}°", remedy="No move was sent. Correct the sequence, or the limits in the controller.",
             )  # fmt: skip
 
-    async def _make_ready(self) -> None:
-        """Enables the axis if need be; raises InstrumentFault when it has a fault or has not been homed."""
+    async def _make_ready(self, order: int) -> None:
+        """Enables the axis if need be, and tells it how to move.
+
+        Raises InstrumentFault when it has a fault or has not been homed.
+        """
         await self._axis.check_faults()
         state = await self._axis.state()
         if not state.homed:
@@ -141,8 +144,10 @@ class Head:
                 self.name, "the axis has not been homed, so its angles mean nothing", received=state.words,
                 remedy="Home it at the controller, where you can see it move.",
             )  # fmt: skip
+        self._check_wanted(order)
         if not state.enabled:
             await self._axis.enable()
+        await self._axis.prepare(self._options.rate)
 
     async def _go(self, order: int, target_deg: float, *, hold_s: float) -> None:
         """Sends the axis to an angle, once, and returns when it has stood there for `hold_s`."""

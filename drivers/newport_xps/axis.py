@@ -134,32 +134,9 @@ class XpsAxis:
                 remedy="Check the emergency stop and the driver of the motor, then run again.",
             )  # fmt: skip
 
-    async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
-        """Sends the axis to an angle, once, at this rate; the answer comes when it has arrived.
-
-        Returns then, or within `answer_s` when the answer is missing: the angle decides. Raises Refused,
-        InstrumentFault.
-        """
-        await self._moving.reopen()
-        await self._set_profile(rate_dps)
-        await self._order(self._moving, wire.move_absolute(self._positioner, angle_deg), answer_s=answer_s)
-
-    async def abort(self) -> None:
-        """Lets the axis decelerate and hold; that nothing moves is as good."""
-        await self._stopping.reopen()
-        await self._order(self._stopping, wire.abort(self._group), also=wire.NOT_ALLOWED)
-
-    def abort_at_once(self) -> None:
-        """As `abort`, whatever is under way; raises LinkLost.
-
-        Said on the connection for questions too, where it is refused if one is under way: of a connection that nothing
-        is said on, nobody learns that its other end is gone.
-        """
-        for connection in (self._stopping, self._asking):
-            connection.line.cut_in(wire.abort(self._group).encode())
-
-    async def _set_profile(self, rate_dps: float) -> None:
+    async def prepare(self, rate_dps: float) -> None:
         """Sets rate and acceleration unless they are so, and reads them back; raises Refused."""
+        await self._moving.reopen()
         found = Profile(*await self._ask(wire.ask_profile(self._positioner), _numbers(4)))
         wanted = found._replace(rate_dps=rate_dps, acceleration_dps2=self._acceleration_dps2)
         if _alike(found, wanted):
@@ -173,6 +150,34 @@ class XpsAxis:
                 f"{found.acceleration_dps2:g} °/s², expected {rate_dps:g} °/s and {self._acceleration_dps2:g} °/s²",
                 sent=call, remedy="Look for another program that uses the controller; nothing was moved.",
             )  # fmt: skip
+
+    async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
+        """Sends the axis to an angle, once, as prepared; the answer comes when it has arrived.
+
+        Returns then, or within `answer_s` when the answer is missing: the angle decides. Raises Refused,
+        InstrumentFault.
+        """
+        await self._order(self._moving, wire.move_absolute(self._positioner, angle_deg), answer_s=answer_s)
+
+    async def abort(self) -> None:
+        """Lets the axis decelerate and hold; that nothing moves is as good. A move that waits is not sent any more."""
+        await self._stopping.reopen()
+        self._cut_in(self._moving)
+        await self._order(self._stopping, wire.abort(self._group), also=wire.NOT_ALLOWED)
+
+    def abort_at_once(self) -> None:
+        """As `abort`, whatever is under way; raises LinkLost.
+
+        Said on the other connections too, where it is refused while a call is under way: a move that waits there is
+        not sent any more, and of a connection that nothing is said on, nobody learns that its other end is gone.
+        """
+        self._stopping.line.cut_in(wire.abort(self._group).encode())
+        for connection in (self._moving, self._asking):
+            self._cut_in(connection)
+
+    def _cut_in(self, connection: Dialogue) -> None:
+        if connection.is_open:
+            connection.line.cut_in(wire.abort(self._group).encode())
 
     async def _ask(self, question: str, read: Callable[[str], T]) -> T:
         """What `read` makes of what was asked for; raises Refused when there is none."""

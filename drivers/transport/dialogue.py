@@ -54,6 +54,11 @@ class Dialogue:
             raise LinkLost(self._device, "is not connected")
         return self._line
 
+    @property
+    def is_open(self) -> bool:
+        """Whether the wire is open."""
+        return self._line is not None and not self._line.lost
+
     async def open(self) -> None:
         """Connects, asks for the proof, and greets; raises CannotConnect, and what the proof raises.
 
@@ -83,9 +88,17 @@ class Dialogue:
 
         Raises LinkLost at once while the next attempt to connect is still to come, and when it is not open.
         """
+<<<<<<< HEAD
         if self._in_use and not self._opening and self.line.lost:
             async with self._reviving:
                 await self._revive()
+=======
+        if not self._opening and not self.is_open:
+            wait_s = self._next_attempt_s - asyncio.get_running_loop().time()
+            if self._line is not None and wait_s > 0:
+                raise LinkLost(self._device, f"is not connected; the next attempt is in {wait_s:.1f} s")
+            await self.reopen()
+>>>>>>> 7696004 (A move that waits is not sent any more once the axis is stopped)
         return await self.line.ask(question, read, answer_s=answer_s)
 
     async def _revive(self) -> None:

@@ -157,6 +157,25 @@ def test_stopping_ends_the_move_under_way(dialect: Dialect, ending: str) -> None
     with_driver(use, dialect)
 
 
+@pytest.mark.parametrize("ending", ["stop", "make_safe"])
+def test_a_move_is_over_whenever_it_is_stopped(dialect: Dialect, ending: str) -> None:
+    for after in range(1, 25):
+
+        async def use(head: Head, driver: Any, after: int = after) -> None:
+            begin = len(head.wire.requests)
+            move = asyncio.create_task(driver.move_to(300, approach="from_above", settle_s=0))
+            await head.wire.heard(begin + after)
+            await getattr(driver, ending)()
+            with pytest.raises(Refused):
+                await move
+            assert not head.moving
+            stood_deg, moves = head.angle_deg, head.moves()
+            await asyncio.sleep(20)
+            assert (head.angle_deg, head.moves()) == (stood_deg, moves)
+
+        with_driver(use, dialect)
+
+
 def test_making_safe_connects_and_identifies_again(dialect: Dialect) -> None:
     async def use(head: Head, driver: Any) -> None:
         await driver.stop()
