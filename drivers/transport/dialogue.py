@@ -88,17 +88,9 @@ class Dialogue:
 
         Raises LinkLost at once while the next attempt to connect is still to come, and when it is not open.
         """
-<<<<<<< HEAD
         if self._in_use and not self._opening and self.line.lost:
             async with self._reviving:
                 await self._revive()
-=======
-        if not self._opening and not self.is_open:
-            wait_s = self._next_attempt_s - asyncio.get_running_loop().time()
-            if self._line is not None and wait_s > 0:
-                raise LinkLost(self._device, f"is not connected; the next attempt is in {wait_s:.1f} s")
-            await self.reopen()
->>>>>>> 7696004 (A move that waits is not sent any more once the axis is stopped)
         return await self.line.ask(question, read, answer_s=answer_s)
 
     async def _revive(self) -> None:
