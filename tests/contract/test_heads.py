@@ -165,7 +165,9 @@ def test_a_move_is_over_whenever_it_is_stopped(dialect: Dialect, ending: str) ->
             begin = len(head.wire.requests)
             move = asyncio.create_task(driver.move_to(300, approach="from_above", settle_s=0))
             await head.wire.heard(begin + after)
+            stopped_s = now_s()
             await getattr(driver, ending)()
+            assert now_s() - stopped_s < 5
             with pytest.raises(Refused):
                 await move
             assert not head.moving
