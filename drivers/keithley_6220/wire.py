@@ -11,6 +11,7 @@ from enum import IntFlag
 from typing import Literal
 
 from drivers import scpi
+from drivers.source.setting import Commands, Setting
 
 Terminator = Literal["cr", "lf", "crlf"]
 TERMINATORS: Mapping[Terminator, bytes] = {"cr": b"\r", "lf": b"\n", "crlf": b"\r\n"}
@@ -24,8 +25,9 @@ OUTPUT = "OUTPut[:STATe]"
 CONDITION = "STATus:MEASurement:CONDition"
 
 STATE_QUERY = b":SOUR:CURR:RANG?;:SOUR:CURR:RANG:AUTO?;:SOUR:CURR?;:SOUR:CURR:COMP?;:OUTP?;:STAT:MEAS:COND?"
-ZERO = ":SOUR:CURR 0"
-ON, OFF = ":OUTP ON", ":OUTP OFF"
+COMMANDS = Commands(
+    range=":SOUR:CURR:RANG", compliance=":SOUR:CURR:COMP", level=":SOUR:CURR", on=":OUTP ON", off=":OUTP OFF"
+)
 
 RANGES_A = (2e-9, 20e-9, 200e-9, 2e-6, 20e-6, 200e-6, 2e-3, 20e-3, 100e-3)
 OVER_RANGE = 1.05  # a range can be set to 5 % more than its name
@@ -38,16 +40,6 @@ class Condition(IntFlag):
     INTERLOCK = 1 << 1
     OVER_TEMPERATURE = 1 << 2
     COMPLIANCE = 1 << 3
-
-
-@dataclass(frozen=True, slots=True)
-class Setting:
-    """What an output is to do: in which range, at which level and compliance, and whether it is on."""
-
-    range_a: float
-    level_a: float
-    compliance_v: float
-    output: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,31 +64,9 @@ def read_state(line: bytes) -> State:
 
 
 def next_step(now: State, wanted: Setting) -> str:
-    """The next command on the way to a setting, "" when it is reached.
-
-    The range changes at 0 A with the output off, the polarity through 0 A; compliance and level come before the output
-    goes on, and it goes off at 0 A.
-    """
-    has = now.setting
-    if not wanted.output:
-        return _step_off(has)
-    if now.auto_range:
+    """The next command on the way to a setting, "" when it is reached; auto-range goes off first."""
+    if wanted.output and now.auto_range:
         return ":SOUR:CURR:RANG:AUTO 0"
-    if abs(has.range_a - wanted.range_a) > 0.01 * wanted.range_a:
-        return _step_off(has) or f":SOUR:CURR:RANG {scpi.spell(wanted.range_a)}"
-    if not _took(has.compliance_v, wanted.compliance_v, COMPLIANCE_STEP_V):
-        return f":SOUR:CURR:COMP {scpi.spell(wanted.compliance_v)}"
-    if not _took(has.level_a, wanted.level_a, step_a(wanted.range_a)):
-        return ZERO if has.level_a * wanted.level_a < 0 else f":SOUR:CURR {scpi.spell(wanted.level_a)}"
-    return "" if has.output else ON
-
-
-def _took(has: float, wanted: float, step: float) -> bool:
-    """Whether an instrument has what it was sent, rounded to its step."""
-    return abs(has - float(scpi.spell(wanted))) <= 0.51 * step
-
-
-def _step_off(has: Setting) -> str:
-    if has.level_a != 0:
-        return ZERO
-    return OFF if has.output else ""
+    return COMMANDS.next_step(
+        now.setting, wanted, level_step_a=step_a(wanted.range_a), compliance_step_v=COMPLIANCE_STEP_V
+    )

@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.keithley_6220 import wire
-from drivers.keithley_6220.wire import Condition, Setting, State
+from drivers.keithley_6220.wire import Condition, State
+from drivers.source.setting import Setting
 from simulators.faults import FaultPlan
 from simulators.keithley_6220 import SimulatedKeithley
 from simulators.settings import WorldSettings

@@ -1,0 +1,1 @@
+"""Current sources that are spoken to in SCPI: what their dialects share."""
