@@ -7,6 +7,7 @@ from typing import Self
 from drivers.keithley_6220 import wire
 from drivers.keithley_6220.wire import Condition, Terminator
 from simulators.faults import FaultPlan
+from simulators.loaded_source import LoadedSource
 from simulators.scpi import (
     OUT_OF_RANGE,
     SETTINGS_CONFLICT,
@@ -23,7 +24,7 @@ from simulators.world import World
 _LEVEL_MAX_A = wire.OVER_RANGE * wire.RANGES_A[-1]
 
 
-class SimulatedKeithley:
+class SimulatedKeithley(LoadedSource):
     """A source in front of `load_ohm`; it acts on a CR (an LF when its menu says so), and answers with its terminator.
 
     `interlock_closed` is the contact at its rear, `hot` its thermal switch. `stuck`: settings are accepted and not
@@ -34,12 +35,10 @@ class SimulatedKeithley:
         self, world: World, faults: FaultPlan, *, serial: str = "SIM-6220-01", load_ohm: float = 100.0,
         terminator: Terminator = "crlf",
     ) -> None:  # fmt: skip
-        self.faults = faults
-        self.load_ohm = load_ohm
+        super().__init__(world, faults, load_ohm)
         self.hot = False
         self.range_a, self.auto_range = wire.RANGES_A[-1], True
-        self.level_a, self.compliance_v, self.output = 0.0, 10.0, False
-        self._world = world
+        self.compliance_v = 10.0
         self._interlock_closed = True
         self._end = wire.TERMINATORS[terminator]
         identity = f"KEITHLEY INSTRUMENTS INC.,MODEL 6220,{serial},D04  /700x"
@@ -56,19 +55,6 @@ class SimulatedKeithley:
         return LineSession(self._interpreter.execute, end=self._end[:1], answer_end=self._end)
 
     @property
-    def current_a(self) -> float:
-        """What really flows: the level, or what the compliance drives through the load."""
-        if not self.output:
-            return 0.0
-        most_a = self.compliance_v / self.load_ohm
-        return max(-most_a, min(self.level_a, most_a))
-
-    @property
-    def feeds_a(self) -> float | None:
-        """What flows out of its terminals; None while its output is off."""
-        return self.current_a if self.output else None
-
-    @property
     def interlock_closed(self) -> bool:
         """Whether the contact at the rear is closed."""
         return self._interlock_closed
@@ -77,7 +63,7 @@ class SimulatedKeithley:
     def interlock_closed(self, closed: bool) -> None:
         self._interlock_closed = closed
         if not closed:
-            self._put_output(False)
+            self.put_output(False)
 
     def restart(self) -> None:
         """The mains fail for a moment: everything is as when it was switched on."""
@@ -86,22 +72,19 @@ class SimulatedKeithley:
 
     def _commands(self) -> dict[str, Handler]:
         return {
-            wire.LEVEL: self._unless_stuck(self._set_level),
+            wire.LEVEL: self.unless_stuck(self._set_level),
             f"{wire.LEVEL}?": lambda _: f"{self.level_a:.6E}",
-            wire.RANGE: self._unless_stuck(self._set_range),
+            wire.RANGE: self.unless_stuck(self._set_range),
             f"{wire.RANGE}?": lambda _: f"{self.range_a:.6E}",
-            wire.AUTO_RANGE: self._unless_stuck(self._set_auto_range),
+            wire.AUTO_RANGE: self.unless_stuck(self._set_auto_range),
             f"{wire.AUTO_RANGE}?": lambda _: str(int(self.auto_range)),
-            wire.COMPLIANCE: self._unless_stuck(self._set_compliance),
+            wire.COMPLIANCE: self.unless_stuck(self._set_compliance),
             f"{wire.COMPLIANCE}?": lambda _: f"{self.compliance_v:.6E}",
-            wire.OUTPUT: self._unless_stuck(self._switch),
+            wire.OUTPUT: self.unless_stuck(self._switch),
             f"{wire.OUTPUT}?": lambda _: str(int(self.output)),
             f"{wire.CONDITION}?": lambda _: str(int(self._condition())),
             "*RST": lambda _: self._reset(),
         }
-
-    def _unless_stuck(self, handler: Handler) -> Handler:
-        return lambda argument: None if self.faults.active("stuck") else handler(argument)
 
     def _set_level(self, argument: str) -> None:
         level_a = setting(argument, -_LEVEL_MAX_A, _LEVEL_MAX_A)
@@ -131,11 +114,7 @@ class SimulatedKeithley:
         on = switch(argument)
         if on and not self.interlock_closed:
             raise Refusal(SETTINGS_CONFLICT)
-        self._put_output(on)
-
-    def _put_output(self, on: bool) -> None:
-        self._world.before_change()
-        self.output = on
+        self.put_output(on)
 
     def _condition(self) -> Condition:
         condition = Condition(0)
@@ -150,7 +129,7 @@ class SimulatedKeithley:
     def _reset(self) -> None:
         self.level_a, self.compliance_v = 0.0, 10.0
         self.range_a, self.auto_range = wire.RANGES_A[-1], True
-        self._put_output(False)
+        self.put_output(False)
 
 
 def _range_for(level_a: float) -> float:

@@ -1,0 +1,1 @@
+"""Yokogawa GS200 (GS210, GS211) DC sources as current sources."""

@@ -1,0 +1,44 @@
+"""A Yokogawa GS200 as a current source."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from drivers.description import Nothing, Setup
+from drivers.errors import BeyondLimit
+from drivers.ranges import SourceLimits
+from drivers.source.driver import Bounds, Dialect, Fault, ScpiSource
+from drivers.yokogawa_gs200 import wire
+from drivers.yokogawa_gs200.description import GS200Options
+from drivers.yokogawa_gs200.wire import State
+
+
+def _faults(state: State) -> Sequence[Fault]:
+    """Volts at its output, where a coil expects a current."""
+    if state.function == "CURR" or not state.setting.output:
+        return ()
+    return [Fault("it gives a voltage", "VOLT", "Make it safe, and look who else sets it.", True)]
+
+
+DIALECT = Dialect(wire.COMMANDS, wire.STATE_QUERY, wire.read_state, wire.next_step, _faults)
+
+
+class YokogawaGS200(ScpiSource[State]):
+    """One source; it neither measures its current nor tells that a load does not take it.
+
+    A source that trips switches its output off, which the next look sees.
+    """
+
+    def __init__(self, setup: Setup[GS200Options, SourceLimits, Nothing]) -> None:
+        range_a = setup.options.range
+        bounds = Bounds(range_a, wire.most_a(range_a), (wire.COMPLIANCE_MIN_V, setup.options.compliance))
+        super().__init__(setup, DIALECT, bounds)
+
+    async def set(self, level: float, *, limit: float, output: bool) -> None:
+        """As ScpiSource.set; BeyondLimit also for a compliance that is not in whole volts."""
+        if output and limit % wire.COMPLIANCE_STEP_V:
+            raise BeyondLimit(
+                self.name, f"the compliance {limit:g} V is not in whole volts",
+                remedy="Nothing was sent. Correct the sequence.",
+            )  # fmt: skip
+        await super().set(level, limit=limit, output=output)

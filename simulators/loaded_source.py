@@ -1,0 +1,39 @@
+"""What simulated SCPI current sources have in common: an output with a resistor on it."""
+
+from __future__ import annotations
+
+from simulators.faults import FaultPlan
+from simulators.scpi import Handler
+from simulators.world import World
+
+
+class LoadedSource:
+    """An output in front of `load_ohm`. `stuck`: settings are accepted and not carried out."""
+
+    def __init__(self, world: World, faults: FaultPlan, load_ohm: float) -> None:
+        self.faults = faults
+        self.load_ohm = load_ohm
+        self.level_a, self.compliance_v, self.output = 0.0, 0.0, False
+        self._world = world
+
+    @property
+    def current_a(self) -> float:
+        """What really flows: the level, or what the compliance drives through the load."""
+        if not self.output:
+            return 0.0
+        most_a = self.compliance_v / self.load_ohm
+        return max(-most_a, min(self.level_a, most_a))
+
+    @property
+    def feeds_a(self) -> float | None:
+        """What flows out of its terminals; None while its output is off."""
+        return self.current_a if self.output else None
+
+    def put_output(self, on: bool) -> None:
+        """Switches the output."""
+        self._world.before_change()
+        self.output = on
+
+    def unless_stuck(self, handler: Handler) -> Handler:
+        """What carries a setting out, or does not."""
+        return lambda argument: None if self.faults.active("stuck") else handler(argument)

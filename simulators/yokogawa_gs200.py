@@ -1,0 +1,140 @@
+"""A Yokogawa GS200 with a resistor on it: function, range, level, voltage limit and error queue."""
+
+from __future__ import annotations
+
+from typing import Self
+
+from drivers.yokogawa_gs200 import wire
+from drivers.yokogawa_gs200.wire import Function
+from simulators.faults import FaultPlan
+from simulators.loaded_source import LoadedSource
+from simulators.scpi import (
+    ILLEGAL_VALUE,
+    OUT_OF_RANGE,
+    SETTINGS_CONFLICT,
+    Handler,
+    Interpreter,
+    LineSession,
+    Refusal,
+    setting,
+    switch,
+)
+from simulators.setup import InstrumentSetup
+from simulators.world import World
+
+_RANGES_V = (10e-3, 100e-3, 1.0, 10.0, 30.0)
+_FUNCTIONS: dict[str, Function] = {"CURR": "CURR", "CURRENT": "CURR", "VOLT": "VOLT", "VOLTAGE": "VOLT"}
+_CURRENT_LIMITS_A = (1e-3, 200e-3)
+
+
+class SimulatedGS200(LoadedSource):
+    """A source in front of `load_ohm`; out of the box it gives volts, and a new function is off and at zero.
+
+    It says nothing when its voltage limit keeps the current from flowing. Nothing that it tells could be `frozen`.
+    """
+
+    def __init__(
+        self, world: World, faults: FaultPlan, *, serial: str = "SIM-GS200-01", load_ohm: float = 100.0
+    ) -> None:
+        super().__init__(world, faults, load_ohm)
+        self.function: Function = "VOLT"
+        self._reset()
+        self._interpreter = Interpreter(f"YOKOGAWA,GS210,{serial},2.02", self._commands())
+
+    @classmethod
+    def of(cls, setup: InstrumentSetup) -> Self:
+        """As a bench file has it."""
+        return cls(setup.world, setup.faults, serial=setup.serial or "SIM-GS200-01")
+
+    def session(self) -> LineSession:
+        """A new connection."""
+        return LineSession(self._interpreter.execute)
+
+    @property
+    def current_a(self) -> float:
+        """What really flows."""
+        if self.function == "CURR" or not self.output:
+            return super().current_a
+        return max(-self.current_limit_a, min(self.level_a / self.load_ohm, self.current_limit_a))
+
+    def trip(self) -> None:
+        """It protects itself: its output goes off."""
+        self.put_output(False)
+
+    def restart(self) -> None:
+        """The mains fail for a moment: everything is as when it was switched on."""
+        self._reset()
+        self._interpreter.power_on()
+
+    def _commands(self) -> dict[str, Handler]:
+        return {
+            wire.FUNCTION: self.unless_stuck(self._set_function),
+            f"{wire.FUNCTION}?": lambda _: self.function,
+            wire.RANGE: self.unless_stuck(self._set_range),
+            f"{wire.RANGE}?": lambda _: f"{self.range_a:+.5E}",
+            wire.LEVEL: self.unless_stuck(self._set_level),
+            wire.AUTO_LEVEL: self.unless_stuck(self._set_auto_level),
+            f"{wire.LEVEL}?": lambda _: f"{self.level_a:+.5E}",
+            wire.COMPLIANCE: self.unless_stuck(self._set_compliance),
+            f"{wire.COMPLIANCE}?": lambda _: f"{self.compliance_v:.0f}",
+            wire.CURRENT_LIMIT: self.unless_stuck(self._set_current_limit),
+            f"{wire.CURRENT_LIMIT}?": lambda _: f"{self.current_limit_a:+.5E}",
+            wire.OUTPUT: self.unless_stuck(lambda argument: self.put_output(switch(argument))),
+            f"{wire.OUTPUT}?": lambda _: str(int(self.output)),
+            "*OPT?": lambda _: "0",
+            "*RST": lambda _: self._reset(),
+        }
+
+    @property
+    def _ranges(self) -> tuple[float, ...]:
+        return wire.RANGES_A if self.function == "CURR" else _RANGES_V
+
+    def _most(self, range_: float) -> float:
+        return wire.most_a(range_) if self.function == "CURR" else min(wire.OVER_RANGE * range_, 32.0)
+
+    def _set_function(self, argument: str) -> None:
+        function = _FUNCTIONS.get(argument.upper())
+        if function is None:
+            raise Refusal(ILLEGAL_VALUE)
+        if function != self.function:
+            self.put_output(False)
+            self.function, self.level_a = function, 0.0
+            self.range_a = self._ranges[0]
+
+    def _set_range(self, argument: str) -> None:
+        range_ = self._range_for(setting(argument, 0, self._ranges[-1]), over=1.0)
+        if abs(self.level_a) > self._most(range_):
+            raise Refusal(SETTINGS_CONFLICT)
+        self.range_a = range_
+
+    def _set_level(self, argument: str) -> None:
+        level = setting(argument, -self._most(self._ranges[-1]), self._most(self._ranges[-1]))
+        if abs(level) > self._most(self.range_a) * (1 + 1e-9):
+            raise Refusal(OUT_OF_RANGE)
+        self._put_level(level)
+
+    def _set_auto_level(self, argument: str) -> None:
+        level = setting(argument, -self._most(self._ranges[-1]), self._most(self._ranges[-1]))
+        self.range_a = self._range_for(abs(level), over=wire.OVER_RANGE)
+        self._put_level(level)
+
+    def _put_level(self, level: float) -> None:
+        step = wire.step_a(self.range_a) if self.function == "CURR" else 1e-5 * self.range_a
+        self._world.before_change()
+        self.level_a = round(level / step) * step
+
+    def _set_compliance(self, argument: str) -> None:
+        self.compliance_v = float(round(setting(argument, wire.COMPLIANCE_MIN_V, wire.COMPLIANCE_MAX_V)))
+
+    def _set_current_limit(self, argument: str) -> None:
+        self.current_limit_a = setting(argument, *_CURRENT_LIMITS_A)
+
+    def _range_for(self, value: float, *, over: float) -> float:
+        """The smallest range that takes a value."""
+        return next(range_ for range_ in self._ranges if value <= over * range_ * (1 + 1e-9))
+
+    def _reset(self) -> None:
+        self.put_output(False)
+        self.function, self.level_a = "VOLT", 0.0
+        self.range_a = _RANGES_V[-1]
+        self.compliance_v, self.current_limit_a = wire.COMPLIANCE_MAX_V, _CURRENT_LIMITS_A[1]

@@ -1,0 +1,156 @@
+"""Lines of a Yokogawa GS200 typed by hand, in both directions, and the simulated source that speaks them."""
+
+import pytest
+
+from drivers.source.setting import Setting
+from drivers.yokogawa_gs200 import wire
+from drivers.yokogawa_gs200.wire import State
+from simulators.faults import FaultPlan
+from simulators.settings import WorldSettings
+from simulators.world import World
+from simulators.yokogawa_gs200 import SimulatedGS200
+
+
+@pytest.fixture
+def source() -> SimulatedGS200:
+    return SimulatedGS200(World(WorldSettings(seed=1, gravity_mps2=9.8), lambda: 0.0), FaultPlan())
+
+
+def talk(source: SimulatedGS200, *lines: bytes) -> list[bytes]:
+    session = source.session()
+    return [session.feed(line + b"\n") for line in lines]
+
+
+# The driver's side
+
+
+def test_the_question_for_the_state_is_one_message() -> None:
+    assert wire.STATE_QUERY == b":SOUR:FUNC?;:SOUR:RANG?;:SOUR:LEV?;:SOUR:PROT:VOLT?;:OUTP?"
+
+
+@pytest.mark.parametrize(
+    ("line", "state"),
+    [
+        (b"CURR;10E-3;-1.2000E-03;10;1", State("CURR", Setting(0.01, -0.0012, 10.0, True))),
+        (b"VOLT;+3.00000E+01;+0.00000E+00;30;0", State("VOLT", Setting(30.0, 0.0, 30.0, False))),
+    ],
+)
+def test_the_state_is_read(line: bytes, state: State) -> None:
+    assert wire.read_state(line) == state
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"CURR;10E-3;0;10",
+        b"RES;10E-3;0;10;0",
+        b"CURR;10E-3;0;10;ON",
+        b"CURR;10E-3;9.9E37;10;0",
+        b"YOKOGAWA,GS210,91W000001,2.02",
+    ],
+)
+def test_anything_else_is_refused(line: bytes) -> None:
+    with pytest.raises(ValueError, match=r"answers|neither|overflow"):
+        wire.read_state(line)
+
+
+WANTED = Setting(0.01, 0.0012, 10.0, True)
+
+
+@pytest.mark.parametrize(
+    ("now", "command"),
+    [
+        (State("VOLT", Setting(30, 5.0, 30, True)), ":SOUR:LEV 0"),
+        (State("VOLT", Setting(30, 0.0, 30, True)), ":OUTP 0"),
+        (State("VOLT", Setting(30, 0.0, 30, False)), ":SOUR:FUNC CURR"),
+        (State("CURR", Setting(0.2, 0.05, 30, True)), ":SOUR:LEV 0"),
+        (State("CURR", Setting(0.2, 0.0, 30, True)), ":OUTP 0"),
+        (State("CURR", Setting(0.2, 0.0, 30, False)), ":SOUR:RANG 0.01"),
+        (State("CURR", Setting(0.01, 0.0, 30, False)), ":SOUR:PROT:VOLT 10"),
+        (State("CURR", Setting(0.01, 0.0, 10, False)), ":SOUR:LEV 0.0012"),
+        (State("CURR", Setting(0.01, -0.0012, 10, True)), ":SOUR:LEV 0"),
+        (State("CURR", Setting(0.01, 0.0012, 10, False)), ":OUTP 1"),
+        (State("CURR", Setting(0.01, 0.00120004, 10, True)), ""),
+        (State("CURR", Setting(0.01, 0.0012002, 10, True)), ":SOUR:LEV 0.0012"),
+    ],
+)
+def test_the_next_command_leads_to_the_setting(now: State, command: str) -> None:
+    assert wire.next_step(now, WANTED) == command
+
+
+@pytest.mark.parametrize(
+    ("level", "output", "command"), [(5, True, ":SOUR:LEV 0"), (0, True, ":OUTP 0"), (0, False, "")]
+)
+@pytest.mark.parametrize("function", ["CURR", "VOLT"])
+def test_it_goes_off_at_zero_whatever_it_gives(function: str, level: float, output: bool, command: str) -> None:
+    now = State(wire.FUNCTIONS[function], Setting(0.01, level, 10, output))
+    assert wire.next_step(now, Setting(0.01, 0.0, 10, False)) == command
+
+
+@pytest.mark.parametrize(
+    ("range_a", "most_a", "step_a"), [(1e-3, 1.2e-3, 10e-9), (0.01, 0.012, 100e-9), (0.1, 0.12, 1e-6), (0.2, 0.2, 1e-6)]
+)
+def test_a_range_has_its_largest_level_and_its_step(range_a: float, most_a: float, step_a: float) -> None:
+    assert wire.most_a(range_a) == pytest.approx(most_a)
+    assert wire.step_a(range_a) == pytest.approx(step_a)
+
+
+# The simulator's side
+
+
+def test_a_session_with_a_source(source: SimulatedGS200) -> None:
+    assert talk(source, b"*IDN?", wire.STATE_QUERY) == [
+        b"YOKOGAWA,GS210,SIM-GS200-01,2.02\n", b"VOLT;+3.00000E+01;+0.00000E+00;30;0\n",
+    ]  # fmt: skip
+    assert talk(source, b":SOUR:FUNC CURR;:SOUR:RANG 10E-3;:SOUR:LEV 0.0012;:SOUR:PROT:VOLT 5;:OUTP 1") == [b""]
+    assert talk(source, wire.STATE_QUERY, b":SYST:ERR?") == [
+        b"CURR;+1.00000E-02;+1.20000E-03;5;1\n", b'0,"No error"\n',
+    ]  # fmt: skip
+    assert source.current_a == pytest.approx(0.0012)
+    talk(source, b":SOUR:FUNC VOLT")
+    assert talk(source, b"OUTP?;SOUR:LEV?") == [b"0;+0.00000E+00\n"]
+    talk(source, b"SOUR:RANG 1", b"SOUR:LEV 1", b"OUTP ON")
+    assert source.current_a == pytest.approx(0.01)
+    talk(source, b"*RST")
+    assert source.feeds_a is None
+
+
+@pytest.mark.parametrize(
+    ("lines", "entry"),
+    [
+        ([b"SOUR:LEV 0.21"], b'-222,"Data out of range"'),
+        ([b"SOUR:RANG 1E-3", b"SOUR:LEV 0.00121"], b'-222,"Data out of range"'),
+        ([b"SOUR:LEV:AUTO 0.02", b"SOUR:RANG 1E-3"], b'-221,"Settings conflict"'),
+        ([b"SOUR:PROT:VOLT 31"], b'-222,"Data out of range"'),
+        ([b"SOUR:PROT:CURR 0.3"], b'-222,"Data out of range"'),
+        ([b"SOUR:FUNC RES"], b'-224,"Illegal parameter value"'),
+        ([b"SOUR:LIMIT 1"], b'-113,"Undefined header"'),
+    ],
+)
+def test_what_a_source_refuses_is_in_its_error_queue(source: SimulatedGS200, lines: list[bytes], entry: bytes) -> None:
+    talk(source, b"SOUR:FUNC CURR;:SOUR:RANG 0.2", *lines)
+    assert talk(source, b"SYST:ERR?", b"SYST:ERR?") == [entry + b"\n", b'0,"No error"\n']
+
+
+def test_a_range_takes_twenty_per_cent_more_and_rounds_to_its_step(source: SimulatedGS200) -> None:
+    talk(source, b"SOUR:FUNC CURR", b"SOUR:RANG 1E-3", b"SOUR:LEV 0.0012")
+    assert talk(source, b"SOUR:LEV?") == [b"+1.20000E-03\n"]
+    talk(source, b"SOUR:LEV 0.001000014")
+    assert talk(source, b"SOUR:LEV?") == [b"+1.00001E-03\n"]
+    talk(source, b"SOUR:LEV:AUTO 0.0121")
+    assert talk(source, b"SOUR:RANG?;LEV?") == [b"+1.00000E-01;+1.21000E-02\n"]
+
+
+def test_its_voltage_limit_keeps_a_current_from_flowing_and_nothing_tells(source: SimulatedGS200) -> None:
+    talk(source, b"SOUR:FUNC CURR;:SOUR:RANG 0.01;:SOUR:LEV 0.01;:SOUR:PROT:VOLT 2;:OUTP 1")
+    source.load_ohm = 1000
+    assert source.current_a == pytest.approx(0.002)
+    assert talk(source, wire.STATE_QUERY) == [b"CURR;+1.00000E-02;+1.00000E-02;2;1\n"]
+
+
+def test_restarts_and_faults(source: SimulatedGS200) -> None:
+    talk(source, b"*CLS;:SOUR:FUNC CURR;:SOUR:LEV:AUTO 0.01;:OUTP 1")
+    source.faults.begin("stuck")
+    assert talk(source, b"SOUR:LEV 0;:OUTP 0", b"SOUR:LEV?;:OUTP?;*ESR?") == [b"", b"+1.00000E-02;1;0\n"]
+    source.restart()
+    assert talk(source, b"SOUR:FUNC?;LEV?;:OUTP?;*ESR?") == [b"VOLT;+0.00000E+00;0;128\n"]
