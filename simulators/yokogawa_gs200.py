@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Self
 
 from drivers.yokogawa_gs200 import wire
-from drivers.yokogawa_gs200.wire import Function
+from drivers.yokogawa_gs200.wire import Condition, Function
 from simulators.faults import FaultPlan
 from simulators.loaded_source import LoadedSource
 from simulators.scpi import (
@@ -30,7 +30,7 @@ _CURRENT_LIMITS_A = (1e-3, 200e-3)
 class SimulatedGS200(LoadedSource):
     """A source in front of `load_ohm`; out of the box it gives volts, and a new function is off and at zero.
 
-    It says nothing when its voltage limit keeps the current from flowing. Nothing that it tells could be `frozen`.
+    `emergency` is its own protection at work. Nothing that it tells could be `frozen`.
     """
 
     def __init__(
@@ -38,6 +38,7 @@ class SimulatedGS200(LoadedSource):
     ) -> None:
         super().__init__(world, faults, load_ohm)
         self.function: Function = "VOLT"
+        self.emergency = False
         self._reset()
         self._interpreter = Interpreter(f"YOKOGAWA,GS210,{serial},2.02", self._commands())
 
@@ -81,6 +82,8 @@ class SimulatedGS200(LoadedSource):
             f"{wire.CURRENT_LIMIT}?": lambda _: f"{self.current_limit_a:+.5E}",
             wire.OUTPUT: self.unless_stuck(lambda argument: self.put_output(switch(argument))),
             f"{wire.OUTPUT}?": lambda _: str(int(self.output)),
+            f"{wire.CONDITION}?": lambda _: str(int(self._condition())),
+            f"{wire.EVENT}?": lambda _: str(int(self._condition())),
             "*OPT?": lambda _: "0",
             "*RST": lambda _: self._reset(),
         }
@@ -128,6 +131,12 @@ class SimulatedGS200(LoadedSource):
 
     def _set_current_limit(self, argument: str) -> None:
         self.current_limit_a = setting(argument, *_CURRENT_LIMITS_A)
+
+    def _condition(self) -> Condition:
+        condition = Condition.EMERGENCY if self.emergency else Condition(0)
+        if self.function == "CURR" and self.output and abs(self.level_a) * self.load_ohm > self.compliance_v:
+            condition |= Condition.HIGH_LIMITING if self.level_a > 0 else Condition.LOW_LIMITING
+        return condition
 
     def _range_for(self, value: float, *, over: float) -> float:
         """The smallest range that takes a value."""

@@ -14,20 +14,25 @@ from drivers.yokogawa_gs200.wire import State
 
 
 def _faults(state: State) -> Sequence[Fault]:
-    """Volts at its output, where a coil expects a current."""
-    if state.function == "CURR" or not state.setting.output:
-        return ()
-    return [Fault("it gives a voltage", "VOLT", "Make it safe, and look who else sets it.", True)]
+    """Volts at its output, where a coil expects a current, and what the condition register tells."""
+    received = f"condition {int(state.condition)}"
+    found = []
+    if state.function != "CURR" and state.setting.output:
+        found.append(Fault("it gives a voltage", "VOLT", "Make it safe, and look who else sets it.", always=True))
+    if state.condition & wire.LIMITING:
+        remedy = "Check the load, its cable, and the compliance."
+        found.append(Fault("it is at its voltage limit: the load does not take the current", received, remedy))
+    if wire.Condition.EMERGENCY in state.condition:
+        remedy = "Read its display and its manual: it protects itself."
+        found.append(Fault("it reports an emergency", received, remedy, always=True))
+    return found
 
 
 DIALECT = Dialect(wire.COMMANDS, wire.STATE_QUERY, wire.read_state, wire.next_step, _faults)
 
 
 class YokogawaGS200(ScpiSource[State]):
-    """One source; it neither measures its current nor tells that a load does not take it.
-
-    A source that trips switches its output off, which the next look sees.
-    """
+    """One source; it measures neither current nor voltage, and tells when the load does not take the current."""
 
     def __init__(self, setup: Setup[GS200Options, SourceLimits, Nothing]) -> None:
         range_a = setup.options.range

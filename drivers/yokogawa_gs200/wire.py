@@ -1,13 +1,14 @@
 """Yokogawa GS200 headers and answers, and what is to be sent next to reach a setting.
 
-Headers and ranges after the user's manual (IM GS210-01EN, chapter 13) as two drivers of other people use them. What the
-bits of its status registers mean is in no source that could be read: they are not used.
+Headers, ranges and the bits of the condition register after the user's manual (IM GS210-01EN, chapter 13), as two
+drivers of other people have them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntFlag
 from typing import Literal
 
 from drivers import scpi
@@ -24,8 +25,10 @@ AUTO_LEVEL = "[SOURce:]LEVel:AUTO"
 COMPLIANCE = "[SOURce:]PROTection:VOLTage"
 CURRENT_LIMIT = "[SOURce:]PROTection:CURRent"
 OUTPUT = "OUTPut[:STATe]"
+CONDITION = "STATus:CONDition"
+EVENT = "STATus:EVENt"
 
-STATE_QUERY = b":SOUR:FUNC?;:SOUR:RANG?;:SOUR:LEV?;:SOUR:PROT:VOLT?;:OUTP?"
+STATE_QUERY = b":SOUR:FUNC?;:SOUR:RANG?;:SOUR:LEV?;:SOUR:PROT:VOLT?;:OUTP?;:STAT:COND?"
 AS_CURRENT = ":SOUR:FUNC CURR"
 COMMANDS = Commands(
     range=":SOUR:RANG", compliance=":SOUR:PROT:VOLT", level=":SOUR:LEV", on=":OUTP 1", off=":OUTP 0"
@@ -37,12 +40,25 @@ LEVEL_MAX_A = 0.2  # whatever the range
 COMPLIANCE_MIN_V, COMPLIANCE_MAX_V, COMPLIANCE_STEP_V = 1.0, 30.0, 1.0
 
 
+class Condition(IntFlag):
+    """Bits of the condition register that are used here."""
+
+    LOW_LIMITING = 1 << 10
+    HIGH_LIMITING = 1 << 11
+    EMERGENCY = 1 << 13
+
+
+NO_CONDITION = Condition(0)
+LIMITING = Condition.LOW_LIMITING | Condition.HIGH_LIMITING
+
+
 @dataclass(frozen=True, slots=True)
 class State:
     """What a source is set to: `setting` is in volts where amperes are meant while `function` is VOLT."""
 
     function: Function
     setting: Setting
+    condition: Condition = NO_CONDITION
 
 
 def most_a(range_a: float) -> float:
@@ -57,11 +73,11 @@ def step_a(range_a: float) -> float:
 
 def read_state(line: bytes) -> State:
     """The answer to STATE_QUERY; ValueError."""
-    function, range_, level, compliance, output = scpi.answers(line, 5)
+    function, range_, level, compliance, output, condition = scpi.answers(line, 6)
     if function not in FUNCTIONS:
         raise ValueError(f"'{function}' is neither CURR nor VOLT")
     setting = Setting(scpi.number(range_), scpi.number(level), scpi.number(compliance), scpi.boolean(output))
-    return State(FUNCTIONS[function], setting)
+    return State(FUNCTIONS[function], setting, Condition(scpi.integer(condition) & sum(Condition)))
 
 
 def next_step(now: State, wanted: Setting) -> str:

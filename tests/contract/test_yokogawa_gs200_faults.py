@@ -19,6 +19,31 @@ def test_a_trip_is_a_fault_within_one_poll() -> None:
     with_gs200(use)
 
 
+def test_an_open_load_is_a_fault_when_it_is_energised_and_later() -> None:
+    async def use(source: SourceGS200, driver: YokogawaGS200) -> None:
+        await driver.set(0.0012, limit=5, output=True)
+        await driver.poll()
+        source.instrument.load_ohm = 1e9
+        with pytest.raises(InstrumentFault, match=r"at its voltage limit.*condition 2048.*Check the load"):
+            await driver.poll()
+        await driver.make_safe()
+        with pytest.raises(InstrumentFault, match=r"at its voltage limit.*condition 1024"):
+            await driver.set(-0.0012, limit=5, output=True)
+        await driver.make_safe()
+        await driver.poll()
+
+    with_gs200(use)
+
+
+def test_an_emergency_is_a_fault_always() -> None:
+    async def use(source: SourceGS200, driver: YokogawaGS200) -> None:
+        source.instrument.emergency = True
+        with pytest.raises(InstrumentFault, match=r"an emergency; received condition 8192"):
+            await driver.poll()
+
+    with_gs200(use)
+
+
 def test_a_power_failure_is_a_fault_within_one_poll() -> None:
     async def use(source: SourceGS200, driver: YokogawaGS200) -> None:
         await driver.set(0.0012, limit=5, output=True)

@@ -12,7 +12,11 @@ from simulators.settings import WorldSettings
 from simulators.world import World
 from simulators.yokogawa_gs200 import SimulatedGS200
 
-pytestmark = [pytest.mark.integration, pytest.mark.peer("pymeasure")]
+pytestmark = [
+    pytest.mark.integration,
+    pytest.mark.peer("pymeasure"),
+    pytest.mark.filterwarnings("ignore:It is not known whether this device:FutureWarning"),  # asked of every GS200
+]
 
 
 def test_it_sets_and_reads_range_level_limit_and_output() -> None:
@@ -32,7 +36,7 @@ def test_it_sets_and_reads_range_level_limit_and_output() -> None:
             gs200.voltage_limit = 5
             gs200.source_level = 0.012
             gs200.source_enabled = True
-            assert gs200.source_mode == "current"
+            assert gs200.source_mode == "CURR"
             assert gs200.source_range == pytest.approx(0.01)
             assert gs200.voltage_limit == 5
             assert gs200.source_level == pytest.approx(0.012)

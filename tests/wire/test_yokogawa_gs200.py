@@ -4,7 +4,7 @@ import pytest
 
 from drivers.source.setting import Setting
 from drivers.yokogawa_gs200 import wire
-from drivers.yokogawa_gs200.wire import State
+from drivers.yokogawa_gs200.wire import Condition, State
 from simulators.faults import FaultPlan
 from simulators.settings import WorldSettings
 from simulators.world import World
@@ -25,14 +25,20 @@ def talk(source: SimulatedGS200, *lines: bytes) -> list[bytes]:
 
 
 def test_the_question_for_the_state_is_one_message() -> None:
-    assert wire.STATE_QUERY == b":SOUR:FUNC?;:SOUR:RANG?;:SOUR:LEV?;:SOUR:PROT:VOLT?;:OUTP?"
+    assert wire.STATE_QUERY == b":SOUR:FUNC?;:SOUR:RANG?;:SOUR:LEV?;:SOUR:PROT:VOLT?;:OUTP?;:STAT:COND?"
 
 
 @pytest.mark.parametrize(
     ("line", "state"),
     [
-        (b"CURR;10E-3;-1.2000E-03;10;1", State("CURR", Setting(0.01, -0.0012, 10.0, True))),
-        (b"VOLT;+3.00000E+01;+0.00000E+00;30;0", State("VOLT", Setting(30.0, 0.0, 30.0, False))),
+        (
+            b"CURR;10E-3;-1.2000E-03;10;1;1280",
+            State("CURR", Setting(0.01, -0.0012, 10.0, True), Condition.LOW_LIMITING),
+        ),  # and ready for a program, which says nothing here
+        (
+            b"VOLT;+3.00000E+01;+0.00000E+00;30;0;8192",
+            State("VOLT", Setting(30.0, 0.0, 30.0, False), Condition.EMERGENCY),
+        ),
     ],
 )
 def test_the_state_is_read(line: bytes, state: State) -> None:
@@ -42,15 +48,16 @@ def test_the_state_is_read(line: bytes, state: State) -> None:
 @pytest.mark.parametrize(
     "line",
     [
-        b"CURR;10E-3;0;10",
-        b"RES;10E-3;0;10;0",
-        b"CURR;10E-3;0;10;ON",
-        b"CURR;10E-3;9.9E37;10;0",
+        b"CURR;10E-3;0;10;1",
+        b"CURR;10E-3;0;10;1;1.0",
+        b"RES;10E-3;0;10;0;0",
+        b"CURR;10E-3;0;10;ON;0",
+        b"CURR;10E-3;9.9E37;10;0;0",
         b"YOKOGAWA,GS210,91W000001,2.02",
     ],
 )
 def test_anything_else_is_refused(line: bytes) -> None:
-    with pytest.raises(ValueError, match=r"answers|neither|overflow"):
+    with pytest.raises(ValueError, match=r"answers|neither|overflow|whole"):
         wire.read_state(line)
 
 
@@ -100,11 +107,11 @@ def test_a_range_has_its_largest_level_and_its_step(range_a: float, most_a: floa
 
 def test_a_session_with_a_source(source: SimulatedGS200) -> None:
     assert talk(source, b"*IDN?", wire.STATE_QUERY) == [
-        b"YOKOGAWA,GS210,SIM-GS200-01,2.02\n", b"VOLT;+3.00000E+01;+0.00000E+00;30;0\n",
+        b"YOKOGAWA,GS210,SIM-GS200-01,2.02\n", b"VOLT;+3.00000E+01;+0.00000E+00;30;0;0\n",
     ]  # fmt: skip
     assert talk(source, b":SOUR:FUNC CURR;:SOUR:RANG 10E-3;:SOUR:LEV 0.0012;:SOUR:PROT:VOLT 5;:OUTP 1") == [b""]
     assert talk(source, wire.STATE_QUERY, b":SYST:ERR?") == [
-        b"CURR;+1.00000E-02;+1.20000E-03;5;1\n", b'0,"No error"\n',
+        b"CURR;+1.00000E-02;+1.20000E-03;5;1;0\n", b'0,"No error"\n',
     ]  # fmt: skip
     assert source.current_a == pytest.approx(0.0012)
     talk(source, b":SOUR:FUNC VOLT")
@@ -141,11 +148,14 @@ def test_a_range_takes_twenty_per_cent_more_and_rounds_to_its_step(source: Simul
     assert talk(source, b"SOUR:RANG?;LEV?") == [b"+1.00000E-01;+1.21000E-02\n"]
 
 
-def test_its_voltage_limit_keeps_a_current_from_flowing_and_nothing_tells(source: SimulatedGS200) -> None:
+def test_its_voltage_limit_keeps_a_current_from_flowing_and_its_condition_tells(source: SimulatedGS200) -> None:
     talk(source, b"SOUR:FUNC CURR;:SOUR:RANG 0.01;:SOUR:LEV 0.01;:SOUR:PROT:VOLT 2;:OUTP 1")
     source.load_ohm = 1000
     assert source.current_a == pytest.approx(0.002)
-    assert talk(source, wire.STATE_QUERY) == [b"CURR;+1.00000E-02;+1.00000E-02;2;1\n"]
+    assert talk(source, wire.STATE_QUERY) == [b"CURR;+1.00000E-02;+1.00000E-02;2;1;2048\n"]
+    assert talk(source, b"SOUR:LEV -0.01", b"STAT:COND?") == [b"", b"1024\n"]
+    source.emergency = True
+    assert talk(source, b"OUTP 0", b"STAT:COND?") == [b"", b"8192\n"]
 
 
 def test_restarts_and_faults(source: SimulatedGS200) -> None:
