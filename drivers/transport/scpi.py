@@ -25,9 +25,13 @@ class ScpiLink:
     Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
     """
 
-    def __init__(self, setup: Setup[Any, Any, Any], *, end: bytes = b"\n") -> None:
+    def __init__(
+        self, setup: Setup[Any, Any, Any], *, end: bytes = b"\n",
+        read_identity: Callable[[bytes], Identity] = scpi.identity,
+    ) -> None:  # fmt: skip
         self._device, self._pin = setup.name, setup.identity
         self._identity: Identity | None = None
+        self._read_identity = read_identity
         proof = Proof(IDENTITY_QUERY, self._recognise)
         self._dialogue = Dialogue(
             setup.name, setup.wires, setup.address, proof, end=end, greet=self._forget_errors, note=setup.note
@@ -49,9 +53,9 @@ class ScpiLink:
         """Who is there now; raises WrongIdentity when it is not who was there before."""
         return await self.ask(IDENTITY_QUERY, self._recognise)
 
-    async def ask(self, question: bytes, read: Callable[[bytes], T]) -> T:
+    async def ask(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
         """One question; see LineExchange.ask."""
-        return await self._dialogue.ask(question, read)
+        return await self._dialogue.ask(question, read, answer_s=answer_s)
 
     async def write(self, commands: str) -> None:
         """Sends commands in one message, once; raises Refused with every error that they left in the queue.
@@ -85,7 +89,7 @@ class ScpiLink:
 
     def _recognise(self, line: bytes) -> Identity:
         """Reads an identity and compares it with the bench file and with who was there before."""
-        found = scpi.identity(line)
+        found = self._read_identity(line)
         check_identity(self._device, self._pin, found)
         self._identity = still_the_same(self._device, self._identity, found, line.decode("ascii"))
         return found

@@ -1,0 +1,1 @@
+"""Agilent (HP, Keysight) 34970A and 34972A scanners as thermometers."""

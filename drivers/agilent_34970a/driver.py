@@ -1,0 +1,119 @@
+"""An Agilent 34970A or 34972A as thermometers: a scan of all sensors at every look."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Self
+
+from drivers.agilent_34970a import wire
+from drivers.agilent_34970a.description import ScannerOptions
+from drivers.description import Nothing, Setup
+from drivers.errors import InstrumentFault, Refused
+from drivers.transport.scpi import ScpiLink
+from drivers.values import Identity, Reading
+
+_SCAN_S, _CHANNEL_S = 3.0, 0.6  # what a scan may take: its answer, and each sensor with its relay
+
+
+class Agilent34970A:
+    """One scanner. Every look reads what is scanned, then scans once.
+
+    Another scan list, another sensor, another unit or somebody's scan under way is a fault, not set right in silence. A
+    sensor that is open or overloaded has no reading then.
+
+    Concurrency: looks queue.
+    """
+
+    def __init__(self, setup: Setup[ScannerOptions, Nothing, Nothing]) -> None:
+        self.name = setup.name
+        self._pin, self._on_serial_line = setup.identity, setup.address.is_serial_line
+        self._names, self._sensors = setup.options.names(), setup.options.sensors()
+        end = b"\r\n" if self._on_serial_line else b"\n"
+        self._link = ScpiLink(setup, end=end, read_identity=wire.read_identity)
+        self._turn = asyncio.Lock()
+
+    async def __aenter__(self) -> Self:
+        """Connects, identifies, sets the scan up; raises CannotConnect, WrongIdentity, Refused."""
+        await self._link.open()
+        try:
+            await self._set_up()
+        except BaseException:
+            self._link.close()
+            raise
+        return self
+
+    async def __aexit__(self, *exc: object) -> None:
+        """Closes the wire; the scan list stays as it is."""
+        self._link.close()
+
+    async def identify(self) -> Identity:
+        """Who is there, with the cards in its slots as fingerprint; raises WrongIdentity.
+
+        A 34970A does not tell its serial number: it is then the one that the bench file states, not verified.
+        """
+        found = await self._link.identify()
+        cards = [await self._link.ask(f":SYST:CTYP? {slot}".encode(), wire.read_card) for slot in wire.SLOTS]
+        serial = found.serial if found.verified else self._pin.serial or ""
+        return replace(found, serial=serial, fingerprint=f"cards {', '.join(cards)}")
+
+    async def poll(self) -> Mapping[str, Sequence[Reading]]:
+        """One scan: the readings (°C) by name, each with its time, none where a sensor is open or overloaded.
+
+        Raises InstrumentFault when the scanner is not set up as it was or somebody else scans, BadAnswer when the scan
+        has other channels.
+        """
+        async with self._turn:
+            state, wanted = await self._state(), wire.state_when(self._sensors)
+            if state != wanted:
+                raise InstrumentFault(
+                    self.name, f"is no longer set up as it was, for a scan of {wire.listed(wanted.channels)}",
+                    received=_in_words(state),
+                    remedy="Look for a power failure, a front panel in use, or who else scans; then run again.",
+                )  # fmt: skip
+            begun_s = asyncio.get_running_loop().time()
+            patience_s = _SCAN_S + _CHANNEL_S * len(self._sensors)
+            samples = await self._link.ask(wire.READ, self._read_scan, answer_s=patience_s)
+        return {
+            self._names[sample.channel]: (
+                [] if sample.temperature_c is None else [Reading(begun_s + sample.since_s, sample.temperature_c)]
+            )
+            for sample in samples
+        }
+
+    async def make_safe(self) -> None:
+        """Nothing to do: a thermometer energises nothing."""
+
+    async def _set_up(self) -> None:
+        """Sets the scan up, message by message, and reads all of it back; raises Refused."""
+        messages = wire.set_up(self._sensors)
+        for message in [wire.REMOTE, *messages] if self._on_serial_line else messages:
+            await self._link.write(message)
+        state, wanted = await self._state(), wire.state_when(self._sensors)
+        if state != wanted:
+            raise Refused(
+                self.name, "a setting was not carried out", sent=messages[-1], received=_in_words(state),
+                remedy="Check the cards in its slots, and channels and sensors in the bench file.",
+            )  # fmt: skip
+        for sensor in self._sensors:
+            found = await self._link.ask(question := wire.type_query(sensor), wire.read_type)
+            if found != sensor.type:
+                raise Refused(
+                    self.name, f"channel {sensor.channel} is not of type {sensor.type}", sent=question.decode(),
+                    received=found, remedy="Check its sensor in the bench file, and who else sets the scanner.",
+                )  # fmt: skip
+
+    async def _state(self) -> wire.State:
+        return await self._link.ask(wire.state_query(self._sensors), wire.read_state)
+
+    def _read_scan(self, line: bytes) -> list[wire.Sample]:
+        samples = wire.read_scan(line)
+        if [sample.channel for sample in samples] != list(self._names):
+            raise ValueError(f"readings of other channels than {wire.listed(list(self._names))}")
+        return samples
+
+
+def _in_words(state: wire.State) -> str:
+    running = ", a scan under way" if state.scanning else ""
+    return f"{wire.listed(state.channels)} as {','.join(state.kinds)} in {','.join(state.units)}{running}"

@@ -1,0 +1,164 @@
+"""Lines of an Agilent 34970A typed by hand, in both directions, and the simulated scanner that speaks them."""
+
+import pytest
+
+from drivers.agilent_34970a import wire
+from drivers.agilent_34970a.wire import Sample, Sensor, State
+from simulators.agilent_34970a import SimulatedScanner
+from simulators.faults import FaultPlan
+from simulators.settings import WorldSettings
+from simulators.world import World
+
+SENSORS = [Sensor(101, "FRTD", "85"), Sensor(102, "TC", "K"), Sensor(103, "RTD", "91")]
+
+
+@pytest.fixture
+def scanner() -> SimulatedScanner:
+    world = World(WorldSettings(seed=1, gravity_mps2=9.8), lambda: 0.0)
+    return SimulatedScanner(world, FaultPlan(), {101: "x", 102: "y", 103: "z"})
+
+
+def talk(scanner: SimulatedScanner, *lines: bytes) -> list[bytes]:
+    session = scanner.session()
+    return [session.feed(line + b"\r\n") for line in lines]
+
+
+# The driver's side
+
+
+def test_a_scan_is_set_up_message_by_message_with_its_list_last() -> None:
+    assert wire.set_up(SENSORS) == [
+        ":ABOR",
+        ":TRIG:SOUR IMM;:TRIG:COUN 1",
+        ":FORM:READ:UNIT ON;:FORM:READ:TIME ON;:FORM:READ:TIME:TYPE REL;:FORM:READ:CHAN ON;:FORM:READ:ALAR OFF",
+        ":CONF:TEMP FRTD,85,(@101)",
+        ":CONF:TEMP TC,K,(@102)",
+        ":CONF:TEMP RTD,91,(@103)",
+        ":UNIT:TEMP C,(@101,102,103)",
+        ":ROUT:SCAN (@101,102,103)",
+    ]
+    assert wire.state_query(SENSORS) == (
+        b":ROUT:SCAN?;:TEMP:TRAN:TYPE? (@101,102,103);:UNIT:TEMP? (@101,102,103);:STAT:OPER:COND?"
+    )
+    assert [wire.type_query(sensor) for sensor in SENSORS[:2]] == [
+        b":TEMP:TRAN:FRTD:TYPE? (@101)", b":TEMP:TRAN:TC:TYPE? (@102)",
+    ]  # fmt: skip
+
+
+def test_the_state_is_read() -> None:
+    assert wire.read_state(b"#214(@101,102,103);FRTD,TC,RTD;C,C,C;+0") == wire.state_when(SENSORS)
+    assert wire.read_state(b"#213(@101,102,103);FRTD,TC,RTD;C,C,F;+272".replace(b"13(", b"14(")) == State(
+        (101, 102, 103), ("FRTD", "TC", "RTD"), ("C", "C", "F"), True
+    )
+    assert wire.read_state(b"#13(@);TC;C;0").channels == ()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"#213(@101,102,103);FRTD,TC,RTD;C,C,C;0",
+        b"#014(@101,102,103);FRTD,TC,RTD;C,C,C;0",
+        b"#21x(@101,102,103);FRTD,TC,RTD;C,C,C;0",
+        b"(@101,102,103);FRTD,TC,RTD;C,C,C;0",
+        b"#16(@1o1);TC;C;0",
+        b"#213(@101,102,10);TC;C;0",
+        b"#16(@101);TC;C",
+        b"#16(@101);TC;C;on",
+    ],
+)
+def test_another_state_is_refused(line: bytes) -> None:
+    with pytest.raises(ValueError, match=r"block|list of channels|answers|whole number"):
+        wire.read_state(line)
+
+
+def test_a_scan_is_read_with_its_times_and_an_open_sensor_has_no_reading() -> None:
+    line = b"+2.12468981E+01 C,00000000.200,101,-5.50000000E+01 C,00000000.400,102,+9.90000000E+37 C,00000000.600,103"
+    assert wire.read_scan(line) == [Sample(101, 0.2, 21.2468981), Sample(102, 0.4, -55.0), Sample(103, 0.6, None)]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"+2.12468981E+01 F,00000000.200,101",
+        b"+2.12468981E+01,00000000.200,101",
+        b"+2.1246898E+01 C,00000000.200,101",
+        b"+2.12468981E+01 C,00000000.200",
+        b"+2.12468981E+01 C,0.200,101",
+        b"+2.12468981E+01 C,00000000.200,401",
+        b"+2.12468981E+01 C,00000000.200,101,",
+        b"",
+    ],
+)
+def test_another_scan_is_refused(line: bytes) -> None:
+    with pytest.raises(ValueError, match=r"fields|reading in C"):
+        wire.read_scan(line)
+
+
+@pytest.mark.parametrize(("line", "found"), [(b"K", "K"), (b"+85", "85"), (b"85", "85"), (b"+9.10000000E+01", "91")])
+def test_a_type_is_read_however_it_is_written(line: bytes, found: str) -> None:
+    assert wire.read_type(line) == found
+
+
+def test_who_it_is_and_what_is_in_its_slots() -> None:
+    first = wire.read_identity(b"HEWLETT-PACKARD,34970A,0,13-2-2")
+    assert (first.model, first.serial, first.firmware, first.verified) == ("34970A", "", "13-2-2", False)
+    later = wire.read_identity(b"Agilent Technologies,34972A,MY49018071,1.16-1.12-02-02")
+    assert (later.model, later.serial, later.verified) == ("34972A", "MY49018071", True)
+    assert wire.read_card(b"HEWLETT-PACKARD,34901A,0,2.3") == "34901A"
+    with pytest.raises(ValueError, match="not maker"):
+        wire.read_card(b"34901A")
+
+
+# The simulator's side
+
+
+def test_a_session_with_a_scanner(scanner: SimulatedScanner) -> None:
+    assert talk(scanner, *(line.encode() for line in wire.set_up(SENSORS))) == [b""] * 8
+    assert talk(scanner, b"SYST:ERR?", wire.state_query(SENSORS)) == [
+        b'0,"No error"\n', b"#214(@101,102,103);FRTD,TC,RTD;C,C,C;0\n",
+    ]  # fmt: skip
+    assert talk(scanner, b"SENS:TEMP:TRAN:FRTD:TYPE? (@101)", b"TEMP:TRAN:TC:TYPE? (@102)") == [b"+85\n", b"K\n"]
+    assert scanner.begin_scan() == pytest.approx(0.6)
+    assert talk(scanner, b"STAT:OPER:COND?") == [b"16\n"]
+    samples = wire.read_scan(scanner.end_scan().encode())
+    assert [(sample.channel, sample.since_s) for sample in samples] == [(101, 0.2), (102, 0.4), (103, 0.6)]
+    assert talk(scanner, b"STAT:OPER:COND?", b"SYST:CTYP? 100", b"SYST:CTYP? 200") == [
+        b"0\n", b"HEWLETT-PACKARD,34901A,0,2.3\n", b"0,0,0,0\n",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("line", "entry"),
+    [
+        (b"CONF:TEMP TC,K,(@201)", b'-222,"Data out of range"'),
+        (b"ROUT:SCAN (@121)", b'-222,"Data out of range"'),
+        (b"CONF:TEMP FRTD,85,(@111)", b'-221,"Settings conflict"'),
+        (b"CONF:TEMP TC,X,(@101)", b'-224,"Illegal parameter value"'),
+        (b"UNIT:TEMP K,(@101)", b'-224,"Illegal parameter value"'),
+        (b"ROUT:SCAN 101", b'-224,"Illegal parameter value"'),
+        (b"READ?", b'-221,"Settings conflict"'),
+    ],
+)
+def test_what_a_scanner_refuses_is_in_its_error_queue(scanner: SimulatedScanner, line: bytes, entry: bytes) -> None:
+    assert talk(scanner, line, b"SYST:ERR?", b"SYST:ERR?") == [b"", entry + b"\n", b'0,"No error"\n']
+
+
+def test_configuring_a_channel_replaces_the_scan_list_and_a_restart_empties_it(scanner: SimulatedScanner) -> None:
+    assert talk(scanner, b"ROUT:SCAN (@103,101)", b"ROUT:SCAN?") == [b"", b"#210(@101,103)\n"]
+    assert talk(scanner, b"CONF:TEMP TC,K,(@102)", b"ROUT:SCAN?") == [b"", b"#16(@102)\n"]
+    scanner.begin_scan()
+    scanner.restart()
+    assert scanner.end_scan() == ""
+    assert talk(scanner, b"ROUT:SCAN?") == [b"#13(@)\n"]
+
+
+def test_fahrenheit_and_bare_readings(scanner: SimulatedScanner) -> None:
+    talk(scanner, b"CONF:TEMP TC,K,(@101)", b"UNIT:TEMP F,(@101)", b"FORM:READ:UNIT ON")
+    scanner.open.add(101)
+    scanner.begin_scan()
+    assert scanner.end_scan() == "+9.90000000E+37 F"
+    scanner.open.clear()
+    scanner.begin_scan()
+    value, unit = scanner.end_scan().split(" ")
+    assert (float(value) - 32) / 1.8 == pytest.approx(20, abs=1)
+    assert unit == "F"
