@@ -13,7 +13,6 @@ from drivers.description import DriverDescription
 from drivers.fields import NOT_EMPTY, StrictModel, WholeNumber
 from drivers.wording import telling
 
-
 KINDS: Mapping[str, Kind] = {"tc": "TC", "rtd": "RTD", "frtd": "FRTD"}
 
 
