@@ -167,32 +167,6 @@ def test_the_range_bounds_the_level_as_well() -> None:
     with_source(use)
 
 
-STEPS = [b"RANG:AUTO 0", b"RANG 0.02", b"COMP 5", b"CURR 0.0012", b"OUTP ON"]
-
-
-@pytest.mark.parametrize("word", STEPS)
-def test_a_command_whose_answer_is_lost_is_sent_once_and_decided_by_the_read_back(word: bytes) -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        source.wire.mute(word)
-        await driver.set(0.0012, limit=5, output=True)
-        assert [source.wire.count(step) for step in STEPS] == [1] * 5
-        assert source.instrument.current_a == pytest.approx(0.0012)
-
-    with_driver(use)
-
-
-@pytest.mark.parametrize("word", STEPS)
-def test_a_command_that_is_lost_is_refused_and_not_repeated(word: bytes) -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        source.wire.lose = lambda request: word in request
-        with pytest.raises(Refused, match=f"not carried out; sent .*{word.decode()}"):
-            await driver.set(0.0012, limit=5, output=True)
-        assert source.wire.count(word) == 1
-        assert source.instrument.current_a == 0
-
-    with_driver(use)
-
-
 def test_a_source_that_carries_nothing_out_is_refused() -> None:
     async def use(source: Source6220, driver: Keithley6220) -> None:
         source.faults.begin("stuck")

@@ -1,17 +1,12 @@
 """The driver of the Keithley 6220: faults and the safe state."""
 
-import asyncio
-
 import pytest
 
 from drivers.errors import (
-    CannotConnect,
     InstrumentFault,
-    NoAnswer,
-    Refused,
 )
 from drivers.keithley_6220.driver import Keithley6220
-from tests.support.source import Source6220, now_s, with_driver
+from tests.support.source import Source6220, with_driver
 
 # Faults
 
@@ -70,17 +65,6 @@ def test_over_temperature_is_a_fault_always() -> None:
     with_driver(use)
 
 
-@pytest.mark.parametrize("line", [b":SOUR:CURR 0.002\r", b":SOUR:CURR:COMP 9\r", b":OUTP OFF\r", b"*RST\r"])
-def test_a_second_master_is_a_fault_within_one_poll(line: bytes) -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        await driver.set(0.0012, limit=5, output=True)
-        source.instrument.session().feed(line)
-        with pytest.raises(InstrumentFault, match=r"was set to 0.0012 A in the 0.02 A range.*who else sets it"):
-            await driver.poll()
-
-    with_driver(use)
-
-
 # The safe state
 
 
@@ -96,75 +80,5 @@ def test_making_safe_goes_to_zero_then_off_and_proves_it() -> None:
         source.instrument.session().feed(b":OUTP ON\r")
         with pytest.raises(InstrumentFault, match=r"output off; received .* output on"):
             await driver.poll()
-
-    with_driver(use)
-
-
-def test_making_safe_is_at_once_though_a_question_is_not_answered() -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        await driver.set(0.0012, limit=5, output=True)
-        source.wire.mute(b"COND")
-        poll = asyncio.create_task(driver.poll())
-        await asyncio.sleep(0.5)
-        start_s = now_s()
-        safe = asyncio.create_task(driver.make_safe())
-        await asyncio.sleep(0.05)
-        assert source.instrument.current_a == 0
-        source.wire.alter = lambda _request, answer: answer
-        await safe
-        assert now_s() - start_s < 5
-        with pytest.raises(Refused, match="cut short"):
-            await poll
-
-    with_driver(use)
-
-
-@pytest.mark.parametrize("requests", range(1, 12))
-@pytest.mark.parametrize("later_s", [0.0, 0.01, 0.03, 0.06, 0.09])
-def test_making_safe_ends_a_setting_wherever_it_is(requests: int, later_s: float) -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        opened = len(source.wire.requests)
-        setting = asyncio.create_task(driver.set(0.0012, limit=5, output=True))
-        await source.wire.heard(opened + requests)
-        await asyncio.sleep(later_s)
-        await driver.make_safe()
-        await asyncio.gather(setting, return_exceptions=True)
-        assert (source.instrument.level_a, source.instrument.output) == (0, False)
-        safe = source.wire.requests.index(b":SOUR:CURR 0;:OUTP OFF\r")
-        assert not [request for request in source.wire.requests[safe:] if b"OUTP ON" in request]
-
-    with_driver(use)
-
-
-def test_making_safe_connects_and_identifies_again() -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        await driver.set(0.0012, limit=5, output=True)
-        source.wire.drop()
-        await asyncio.sleep(0.1)
-        start_s = now_s()
-        await driver.make_safe()
-        assert source.instrument.current_a == 0
-        assert now_s() - start_s < 5
-        assert len(source.wire.connections) == 2
-
-    with_driver(use)
-
-
-def test_what_cannot_be_made_safe_says_so_in_time() -> None:
-    async def use(source: Source6220, driver: Keithley6220) -> None:
-        await driver.set(0.0012, limit=5, output=True)
-        source.faults.begin("stuck")
-        with pytest.raises(Refused, match="not carried out; sent :SOUR:CURR 0"):
-            await driver.make_safe()
-        source.faults.begin("silent")
-        start_s = now_s()
-        with pytest.raises(NoAnswer):
-            await driver.make_safe()
-        assert now_s() - start_s <= 5
-        source.wire.drop()
-        source.wire.broken = True
-        await asyncio.sleep(0.1)
-        with pytest.raises(CannotConnect):
-            await driver.make_safe()
 
     with_driver(use)

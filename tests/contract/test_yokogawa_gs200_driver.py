@@ -108,32 +108,6 @@ def test_the_largest_range_gives_no_more_than_its_name() -> None:
     run(main(), AS_FAST_AS_POSSIBLE)
 
 
-STEPS = [b"FUNC CURR", b"RANG 0.01", b"VOLT 5", b"LEV 0.0012", b"OUTP 1"]
-
-
-@pytest.mark.parametrize("word", STEPS)
-def test_a_command_whose_answer_is_lost_is_sent_once_and_decided_by_the_read_back(word: bytes) -> None:
-    async def use(source: SourceGS200, driver: YokogawaGS200) -> None:
-        source.wire.mute(word)
-        await driver.set(0.0012, limit=5, output=True)
-        assert [source.wire.count(step) for step in STEPS] == [1] * 5
-        assert source.instrument.current_a == pytest.approx(0.0012)
-
-    with_gs200(use)
-
-
-@pytest.mark.parametrize("word", STEPS)
-def test_a_command_that_is_lost_is_refused_and_not_repeated(word: bytes) -> None:
-    async def use(source: SourceGS200, driver: YokogawaGS200) -> None:
-        source.wire.lose = lambda request: word in request
-        with pytest.raises(Refused, match=f"not carried out; sent .*{word.decode()}"):
-            await driver.set(0.0012, limit=5, output=True)
-        assert source.wire.count(word) == 1
-        assert source.instrument.current_a == 0
-
-    with_gs200(use)
-
-
 def test_errors_of_the_instrument_are_quoted_until_its_queue_is_empty() -> None:
     async def use(source: SourceGS200, driver: YokogawaGS200) -> None:
         source.instrument.session().feed(b"NONSENSE\nSOUR:LEV x\n")
