@@ -93,6 +93,7 @@ class SimulatedKeithley(LoadedSource):
         if abs(level_a) > wire.OVER_RANGE * self.range_a:
             raise Refusal(OUT_OF_RANGE)
         step_a = wire.step_a(self.range_a)
+        self._world.before_change()
         self.level_a = round(level_a / step_a) * step_a
 
     def _set_range(self, argument: str) -> None:
