@@ -97,16 +97,16 @@ def test_every_problem_is_a_line_with_its_place_and_the_exit_code_is_2(bench, tm
 
 def test_the_problems_of_the_bench_file_and_of_the_sequence_are_told_together(bench, tmp_path):
     write(tmp_path, steps("mov: head"))
-    text = (ROOT / "config/simulated.yaml").read_text("utf-8").replace("driver: watlow_f4t", "driver: watlow_f4")
+    text = (ROOT / "config/simulated.yaml").read_text("utf-8").replace("driver: watlow_f4t", "driver: watlow_f4tt")
     (tmp_path / "b.yaml").write_text(text, "utf-8")
     (tmp_path / "if_counter.dbc").write_bytes((ROOT / "config/if_counter.dbc").read_bytes())
     (tmp_path / "uut").mkdir()
     (tmp_path / "uut/quartz_flexure.yaml").write_bytes((ROOT / "config/uut/quartz_flexure.yaml").read_bytes())
-    line = next(index for index, found in enumerate(text.splitlines(), 1) if "watlow_f4" in found)
+    line = next(index for index, found in enumerate(text.splitlines(), 1) if "watlow_f4tt" in found)
     code, _, err = bench("check", "s.yaml", "--bench", "b.yaml")
     assert code == 2
     assert err == [
-        f"b.yaml:{line}:5: driver: there is no driver 'watlow_f4'; did you mean 'watlow_f4t'?",
+        f"b.yaml:{line}:5: driver: there is no driver 'watlow_f4tt'; did you mean 'watlow_f4t'?",
         "s.yaml:2:5: unknown step 'mov'; did you mean 'move'?",
     ]
 
