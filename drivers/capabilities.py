@@ -112,17 +112,17 @@ class Source(Device, Protocol):
 class FrameSource(Device, Protocol):
     """What sends frames by itself."""
 
-    def acquire(self, *, block_s: float = ...) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
+    def acquire(self, *, block_s: float | None = None) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
         """Blocks of frames from entry to exit: the first frame arrived after entry, the last before exit.
 
         A block comes every `block_s` or more often; without it, as often as what is recorded must be on the disk.
         """
 
     async def news(self) -> None:
-        """Returns when frames have been taken in since it last did, or a fault is known: `poll` then tells.
+        """Returns when frames have been taken in since it last did, or a fault is known: `poll` then tells."""
 
-        That is at the latest as often as a reading may be on its way (`reports_every_s`).
-        """
+    def reports_every_s(self) -> float:
+        """How often there is news at the latest: as old may a reading be for that alone."""
 
     def heard(self) -> Mapping[str, Heard]:
         """When each channel was last heard of, as far as its frames have been taken in."""

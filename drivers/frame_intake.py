@@ -60,8 +60,13 @@ class FrameIntake:
         if self._failure is not None:
             raise self._failure
 
+    @property
+    def block_s(self) -> float:
+        """How often frames are taken in now."""
+        return IDLE_BLOCK_S if self._acquisition is None else self._acquisition.block_s
+
     @asynccontextmanager
-    async def acquire(self, block_s: float) -> AsyncIterator[AsyncIterator[FrameBlock]]:
+    async def acquire(self, block_s: float | None) -> AsyncIterator[AsyncIterator[FrameBlock]]:
         """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one.
 
         They are taken every `block_s`, or more often where the link must not be left with them so long.
@@ -70,7 +75,8 @@ class FrameIntake:
             raise InstrumentFault(self._name, "an acquisition is under way already")
         self._absorb()
         self.check()
-        blocks = self._acquisition = _Blocks(min(block_s, self._link.block_s))
+        link_s = self._link.block_s
+        blocks = self._acquisition = _Blocks(link_s if block_s is None else min(block_s, link_s))
         self.acquiring_since_s = asyncio.get_running_loop().time()
         self._wake.set()
         try:
@@ -82,17 +88,24 @@ class FrameIntake:
 
     async def _take_in(self) -> None:
         while self._failure is None:
-            block_s = IDLE_BLOCK_S if self._acquisition is None else self._acquisition.block_s
             try:
-                async with asyncio.timeout(block_s):
+                async with asyncio.timeout(self.block_s):
                     await self._wake.wait()
                 self._wake.clear()
             except TimeoutError:
                 self._absorb()
 
+    def look_now(self) -> None:
+        """Takes in what has arrived by now; raises what has gone wrong with the frames."""
+        self._take()
+        self.check()
+
     def _absorb(self) -> None:
-        """Takes what has arrived by now; a fault ends the intake and the acquisition."""
         self._news.set()
+        self._take()
+
+    def _take(self) -> None:
+        """Takes what has arrived by now; a fault ends the intake and the acquisition."""
         if self._failure is not None:
             return
         try:
@@ -160,14 +173,18 @@ class FrameDriver(Generic[OptionsT]):
         )  # fmt: skip
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """Temperatures in the frames since the last poll; raises what has gone wrong with the frames."""
-        self._intake.check()
+        """Temperatures in the frames until now since the last poll; raises what has gone wrong with the frames."""
+        self._intake.look_now()
         readings, self._readings = self._readings, {}
         return readings
 
     async def news(self) -> None:
         """Returns when `poll` may tell more than it has: frames have been taken in, or something is wrong."""
         await self._intake.news()
+
+    def reports_every_s(self) -> float:
+        """How often there is news at the latest."""
+        return max(IDLE_BLOCK_S, self._intake.block_s)
 
     def heard(self) -> Mapping[str, Heard]:
         """When each channel was last heard of, as far as its frames have been taken in."""
@@ -176,7 +193,7 @@ class FrameDriver(Generic[OptionsT]):
     async def make_safe(self) -> None:
         """Nothing to do: who only listens energises nothing."""
 
-    def acquire(self, *, block_s: float = IDLE_BLOCK_S) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
+    def acquire(self, *, block_s: float | None = None) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
         """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one.
 
         They are taken every `block_s`, or more often where the link must not be left with them so long.

@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.can_options import IDLE_BLOCK_S
 from drivers.dbc import Dbc, Field, encode_frames
 from drivers.errors import LinkLost
 from drivers.frame_block import FrameBlock
@@ -17,6 +16,7 @@ from simulators.world import World
 
 Array = NDArray[np.float64]
 TEMPERATURE_PERIOD_S = 1.0
+BLOCK_S = 30.0  # what a power cut costs a rehearsal is done again, and a block costs more than its frames
 
 
 class CanNode(ABC):
@@ -32,8 +32,8 @@ class CanNode(ABC):
 
     @property
     def block_s(self) -> float:
-        """As long as frames are left together at all: what a power cut costs a rehearsal is done again."""
-        return IDLE_BLOCK_S
+        """How long its frames may be left with it."""
+        return BLOCK_S
 
     def take(self) -> FrameBlock:
         """Every frame sent since the last call; LinkLost when the connection is cut."""

@@ -57,7 +57,7 @@ class Thermal:
 
     def __init__(self, chamber: ChamberPhysics, units: tuple[UnitPhysics, ...], cycle_phase_rad: float) -> None:
         self._units = units
-        self._doublings = [np.asarray(expm(_system(chamber, units) / _STEPS_PER_S), np.float64)]
+        self._doublings = [_one_step(chamber, units)]
         self._propagators: dict[int, Matrix] = {}
         self._ticks = 0
         self._ramp_end_s = 0.0
@@ -174,7 +174,12 @@ def _power(doublings: list[Matrix], ticks: int) -> Matrix:
     return product
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=32)
+def _one_step(chamber: ChamberPhysics, units: tuple[UnitPhysics, ...]) -> Matrix:
+    """What takes a state z over the shortest interval."""
+    return np.asarray(expm(_system(chamber, units) / _STEPS_PER_S), np.float64)
+
+
 def _system(chamber: ChamberPhysics, units: tuple[UnitPhysics, ...]) -> Matrix:
     """The matrix M of z' = M z; inputs are states that do not change, or change evenly."""
     boards = _boards(units)

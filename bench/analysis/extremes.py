@@ -7,6 +7,7 @@ Carlo after JCGM 101): what the values would be without scatter is estimated, th
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import erf, ndtri
@@ -68,11 +69,12 @@ def interval_of_largest(values: Array, sd: Array | float) -> Interval:
     sds = np.broadcast_to(np.asarray(sd, np.float64), values.shape)
     one_sided = (1 + CONFIDENCE) / 2
     high = float(np.max(np.abs(values) + ndtri(one_sided) * sds))
-    expected, most = _largest_scatter(sds, one_sided)
+    expected, most = _largest_scatter(tuple(sds.tolist()), one_sided)
     return Interval(max(float(np.max(np.abs(values))) - most, 0.0), high, expected)
 
 
-def _largest_scatter(sd: Array, probability: float) -> tuple[float, float]:
+@lru_cache(maxsize=64)  # a fine grid each time, and repeated trials ask for the same
+def _largest_scatter(sd: tuple[float, ...], probability: float) -> tuple[float, float]:
     """Of the largest |error| of independent normal errors: its mean, and what it stays below with a probability."""
     widths, counts = np.unique(sd, return_counts=True)
     largest = float(widths[-1])

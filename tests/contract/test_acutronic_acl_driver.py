@@ -440,7 +440,7 @@ def test_stopping_ends_the_motion_under_way(motion: str, ending: str) -> None:
         }
         await driver.rotate_at(0, acceleration_dps2=None)
         task = asyncio.ensure_future(motions[motion]())
-        await asyncio.sleep(2.05)
+        await asyncio.sleep(1.55)
         assert table.moving
         await getattr(driver, ending)()
         assert not table.moving

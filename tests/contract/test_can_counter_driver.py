@@ -186,10 +186,10 @@ def test_temperatures_are_readings_with_their_times() -> None:
         await asyncio.sleep(60)
         readings = await driver.poll()
         assert set(readings) == {"Temperatures.Unit", "Temperatures.Converter"}
-        assert [reading.value for reading in readings["Temperatures.Converter"]] == [25.0] * 50
+        assert {reading.value for reading in readings["Temperatures.Converter"]} == {25.0}
         times = [reading.at_s for reading in readings["Temperatures.Unit"]]
-        assert np.diff(times) == pytest.approx(np.ones(49))
-        assert now_s() - times[-1] <= IDLE_BLOCK_S + 1.0, "there is one every second"
+        assert np.diff(times) == pytest.approx(np.ones(len(times) - 1)), "there is one every second"
+        assert now_s() - times[-1] <= 1.0, "also of those that have not been taken in yet"
         assert await driver.poll() == {}, "each is handed out once"
 
     with_driver(use)
