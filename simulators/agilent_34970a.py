@@ -8,8 +8,10 @@ from typing import Self
 
 import numpy as np
 
+from drivers import scpi
 from drivers.agilent_34970a import wire
 from drivers.agilent_34970a.wire import Condition
+from drivers.scpi import ErrorEntry
 from simulators.faults import FaultPlan
 from simulators.scpi import (
     ILLEGAL_VALUE,
@@ -24,6 +26,7 @@ from simulators.serve import Later
 from simulators.setup import InstrumentSetup
 from simulators.world import World
 
+STALE = ErrorEntry(-230, "Data corrupt or stale")
 IDENTITY = "HEWLETT-PACKARD,34970A,0,13-2-2"
 _CHANNELS_OF_A_CARD = 20
 _SENSOR_S = 0.2
@@ -49,6 +52,7 @@ class SimulatedScanner:
         self._slots = {channel // 100 * 100 for channel in names}
         self._last: dict[int, float] = {}
         self._begun_s: float | None = None
+        self._memory = ""
         self.scan: tuple[int, ...] = ()
         self._reset()
         self._interpreter = Interpreter(identity, self._commands())
@@ -80,7 +84,7 @@ class SimulatedScanner:
         if not self.scan or self._begun_s is not None:
             self._interpreter.note(SETTINGS_CONFLICT)
             return None
-        self._begun_s = self._world.look()
+        self._begun_s, self._memory = self._world.look(), ""
         return _SENSOR_S * len(self.scan)
 
     def end_scan(self) -> str:
@@ -92,6 +96,17 @@ class SimulatedScanner:
         return ",".join(
             self._spelled(channel, begun_s, number * _SENSOR_S) for number, channel in enumerate(self.scan, start=1)
         )
+
+    def keep(self, readings: str) -> str:
+        """Readings of a scan that was initiated: they stay in memory until the next scan."""
+        self._memory = readings
+        return readings
+
+    def remembered(self) -> str:
+        """What is in memory; nothing after READ?, whose readings are in none."""
+        if not self._memory:
+            self._interpreter.note(STALE)
+        return self._memory
 
     def _spelled(self, channel: int, begun_s: float, since_s: float) -> str:
         unit = self.units.get(channel, "C")
@@ -225,11 +240,19 @@ class ScannerSession:
         return b"".join(self._spoken(self._carry_out(line.decode("latin-1").strip())) for line in lines)
 
     def _carry_out(self, line: str) -> str:
-        if line.upper().lstrip(":") != "READ?":
-            return self._scanner.execute(line)
+        match tuple(command.header for command in scpi.commands(line)):
+            case ("READ?",):
+                return self._scan(lambda readings: readings)
+            case ("INIT", "FETC?"):
+                return self._scan(self._scanner.keep)
+            case ("FETC?",):
+                return self._scanner.remembered()
+        return self._scanner.execute(line)
+
+    def _scan(self, kept: Callable[[str], str]) -> str:
         takes_s = self._scanner.begin_scan()
         if takes_s is not None:
-            self._later(takes_s, lambda: self._spoken(self._scanner.end_scan()))
+            self._later(takes_s, lambda: self._spoken(kept(self._scanner.end_scan())))
         return ""
 
     def _spoken(self, answer: str) -> bytes:

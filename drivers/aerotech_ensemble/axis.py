@@ -7,14 +7,14 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from drivers.aerotech_ensemble import wire
+from drivers.aerotech_ensemble.description import EnsembleOptions
 from drivers.aerotech_ensemble.wire import AxisStatus, Outcome, Reply
-from drivers.description import IdentityPin
+from drivers.description import Nothing, Setup
 from drivers.errors import InstrumentFault, Refused, WrongIdentity
 from drivers.head.axis import ANSWER_S, AxisState, OwnLimits
-from drivers.transport.address import Address
+from drivers.head.description import HeadLimits
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Pace, Proof
-from drivers.transport.wires import Wires
 from drivers.values import Identity, Reading
 
 T = TypeVar("T")
@@ -30,11 +30,14 @@ class EnsembleAxis:
 
     limits: OwnLimits | None = None  # it tells none
 
-    def __init__(self, device: str, wires: Wires, address: Address, name: str, stated: IdentityPin) -> None:
-        self._device, self._name, self._stated = device, name, stated
+    def __init__(self, setup: Setup[EnsembleOptions, HeadLimits, Nothing]) -> None:
+        self._device, self._name, self._stated = setup.name, setup.options.axis, setup.identity
         self._fingerprint = ""
-        proof = Proof(wire.ask_fingerprint(name).encode(), self._recognise)
-        self._dialogue = Dialogue(device, wires, address, proof, pace=Pace(ANSWER_S), greet=self._do_not_wait)
+        proof = Proof(wire.ask_fingerprint(self._name).encode(), self._recognise)
+        self._dialogue = Dialogue(
+            setup.name, setup.wires, setup.address, proof, pace=Pace(ANSWER_S), greet=self._do_not_wait, note=setup.note
+        )
+        self.takes = self._dialogue.takes
 
     async def open(self) -> None:
         """Connects and takes the fingerprint; raises CannotConnect, or WrongIdentity when it is not the first one."""

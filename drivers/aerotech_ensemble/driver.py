@@ -13,5 +13,4 @@ class AerotechEnsemble(Head):
     """A Positioner."""
 
     def __init__(self, setup: Setup[EnsembleOptions, HeadLimits, Nothing]) -> None:
-        axis = EnsembleAxis(setup.name, setup.wires, setup.address, setup.options.axis, setup.identity)
-        super().__init__(setup.name, axis, setup.options, setup.limits)
+        super().__init__(setup.name, EnsembleAxis(setup), setup.options, setup.limits)

@@ -73,8 +73,7 @@ class Agilent34970A:
                     remedy="Look for a power failure, a front panel in use, or who else scans; then run again.",
                 )  # fmt: skip
             begun_s = asyncio.get_running_loop().time()
-            patience_s = _SCAN_S + _CHANNEL_S * len(self._sensors)
-            samples = await self._link.ask(wire.READ, self._read_scan, answer_s=patience_s)
+            samples = await self._link.takes.agreed("a scan", self._scan, again=self._scanned)
         return {
             self._names[sample.channel]: (
                 [] if sample.temperature_c is None else [Reading(begun_s + sample.since_s, sample.temperature_c)]
@@ -103,6 +102,14 @@ class Agilent34970A:
                     self.name, f"channel {sensor.channel} is not of type {sensor.type}", sent=question.decode(),
                     received=found, remedy="Check its sensor in the bench file, and who else sets the scanner.",
                 )  # fmt: skip
+
+    async def _scan(self) -> list[wire.Sample]:
+        patience_s = _SCAN_S + _CHANNEL_S * len(self._sensors)
+        return await self._link.ask(wire.SCAN_ONCE, self._read_scan, answer_s=patience_s)
+
+    async def _scanned(self) -> list[wire.Sample]:
+        """The scan that was last, out of memory."""
+        return await self._link.ask(wire.SCANNED, self._read_scan)
 
     async def _state(self) -> wire.State:
         return await self._link.ask(wire.state_query(self._sensors), wire.read_state)

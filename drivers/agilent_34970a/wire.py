@@ -1,7 +1,9 @@
 """Agilent 34970A messages and answers: which sensors are scanned, and what they read.
 
-After excerpts of the user's guide, and sessions that other people published. An answer to READ? has for each channel
+After excerpts of the user's guide, and sessions that other people published. An answer to FETC? has for each channel
 the reading with its unit, the seconds since the scan began, and the channel: `+2.12468981E+01 C,00000000.370,101`.
+The readings of a scan that INIT began stay in memory until the next one, and FETC? waits for its end; what READ? tells
+is in no memory.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ CONDITION = "STATus:OPERation:CONDition"
 CARD = "SYSTem:CTYPe"
 
 REMOTE = ":SYST:REM"  # on RS-232 only: without it the front panel stays in use
-READ = b"READ?"
+SCAN_ONCE, SCANNED = b":INIT;:FETC?", b":FETC?"
 SLOTS = (100, 200, 300)
 PREPARE = (
     ":ABOR",
@@ -137,7 +139,7 @@ def read_type(line: bytes) -> str:
 
 
 def read_scan(line: bytes) -> list[Sample]:
-    """The answer to READ?, channel by channel; ValueError unless every field has its one form."""
+    """The answer to FETC?, channel by channel; ValueError unless every field has its one form."""
     fields = line.decode("ascii").split(",")
     if len(fields) % 3:
         raise ValueError(f"{len(fields)} fields are no whole readings")

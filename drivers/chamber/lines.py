@@ -22,7 +22,7 @@ class ProvedLine:
 
     After a lost connection the next exchange connects and identifies first, by `identify`, which asks by `ask_once` and
     raises WrongIdentity; after any other surprise `proof` comes first. For `order_gap_s` after an order nothing is
-    sent. Refusals are raised as Refused, and neither asked nor sent again.
+    sent. Refusals are raised as Refused, and neither asked nor sent again. `takes` are of what enters a result.
 
     Concurrency: one caller at a time.
     """
@@ -37,6 +37,7 @@ class ProvedLine:
             setup.name, setup.wires, setup.address, proof, end=end, framing=framing, wrap=wrap, pace=pace,
             greet=identify, note=setup.note,
         )  # fmt: skip
+        self.takes = self._dialogue.takes
         self._busy_until_s = -math.inf
 
     async def connect(self) -> None:

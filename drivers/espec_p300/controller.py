@@ -60,7 +60,7 @@ class P300:
 
     async def look(self, commanded_c: float | None) -> Look:
         """Temperatures, then what the chamber does; BadAnswer when the two answers disagree of the process value."""
-        temperatures = await self._temperatures(commanded_c)
+        temperatures = await self._temperatures()
         monitor = await self._ask(wire.MONITOR_QUERY, wire.read_monitor)
         set_point_c = temperatures.set_point_c
         if abs(temperatures.process_value_c - monitor.process_value_c) > SAME_WITHIN_C:
@@ -82,7 +82,7 @@ class P300:
         command = wire.set_point(temperature_c)
         try:
             await self._order(command)
-            set_point_c = (await self._temperatures(wire.kept(temperature_c))).set_point_c
+            set_point_c = (await self._temperatures()).set_point_c
             if set_point_c != wire.kept(temperature_c):
                 raise Refused(
                     self._device, "the controller did not take a new set point", sent=command,
@@ -143,11 +143,10 @@ class P300:
             )  # fmt: skip
         self._kind = kind
 
-    async def _temperatures(self, set_point_c: float | None) -> Temperatures:
-        """Asked twice when the set point is another than it should be: the line has no checksum."""
-        found = await self._ask(wire.TEMPERATURE_QUERY, wire.read_temperatures)
-        if set_point_c in (None, found.set_point_c):
-            return found
+    async def _temperatures(self) -> Temperatures:
+        return await self._line.takes.agreed("its temperatures", self._ask_temperatures, alike=wire.alike)
+
+    async def _ask_temperatures(self) -> Temperatures:
         return await self._ask(wire.TEMPERATURE_QUERY, wire.read_temperatures)
 
     async def _in_words(self, monitor: Monitor) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from drivers.chamber.refusal import Refusal
@@ -23,6 +23,7 @@ POWER_ON, CONSTANT_MODE = "POWER,ON", "MODE,CONSTANT"
 OFF, STANDBY, CONSTANT = "OFF", "STANDBY", "CONSTANT"
 
 TENTHS = 10
+STEADY_WITHIN_C = 0.25  # what the air of a chamber may do from one answer to the next: two steps of what is told
 REFUSALS: Mapping[str, str] = {
     "ADDR ERR": "wrong address",
     "CHB NOT READY": "the chamber cannot do that now",
@@ -58,6 +59,12 @@ class Monitor:
     process_value_c: float
     mode: str
     alarms: int
+
+
+def alike(one: Temperatures, other: Temperatures) -> bool:
+    """Whether two answers, one right after the other, may be of the same state: only the air moves by itself."""
+    near = abs(one.process_value_c - other.process_value_c) <= STEADY_WITHIN_C
+    return near and replace(one, process_value_c=other.process_value_c) == other
 
 
 def set_point(temperature_c: float) -> str:

@@ -64,7 +64,7 @@ class Fluke5700A:
 
         Raises InstrumentFault when there is a fault, or when the calibrator is no longer set as it was.
         """
-        state = await self._state()
+        state = await self._agreed_state()
         if self._made is not None:
             await self._check_still(state, self._made)
         on_time_s = await self._on_time_s()
@@ -74,7 +74,7 @@ class Fluke5700A:
 
     async def read(self) -> SourceReading:
         """The level while it operates, else 0; a calibrator measures neither current nor voltage."""
-        state = await self._state()
+        state = await self._agreed_state()
         return SourceReading(None, state.flowing_a, Status.OPERATING in state.status)
 
     async def set(self, level: float, *, limit: float, output: bool) -> None:
@@ -163,14 +163,20 @@ class Fluke5700A:
         status = await self._link.ask(wire.STATUS_QUERY, wire.read_status)
         return State(status, await self._link.ask(wire.OUTPUT_QUERY, wire.read_output))
 
+    async def _agreed_state(self) -> State:
+        return await self._link.takes.agreed("what the calibrator does", self._state)
+
+    async def _minutes(self) -> int:
+        return await self._link.ask(wire.MINUTES_QUERY, wire.read_integer)
+
     async def _on_time_s(self) -> float:
         """For how long the power is known to be on, at least: since it was first asked, or last switched on.
 
         ETIME? counts the minutes of the calibrator's whole life, so that two answers give a time, less one minute
-        for what is left of each. The event that tells a power failure begins it anew.
+        for what is left of each. The event that tells a power failure begins it anew; it is told once only.
         """
         events = await self._link.ask(wire.EVENTS_QUERY, wire.read_events)
-        minutes = await self._link.ask(wire.MINUTES_QUERY, wire.read_integer)
+        minutes = await self._link.takes.agreed("its time in minutes", self._minutes, alike=_within_a_minute)
         if self._first_min is None or Event.POWER_ON in events:
             self._first_min = minutes
         if events & wire.ERRORS and (faults := await self._link.faults()):
@@ -232,6 +238,10 @@ class Fluke5700A:
         """Remembers what was made; raises Refused when it is no longer wanted."""
         self._check_wanted(order)
         self._made = made
+
+
+def _within_a_minute(one_min: int, other_min: int) -> bool:
+    return abs(one_min - other_min) <= 1
 
 
 def _now_s() -> float:

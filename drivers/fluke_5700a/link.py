@@ -23,7 +23,8 @@ class FlukeLink:
     """The line to one calibrator.
 
     Every message is one command or one question, and the next one waits for an answer: its input buffer of 128 bytes
-    is never full. Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue.
+    is never full. `takes` are of what enters a result. Lifetime: `open`, then `close`; `reopen` when the wire was lost.
+    Concurrency: callers queue.
     """
 
     def __init__(self, setup: Setup[Any, Any, Any], *, end: bytes) -> None:
@@ -32,6 +33,7 @@ class FlukeLink:
         proof = Proof(wire.IDENTITY_QUERY, self._recognise)
         pace = Pace(answer_s=ANSWER_S)
         self._dialogue = Dialogue(setup.name, setup.wires, setup.address, proof, end=end, pace=pace, note=setup.note)
+        self.takes = self._dialogue.takes
 
     async def open(self) -> None:
         """Connects, identifies, and empties the fault queue; raises CannotConnect, WrongIdentity or BadAnswer."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from drivers.transport.takes import Takes
 from drivers.values import Identity, Reading
 
 ANSWER_S = 2.0
@@ -33,10 +34,12 @@ class OwnLimits:
 class Axis(Protocol):
     """One axis of one controller. Nothing here decides; every method is a few exchanges.
 
-    `limits` are the controller's own, once it is open and where it tells them. Concurrency: callers queue for the line.
+    `limits` are the controller's own, once it is open and where it tells them; `takes` are of what enters a result.
+    Concurrency: callers queue for the line.
     """
 
     limits: OwnLimits | None
+    takes: Takes
 
     async def open(self) -> None:
         """Connects and identifies; raises CannotConnect, WrongIdentity."""

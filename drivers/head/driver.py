@@ -63,7 +63,7 @@ class Head:
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """The angle; InstrumentFault when the axis has a fault, or does not stand where it was sent."""
-        reading = await self._axis.angle()
+        reading = await self.angle()
         await self._axis.check_faults()
         target_deg = self._standing_at_deg
         if target_deg is not None and abs(reading.value - target_deg) > ASTRAY_BANDS * self._band_deg:
@@ -75,7 +75,8 @@ class Head:
 
     async def angle(self) -> Reading:
         """The encoder's angle now (°)."""
-        return await self._axis.angle()
+        # An axis that is not known to stand may move between two takes, at its rate.
+        return await self._agreed_angle(0.0 if self._standing_at_deg is not None else self._options.rate)
 
     async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
         """Goes to `angle_deg` and stands there; the angle read back after `settle_s` more.
@@ -94,7 +95,7 @@ class Head:
             await self._go(order, begin_deg, hold_s=0.0)
         await self._go(order, angle_deg, hold_s=self._options.settle.hold)
         await asyncio.sleep(settle_s)
-        reading = await self._axis.angle()
+        reading = await self._agreed_angle(0.0)
         self._check_wanted(order)
         if abs(reading.value - angle_deg) > self._band_deg:
             raise self._not_settled(angle_deg, reading, f"left its band within {settle_s:g} s")
@@ -117,6 +118,16 @@ class Head:
             await self._axis.reopen()
             self._axis.abort_at_once()
             await self._come_to_rest()
+
+    async def _agreed_angle(self, slope_dps: float) -> Reading:
+        """The angle; two takes of it are no further apart than the band, and what `slope_dps` makes between them."""
+
+        def alike(one: Reading, other: Reading) -> bool:
+            return abs(other.value - one.value) <= self._band_deg + slope_dps * abs(other.at_s - one.at_s)
+
+        return await self._axis.takes.agreed(
+            "the angle", self._axis.angle, alike=alike, spell=lambda reading: f"{reading.value:.6f}°"
+        )
 
     def _check_angle(self, what: str, angle_deg: float) -> None:
         allowed = self._limits.angle

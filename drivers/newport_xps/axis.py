@@ -41,6 +41,7 @@ class XpsAxis:
         self._firmware: Identity | None = None
         self.limits: OwnLimits | None = None
         self._asking, self._moving, self._stopping = (self._connection(setup) for _ in range(3))
+        self.takes = self._asking.takes
 
     def _connection(self, setup: Setup[XpsOptions, HeadLimits, Nothing]) -> Dialogue:
         return Dialogue(

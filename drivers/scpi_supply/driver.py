@@ -48,14 +48,14 @@ class ScpiSupply:
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """Voltage and current as measured; InstrumentFault when the supply is no longer set as it was."""
-        state = await self._state()
+        state = await self._agreed_state()
         self._compare(state.setting)
         now_s = asyncio.get_running_loop().time()
         return {"voltage": [Reading(now_s, state.voltage_v)], "current": [Reading(now_s, state.current_a)]}
 
     async def read(self) -> SourceReading:
         """Voltage, current and output as the supply says."""
-        state = await self._state()
+        state = await self._agreed_state()
         return SourceReading(state.voltage_v, state.current_a, state.setting.output)
 
     async def set(self, level: float, *, limit: float, output: bool) -> None:
@@ -99,6 +99,12 @@ class ScpiSupply:
 
     async def _state(self) -> State:
         return await self._link.ask(wire.STATE_QUERY, wire.read_state)
+
+    async def _agreed_state(self) -> State:
+        return await self._link.takes.agreed(
+            "what the supply does", self._state, alike=wire.alike,
+            spell=lambda now: f"{_in_words(now.setting)}, {now.voltage_v:g} V and {now.current_a:g} A measured",
+        )  # fmt: skip
 
     def _check_limits(self, level_v: float, limit_a: float) -> None:
         for what, value, most, unit in (

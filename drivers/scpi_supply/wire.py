@@ -21,6 +21,8 @@ OFF = "OUTP OFF"
 
 LEVEL_WITHIN_V = 0.001  # finer than any unit needs, not finer than a supply resolves
 LIMIT_WITHIN_A = 0.001
+STEADY_WITHIN = 0.2  # relative: what a unit at work may change its voltage and current by from one answer to the next
+STEADY_WITHIN_V, STEADY_WITHIN_A = 0.05, 0.02  # and in any case: what a supply resolves, and its noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,15 @@ def read_state(line: bytes) -> State:
     voltage, current, output, level, limit = scpi.answers(line, 5)
     setting = Setting(scpi.number(level), scpi.number(limit), scpi.boolean(output))
     return State(scpi.number(voltage), scpi.number(current), setting)
+
+
+def alike(one: State, other: State) -> bool:
+    """Whether two answers, one right after the other, may be of the same state."""
+    return (
+        one.setting == other.setting
+        and abs(one.voltage_v - other.voltage_v) <= STEADY_WITHIN_V + STEADY_WITHIN * abs(one.voltage_v)
+        and abs(one.current_a - other.current_a) <= STEADY_WITHIN_A + STEADY_WITHIN * abs(one.current_a)
+    )
 
 
 def next_step(now: Setting, wanted: Setting) -> str:

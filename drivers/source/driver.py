@@ -83,13 +83,13 @@ class ScpiSource(Generic[StateT]):
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """The current that flows; InstrumentFault when the source has a fault or is no longer set as it was."""
-        state = await self._state()
+        state = await self._agreed_state()
         self._compare(state)
         return {"current": [Reading(asyncio.get_running_loop().time(), state.setting.flowing_a)]}
 
     async def read(self) -> SourceReading:
         """The level while the output is on, else 0; neither current nor voltage is measured."""
-        setting = (await self._state()).setting
+        setting = (await self._agreed_state()).setting
         return SourceReading(None, setting.flowing_a, setting.output)
 
     async def set(self, level: float, *, limit: float, output: bool) -> None:
@@ -141,6 +141,11 @@ class ScpiSource(Generic[StateT]):
 
     async def _state(self) -> StateT:
         return await self._link.ask(self._dialect.state_query, self._dialect.read_state)
+
+    async def _agreed_state(self) -> StateT:
+        return await self._link.takes.agreed(
+            "what the source is set to", self._state, spell=lambda state: state.setting
+        )
 
     def _check_limits(self, level_a: float, compliance_v: float) -> None:
         allowed, bounds = self._limits.current, self._bounds

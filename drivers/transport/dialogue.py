@@ -12,6 +12,7 @@ from typing import TypeVar
 from drivers.errors import LinkLost, NoAnswer
 from drivers.transport.address import Address
 from drivers.transport.exchange import Framing, LineExchange, Pace, Proof, Wrap
+from drivers.transport.takes import Takes
 from drivers.transport.wires import Wires
 
 T = TypeVar("T")
@@ -28,6 +29,9 @@ class Dialogue:
     not: what the instrument does by then is to be read first. `greet` is what must be said on every new line; `note` is
     told that the wire was lost and is there again.
 
+    `takes` are of what enters a result. TCP sees to it that what arrives is what was sent; a serial line does not, nor
+    does one behind a serial server.
+
     Lifetime: `open`, then `close`; `reopen` when the wire was lost.
     """
 
@@ -43,6 +47,7 @@ class Dialogue:
         self._reviving = asyncio.Lock()
         self._failures, self._next_attempt_s = 0, -math.inf
         self._serial = address.is_serial_line
+        self.takes = Takes(device, note, checked=not self._serial)
         pace = pace or Pace()
         self._pace = replace(pace, gap_s=max(pace.gap_s, SERIAL_GAP_S)) if self._serial else pace
         self._line: LineExchange | None = None

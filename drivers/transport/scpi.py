@@ -22,7 +22,8 @@ ERRORS_AT_MOST = 32
 class ScpiLink:
     """The line to one SCPI instrument.
 
-    Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
+    `takes` are of what enters a result. Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency:
+    callers queue for the line.
     """
 
     def __init__(
@@ -36,6 +37,7 @@ class ScpiLink:
         self._dialogue = Dialogue(
             setup.name, setup.wires, setup.address, proof, end=end, greet=self._forget_errors, note=setup.note
         )
+        self.takes = self._dialogue.takes
 
     async def open(self) -> None:
         """Connects, identifies, and empties the error queue; raises CannotConnect or WrongIdentity."""

@@ -1,0 +1,48 @@
+"""What enters a result is asked twice, where nothing else sees to it that what arrives is what was said."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Awaitable, Callable
+from typing import TypeVar
+
+from drivers.errors import BadAnswer
+
+T = TypeVar("T")
+
+
+class Takes:
+    """Takes of the same reading over the way to one instrument; `note` is told when they disagree.
+
+    With `checked` one is enough: the way has a checksum, so that an altered answer does not arrive as an answer.
+    """
+
+    def __init__(self, device: str, note: Callable[[str], object], *, checked: bool) -> None:
+        self._device, self._note, self._checked = device, note, checked
+
+    async def agreed(
+        self, what: str, take: Callable[[], Awaitable[T]], *, alike: Callable[[T, T], object] = operator.eq,
+        again: Callable[[], Awaitable[T]] | None = None, spell: Callable[[T], object] = str,
+    ) -> T:  # fmt: skip
+        """One take where one is enough, else the last of two that are `alike`; of two that are not, a third decides.
+
+        `alike` says by how much two takes of what changes may differ. `again` takes the same reading once more, where
+        the instrument still has it. `what` is its name for a person, and `spell` writes its value. Raises BadAnswer
+        when the third is like neither.
+        """
+        first = await take()
+        if self._checked:
+            return first
+        again = again or take
+        second = await again()
+        if alike(first, second):
+            return second
+        third = await again()
+        if not (alike(first, third) or alike(second, third)):
+            raise BadAnswer(
+                self._device, f"{what} was told three times, and no two are alike",
+                received=f"{spell(first)}; {spell(second)}; {spell(third)}",
+                remedy="This line has no checksum: check its cable, its shield and its baud rate.",
+            )  # fmt: skip
+        self._note(f"{what} was told as {spell(first)}, then as {spell(second)}; asked again: {spell(third)}")
+        return third
