@@ -83,7 +83,7 @@ def error_entry(line: bytes) -> ErrorEntry:
 
 def identity(line: bytes) -> Identity:
     """An answer to *IDN?: maker, model, serial number, firmware; ValueError."""
-    fields = [field.strip() for field in line.decode("ascii").split(",", 3)]
+    fields = [field.strip(" \r") for field in line.decode("ascii").split(",", 3)]
     if len(fields) != 4 or not all(fields[:3]):
         raise ValueError("not maker,model,serial,firmware")
     maker, model, serial, firmware = fields

@@ -55,8 +55,8 @@ class Injected:
 class BadLine:
     """Decides about every answer on a line, and remembers what it did.
 
-    `patience_s` is how long the client waits for an answer. One object may stand in front of several connections, one
-    after the other: numbers go on.
+    `patience_s` is how long the client waits for an answer. `heard` is what it said, as it arrived. One object may
+    stand in front of several connections, one after the other: numbers go on.
     """
 
     seed: int
@@ -64,6 +64,7 @@ class BadLine:
     patience_s: float = 3.0
     injected: list[Injected] = field(default_factory=list)
     answers: int = 0
+    heard: list[bytes] = field(default_factory=list)
 
     def in_front_of(self, factory: Callable[[], asyncio.Protocol]) -> Callable[[], asyncio.Protocol]:
         """The same server behind this line."""
@@ -106,6 +107,7 @@ class _BadEnd(Tap):
 
     def received(self, data: bytes) -> None:
         self._question = data
+        self._bad.heard.append(data)
         if not self._dead:
             super().received(data)
 

@@ -134,7 +134,7 @@ def read_channels(text: str) -> tuple[int, ...]:
 
 def read_type(line: bytes) -> str:
     """The type of a sensor: a letter, or the number 85 or 91 however it is written; ValueError."""
-    text = line.decode("ascii").strip()
+    text = line.decode("ascii").strip(" ")
     return text if re.fullmatch("[A-Z]", text, re.ASCII) else f"{scpi.number(text):g}"
 
 

@@ -36,6 +36,7 @@ _CONTINUOUS_NPLC = 10  # a longer reading is the mean of several of this length
 _OWN_ERRORS = {100, 101, 108, 109, 110}  # hardware, calibration, overload that destroys, out of calibration, due for it
 _AUXILIARY_ERRORS = 200  # and above: what of the hardware
 
+_AROUND = " \r"  # what may be around a number; Python alone would take control characters for spaces as well
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d{1,2})?", re.ASCII)
 _IDENTITY = re.compile(r"(HP|Agilent|Keysight) ?(3458A)", re.ASCII | re.IGNORECASE)
 
@@ -87,7 +88,7 @@ def middle_before_answer_s(nplc: float, line_hz: float) -> float:
 
 def read_identity(line: bytes) -> Identity:
     """The answer to ID?: maker and model, which is all the wire tells; ValueError."""
-    match = _IDENTITY.fullmatch(line.decode("ascii").strip())
+    match = _IDENTITY.fullmatch(line.decode("ascii").strip(_AROUND))
     if match is None:
         raise ValueError("not a 3458A")
     return Identity(maker=match[1], model=match[2].upper(), verified=False)
@@ -95,7 +96,7 @@ def read_identity(line: bytes) -> Identity:
 
 def read_numbers(line: bytes) -> tuple[float, ...]:
     """The numbers of an answer, which commas separate; ValueError."""
-    texts = [text.strip() for text in line.decode("ascii").split(",")]
+    texts = [text.strip(_AROUND) for text in line.decode("ascii").split(",")]
     for text in texts:
         if _NUMBER.fullmatch(text) is None:
             raise ValueError(f"'{text}' is not a number")
@@ -112,7 +113,7 @@ def read_number(line: bytes) -> float:
 
 def read_error(line: bytes) -> ErrorEntry:
     """The answer to ERRSTR?, like `106,"PARAMETER OUT OF RANGE"`, and 0 when there is no more; ValueError."""
-    return scpi.error_entry(line.strip())
+    return scpi.error_entry(line.strip(_AROUND.encode()))
 
 
 def is_own_fault(entry: ErrorEntry) -> bool:

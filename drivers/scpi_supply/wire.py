@@ -21,8 +21,8 @@ OFF = "OUTP OFF"
 
 LEVEL_WITHIN_V = 0.001  # finer than any unit needs, not finer than a supply resolves
 LIMIT_WITHIN_A = 0.001
-STEADY_WITHIN = 0.2  # relative: what a unit at work may change its voltage and current by from one answer to the next
-STEADY_WITHIN_V, STEADY_WITHIN_A = 0.05, 0.02  # and in any case: what a supply resolves, and its noise
+STEADY_WITHIN = 0.05  # relative: what a unit at work may change its voltage and current by from one answer to the next
+STEADY_WITHIN_V, STEADY_WITHIN_A = 0.02, 0.005  # and in any case: what a supply resolves, and its noise
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,27 +5,39 @@ from __future__ import annotations
 import math
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cached_property
 from typing import Any
 
 from bench.app.laboratory import Laboratory
+from bench.app.request import load_bench_named
 from bench.config.devices import DeviceEntry
 from bench.config.load import load_file
-from drivers.description import known_drivers
+from drivers.description import IdentityPin, known_drivers
 from drivers.fields import DocumentFile
 from drivers.modbus_chamber.profile import ChamberProfile
 from drivers.transport.address import Address
+from simulators.faults import FaultPlan
 from tests.support.runs import ROOT
 
 PROFILE = ROOT / "config/chambers/fictional.yaml"
-Vary = Callable[[Laboratory, Any, int], Awaitable[None]]
-"""Given the laboratory, a second driver of the same instrument on a good line, and the number of the trial."""
+Vary = Callable[[Laboratory, Any, Any, int], Awaitable[object]]
+"""Given the laboratory, a second driver of the instrument on a good line, the one that is tried, and which trial."""
+
+
+class Link(StrEnum):
+    """What sees to it that what arrives is what was said."""
+
+    CHECKSUM = "a checksum of its own"
+    TCP = "TCP"  # between its two ends; what an instrument garbles before it sends it is beyond that
+    NOTHING = "nothing"  # what enters a result is then asked twice
 
 
 @dataclass(frozen=True)
 class Case:
     """One dialect on one wire.
 
-    `checked` says whether the link has a checksum or a number in every answer. `call_s` is how long a reading may take
+    `checked` says whether the dialect has a checksum in every answer. `call_s` is how long a reading may take
     at the most, whatever the line does; `patience_s` how long the driver waits for one answer. The channels `moving`
     are another value by the time they are compared. A `driver` with its `options` is another instrument in the place of
     that of the bench. After `settles_s` nothing else moves any more.
@@ -43,30 +55,75 @@ class Case:
     moving: frozenset[str] = frozenset()
     settles_s: float = 2.0
 
-    def of(self, entry: DeviceEntry) -> DeviceEntry:
+    @property
+    def entry(self) -> DeviceEntry:
         """The instrument of the bench file at another address, or another one in its place."""
+        entry = load_bench_named(self.bench).bench.devices[self.role]
         update: dict[str, Any] = {"connection": Address.parse(self.connection)} if self.connection else {}
         if self.driver:
             options = known_drivers()[self.driver].options.model_validate(dict(self.options))
-            update |= {"driver": self.driver, "options": options}
+            identity = IdentityPin(serial=entry.identity.serial)
+            update |= {"driver": self.driver, "options": options, "identity": identity}
         return entry.model_copy(update=update)
 
+    @cached_property
+    def link(self) -> Link:
+        """What protects its answers."""
+        if self.checked:
+            return Link.CHECKSUM
+        return Link.NOTHING if self.entry.connection.is_serial_line else Link.TCP
 
-async def _air(laboratory: Laboratory, _twin: Any, trial: int) -> None:
+
+async def _air(laboratory: Laboratory, _twin: Any, _driver: Any, trial: int) -> None:
     laboratory.world.ramp(20.0 + 0.37 * (trial % 50), math.inf)
 
 
-async def _output(laboratory: Laboratory, twin: Any, trial: int) -> None:
-    await twin.set(1.0 + 0.013 * (trial % 97), limit=0.15, output=True)
+async def set_volts(driver: Any, trial: int) -> float:
+    """Another level of a supply, V."""
+    level_v = 1.0 + 0.013 * (trial % 97)
+    await driver.set(level_v, limit=0.15, output=True)
+    return level_v
 
 
-async def _current(laboratory: Laboratory, twin: Any, trial: int) -> None:
-    await twin.set(1e-3 + 7e-6 * (trial % 97), limit=10.0, output=True)
+async def set_amperes(driver: Any, trial: int) -> float:
+    """Another level of a current source, A."""
+    level_a = 1e-3 + 7e-6 * (trial % 97)
+    await driver.set(level_a, limit=10.0, output=True)
+    return level_a
 
 
-async def _angle(laboratory: Laboratory, twin: Any, trial: int) -> None:
+async def move(driver: Any, trial: int) -> float:
+    """Another angle of an axis, °."""
+    angle_deg = 3.7 * (1 + trial % 90)
+    await driver.move_to(angle_deg, approach="direct", settle_s=0.0)
+    return angle_deg
+
+
+async def _output(_laboratory: Laboratory, twin: Any, _driver: Any, trial: int) -> None:
+    await set_volts(twin, trial)
+
+
+async def _current(_laboratory: Laboratory, twin: Any, _driver: Any, trial: int) -> None:
+    await set_amperes(twin, trial)
+
+
+async def _stand(_laboratory: Laboratory, _twin: Any, driver: Any, trial: int) -> None:
+    """The axis stands where the driver has sent it, so that it knows the angle to be one that does not change."""
+    await move(driver, trial)
+
+
+async def _angle(laboratory: Laboratory, twin: Any, _driver: Any, trial: int) -> None:
     role = twin.name if twin.name in laboratory.world.axes else None
     laboratory.world.move(3.7 * (trial % 90), 1e6, 1e9, role)
+
+
+async def _volts(laboratory: Laboratory, twin: Any, driver: Any, trial: int) -> None:
+    """A reading that stays, since no two of a real one are alike."""
+    meter = laboratory.instruments[twin.name]
+    meter.faults = FaultPlan(now_s=laboratory.world.now)
+    await _angle(laboratory, twin, driver, trial)
+    await twin.poll()
+    meter.faults.begin("frozen")
 
 
 def _chamber(
@@ -81,6 +138,9 @@ def _chamber(
 
 
 _PORT = "sim+serial:///dev/ttyS0?baud=9600"
+_THERMOMETERS = {
+    "channels": {"air": {"channel": 101, "sensor": "rtd"}, "wall": {"channel": 102, "sensor": "tc", "type": "K"}}
+}
 _FICTIONAL = DocumentFile(PROFILE, load_file(PROFILE, ChamberProfile))
 
 CASES = {
@@ -95,7 +155,31 @@ CASES = {
     "modbus_chamber, RTU": _chamber("modbus_chamber", _PORT, profile=_FICTIONAL),
     "aerotech_ensemble": Case("simulated", "head", _angle, 2.0, 12.0),
     "newport_xps": Case("indexing_telemetry", "head", _angle, 2.0, 12.0),
+    "aerotech_ensemble, serial": Case("simulated", "head", _stand, 2.0, 12.0, connection=_PORT),
+    "agilent_34970a": Case(
+        "simulated",
+        "source",
+        _air,
+        2.0,
+        12.0,
+        connection=_PORT,
+        driver="agilent_34970a",
+        options=_THERMOMETERS,
+        settles_s=3600.0,
+    ),
+    "keysight_3458a": Case("volts", "dvm", _volts, 1.9, 20.0),
     "scpi_supply": Case("simulated", "supply", _output, 2.0, 12.0),
+    "scpi_supply, serial": Case("simulated", "supply", _output, 2.0, 12.0, connection=_PORT),
+    "yokogawa_gs200": Case(
+        "simulated",
+        "source",
+        _current,
+        2.0,
+        12.0,
+        connection="sim+tcp://127.0.0.1:7655",
+        driver="yokogawa_gs200",
+        options={"range": "10 mA", "compliance": "10 V"},
+    ),
     "keithley_6220": Case("simulated", "source", _current, 2.0, 12.0),
     "fluke_5700a": Case("channel", "source", _current, 5.0, 20.0, moving=frozenset({"on_time"})),
     "acutronic_acl": Case("gyro", "table", _angle, 1.0, 12.0),

@@ -2,27 +2,64 @@
 
 import asyncio
 import sys
+from collections.abc import Callable, Sequence
 
 import pytest
 from pymodbus.framer.rtu import FramerRTU
 
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME, BenchLoop, run
+from drivers.acutronic_acl import wire as acl
+from drivers.description import known_drivers
+from drivers.errors import NoAnswer
 from drivers.transport.exchange import LineExchange
 from drivers.transport.memory import Line
+from drivers.transport.modbus import ModbusLink
 from simulators.line_faults import BadLine, LineFault, in_turn, now_and_then
 from simulators.proxy import serve_bad_line
 from tests.line_faults.campaign import play
-from tests.line_faults.cases import CASES
+from tests.line_faults.cases import CASES, Link
+from tests.line_faults.gain import believed, one_take
+from tests.line_faults.orders import ORDERS, play_orders
 
-TRIALS = 1000 // len(CASES) + 1
+READINGS = 1300 // len(CASES) + 1  # on each
+ORDERS_EACH = 24
+
+
+def test_every_driver_that_asks_over_a_line_is_tried_on_a_bad_one() -> None:
+    on_lines = {name for name, driver in known_drivers().items() if not driver.schemes <= {"slcan", "can"}}
+    assert on_lines == {case.entry.driver for case in CASES.values()}
+    on_serial_lines = {name for name in on_lines if known_drivers()[name].schemes & {"serial", "socket"}}
+    assert on_serial_lines == {case.entry.driver for case in CASES.values() if case.link is not Link.TCP}
+    assert on_lines - {CASES[name].entry.driver for name in ORDERS} == {
+        "agilent_34970a",
+        "keysight_3458a",
+    }  # move nothing
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_no_reading_over_a_bad_line_is_wrong_or_late(name: str) -> None:
-    tally = play(name, CASES[name], TRIALS, seed=1)
+    tally = play(name, CASES[name], READINGS, seed=1)
     assert tally.unexpected == []
-    assert tally.trials == TRIALS
-    assert tally.outcomes["reported"] > TRIALS / 5
+    assert tally.trials == READINGS
+    assert tally.outcomes["reported"] > READINGS / 5
+
+
+@pytest.mark.parametrize("name", ORDERS)
+def test_no_order_over_a_bad_line_is_sent_twice_or_done_otherwise(name: str) -> None:
+    tally = play_orders(name, ORDERS_EACH, seed=1)
+    assert tally.unexpected == []
+    assert tally.outcomes["done"] > 0
+
+
+def test_two_takes_find_most_of_what_a_grammar_cannot() -> None:
+    compared, unexpected = believed(40, seed=1)
+    assert unexpected == []
+    with one_take():
+        trusted, _ = believed(40, seed=1)
+    assert trusted > 6 * max(compared, 1)
+
+
+# Bugs that were planted: the campaign has to find each
 
 
 def test_a_client_that_takes_whatever_comes_first_for_its_answer_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -30,14 +67,65 @@ def test_a_client_that_takes_whatever_comes_first_for_its_answer_is_caught(monke
         self._doubts = 0
 
     monkeypatch.setattr(LineExchange, "_make_ready", trusting)
-    tally = play("supply", CASES["scpi_supply"], 60, 1, [LineFault.LATE])
-    assert tally.unexpected
+    assert play("supply", CASES["scpi_supply"], 60, 1, [LineFault.LATE]).unexpected
 
 
 def test_a_client_that_does_not_look_at_checksums_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FramerRTU, "check_CRC", lambda *_: True)
     tally = play("chamber", CASES["watlow_f4t, RTU"], 60, 1, [LineFault.FLIP])
     assert tally.outcomes["wrong"] > 0
+
+
+def test_a_client_that_does_not_look_at_lengths_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        acl, "whole_answer", lambda received, order: (len(received),) * 2 if len(received) > 8 else None
+    )
+    monkeypatch.setattr(
+        acl, "read_reply", lambda answer, order: acl.Reply(acl.NO_ERROR, bytes(answer[8:]).decode("ascii"))
+    )
+    assert play("table", CASES["acutronic_acl"], 40, 1, [LineFault.CUT, LineFault.SPLIT]).unexpected
+
+
+def test_a_client_that_waits_longer_than_it_may_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    in_time = LineExchange._exchange
+
+    async def patient(
+        self: LineExchange, question: bytes, read: Callable[[bytes], object], answer_s: float | None = None
+    ) -> object:
+        return await in_time(self, question, read, 20.0)
+
+    monkeypatch.setattr(LineExchange, "_exchange", patient)
+    tally = play("supply", CASES["scpi_supply"], 2, 1, [LineFault.SILENCE])
+    assert "at most 12 s are allowed" in tally.unexpected[0]
+
+
+def test_a_client_that_sends_a_move_again_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    once = LineExchange.order
+
+    async def stubborn(
+        self: LineExchange, command: bytes, read: Callable[[bytes], object], *, answer_s: float | None = None
+    ) -> object:
+        answer = await once(self, command, read, answer_s=answer_s)
+        return await once(self, command, read, answer_s=answer_s) if answer is None else answer
+
+    monkeypatch.setattr(LineExchange, "order", stubborn)
+    tally = play_orders("aerotech_ensemble", 24, 1, [LineFault.SILENCE])
+    assert any("was sent 2 times" in sentence for sentence in tally.unexpected)
+
+
+def test_a_client_that_writes_registers_again_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    once = ModbusLink.write
+
+    async def stubborn(self: ModbusLink, address: int, words: Sequence[int], *, many: bool = False) -> None:
+        try:
+            await once(self, address, words, many=many)
+        except NoAnswer:
+            await self.open()
+            await once(self, address, words, many=many)
+
+    monkeypatch.setattr(ModbusLink, "write", stubborn)
+    tally = play_orders("watlow_f4t, RTU", 24, 1, [LineFault.SILENCE])
+    assert any("was sent 2 times" in sentence for sentence in tally.unexpected)
 
 
 # The line itself
