@@ -204,6 +204,29 @@ def test_every_reading_has_the_time_of_its_own_sensor_in_the_scan(address: str) 
     with_driver(use, address=address)
 
 
+@pytest.mark.parametrize(
+    ("address", "again"),
+    [(SERIAL, [b":FETC?"]), ("socket://192.168.1.41:4001", [b":FETC?"]), ("tcp://192.168.1.40:5025", [])],
+)
+def test_a_scan_over_a_serial_line_is_fetched_twice(address: str, again: list[bytes]) -> None:
+    async def use(scanner: Scanner, driver: Agilent34970A) -> None:
+        scanner.wire.requests.clear()
+        await driver.poll()
+        assert [request.strip() for request in scanner.wire.requests[1:]] == [b":INIT;:FETC?", *again]
+
+    with_driver(use, address=address)
+
+
+def test_readings_that_came_wrong_once_are_fetched_again_and_not_scanned() -> None:
+    async def use(scanner: Scanner, driver: Agilent34970A) -> None:
+        scanner.wire.garble_once(b"E+01 C", b"E+02 C", where=b"INIT")
+        readings = await driver.poll()
+        assert readings["air"][0].value == pytest.approx(scanner.world.thermal.air_c, abs=0.1)
+        assert scanner.wire.count(b"INIT") == 1
+
+    with_driver(use)
+
+
 def test_an_open_sensor_has_no_reading_and_the_others_have() -> None:
     async def use(scanner: Scanner, driver: Agilent34970A) -> None:
         scanner.instrument.open.add(102)

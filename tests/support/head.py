@@ -58,14 +58,17 @@ class Head:
         self.world = World(WorldSettings(seed=1, gravity_mps2=9.8), loop.time)
         self.controller = dialect.controller(self.world, self.faults, **settings)
         self.wire = TappedWire(self.controller)
+        self.address = "tcp://127.0.0.1:8000"
+        self.notes: list[str] = []
 
     def driver(self, **options: Any) -> Any:
         description = self.dialect.description
         limits = {**LIMITS, "rate": options.pop("limit")} if "limit" in options else LIMITS
         setup = Setup(
-            name="head", address=Address.parse("tcp://127.0.0.1:8000"), wires=self.wire,
+            name="head", address=Address.parse(self.address), wires=self.wire,
             options=description.options.model_validate(self.dialect.options | options),
             limits=HeadLimits.model_validate(limits), safe=Nothing(), identity=IdentityPin(serial="SIM-HEAD-01"),
+            note=self.notes.append,
         )  # fmt: skip
         return make_driver(description, setup)
 

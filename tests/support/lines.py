@@ -95,6 +95,18 @@ class TappedWire:
         """From now on the answers to requests with `word` in them are lost, though they are carried out."""
         self.alter = lambda request, answer: b"" if word in request else answer
 
+    def garble_once(self, good: bytes, wrong: bytes, *, where: bytes) -> None:
+        """The next answer to a request with `where` in it has `wrong` in the place of `good`."""
+
+        def garbled(request: bytes, answer: bytes) -> bytes:
+            if where not in request:
+                return answer
+            assert good in answer, (good, answer)
+            self.alter = lambda _request, answer: answer
+            return answer.replace(good, wrong, 1)
+
+        self.alter = garbled
+
     def count(self, word: bytes) -> int:
         """How many requests had `word` in them."""
         return sum(word in request for request in self.requests)

@@ -38,12 +38,14 @@ class SourceRig:
         self.wire = TappedWire(self.instrument, line)
         self._description, self._options, self._identity = description, options, identity
         self._address = Address.parse(address)
+        self.notes: list[str] = []
 
     def driver(self, **options: Any) -> Any:
         setup = Setup(
             name="source", address=self._address, wires=self.wire,
             options=self._description.options.model_validate(self._options | options),
             limits=SourceLimits.model_validate(LIMITS), safe=Nothing(), identity=self._identity,
+            note=self.notes.append,
         )  # fmt: skip
         return make_driver(self._description, setup)
 

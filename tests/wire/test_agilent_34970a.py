@@ -99,6 +99,10 @@ def test_a_type_is_read_however_it_is_written(line: bytes, found: str) -> None:
     assert wire.read_type(line) == found
 
 
+def test_a_scan_is_begun_and_fetched_and_can_be_fetched_again() -> None:
+    assert (wire.SCAN_ONCE, wire.SCANNED) == (b":INIT;:FETC?", b":FETC?")
+
+
 def test_who_it_is_and_what_is_in_its_slots() -> None:
     first = wire.read_identity(b"HEWLETT-PACKARD,34970A,0,13-2-2")
     assert (first.model, first.serial, first.firmware, first.verified) == ("34970A", "", "13-2-2", False)
@@ -137,6 +141,8 @@ def test_a_session_with_a_scanner(scanner: SimulatedScanner) -> None:
         (b"UNIT:TEMP K,(@101)", b'-224,"Illegal parameter value"'),
         (b"ROUT:SCAN 101", b'-224,"Illegal parameter value"'),
         (b"READ?", b'-221,"Settings conflict"'),
+        (b":INIT;:FETC?", b'-221,"Settings conflict"'),
+        (b":FETC?", b'-230,"Data corrupt or stale"'),
     ],
 )
 def test_what_a_scanner_refuses_is_in_its_error_queue(scanner: SimulatedScanner, line: bytes, entry: bytes) -> None:
@@ -150,6 +156,22 @@ def test_configuring_a_channel_replaces_the_scan_list_and_a_restart_empties_it(s
     scanner.restart()
     assert scanner.end_scan() == ""
     assert talk(scanner, b"ROUT:SCAN?") == [b"#13(@)\n"]
+
+
+def test_a_scan_that_was_initiated_stays_in_memory_and_one_that_was_read_does_not(scanner: SimulatedScanner) -> None:
+    session, later = scanner.session(), list[bytes]()
+    session.answer_by(lambda _delay_s, answer: later.append(answer()))
+
+    def ask(line: bytes) -> bytes:
+        later.clear()
+        return session.feed(line + b"\n") + b"".join(later)
+
+    assert ask(b"CONF:TEMP TC,K,(@101)") == b""
+    readings = ask(b":INIT;:FETC?")
+    assert readings.startswith(b"+2.0")
+    assert [ask(b":FETC?"), ask(b"FETC?")] == [readings, readings]
+    assert ask(b"READ?").startswith(b"+2.0")
+    assert ask(b"FETC?") == b""
 
 
 def test_fahrenheit_and_bare_readings(scanner: SimulatedScanner) -> None:

@@ -1,0 +1,115 @@
+"""What enters a result over a serial line without checksum is asked twice, over TCP once; in virtual time."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import pytest
+
+from bench.loop import AS_FAST_AS_POSSIBLE, run
+from drivers.errors import BadAnswer
+from tests.support.head import ENSEMBLE, XPS, Dialect, Head
+from tests.support.source import Source6220, SourceRig
+
+BEHIND_A_SERVER = "socket://192.168.1.20:4001"
+
+
+def with_head(dialect: Dialect, use: Callable[[Head, Any], Awaitable[None]], address: str = BEHIND_A_SERVER) -> None:
+    async def main() -> None:
+        head = Head(dialect)
+        head.address = address
+        async with head.driver() as driver:
+            await use(head, driver)
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
+def with_source(address: str, use: Callable[[SourceRig, Any], Awaitable[None]]) -> None:
+    async def main() -> None:
+        source = Source6220(address)
+        async with source.driver() as driver:
+            await driver.set(0.0012, limit=5, output=True)
+            source.wire.requests.clear()
+            await use(source, driver)
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
+each_dialect = pytest.mark.parametrize("dialect", [ENSEMBLE, XPS], ids=lambda dialect: dialect.description.name)
+
+
+@each_dialect
+@pytest.mark.parametrize(("address", "takes"), [("tcp://127.0.0.1:8000", 1), (BEHIND_A_SERVER, 2)])
+def test_the_angle_at_a_dwell_is_asked_as_often_as_its_way_needs(dialect: Dialect, address: str, takes: int) -> None:
+    async def use(head: Head, driver: Any) -> None:
+        await driver.move_to(30, approach="direct", settle_s=0)
+        for ask in (driver.angle, driver.poll):
+            before = head.wire.count(dialect.angle)
+            await ask()
+            assert head.wire.count(dialect.angle) - before == takes
+        assert head.notes == []
+
+    with_head(dialect, use, address)
+
+
+@each_dialect
+def test_an_angle_that_came_wrong_once_is_right_and_it_is_noted(dialect: Dialect) -> None:
+    async def use(head: Head, driver: Any) -> None:
+        await driver.move_to(30, approach="direct", settle_s=0)
+        head.wire.garble_once(b"30", b"70", where=dialect.angle)
+        assert (await driver.angle()).value == pytest.approx(30)
+        assert head.notes == ["the angle was told as 70.000000°, then as 30.000000°; asked again: 30.000000°"]
+
+    with_head(dialect, use)
+
+
+@each_dialect
+def test_an_angle_that_is_another_each_time_is_no_reading(dialect: Dialect) -> None:
+    async def use(head: Head, driver: Any) -> None:
+        await driver.move_to(30, approach="direct", settle_s=0)
+        digits = iter(b"123")
+        head.wire.alter = lambda request, answer: (
+            answer.replace(b"30", b"3" + bytes([next(digits)])) if dialect.angle in request else answer
+        )
+        with pytest.raises(BadAnswer, match=r"told three times, .*31\.0+°; 32\.0+°; 33\.0+°.* no checksum"):
+            await driver.angle()
+
+    with_head(dialect, use)
+
+
+@each_dialect
+def test_an_axis_that_moves_is_looked_at_as_before(dialect: Dialect) -> None:
+    async def use(head: Head, driver: Any) -> None:
+        async with asyncio.TaskGroup() as group:
+            moving = group.create_task(driver.move_to(90, approach="direct", settle_s=0))
+            angles = []
+            while not moving.done():
+                (reading,) = (await driver.poll())["angle"]
+                angles.append(reading.value)
+                await asyncio.sleep(0.05)
+        assert angles == sorted(angles)
+        assert len({round(angle) for angle in angles}) > 20
+        assert head.notes == []
+
+    with_head(dialect, use)
+
+
+@pytest.mark.parametrize(("address", "takes"), [("serial:///dev/ttyUSB0?baud=19200", 2), ("tcp://10.0.0.5:1394", 1)])
+def test_the_level_of_a_source_is_asked_as_often_as_its_way_needs(address: str, takes: int) -> None:
+    async def use(source: SourceRig, driver: Any) -> None:
+        for ask in (driver.poll, driver.read):
+            await ask()
+        assert len(source.wire.requests) == 2 * takes
+
+    with_source(address, use)
+
+
+def test_a_level_that_came_wrong_once_is_no_second_master() -> None:
+    async def use(source: SourceRig, driver: Any) -> None:
+        source.wire.garble_once(b"1.2", b"5.2", where=b"RANG?")
+        assert (await driver.poll())["current"][0].value == pytest.approx(0.0012)
+        (note,) = source.notes
+        assert note.startswith("what the source is set to was told as 0.0052 A in the 0.02 A range")
+        assert "; asked again: 0.0012 A in" in note
+
+    with_source("serial:///dev/ttyUSB0?baud=19200", use)
