@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bench.app.laboratory import BenchWires, Laboratory, make_laboratory, unit_files
-from bench.app.request import load_bench_named
 from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from bench.loop import AS_FAST_AS_POSSIBLE, run
@@ -18,7 +17,7 @@ from drivers.capabilities import Device
 from drivers.description import Setup, make_driver, unheard
 from drivers.errors import DriverError
 from simulators.line_faults import HARMLESS, BadLine, Injected, LineFault
-from tests.line_faults.cases import Case, Link
+from tests.line_faults.cases import Case, Link, bench_named
 
 RECOVERS_IN = 4  # readings
 TOLERANCE = 1e-6
@@ -152,7 +151,7 @@ def spoilt(injected: Injected) -> bool:
 
 def a_stand(case: Case, seed: int) -> Stand:
     """The laboratory of a case, in the running loop, its instrument on a line that is still good."""
-    bench = load_bench_named(case.bench).bench
+    bench = bench_named(case.bench)
     bench = bench.model_copy(update={"devices": asked(bench) | {case.role: case.entry}})
     still = bench.simulation.chamber.model_copy(update={"limit_cycle": 0.0})
     bench = bench.model_copy(update={"simulation": bench.simulation.model_copy(update={"chamber": still})})

@@ -6,13 +6,14 @@ import math
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 from bench.app.laboratory import Laboratory
 from bench.app.request import load_bench_named
 from bench.config.devices import DeviceEntry
 from bench.config.load import load_file
+from bench.config.models import BenchFile
 from drivers.description import IdentityPin, known_drivers
 from drivers.fields import DocumentFile
 from drivers.modbus_chamber.profile import ChamberProfile
@@ -31,6 +32,12 @@ class Link(StrEnum):
     CHECKSUM = "a checksum of its own"
     TCP = "TCP"  # between its two ends; what an instrument garbles before it sends it is beyond that
     NOTHING = "nothing"  # what enters a result is then asked twice
+
+
+@lru_cache
+def bench_named(name: str) -> BenchFile:
+    """A shipped bench; reading one takes as long as a hundred readings."""
+    return load_bench_named(name).bench
 
 
 @dataclass(frozen=True)
@@ -58,7 +65,7 @@ class Case:
     @property
     def entry(self) -> DeviceEntry:
         """The instrument of the bench file at another address, or another one in its place."""
-        entry = load_bench_named(self.bench).bench.devices[self.role]
+        entry = bench_named(self.bench).devices[self.role]
         update: dict[str, Any] = {"connection": Address.parse(self.connection)} if self.connection else {}
         if self.driver:
             options = known_drivers()[self.driver].options.model_validate(dict(self.options))
@@ -132,7 +139,7 @@ def _chamber(
 ) -> Case:  # fmt: skip
     """A chamber of another dialect in the place of the one of the demonstration bench."""
     return Case(
-        "simulated", "chamber", _air, patience_s, call_s or 5 * patience_s, checked=checked, connection=connection,
+        "simulated", "chamber", _air, patience_s, call_s or 8.0, checked=checked, connection=connection,
         driver=driver, options=options, settles_s=3600.0,
     )  # fmt: skip
 
@@ -144,18 +151,18 @@ _THERMOMETERS = {
 _FICTIONAL = DocumentFile(PROFILE, load_file(PROFILE, ChamberProfile))
 
 CASES = {
-    "watlow_f4t, TCP": Case("simulated", "chamber", _air, 3.0, 15.0, settles_s=3600.0),
-    "watlow_f4t, RTU": Case("simulated", "chamber", _air, 3.0, 15.0, checked=True, connection=_PORT, settles_s=3600.0),
-    "espec_p300": _chamber("espec_p300", _PORT, call_s=20.0, checked=False),
-    "simserv": _chamber("simserv", "sim+tcp://127.0.0.1:2049", call_s=20.0, checked=False),
-    "cts": _chamber("cts", "sim+serial:///dev/ttyS0?baud=19200&parity=O", call_s=20.0),
+    "watlow_f4t, TCP": Case("simulated", "chamber", _air, 3.0, 8.0, settles_s=3600.0),
+    "watlow_f4t, RTU": Case("simulated", "chamber", _air, 3.0, 8.0, checked=True, connection=_PORT, settles_s=3600.0),
+    "espec_p300": _chamber("espec_p300", _PORT, checked=False),
+    "simserv": _chamber("simserv", "sim+tcp://127.0.0.1:2049", call_s=10.0, checked=False),
+    "cts": _chamber("cts", "sim+serial:///dev/ttyS0?baud=19200&parity=O"),
     "watlow_f4": _chamber("watlow_f4", _PORT, power_event=1),
     "binder": _chamber("binder", _PORT, controller="mb1", range={"min": "-60 °C", "max": "180 °C"}),
     "modbus_chamber, TCP": _chamber("modbus_chamber", "sim+tcp://127.0.0.1:1502", checked=False, profile=_FICTIONAL),
     "modbus_chamber, RTU": _chamber("modbus_chamber", _PORT, profile=_FICTIONAL),
-    "aerotech_ensemble": Case("simulated", "head", _angle, 2.0, 12.0),
-    "newport_xps": Case("indexing_telemetry", "head", _angle, 2.0, 12.0),
-    "aerotech_ensemble, serial": Case("simulated", "head", _stand, 2.0, 12.0, connection=_PORT),
+    "aerotech_ensemble": Case("simulated", "head", _angle, 2.0, 6.0),
+    "newport_xps": Case("indexing_telemetry", "head", _angle, 2.0, 6.0),
+    "aerotech_ensemble, serial": Case("simulated", "head", _stand, 2.0, 6.0, connection=_PORT),
     "agilent_34970a": Case(
         "simulated",
         "source",
@@ -167,9 +174,9 @@ CASES = {
         options=_THERMOMETERS,
         settles_s=3600.0,
     ),
-    "keysight_3458a": Case("volts", "dvm", _volts, 1.9, 20.0),
-    "scpi_supply": Case("simulated", "supply", _output, 2.0, 12.0),
-    "scpi_supply, serial": Case("simulated", "supply", _output, 2.0, 12.0, connection=_PORT),
+    "keysight_3458a": Case("volts", "dvm", _volts, 1.9, 10.0),
+    "scpi_supply": Case("simulated", "supply", _output, 2.0, 6.0),
+    "scpi_supply, serial": Case("simulated", "supply", _output, 2.0, 6.0, connection=_PORT),
     "yokogawa_gs200": Case(
         "simulated",
         "source",
@@ -180,7 +187,7 @@ CASES = {
         driver="yokogawa_gs200",
         options={"range": "10 mA", "compliance": "10 V"},
     ),
-    "keithley_6220": Case("simulated", "source", _current, 2.0, 12.0),
-    "fluke_5700a": Case("channel", "source", _current, 5.0, 20.0, moving=frozenset({"on_time"})),
-    "acutronic_acl": Case("gyro", "table", _angle, 1.0, 12.0),
+    "keithley_6220": Case("simulated", "source", _current, 2.0, 6.0),
+    "fluke_5700a": Case("channel", "source", _current, 5.0, 10.0, moving=frozenset({"on_time"})),
+    "acutronic_acl": Case("gyro", "table", _angle, 1.0, 4.0),
 }

@@ -92,11 +92,11 @@ def test_a_client_that_waits_longer_than_it_may_is_caught(monkeypatch: pytest.Mo
     async def patient(
         self: LineExchange, question: bytes, read: Callable[[bytes], object], answer_s: float | None = None
     ) -> object:
-        return await in_time(self, question, read, 20.0)
+        return await in_time(self, question, read, 10.0)
 
     monkeypatch.setattr(LineExchange, "_exchange", patient)
     tally = play("supply", CASES["scpi_supply"], 2, 1, [LineFault.SILENCE])
-    assert "at most 12 s are allowed" in tally.unexpected[0]
+    assert "at most 6 s are allowed" in tally.unexpected[0]
 
 
 def test_a_client_that_sends_a_move_again_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:

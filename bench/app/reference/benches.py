@@ -35,9 +35,9 @@ def drivers_page() -> Blocks:
             ((f"[`{name}`](#{name})", drivers[name].title) for name in sorted(drivers)),
         ),
         "## Connections",
-        "`sim+` before an address puts the simulator at its other end. Over `serial`, and `socket`, which is a serial "
-        "line behind a server, nothing protects an answer: where a dialect has no checksum, what enters a result is asked "
-        "twice. `tcp` is for an instrument that is on the network itself.",
+        "`sim+` before an address puts the simulator at its other end. `tcp` is for an instrument that is on the "
+        "network itself. Over `serial`, and over `socket`, which is a serial line behind a server, nothing protects "
+        "an answer: where a dialect has no checksum, what enters a result is asked twice.",
         table(("scheme", "written like", "options after `?`"), map(_connection, SCHEMES)),
         *(block for name in sorted(drivers) for block in _driver(drivers[name])),
     ]
