@@ -28,7 +28,7 @@ class ScpiSupply:
 
     def __init__(self, setup: Setup[Nothing, SupplyLimits, Nothing]) -> None:
         self.name = setup.name
-        self._limits = setup.limits
+        self._limits, self._note = setup.limits, setup.note
         self._link = ScpiLink(setup)
         self._order = 0  # counts settings, so that one under way knows when it is no longer wanted
         self._made: Setting | None = None  # the setting that was made and read back
@@ -47,15 +47,22 @@ class ScpiSupply:
         return await self._link.identify()
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """Voltage and current as measured; InstrumentFault when the supply is no longer set as it was."""
-        state = await self._agreed_state()
+        """Voltage and current as measured; InstrumentFault when the supply is no longer set as it was.
+
+        None where two takes of them differ: an output that rises or falls, or an answer that came wrong.
+        """
+        *before, state = await self._takes()
         self._compare(state.setting)
+        for take in before:
+            if not wire.steady(take, state):
+                self._note(f"{_measured(take)} were told, then {_measured(state)}: no reading")
+                return {"voltage": [], "current": []}
         now_s = asyncio.get_running_loop().time()
         return {"voltage": [Reading(now_s, state.voltage_v)], "current": [Reading(now_s, state.current_a)]}
 
     async def read(self) -> SourceReading:
         """Voltage, current and output as the supply says."""
-        state = await self._agreed_state()
+        *_, state = await self._takes()
         return SourceReading(state.voltage_v, state.current_a, state.setting.output)
 
     async def set(self, level: float, *, limit: float, output: bool) -> None:
@@ -100,11 +107,19 @@ class ScpiSupply:
     async def _state(self) -> State:
         return await self._link.ask(wire.STATE_QUERY, wire.read_state)
 
-    async def _agreed_state(self) -> State:
-        return await self._link.takes.agreed(
-            "what the supply does", self._state, alike=wire.alike,
-            spell=lambda now: f"{_in_words(now.setting)}, {now.voltage_v:g} V and {now.current_a:g} A measured",
+    async def _takes(self) -> list[State]:
+        """Looks at the supply, the last of them with a setting that another one has, too."""
+        takes: list[State] = []
+
+        async def take() -> State:
+            takes.append(await self._state())
+            return takes[-1]
+
+        await self._link.takes.agreed(
+            "what the supply is set to", take, alike=lambda one, other: one.setting == other.setting,
+            spell=lambda state: _in_words(state.setting),
         )  # fmt: skip
+        return takes
 
     def _check_limits(self, level_v: float, limit_a: float) -> None:
         for what, value, most, unit in (
@@ -133,3 +148,7 @@ class ScpiSupply:
 
 def _in_words(setting: Setting) -> str:
     return f"{setting.level_v:g} V, limit {setting.limit_a:g} A, output {'on' if setting.output else 'off'}"
+
+
+def _measured(state: State) -> str:
+    return f"{state.voltage_v:g} V and {state.current_a:g} A"

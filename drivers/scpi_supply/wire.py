@@ -50,13 +50,11 @@ def read_state(line: bytes) -> State:
     return State(scpi.number(voltage), scpi.number(current), setting)
 
 
-def alike(one: State, other: State) -> bool:
-    """Whether two answers, one right after the other, may be of the same state."""
-    return (
-        one.setting == other.setting
-        and abs(one.voltage_v - other.voltage_v) <= STEADY_WITHIN_V + STEADY_WITHIN * abs(one.voltage_v)
-        and abs(one.current_a - other.current_a) <= STEADY_WITHIN_A + STEADY_WITHIN * abs(one.current_a)
-    )
+def steady(one: State, other: State) -> bool:
+    """Whether what is measured in two answers, one right after the other, may be of an output that stands still."""
+    return abs(one.voltage_v - other.voltage_v) <= STEADY_WITHIN_V + STEADY_WITHIN * abs(one.voltage_v) and abs(
+        one.current_a - other.current_a
+    ) <= STEADY_WITHIN_A + STEADY_WITHIN * abs(one.current_a)
 
 
 def next_step(now: Setting, wanted: Setting) -> str:

@@ -10,6 +10,7 @@ from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.errors import BadAnswer
 from tests.support.head import ENSEMBLE, XPS, Dialect, Head
 from tests.support.source import Source6220, SourceRig
+from tests.support.supply import Supply
 
 BEHIND_A_SERVER = "socket://192.168.1.20:4001"
 
@@ -31,6 +32,17 @@ def with_source(address: str, use: Callable[[SourceRig, Any], Awaitable[None]]) 
             await driver.set(0.0012, limit=5, output=True)
             source.wire.requests.clear()
             await use(source, driver)
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
+def with_supply(use: Callable[[Supply, Any], Awaitable[None]], address: str = BEHIND_A_SERVER) -> None:
+    async def main() -> None:
+        supply = Supply(address)
+        async with supply.driver() as driver:
+            await driver.set(15, limit=0.2, output=True)
+            supply.wire.requests.clear()
+            await use(supply, driver)
 
     run(main(), AS_FAST_AS_POSSIBLE)
 
@@ -113,3 +125,35 @@ def test_a_level_that_came_wrong_once_is_no_second_master() -> None:
         assert "; asked again: 0.0012 A in" in note
 
     with_source("serial:///dev/ttyUSB0?baud=19200", use)
+
+
+@pytest.mark.parametrize(("address", "takes"), [("tcp://127.0.0.1:5025", 1), (BEHIND_A_SERVER, 2)])
+def test_a_supply_is_asked_as_often_as_its_way_needs(address: str, takes: int) -> None:
+    async def use(supply: Supply, driver: Any) -> None:
+        for ask in (driver.poll, driver.read):
+            await ask()
+        assert len(supply.wire.requests) == 2 * takes
+        assert supply.notes == []
+
+    with_supply(use, address)
+
+
+def test_a_setting_of_a_supply_that_came_wrong_once_is_no_second_master() -> None:
+    async def use(supply: Supply, driver: Any) -> None:
+        supply.wire.garble_once(b";1;15", b";1;35", where=b"MEAS")
+        assert (await driver.poll())["voltage"][0].value == pytest.approx(15)
+        (note,) = supply.notes
+        assert note.startswith("what the supply is set to was told as 35 V, limit 0.2 A, output on, then as 15 V")
+
+    with_supply(use)
+
+
+def test_what_a_supply_measures_is_no_reading_while_two_takes_differ_and_no_error_either() -> None:
+    async def use(supply: Supply, driver: Any) -> None:
+        supply.wire.garble_once(b"15.0", b"11.0", where=b"MEAS")
+        assert await driver.poll() == {"voltage": [], "current": []}
+        (note,) = supply.notes
+        assert note.startswith("11 V and 0.06 A were told, then 15 V and 0.06 A: no reading")
+        assert len((await driver.poll())["voltage"]) == 1
+
+    with_supply(use)

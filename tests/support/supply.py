@@ -34,12 +34,14 @@ class Supply:
         self.instrument = SimulatedSupply(self.world, self.faults)
         self.wire = TappedWire(self.instrument, line)
         self._address = Address.parse(address)
+        self.notes: list[str] = []
 
     def driver(self, **pin: str) -> ScpiSupply:
         setup = Setup(
             name="supply", address=self._address, wires=self.wire, options=Nothing(),
             limits=SupplyLimits.model_validate(LIMITS), safe=Nothing(),
             identity=IdentityPin.model_validate({"model": "SIM-PSU", "serial": "SIM-PSU-01"} | pin),
+            note=self.notes.append,
         )  # fmt: skip
         driver = make_driver(DESCRIPTION, setup)
         assert isinstance(driver, ScpiSupply)
