@@ -73,7 +73,7 @@ class Agilent34970A:
                     remedy="Look for a power failure, a front panel in use, or who else scans; then run again.",
                 )  # fmt: skip
             begun_s = asyncio.get_running_loop().time()
-            samples = await self._link.takes.agreed("a scan", self._scan, again=self._scanned)
+            samples = await self._link.takes.agreed("a scan", self._scan, again=self._scanned, spell=_told)
         return {
             self._names[sample.channel]: (
                 [] if sample.temperature_c is None else [Reading(begun_s + sample.since_s, sample.temperature_c)]
@@ -124,3 +124,10 @@ class Agilent34970A:
 def _in_words(state: wire.State) -> str:
     running = ", a scan under way" if state.scanning else ""
     return f"{wire.listed(state.channels)} as {','.join(state.kinds)} in {','.join(state.units)}{running}"
+
+
+def _told(samples: Sequence[wire.Sample]) -> str:
+    return ", ".join(
+        f"{sample.channel}: " + ("open" if sample.temperature_c is None else f"{sample.temperature_c:.3f} °C")
+        for sample in samples
+    )

@@ -144,7 +144,7 @@ class P300:
         self._kind = kind
 
     async def _temperatures(self) -> Temperatures:
-        return await self._line.takes.agreed("its temperatures", self._ask_temperatures, alike=wire.alike)
+        return await self._line.takes.agreed("its temperature", self._ask_temperatures, alike=wire.alike)
 
     async def _ask_temperatures(self) -> Temperatures:
         return await self._ask(wire.TEMPERATURE_QUERY, wire.read_temperatures)

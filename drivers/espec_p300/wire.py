@@ -51,6 +51,10 @@ class Temperatures:
     highest_c: float
     lowest_c: float
 
+    def __str__(self) -> str:
+        limits = f"limits {self.lowest_c:g} and {self.highest_c:g} °C"
+        return f"{self.process_value_c:g} °C, set point {self.set_point_c:g} °C, {limits}"
+
 
 @dataclass(frozen=True, slots=True)
 class Monitor:

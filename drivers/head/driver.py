@@ -75,8 +75,8 @@ class Head:
 
     async def angle(self) -> Reading:
         """The encoder's angle now (°)."""
-        # An axis that is not known to stand may move between two takes, at its rate.
-        return await self._agreed_angle(0.0 if self._standing_at_deg is not None else self._options.rate)
+        # An axis that is not known to stand may move between two takes.
+        return await self._agreed_angle(0.0 if self._standing_at_deg is not None else self._limits.rate.max)
 
     async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
         """Goes to `angle_deg` and stands there; the angle read back after `settle_s` more.

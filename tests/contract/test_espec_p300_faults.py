@@ -124,3 +124,19 @@ def test_a_process_value_that_is_told_twice_differently_is_no_reading() -> None:
                 await driver.poll()
 
     with_rig(SERIAL, use)
+
+
+def test_a_temperature_that_came_wrong_once_is_asked_again_and_noted() -> None:
+    async def use(rig: Rig) -> None:
+        async with rig.driver() as driver:
+            await driver.hold()
+            true_c = (await driver.state()).process_value_c
+            asked = rig.wire.count(b"TEMP?")
+            rig.wire.garble_once(b"20.", b"24.", where=b"TEMP?")
+            assert (await driver.state()).process_value_c == true_c
+            assert rig.wire.count(b"TEMP?") - asked == 3
+            (note,) = rig.notes
+            assert note.startswith("its temperature was told as 24.2 °C, set point 20 °C")
+            assert "; asked again: 20.2 °C, set point 20 °C" in note
+
+    with_rig(SERIAL, use)

@@ -5,10 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.chamber.description import ChamberLimits, ChamberSafe
-from drivers.description import IdentityPin, Setup, make_driver
 from drivers.errors import BadAnswer, InstrumentFault, NoAnswer, Refused
-from tests.support.chambers import LIMITS, Dialect, Rig, with_rig
+from tests.support.chambers import Dialect, Rig, with_rig
 from tests.support.chambers_ascii import SIMSERV
 
 IN_FORCE = replace(SIMSERV, options={"set_point_reads": "in_force"})
@@ -158,19 +156,14 @@ def test_a_chamber_that_nobody_is_logged_in_at_cannot_be_opened() -> None:
 
 def test_what_the_driver_did_on_its_own_is_noted() -> None:
     async def use(rig: Rig) -> None:
-        notes: list[str] = []
-        setup = Setup(
-            "chamber", rig.address, rig.wire, rig.options, ChamberLimits.model_validate(LIMITS), ChamberSafe(),
-            IdentityPin(), notes.append,
-        )  # fmt: skip
-        async with make_driver(SIMSERV.description, setup) as driver:
+        async with rig.driver() as driver:
             lost = [True]
             rig.wire.lose = lambda _request: bool(lost) and lost.pop()
             await driver.poll()
             rig.wire.drop()
             await asyncio.sleep(1.0)
             await driver.poll()
-        asked, connected = notes
+        asked, connected = rig.notes
         assert asked.startswith("asked again: chamber: no answer within 3 s; sent '11004")
         assert connected.startswith("connected and identified again at tcp://127.0.0.1:2049")
 

@@ -73,12 +73,13 @@ class Rig:
         self.instrument: Any = make_instrument(dialect.description.simulator, setup)
         dialect.prepare(self.instrument)
         self.wire = TappedWire(self.instrument)
+        self.notes: list[str] = []
 
     def driver(self, *, safe: object = None, pin: object = None) -> Chamber:
         setup = Setup(
             name="chamber", address=self.address, wires=self.wire, options=self.options,
             limits=ChamberLimits.model_validate(LIMITS), safe=ChamberSafe.model_validate(safe or {}),
-            identity=IdentityPin.model_validate(pin or {}),
+            identity=IdentityPin.model_validate(pin or {}), note=self.notes.append,
         )  # fmt: skip
         driver = make_driver(self.dialect.description, setup)
         assert isinstance(driver, Chamber)

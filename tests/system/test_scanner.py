@@ -3,6 +3,8 @@
 import pytest
 
 from bench.store.reader import RunReader
+from simulators.agilent_34970a import SimulatedScanner
+from tests.line_faults.gain import one_take
 from tests.support.runs import copy_bench, read_json, run_short
 
 SEQUENCE = """\
@@ -70,3 +72,35 @@ def test_a_thermometer_that_opens_ends_the_run_when_its_reading_is_stale(tmp_pat
     result = ran(tmp_path, "[{unit: a, kind: open_thermometer, at: 10 s}]")
     assert result.outcome.how != "completed"
     assert any("unit_temperature: the last reading is" in problem for problem in result.problems)
+
+
+def temperatures_with_one_answer_altered(folder, monkeypatch):
+    """The unit's temperatures of a run in which a bit of one scan was turned on its way, and what drivers noted."""
+    answers = []
+    keep = SimulatedScanner.keep
+
+    def altered(scanner, readings):
+        answers.append(keep(scanner, readings))
+        return answers[-1].replace("+1.9", "+1.1", 1) if len(answers) == 20 else answers[-1]
+
+    monkeypatch.setattr(SimulatedScanner, "keep", altered)
+    result = ran(folder)
+    assert result.outcome.how == "completed"
+    assert answers[19].startswith("+1.9")
+    with RunReader(result.path) as reader:
+        return reader.series("unit_temperature").values, [event.data["text"] for event in reader.events("device_note")]
+
+
+def test_an_answer_that_was_altered_on_the_line_is_asked_again_and_not_recorded(tmp_path, monkeypatch):
+    temperatures_c, notes = temperatures_with_one_answer_altered(tmp_path, monkeypatch)
+    assert temperatures_c == pytest.approx(20.0, abs=1.0)
+    (note,) = notes
+    assert note.startswith("a scan was told as 101: 11.9")
+    assert "°C; asked again: 101: 19.9" in note
+
+
+def test_by_one_take_it_would_be_recorded(tmp_path, monkeypatch):
+    with one_take():
+        temperatures_c, notes = temperatures_with_one_answer_altered(tmp_path, monkeypatch)
+    assert (temperatures_c < 13).sum() == 1
+    assert notes == []
