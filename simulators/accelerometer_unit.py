@@ -46,7 +46,7 @@ class SimulatedUnit:
         self.settings = settings.places[place]
         self.truth: UnitTruth = draw_unit(file, settings.seed, place)
         self._follower = Follower(self.truth.dynamics) if self.truth.dynamics is not None else None
-        self.faults = FaultPlan(self.settings.faults, world.now)
+        self.faults = FaultPlan(now_s=world.now)
         self._index, self._world = index, world
         self.seats_deg: list[tuple[float, float]] = []  # true time of each fixing by hand, and how askew it is since
         self._turn_on = stream(settings.seed, "uut", place, "accelerometer", "turn_on")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntFlag
-from typing import Self
+from typing import ClassVar, Self
 
 from drivers import scpi
 from drivers.acutronic_acl import wire
@@ -20,7 +20,7 @@ from drivers.acutronic_acl.wire import (
     SoftwareFault,
     Supervisor,
 )
-from simulators.faults import FaultPlan
+from simulators.faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
 from simulators.profiles import Slew
 from simulators.setup import InstrumentSetup
 from simulators.world import World
@@ -303,6 +303,12 @@ class SimulatedAcutrol:
             case Mode.SYNTHESIS if axis.moving(now):
                 return SWINGING
         return Dynamics(0)
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **MEASURES_AND_OBEYS,
+        "emergency_stop": Mishap(lambda table: table.trip(SoftwareFault.ABORT, InterlockInput.MASTER_INTERLOCK)),
+        "interlock": Mishap(lambda table: table.trip(SoftwareFault(0), InterlockInput.INTERLOCK_1)),
+    }
 
 
 class AclSession:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Self
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar, Self
 
 from drivers.aerotech_ensemble import wire
 from drivers.aerotech_ensemble.wire import AxisFault, AxisStatus, Outcome, Reply
-from simulators.faults import FaultPlan
+from simulators.faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
 from simulators.setup import InstrumentSetup
 from simulators.world import World
 
@@ -134,6 +134,12 @@ class SimulatedEnsemble:
         elif self.enabled:
             status |= AxisStatus.IN_POSITION
         return status
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **MEASURES_AND_OBEYS,
+        "emergency_stop": Mishap(lambda head: head.trip(AxisFault.EMERGENCY_STOP)),
+        "tripped": Mishap(lambda head: head.trip(AxisFault.POSITION_ERROR)),
+    }
 
 
 class EnsembleSession:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from drivers import scpi
 from drivers.agilent_34970a import wire
 from drivers.agilent_34970a.wire import Condition
 from drivers.scpi import ErrorEntry
-from simulators.faults import FaultPlan
+from simulators.faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
 from simulators.scpi import (
     ILLEGAL_VALUE,
     OUT_OF_RANGE,
@@ -73,6 +73,14 @@ class SimulatedScanner:
     def execute(self, message: str) -> str:
         """Carries out a message that is no scan; its answers."""
         return self._interpreter.execute(message)
+
+    def open_sensors(self) -> None:
+        """The plug with all sensors comes off."""
+        self.open.update(self._names)
+
+    def close_sensors(self) -> None:
+        """It is in place again."""
+        self.open.clear()
 
     def restart(self) -> None:
         """The mains fail for a moment: nothing is scanned any more."""
@@ -220,6 +228,12 @@ class SimulatedScanner:
         self.sensors: dict[int, str] = {}
         self.units: dict[int, str] = {}
         self.formats = dict.fromkeys(_FORMATS, False)
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **MEASURES_AND_OBEYS,
+        "restart": Mishap(restart),
+        "open_sensor": Mishap(open_sensors, close_sensors),
+    }
 
 
 class ScannerSession:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Self
+from typing import ClassVar, Self
 
 from drivers.binder.wire import (
     ALARM,
@@ -25,7 +25,8 @@ from drivers.binder.wire import (
     value_c,
     words,
 )
-from simulators.faults import FaultPlan
+from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
 from simulators.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError
 from simulators.setup import InstrumentSetup
 from simulators.world import World
@@ -36,7 +37,7 @@ PROGRAM_C = 40.0  # where the program goes that somebody starts
 _LINES_READ = 0x1292
 
 
-class SimulatedBinder:
+class SimulatedBinder(HasDoor):
     """Registers of one controller, which answers after a quarter of a second.
 
     An MB1 takes a set point into force when its mode is written, so that a mode before its set point brings back the
@@ -51,7 +52,7 @@ class SimulatedBinder:
         self.faults, self.kind, self.swapped = faults, kind, swapped
         self.alarm = self.door = 0
         self.program_runs = False
-        self._world, self._range_c, self._restarted = world, range_c, False
+        self._world, self._range_c, self._restarts = world, range_c, 0
         self._server = ModbusServer(self, unit_id)
         self._air_c = world.thermal.air_c  # the last reading, for when it is frozen
         self._mode, self._lines = Mode.MANUAL, 0
@@ -91,6 +92,24 @@ class SimulatedBinder:
             self._write_word(address, words)
         else:
             raise RegisterError(ExceptionCode.ILLEGAL_ADDRESS)
+
+    def open_door(self) -> None:
+        """The contact at the door tells it."""
+        super().open_door()
+        self.door = 1
+
+    def close_door(self) -> None:
+        """The same."""
+        super().close_door()
+        self.door = 0
+
+    def raise_alarm(self) -> None:
+        """An alarm comes up."""
+        self.alarm = 1
+
+    def clear_alarm(self) -> None:
+        """It is seen to."""
+        self.alarm = 0
 
     def start_program(self) -> None:
         """What somebody does at the front panel."""
@@ -153,8 +172,8 @@ class SimulatedBinder:
 
     def _restart_once(self) -> None:
         """A controller that lost its power for a moment begins anew."""
-        if self.faults.active("restart") and not self._restarted:
-            self._restarted, self.program_runs, self._mode = True, False, Mode.MANUAL
+        if self.faults.times("restart") > self._restarts:
+            self._restarts, self.program_runs, self._mode = self._restarts + 1, False, Mode.MANUAL
             self._set_points = dict.fromkeys(self._set_points, words(AFTER_RESTART_C))
             self._follow()
 
@@ -162,3 +181,10 @@ class SimulatedBinder:
         if not self.faults.active("frozen"):
             self._air_c = self._world.thermal.air_c
         return self._air_c
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **CHAMBER_MISHAPS,
+        "restart": LOOKED_FOR,
+        "program": Mishap(start_program),
+        "alarm": Mishap(raise_alarm, clear_alarm),
+    }

@@ -119,7 +119,7 @@ class SimulatedCounter(CanNode):
 
     def _catch_up(self) -> None:
         """Makes the latches that are due."""
-        if self.faults.active("restart") and not self._boots:
+        if self.faults.times("restart") > self._boots:
             self._restart()
         due = math.floor((self._world.now() - self._origin_s) / self._latch_s) - self._latch
         if due <= 0:

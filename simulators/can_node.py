@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from drivers.dbc import Dbc, Field, encode_frames
 from drivers.errors import LinkLost
 from drivers.frame_block import FrameBlock
-from simulators.faults import FaultPlan
+from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
 from simulators.world import World
 
 Array = NDArray[np.float64]
@@ -24,6 +25,8 @@ class CanNode(ABC):
 
     A block of frames comes into being when somebody takes it, or just before a stimulus changes.
     """
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {"frozen": LOOKED_FOR, "restart": LOOKED_FOR}
 
     def __init__(self, name: str, world: World, faults: FaultPlan) -> None:
         self.faults = faults
@@ -42,14 +45,17 @@ class CanNode(ABC):
         sent, self._sent = self._sent, []
         if self.faults.active("cut"):
             raise LinkLost(self._name, "the connection was cut", remedy="Check the cable, then run again.")
-        if self.faults.active("silent"):
-            return _before(
-                FrameBlock.joined(sent), float(self._world.host_time(np.array(self.faults.since_s("silent"))))
-            )
-        return FrameBlock.joined(sent)
+        return self._heard(FrameBlock.joined(sent))
 
     def close(self) -> None:  # noqa: B027  nothing is to be done
         """Nobody listens any more; the node does not care."""
+
+    def _heard(self, frames: FrameBlock) -> FrameBlock:
+        """Frames without those that were sent while it was silent."""
+        for span_s in self.faults.spans_s("silent"):
+            begin_s, end_s = self._world.host_time(np.array(span_s))
+            frames = _rows(frames, np.flatnonzero((frames.at_s < begin_s) | (frames.at_s >= end_s)))
+        return frames
 
     @abstractmethod
     def _catch_up(self) -> None:
@@ -60,11 +66,6 @@ def in_order(blocks: list[FrameBlock]) -> FrameBlock:
     """Frames of several blocks in the order of their times."""
     frames = FrameBlock.joined(blocks)
     return _rows(frames, np.argsort(frames.at_s, kind="stable"))
-
-
-def _before(frames: FrameBlock, at_s: float) -> FrameBlock:
-    """What was sent before a time of the host's clock."""
-    return _rows(frames, np.flatnonzero(frames.at_s < at_s))
 
 
 def _rows(frames: FrameBlock, rows: NDArray[np.intp]) -> FrameBlock:

@@ -94,7 +94,7 @@ class SimulatedTelemetry(CanNode):
     def __init__(self, world: World, settings: TelemetrySettings, faults: FaultPlan) -> None:
         super().__init__(settings.name, world, faults)
         self._settings = settings
-        self._restarted = False
+        self._restarts = 0
         senders: dict[str, Sender] = {
             name: world.counted[each.place] for name, each in settings.channels.items() if each.place in world.counted
         }
@@ -118,8 +118,8 @@ class SimulatedTelemetry(CanNode):
             each.integrate(self._world.now())
 
     def _catch_up(self) -> None:
-        if self.faults.active("restart") and not self._restarted:
-            self._restarted = True
+        if self.faults.times("restart") > self._restarts:
+            self._restarts += 1
             for each in self._streams:
                 each.begin(each.integrated_s)
         frozen, blocks = self.faults.active("frozen"), list[FrameBlock]()

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
-from typing import Literal, Self
+from collections.abc import Callable, Mapping
+from typing import ClassVar, Literal, Self
 
 from drivers.cts import wire
 from drivers.cts.wire import ETX, FULL_SPEED_C_PER_MIN, STX, RampChannel
-from simulators.faults import FaultPlan
+from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.faults import FaultKind, FaultPlan, Mishap
 from simulators.setup import InstrumentSetup
 from simulators.world import World
 
@@ -23,7 +24,7 @@ _RATE = re.compile(r"([ud])([01]) (\d{3}\.\d)")
 _SWITCH = re.compile(r"s([1-9:;]) ([01])")
 
 
-class SimulatedCts:
+class SimulatedCts(HasDoor):
     """A chamber at one address; it says nothing to what is not for it, broken, or not known.
 
     `set_point_reads` is what it tells as its set point during a ramp. `error` is the number of one that stops it.
@@ -75,6 +76,10 @@ class SimulatedCts:
     def fail(self, number: str) -> None:
         """Something happens that stops the chamber, until it is acknowledged at the chamber: `error` and `running`."""
         self.error, self.running = number, False
+
+    def acknowledge(self) -> None:
+        """Somebody sees to the error and acknowledges it; the chamber stays off."""
+        self.error = ""
 
     def start_program(self) -> None:
         """Somebody starts a program at the front panel."""
@@ -140,6 +145,13 @@ class SimulatedCts:
         if not self.faults.active("frozen"):
             self._air_c = self._world.thermal.air_c
         return self._air_c
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **CHAMBER_MISHAPS,
+        "restart": Mishap(restart),
+        "program": Mishap(start_program),
+        "alarm": Mishap(lambda chamber: chamber.fail("1"), acknowledge),
+    }
 
 
 class FrameSession:

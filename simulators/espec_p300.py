@@ -8,11 +8,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
-from typing import Self
+from typing import ClassVar, Self
 
 from drivers.espec_p300 import wire
 from drivers.espec_p300.wire import CONSTANT, OFF, STANDBY, TENTHS
-from simulators.faults import FaultPlan
+from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.faults import FaultKind, FaultPlan, Mishap
 from simulators.scpi import LineSession
 from simulators.setup import InstrumentSetup
 from simulators.world import World
@@ -34,7 +35,7 @@ class Refusal(Exception):
     """What is not done, with the reason that is answered."""
 
 
-class SimulatedP300:
+class SimulatedP300(HasDoor):
     """One controller of a chamber without humidity, or with one that stands still.
 
     `protected` is the switch at its front panel, `alarm` stops it. `hurried` counts the lines that came sooner than the
@@ -100,6 +101,24 @@ class SimulatedP300:
         self.alarms.append(code)
         self.mode = STANDBY
 
+    def start_program(self) -> None:
+        """Somebody starts a program at the front panel."""
+        if self.mode != OFF:
+            self._run(1)
+
+    def end_program(self) -> None:
+        """He goes back to constant operation."""
+        if self.mode == RUN:
+            self._enter(CONSTANT)
+
+    def protect(self) -> None:
+        """Somebody protects the settings at the front panel."""
+        self.protected = True
+
+    def unprotect(self) -> None:
+        """They are free again."""
+        self.protected = False
+
     def restart(self) -> None:
         """The mains fail for a moment: it comes back switched off."""
         self.mode = OFF
@@ -160,3 +179,11 @@ class SimulatedP300:
         if not self.faults.active("frozen"):
             self._air_c = self._world.thermal.air_c
         return self._air_c
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **CHAMBER_MISHAPS,
+        "restart": Mishap(restart),
+        "program": Mishap(start_program, end_program),
+        "alarm": Mishap(lambda chamber: chamber.alarm(1), lambda chamber: chamber.alarms.clear()),
+        "front_panel": Mishap(protect, unprotect),
+    }

@@ -1,15 +1,74 @@
-"""Faults of simulated instruments: what breaks, and from when on."""
+"""Faults of simulated instruments: what breaks, from when on, and until when.
+
+A simulator names what can happen to it in one way: the mapping MISHAPS of its class, kind → Mishap. What any line can
+do to an instrument is not in it: `silent`, `cut`, and the kinds in `LINE_FAULTS`.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Literal
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+from simulators.line_faults import LineFault
 
 OPEN_C = 320.0  # what an open thermometer reads
-FaultKind = Literal["silent", "cut", "frozen", "stuck", "restart", "dead", "open_thermometer", "current"]
+FaultKind = Literal[
+    "silent", "cut", "delay", "late", "duplicate", "garbage", "cut_short", "split", "flip", "echo", "half_open",
+    "slow_close", "frozen", "stuck", "restart", "door_open", "emergency_stop", "front_panel", "program", "interlock",
+    "compliance", "tripped", "alarm", "open_sensor", "dead", "open_thermometer", "current",
+]  # fmt: skip
+LINE_FAULTS: Mapping[FaultKind, LineFault] = {
+    "delay": LineFault.DELAY, "late": LineFault.LATE, "duplicate": LineFault.DUPLICATE, "garbage": LineFault.GARBAGE,
+    "cut_short": LineFault.CUT, "split": LineFault.SPLIT, "flip": LineFault.FLIP, "echo": LineFault.ECHO,
+    "half_open": LineFault.HALF_OPEN, "slow_close": LineFault.SLOW_CLOSE,
+}  # fmt: skip
 
 BROKEN_DRAWS = 3.0  # times its current
+
+
+def nothing(_instrument: Any) -> None:
+    """Nothing is done: the simulator looks for itself whether the fault is there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mishap:
+    """What happens to an instrument when a fault begins and when it ends; without an end it stays as it then is."""
+
+    begin: Callable[[Any], object] = nothing
+    end: Callable[[Any], object] = nothing
+
+
+LOOKED_FOR = Mishap()
+MEASURES_AND_OBEYS: Mapping[FaultKind, Mishap] = {"frozen": LOOKED_FOR, "stuck": LOOKED_FOR}
+"""What can happen to most instruments: values that stand still, commands that are not carried out."""
+
+
+def mishaps_of(simulator: type) -> Mapping[FaultKind, Mishap]:
+    """What can happen to the instruments of a class; one that names nothing can only be on a bad line."""
+    found: Mapping[FaultKind, Mishap] = getattr(simulator, "MISHAPS", {})
+    return found
+
+
+class Breakable(Protocol):
+    """A simulated instrument, node or unit."""
+
+    @property
+    def faults(self) -> FaultPlan:
+        """How it breaks."""
+
+
+def begin(victim: Breakable, kind: FaultKind) -> None:
+    """A fault happens to it from now on."""
+    victim.faults.begin(kind)
+    mishaps_of(type(victim)).get(kind, LOOKED_FOR).begin(victim)
+
+
+def end(victim: Breakable, kind: FaultKind) -> None:
+    """The fault is over."""
+    victim.faults.end(kind)
+    mishaps_of(type(victim)).get(kind, LOOKED_FOR).end(victim)
 
 
 class FaultPlan:
@@ -17,24 +76,41 @@ class FaultPlan:
 
     `silent`: requests are carried out or not, but nothing is answered; frames stop. `cut`: the connection is closed.
     `frozen`: measured values (for a counter: its clock, latch sequence and counts) stand still. `stuck`: commands are
-    accepted and not carried out. `restart`: once, a counter loses its power for a moment and begins anew. Of a unit
+    accepted and not carried out. `restart`: once, an instrument loses its power for a moment and begins anew. Of a unit
     `silent` stops the frames of its channel and `dead` its pulses; `open_thermometer` opens that at it, and with
-    `current` it draws more than it should.
+    `current` it draws more than it should. The others are told in docs/how-to/rehearse_a_bad_night.md.
     """
 
     def __init__(self, starts_s: Mapping[str, float] | None = None, now_s: Callable[[], float] = lambda: 0.0) -> None:
-        self._starts_s = dict(starts_s or {})
+        self._spans_s = {kind: [(start_s, math.inf)] for kind, start_s in (starts_s or {}).items()}
         self._now_s = now_s
 
     def active(self, kind: FaultKind) -> bool:
         """Whether a fault is there now."""
-        since_s = self._starts_s.get(kind)
-        return since_s is not None and self._now_s() >= since_s
+        if kind not in self._spans_s:
+            return False
+        now_s = self._now_s()
+        return any(start_s <= now_s < end_s for start_s, end_s in self._spans_s[kind])
 
-    def since_s(self, kind: FaultKind) -> float:
-        """When a fault begins; infinite for never."""
-        return self._starts_s.get(kind, math.inf)
+    def spans_s(self, kind: FaultKind) -> list[tuple[float, float]]:
+        """When a fault was there so far, and will be: from, to; infinite for no end."""
+        return self._spans_s.get(kind, [])
+
+    def times(self, kind: FaultKind) -> int:
+        """How often a fault has begun."""
+        return sum(start_s <= self._now_s() for start_s, _ in self.spans_s(kind))
 
     def begin(self, kind: FaultKind) -> None:
         """From now on."""
-        self._starts_s[kind] = self._now_s()
+        self._spans_s.setdefault(kind, []).append((self._now_s(), math.inf))
+
+    def end(self, kind: FaultKind) -> None:
+        """Until now, that one of the kind which has lasted longest."""
+        spans_s = self.spans_s(kind)
+        index = next((i for i, (_, end_s) in enumerate(spans_s) if end_s == math.inf), None)
+        if index is not None:
+            spans_s[index] = (spans_s[index][0], self._now_s())
+
+    def on_the_line(self) -> LineFault | None:
+        """What happens to the answers now."""
+        return next((fault for kind, fault in LINE_FAULTS.items() if self.active(kind)), None)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Self
+from collections.abc import Mapping
+from typing import ClassVar, Self
 
 from drivers.fluke_5700a import wire
 from drivers.fluke_5700a.wire import Event, Status, Terminator
 from drivers.scpi import number
-from simulators.faults import FaultPlan
+from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
 from simulators.setup import InstrumentSetup
 from simulators.world import World
 
@@ -80,6 +81,11 @@ class SimulatedFluke:
         self.remote = False
         self._queue.clear()
         self._events = Event.POWER_ON
+
+    def overload(self) -> None:
+        """The load needs more than it can give: it goes to standby, and says why."""
+        self._switch(False)
+        self.fault(OVERLOAD)
 
     def local(self) -> None:
         """Somebody presses the key at its front panel that takes it out of remote."""
@@ -177,8 +183,7 @@ class SimulatedFluke:
 
     def _trip_on_overload(self) -> None:
         if self.output and self.unit == "A" and abs(self.level) * self.load_ohm > self.compliance_v:
-            self._switch(False)
-            self.fault(OVERLOAD)
+            self.overload()
 
     def _status(self) -> Status:
         status, now_s = self.modes, self._world.now()
@@ -196,6 +201,13 @@ class SimulatedFluke:
         self.level, self.unit, self.frequency_hz = 0.0, "V", 0.0
         self.modes = Status(0)
         self._changed_s = self._switched_s = -math.inf
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        "stuck": LOOKED_FOR,
+        "restart": Mishap(restart),
+        "front_panel": Mishap(local),
+        "tripped": Mishap(overload),
+    }
 
 
 class FlukeSession:

@@ -79,7 +79,7 @@ class SimulatedGyro:
         self.place = place
         self.settings = settings.places[place]
         self.truth = draw_gyro_unit(file, settings.seed, place)
-        self.faults = FaultPlan(self.settings.faults, world.now)
+        self.faults = FaultPlan(now_s=world.now)
         self._index, self._world = index, world
         self._noise = GyroNoise(self.truth, settings.seed, place)
         dynamics = self.truth.dynamics

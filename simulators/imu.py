@@ -39,8 +39,7 @@ class ImuPlace:
     """An inertial unit in its place.
 
     `channels` are those of the counter or of the telemetry, by CHANNELS, and `decodings` what becomes of the codes of
-    those that it sends; `thermometers` are offset (°C), gain and corrections, by SENSORS; `faults` are when it breaks
-    (s), by how.
+    those that it sends; `thermometers` are offset (°C), gain and corrections, by SENSORS.
     """
 
     unit: ImuFile
@@ -48,7 +47,6 @@ class ImuPlace:
     supply: str
     mount_angle_deg: float
     thermometers: Mapping[str, tuple[float, float, Table]]
-    faults: Mapping[str, float] = field(default_factory=dict)
     decodings: Mapping[str, Decoding] = field(default_factory=dict)
 
 
@@ -91,7 +89,7 @@ class SimulatedImu:
         self._asked: tuple[float, float, int] = (-1.0, -1.0, 0)
         self._told: Array = np.empty((len(CHANNELS), 0))
         self._at_rest: tuple[Any, Array] = None, np.empty((3, 3))
-        self.faults = FaultPlan(self.settings.faults, world.now)
+        self.faults = FaultPlan(now_s=world.now)
         self.powered_at_s: float | None = None
         self.history: list[ImuState] = []
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Self
+from collections.abc import Mapping
+from typing import ClassVar, Self
 
 from drivers.keithley_6220 import wire
 from drivers.keithley_6220.wire import Condition, Terminator
-from simulators.faults import FaultPlan
+from simulators.faults import FaultKind, FaultPlan, Mishap
 from simulators.loaded_source import LoadedSource
 from simulators.scpi import (
     OUT_OF_RANGE,
@@ -64,6 +65,14 @@ class SimulatedKeithley(LoadedSource):
         self._interlock_closed = closed
         if not closed:
             self.put_output(False)
+
+    def open_interlock(self) -> None:
+        """The contact at the rear opens, and the output goes off."""
+        self.interlock_closed = False
+
+    def close_interlock(self) -> None:
+        """It is closed again; the output stays off."""
+        self.interlock_closed = True
 
     def restart(self) -> None:
         """The mains fail for a moment: everything is as when it was switched on."""
@@ -131,6 +140,12 @@ class SimulatedKeithley(LoadedSource):
         self.level_a, self.compliance_v = 0.0, 10.0
         self.range_a, self.auto_range = wire.RANGES_A[-1], True
         self.put_output(False)
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **LoadedSource.MISHAPS,
+        "restart": Mishap(restart),
+        "interlock": Mishap(open_interlock, close_interlock),
+    }
 
 
 def _range_for(level_a: float) -> float:

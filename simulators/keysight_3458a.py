@@ -7,10 +7,10 @@ import re
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar
 
 from drivers.keysight_3458a import wire
-from simulators.faults import FaultPlan
+from simulators.faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
 from simulators.serve import Later
 from simulators.unit_file import stream
 from simulators.world import World
@@ -216,6 +216,11 @@ class Simulated3458A:
         code = min(self.errors, key=lambda code: (code < 200, code))
         self.errors.remove(code)
         return f'{code},"{_ERRORS.get(code, "HARDWARE ERROR")}"'
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **MEASURES_AND_OBEYS,
+        "restart": Mishap(restart),
+    }
 
 
 @dataclass(slots=True)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from simulators.faults import FaultPlan
+from collections.abc import Mapping
+from typing import ClassVar
+
+from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
 from simulators.scpi import Handler
 from simulators.world import World
+
+WITHOUT_WIRE = 1e6  # times its load
 
 
 class LoadedSource:
@@ -29,6 +34,16 @@ class LoadedSource:
         """What flows out of its terminals; None while its output is off."""
         return self.current_a if self.output else None
 
+    def take_load_off(self) -> None:
+        """A wire comes off: next to nothing flows."""
+        self._world.before_change()
+        self.load_ohm *= WITHOUT_WIRE
+
+    def put_load_back(self) -> None:
+        """It is connected again."""
+        self._world.before_change()
+        self.load_ohm /= WITHOUT_WIRE
+
     def put_output(self, on: bool) -> None:
         """Switches the output."""
         self._world.before_change()
@@ -37,3 +52,8 @@ class LoadedSource:
     def unless_stuck(self, handler: Handler) -> Handler:
         """What carries a setting out, or does not."""
         return lambda argument: None if self.faults.active("stuck") else handler(argument)
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        "stuck": LOOKED_FOR,
+        "compliance": Mishap(take_load_off, put_load_back),
+    }

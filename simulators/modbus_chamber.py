@@ -6,13 +6,14 @@ It does what the profile says, so a profile can be rehearsed; whether the contro
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar, Self
 
 from drivers.chamber.words import Words
 from drivers.modbus_chamber.profile import ChamberProfile, CodeRegister, ValueRegister
-from simulators.faults import FaultPlan
+from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
 from simulators.modbus import (
     READ,
     READ_INPUT,
@@ -31,7 +32,7 @@ LIMITS_C = (-70.0, 180.0)  # in the registers that hold them
 ELSEWHERE_C = 40.0  # where it goes when something else decides
 
 
-class SimulatedProfile:
+class SimulatedProfile(HasDoor):
     """Holding and input registers as a profile has them, numbered by themselves.
 
     A set point beyond the limits and a mode that the profile does not have are refused with exception 3, as is half of
@@ -46,7 +47,7 @@ class SimulatedProfile:
         self.alarms = [each.quiet[0] for each in profile.alarms]
         self.limits_c = (profile.range.min, profile.range.max) if profile.range is not None else LIMITS_C
         self.mode = profile.mode.follows[0] if profile.mode is not None else 0
-        self._world, self._serial_line, self._restarted = world, serial_line, False
+        self._world, self._serial_line, self._restarts = world, serial_line, 0
         self._air_c = world.thermal.air_c  # the last reading, for when it is frozen
         self._set_point = self._words(profile.set_point, world.thermal.set_point_c)
         ramp = profile.ramp
@@ -167,8 +168,8 @@ class SimulatedProfile:
 
     def _restart_once(self) -> None:
         """A controller that lost its power for a moment begins anew."""
-        if self.faults.active("restart") and not self._restarted:
-            self._restarted, self._ramp_on = True, 0
+        if self.faults.times("restart") > self._restarts:
+            self._restarts, self._ramp_on = self._restarts + 1, 0
             self._set_point = self._words(self.profile.set_point, AFTER_RESTART_C)
             self._follow()
 
@@ -190,6 +191,11 @@ class SimulatedProfile:
     def _check(allowed: bool) -> None:
         if not allowed:
             raise RegisterError(ExceptionCode.ILLEGAL_VALUE)
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **CHAMBER_MISHAPS,
+        "restart": LOOKED_FOR,
+    }
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Self
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar, Self
 
 from drivers.newport_xps import wire
 from drivers.newport_xps.wire import GroupState, Profile, Reply
-from simulators.faults import FaultPlan
+from simulators.faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
 from simulators.serve import Later
 from simulators.setup import InstrumentSetup
 from simulators.world import World
@@ -123,6 +123,10 @@ class SimulatedXps:
         self._error |= FOLLOWING_ERROR_BIT
         self._end_motion(_FOLLOWING_ERROR, wire.FOLLOWING_ERROR)
 
+    def stop_at_once(self) -> None:
+        """The emergency stop: the group is killed, as by GroupKill."""
+        self._end_motion(_KILLED, wire.EMERGENCY)
+
     def execute(self, text: str, session: XpsSession) -> Reply | None:
         """Carries a call out; None for one that is answered when its motion ends."""
         try:
@@ -191,7 +195,7 @@ class SimulatedXps:
 
     def _kill(self, given: Sequence[str]) -> str:
         self._of_group(given)
-        self._end_motion(_KILLED, wire.EMERGENCY)
+        self.stop_at_once()
         return ""
 
     def _move(self, given: Sequence[str]) -> str:
@@ -231,6 +235,12 @@ class SimulatedXps:
             raise CallRefusedError(wire.PARAMETER_OUT_OF_RANGE)
         self.profile = profile
         return ""
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **MEASURES_AND_OBEYS,
+        "emergency_stop": Mishap(stop_at_once),
+        "tripped": Mishap(trip),
+    }
 
 
 class XpsSession:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Self
+from collections.abc import Mapping
+from typing import ClassVar, Self
 
 from drivers.scpi_supply import wire
-from simulators.faults import FaultPlan
+from simulators.faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
 from simulators.scpi import Interpreter, LineSession, setting, switch
 from simulators.setup import InstrumentSetup
 from simulators.world import World
@@ -96,3 +97,9 @@ class SimulatedSupply:
     def _reset(self) -> None:
         self._level_v, self._limit_a, self.output = 0.0, CURRENT_MAX_A, False
         self._feed_units()
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **MEASURES_AND_OBEYS,
+        "tripped": Mishap(trip),
+        "restart": Mishap(restart),
+    }

@@ -21,10 +21,9 @@ class PlaceSettings:
     """One unit in its place. `thermometer_offset_c` and `thermometer_gain` are the errors drawn for its reading.
 
     They come on top of those that its `thermometer_table` corrects, °C to be added at readings in °C. Its output are
-    pulses on a `channel`, the volts across `load_ohm`, or codes with their `decoding`. `faults` are kinds, each with
-    the time from which it is there. The errors of `converter_` are for the thermometer at its converter; `source` is
-    the device that may feed that. `arm_m` is where it truly is from where the axes of the table meet, in the fixture's
-    frame.
+    pulses on a `channel`, the volts across `load_ohm`, or codes with their `decoding`. The errors of `converter_` are
+    for the thermometer at its converter; `source` is the device that may feed that. `arm_m` is where it truly is from
+    where the axes of the table meet, in the fixture's frame.
     """
 
     unit: UnitFile | GyroFile
@@ -34,7 +33,6 @@ class PlaceSettings:
     thermometer_offset_c: float = 0.0
     thermometer_gain: float = 0.0
     thermometer_table: Table = ((), ())
-    faults: Mapping[str, float] = field(default_factory=dict)
     load_ohm: float | None = None
     converter_offset_c: float = 0.0
     converter_gain: float = 0.0
@@ -69,6 +67,7 @@ class WorldSettings:
     latitude_deg: float = 0.0
     table: TableErrors = field(default_factory=TableErrors)
     mount: Mount = field(default_factory=Mount)
+    ambient_c: float = 22.0  # of the room
     remount_deg: float = 0.0  # standard deviation of how a unit lies each time that it is fixed by hand
     fixture: Fixture = field(default_factory=Fixture)
     chamber: ChamberPhysics = field(default_factory=ChamberPhysics)

@@ -35,6 +35,11 @@ class InstrumentSetup:
 
 def make_instrument(target: str, setup: InstrumentSetup) -> Instrument:
     """The simulator at `module:Class`; imports its module."""
-    module, _, name = target.partition(":")
-    of: Callable[[InstrumentSetup], Instrument] = getattr(import_module(module), name).of
+    of: Callable[[InstrumentSetup], Instrument] = simulator_class(target).of
     return of(setup)
+
+
+def simulator_class(target: str) -> Any:
+    """The class at `module:Class`; imports its module."""
+    module, _, name = target.partition(":")
+    return getattr(import_module(module), name)

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Self
+from typing import ClassVar, Self
 
 from drivers.simserv import wire
 from drivers.simserv.wire import Function, Info, Reads, Status
-from simulators.faults import FaultPlan
+from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.faults import FaultKind, FaultPlan, Mishap
 from simulators.scpi import LineSession
 from simulators.setup import InstrumentSetup
 from simulators.world import World
@@ -30,7 +31,7 @@ class Refusal(Exception):
         self.code = code
 
 
-class SimulatedSimserv:
+class SimulatedSimserv(HasDoor):
     """A chamber with one control variable, its temperature.
 
     `set_point_reads` is what it tells as its set point during a ramp. `error` stops it with a message that is active
@@ -100,6 +101,21 @@ class SimulatedSimserv:
         """Something happens that stops the chamber: a message, counted from 1, is active."""
         self.active.add(index)
         self.outputs[wire.START] = False
+
+    def open_door(self) -> None:
+        """The contact at the door stops it, with a message."""
+        super().open_door()
+        self.error(1)
+
+    def close_door(self) -> None:
+        """The message goes; the chamber stays off."""
+        super().close_door()
+        self.active.discard(1)
+
+    def start_program(self) -> None:
+        """Somebody starts a program at the front panel, where the chamber lets him."""
+        if not self.active:
+            self._run("1", "1")
 
     def restart(self) -> None:
         """The mains fail for a moment: it comes back switched off."""
@@ -191,6 +207,13 @@ class SimulatedSimserv:
         if not self.faults.active("frozen"):
             self._air_c = self._world.thermal.air_c
         return self._air_c
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **CHAMBER_MISHAPS,
+        "restart": Mishap(restart),
+        "program": Mishap(start_program, _end_program),
+        "alarm": Mishap(lambda chamber: chamber.error(2), lambda chamber: chamber.active.discard(2)),
+    }
 
 
 def _called(function: Callable[..., object], count: int, arguments: list[str]) -> object:

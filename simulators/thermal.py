@@ -27,6 +27,7 @@ _FIRST_UNIT = 6
 _PER_UNIT = 4  # case, sensor, thermometer, heating
 _PER_BOARD = 2  # board, thermometer; those of all units come after all units
 PROPAGATORS_KEPT = 4096
+DOOR_SHARE = 0.5
 _STEPS_PER_S = 1000  # intervals are whole milliseconds, so that a few matrices serve a whole night
 
 
@@ -62,6 +63,7 @@ class Thermal:
         self._ticks = 0
         self._ramp_end_s = 0.0
         self._target_c = chamber.start_c
+        self._pull_c = 0.0  # of an open door on what the air is drawn to
         amplitude, turn = chamber.limit_cycle_c * math.sqrt(2), 2 * math.pi / chamber.limit_cycle_period_s
         self._boards = _boards(units)
         state = np.zeros(_FIRST_UNIT + _PER_UNIT * len(units) + _PER_BOARD * len(self._boards))
@@ -88,18 +90,24 @@ class Thermal:
                 self._ticks += ticks
             if not self._state[_SET_POINT_RATE] or to_s < self._ramp_end_s:
                 return
-            self._state[_SET_POINT], self._state[_SET_POINT_RATE] = self._target_c, 0.0
+            self._state[_SET_POINT], self._state[_SET_POINT_RATE] = self._target_c + self._pull_c, 0.0
 
     def ramp(self, target_c: float, rate_c_per_s: float) -> None:
         """From now on the set point in force goes to `target_c` at `rate_c_per_s`; infinity jumps."""
-        distance = target_c - self._state[_SET_POINT]
+        distance = target_c - self.set_point_c
         self._target_c = target_c
         self._state[_SET_POINT_RATE] = 0.0
         if distance and math.isfinite(rate_c_per_s) and rate_c_per_s > 0:
             self._state[_SET_POINT_RATE] = math.copysign(rate_c_per_s, distance)
             self._ramp_end_s = self.now_s + abs(distance) / rate_c_per_s
         else:
-            self._state[_SET_POINT] = target_c
+            self._state[_SET_POINT] = target_c + self._pull_c
+
+    def door(self, room_c: float | None) -> None:
+        """An open door draws the air towards that of the room, by DOOR_SHARE of what they differ by; None closes it."""
+        pull_c = 0.0 if room_c is None else DOOR_SHARE * (room_c - self.air_c)
+        self._state[_SET_POINT] += pull_c - self._pull_c
+        self._pull_c = pull_c
 
     def power(self, unit: int, on: bool) -> None:
         """Switches the self-heating of a unit."""
@@ -108,7 +116,7 @@ class Thermal:
     @property
     def set_point_c(self) -> float:
         """The set point in force."""
-        return float(self._state[_SET_POINT])
+        return float(self._state[_SET_POINT] - self._pull_c)
 
     @property
     def air_c(self) -> float:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Self
+from typing import ClassVar, Self
 
 from drivers.watlow_f4.wire import (
     EVENT_OUTPUTS,
@@ -19,7 +19,8 @@ from drivers.watlow_f4.wire import (
     TemperatureFormat,
     event_output,
 )
-from simulators.faults import FaultPlan
+from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
 from simulators.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError
 from simulators.setup import InstrumentSetup
 from simulators.world import World
@@ -30,7 +31,7 @@ PROFILE_C = 40.0  # where the profile goes that somebody starts
 _SWITCHED_OFF = frozenset((103, 104, 105, 107, 108, 109, 110, 111, 115, 319, 1922, 1925))  # features; read as zero
 
 
-class SimulatedF4:
+class SimulatedF4(HasDoor):
     """Registers of channel 1, the event outputs, and a profile that goes to PROFILE_C.
 
     A set point outside its limits and a number that a register does not know are refused with exception 3; a register
@@ -46,7 +47,7 @@ class SimulatedF4:
         self.faults = faults
         self.memory_writes = 0
         self.sensor_error = self.alarm = 0
-        self._world, self._restarted = world, False
+        self._world, self._restarts = world, 0
         self._server = ModbusServer(self, unit_id)
         self._form = form = TemperatureFormat(decimals)
         self._air_c = world.thermal.air_c  # the last reading, for when it is frozen
@@ -158,6 +159,18 @@ class SimulatedF4:
                 self._settings[address] = word
                 self._follow_set_point()
 
+    def raise_alarm(self) -> None:
+        """An alarm comes up."""
+        self.alarm = 1
+
+    def open_sensor(self) -> None:
+        """The wire of the sensor comes off."""
+        self.sensor_error = 1
+
+    def clear(self) -> None:
+        """Both are seen to."""
+        self.alarm = self.sensor_error = 0
+
     def start_profile(self) -> None:
         """What somebody does at the front panel."""
         self._status = Status.PROFILE_RUNS
@@ -172,8 +185,8 @@ class SimulatedF4:
 
     def _restart_once(self) -> None:
         """A controller that lost its power for a moment begins anew."""
-        if self.faults.active("restart") and not self._restarted:
-            self._restarted, self._status = True, Status.STATIC
+        if self.faults.times("restart") > self._restarts:
+            self._restarts, self._status = self._restarts + 1, Status.STATIC
             self._settings[Register.SET_POINT] = self._form.word(AFTER_RESTART_C)
             self._follow_set_point()
 
@@ -191,3 +204,11 @@ class SimulatedF4:
         if not self.faults.active("frozen"):
             self._air_c = self._world.thermal.air_c
         return self._air_c
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **CHAMBER_MISHAPS,
+        "restart": LOOKED_FOR,
+        "program": Mishap(start_profile, _end_profile),
+        "alarm": Mishap(raise_alarm, clear),
+        "open_sensor": Mishap(open_sensor, clear),
+    }

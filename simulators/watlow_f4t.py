@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from enum import IntEnum
 from itertools import chain
-from typing import Self
+from typing import ClassVar, Self
 
 from drivers.chamber.words import WordOrder, Words
 from drivers.watlow_f4t.wire import (
@@ -23,7 +23,8 @@ from drivers.watlow_f4t.wire import (
     RampAction,
     RampScale,
 )
-from simulators.faults import FaultPlan
+from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.faults import FaultKind, FaultPlan, Mishap
 from simulators.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, ModbusTcpSession, RegisterError
 from simulators.setup import InstrumentSetup
 from simulators.world import World
@@ -31,6 +32,7 @@ from simulators.world import World
 _UNUSED = (2812, 2816, 2818)  # between the values of a loop; read as zero
 _EVENTS = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
 _SECONDS = {RampScale.MINUTES: 60.0, RampScale.HOURS: 3600.0}
+AFTER_RESTART_C = 25.0  # the set point of a controller that was switched off and on
 _POWER_PER_C = 20.0  # % of power for a degree between set point and air
 
 
@@ -39,7 +41,7 @@ class _Switch(IntEnum):
     ON = 63
 
 
-class SimulatedF4T:
+class SimulatedF4T(HasDoor):
     """Registers of one control loop, the display unit, analog input 1 and the event outputs.
 
     A set point outside the set-point limits, and a number outside its enumeration, is refused with exception 3; a
@@ -108,6 +110,21 @@ class SimulatedF4T:
             return ModbusRtuSession(self._server, self._world.now)
         return ModbusTcpSession(self._server)
 
+    def switch_off(self) -> None:
+        """What somebody does at the front panel."""
+        self._enter(ControlMode.OFF)
+
+    def switch_on(self) -> None:
+        """The loop controls again."""
+        self._enter(ControlMode.AUTO)
+
+    def restart(self) -> None:
+        """The mains fail for a moment: it begins anew, without a ramp."""
+        at, form = self._form.address, self._form
+        self._stored[at(LoopRegister.SET_POINT)] = form.words(AFTER_RESTART_C)
+        self._stored[at(LoopRegister.RAMP_ACTION)] = (RampAction.OFF, 0)
+        self.switch_on()
+
     def read(self, address: int, count: int) -> Sequence[int]:
         """Words from `address`; a half of a value is given as it is."""
         self._world.look()
@@ -157,6 +174,10 @@ class SimulatedF4T:
         if set_point or address == self._form.address(LoopRegister.CONTROL_MODE):
             self._follow_set_point()
 
+    def _enter(self, mode: ControlMode) -> None:
+        self._stored[self._form.address(LoopRegister.CONTROL_MODE)] = (mode, 0)
+        self._follow_set_point()
+
     def _follow_set_point(self) -> None:
         """The set point in force starts for the set point, or jumps to it."""
         if self._enumeration(LoopRegister.CONTROL_MODE) != ControlMode.AUTO:
@@ -183,3 +204,9 @@ class SimulatedF4T:
             power_percent = _POWER_PER_C * (self._world.thermal.set_point_c - self._process_value_c())
             return max(-100.0, min(100.0, power_percent))
         return self._float(LoopRegister.MANUAL_POWER) if mode == ControlMode.MANUAL else 0.0
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **CHAMBER_MISHAPS,
+        "front_panel": Mishap(switch_off, switch_on),
+        "restart": Mishap(restart),
+    }

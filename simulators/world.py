@@ -149,6 +149,11 @@ class World:
         self.before_change()
         self.thermal.ramp(target_c, rate_c_per_s)
 
+    def door(self, *, is_open: bool) -> None:
+        """Somebody opens the chamber's door, or closes it."""
+        self.before_change()
+        self.thermal.door(self.settings.ambient_c if is_open else None)
+
     def power(self, supply: str, on: bool) -> None:
         """A supply's output goes on or off, and with it the units on it."""
         now = self.before_change()

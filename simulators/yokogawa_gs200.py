@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Self
+from collections.abc import Mapping
+from typing import ClassVar, Self
 
 from drivers.yokogawa_gs200 import wire
 from drivers.yokogawa_gs200.wire import Condition, Function
-from simulators.faults import FaultPlan
+from simulators.faults import FaultKind, FaultPlan, Mishap
 from simulators.loaded_source import LoadedSource
 from simulators.scpi import (
     ILLEGAL_VALUE,
@@ -147,3 +148,9 @@ class SimulatedGS200(LoadedSource):
         self.function, self.level_a = "VOLT", 0.0
         self.range_a = _RANGES_V[-1]
         self.compliance_v, self.current_limit_a = wire.COMPLIANCE_MAX_V, _CURRENT_LIMITS_A[1]
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **LoadedSource.MISHAPS,
+        "restart": Mishap(restart),
+        "tripped": Mishap(trip),
+    }

@@ -68,6 +68,7 @@ class _Draws:
             axes={role: self._axis(role, () if number == 0 else (role,)) for number, role in axes},
             axis_acceleration_dps2=simulation.head.acceleration,
             mount=simulated_mount(bench.fixture.mount()),
+            ambient_c=simulation.ambient,
             level_deg=stated.level_deg + self._draw(stated.level_u_deg, "level"),
             latitude_deg=bench.site.latitude,
             table=TableErrors() if simulation.table is None else self._table(simulation.table),
@@ -102,7 +103,6 @@ class _Draws:
             thermometer_offset_c=offset_c,
             thermometer_gain=gain,
             thermometer_table=table,
-            faults=self._faults(name),
             load_ohm=next((each.load for role, each in simulation.voltmeters.items() if role == entry.voltmeter), None),
             converter_offset_c=converter_offset_c,
             converter_gain=converter_gain,
@@ -124,13 +124,8 @@ class _Draws:
             thermometers={
                 sensor: self._thermometer(reading) for sensor, reading in zip(SENSORS, readings, strict=True)
             },
-            faults=self._faults(name),
             decodings={name: each for name, each in decodings.items() if each is not None},
         )
-
-    def _faults(self, place: str) -> dict[str, float]:
-        """The kinds of fault of the unit in a place, each with its time."""
-        return {fault.kind: fault.at for fault in self._bench.simulation.faults if fault.unit == place}
 
     def _axis(self, role: str, path: tuple[str, ...]) -> AxisErrors:
         known = self._stated.axes.get(role, AxisRecord())

@@ -7,16 +7,19 @@ from collections.abc import Callable
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from bench.app.devices import open_devices
+from bench.app.faults import Cue, FaultPlayer, as_journalled
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
+from bench.app.relay import RunObserver
 from bench.app.request import PreparedRun
 from bench.app.technician import Technician
 from bench.app.tracing import Keep, recording
 from bench.app.truth import truth_of
 from bench.clock import Clock, Stopwatch, wall_utc
-from bench.engine.engine import Observer, Outcome
+from bench.config.simulation import FaultSimulation
+from bench.engine.engine import Outcome
 from bench.engine.questions import Desk
 from bench.errors import BenchError, StoreError
 from bench.loop import AS_FAST_AS_POSSIBLE
@@ -26,7 +29,6 @@ from bench.report.findings import Results
 from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, StoredRun, released_copy
 from bench.runner import manifest
 from bench.runner.run import run_plan
-from bench.sequence.estimate import Estimate
 from bench.store.reader import RunReader
 from bench.store.runs import RunDirectory
 from bench.store.writer import RunWriter
@@ -34,19 +36,9 @@ from drivers.can_counter.description import CounterOptions
 from drivers.can_options import text_of
 from drivers.can_telemetry.description import TelemetryOptions
 from drivers.modbus_chamber.description import ModbusChamberOptions
-from drivers.values import Reading
 
+SCENARIO_COPY = "scenario.yaml"
 CALLED = "called"  # the folder of sequences that the one of a run calls
-
-
-class RunObserver(Observer, Protocol):
-    """Whoever shows a run, from its directory to its results."""
-
-    def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
-        """The directory is made; the clock is that of the bench."""
-
-    def reading(self, name: str, reading: Reading) -> None:
-        """A channel has a new value."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +120,12 @@ async def _run(
             with suppress(StoreError):  # the step that it stops tells it
                 writer.event("device_note", device=device, text=text)
 
+        def tell(kind: str, fault: FaultSimulation) -> None:
+            with suppress(StoreError):
+                writer.event(kind, **as_journalled(fault))
+
+        if laboratory is not None and bench.simulation.faults:
+            observer = Cue(observer, FaultPlayer(laboratory, bench.simulation.faults, tell))
         devices = open_devices(bench, laboratory, keep, note)
         outcome, identities = await run_plan(
             prepared.plan,
@@ -156,7 +154,7 @@ async def _run(
 
 
 def _technician(
-    prepared: PreparedRun, laboratory: Laboratory | None, observer: Observer
+    prepared: PreparedRun, laboratory: Laboratory | None, observer: RunObserver
 ) -> Callable[[Desk], object] | None:
     """Who answers in a simulated run: a script, or at full speed somebody who does what he is asked."""
     bench = prepared.loaded.bench
@@ -171,6 +169,8 @@ def _keep_inputs(prepared: PreparedRun, folder: Path) -> dict[str, str]:
     copies = {SEQUENCE_COPY: prepared.plan.document.text, BENCH_COPY: prepared.loaded.document.text}
     copies |= {released_copy(place): released.text for place, released in prepared.released.items()}
     called = prepared.plan.document.all_included()
+    if prepared.scenario is not None:
+        copies[SCENARIO_COPY] = prepared.scenario.text
     copies |= {f"{CALLED}/{document.path.name}": document.text for document in called}
     for entry in prepared.loaded.bench.devices.values():
         if isinstance(entry.options, CounterOptions | TelemetryOptions):

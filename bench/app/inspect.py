@@ -6,7 +6,7 @@ import asyncio
 from dataclasses import dataclass
 
 from bench.app.devices import open_devices
-from bench.app.laboratory import laboratory_of
+from bench.app.faults import laboratory_of
 from bench.app.request import load_bench_named
 from bench.config.models import BenchFile
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME

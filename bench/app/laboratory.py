@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -26,6 +27,7 @@ from bench.loop import BenchLoop
 from bench.report.corrections import corrections_of
 from drivers.can_counter.description import CounterOptions
 from drivers.can_telemetry.description import TelemetryOptions
+from drivers.description import DriverDescription
 from drivers.transport.address import Address
 from drivers.transport.frames import FrameLink
 from drivers.transport.memory import Line, join
@@ -34,13 +36,13 @@ from simulators.can_counter import SimulatedCounter
 from simulators.can_node import CanNode
 from simulators.can_telemetry import SimulatedTelemetry
 from simulators.current_source import CurrentSource, Feed
-from simulators.faults import FaultPlan
+from simulators.faults import LINE_FAULTS, FaultPlan
 from simulators.gyro_unit import GyroFile
 from simulators.imu_file import ImuFile
 from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
-from simulators.line_faults import BadLine
+from simulators.line_faults import BadLine, LineFault
 from simulators.serve import Instrument, protocol_factory
-from simulators.setup import InstrumentSetup, make_instrument
+from simulators.setup import InstrumentSetup, make_instrument, simulator_class
 from simulators.unit_file import UnitFile
 from simulators.world import World
 
@@ -51,12 +53,21 @@ SERIAL_LATENCY_S = 0.004
 
 @dataclass(frozen=True)
 class Laboratory:
-    """A world, the instruments in it by role, what sends CAN frames, and the voltmeters' errors as drawn."""
+    """A world, the instruments in it by role, what sends CAN frames, and the voltmeters' errors as drawn.
+
+    `lines` are those, by role, on which answers may suffer.
+    """
 
     world: World
     instruments: dict[str, Instrument]
     nodes: Mapping[str, CanNode]
     voltmeters: Mapping[str, VoltmeterSettings] = field(default_factory=dict)
+    lines: Mapping[str, BadLine] = field(default_factory=dict)
+
+    def end_of_line(self, role: str) -> Callable[[], asyncio.Protocol]:
+        """What is at the other end of the wire to an instrument, behind its bad line where it has one."""
+        factory = protocol_factory(self.instruments[role])
+        return self.lines[role].in_front_of(factory) if role in self.lines else factory
 
 
 def unit_files(bench: BenchFile, override: Path | None) -> dict[str, AnyUnitFile]:
@@ -79,14 +90,6 @@ def _unit_file(path: Path, *, is_inertial: bool) -> AnyUnitFile:
     return load(document, GyroFile) if has_gyro else load(document, UnitFile)
 
 
-def laboratory_of(bench: BenchFile) -> Laboratory | None:
-    """The laboratory of a bench with its own units and seed, in the running loop; None for a bench without any."""
-    if not bench.needs_simulators:
-        return None
-    host_s = asyncio.get_running_loop().time
-    return make_laboratory(bench, unit_files(bench, None), bench.simulation.seed, host_s)
-
-
 def make_laboratory(
     bench: BenchFile, units: Mapping[str, AnyUnitFile], seed: int, host_s: Callable[[], float]
 ) -> Laboratory:
@@ -96,7 +99,7 @@ def make_laboratory(
     nodes: dict[str, CanNode] = {}
     voltmeters: dict[str, VoltmeterSettings] = {}
     for role, entry in bench.devices.items():
-        faults = FaultPlan({f.kind: f.at for f in bench.simulation.faults if f.device == role}, world.now)
+        faults = FaultPlan(now_s=world.now)
         if isinstance(entry.options, CounterOptions):
             nodes[role] = SimulatedCounter(world, counter_settings(bench, role, entry.options), faults)
         elif isinstance(entry.options, TelemetryOptions):
@@ -112,7 +115,29 @@ def make_laboratory(
             if isinstance(made, CurrentSource):
                 table = columns(corrections_of(bench).currents.get(role))
                 world.sources[role] = Feed(made, current_errors(bench, role, seed), table)
-    return Laboratory(world, instruments, nodes, voltmeters)
+    return Laboratory(world, instruments, nodes, voltmeters, _bad_lines(bench, instruments, seed))
+
+
+def _bad_lines(bench: BenchFile, instruments: Mapping[str, Instrument], seed: int) -> dict[str, BadLine]:
+    """A line for each instrument on whose answers a fault of the bench comes."""
+    suffering = {fault.device for fault in bench.simulation.faults if fault.kind in LINE_FAULTS}
+    return {role: BadLine(seed, partial(_suffered, instruments, role)) for role in instruments if role in suffering}
+
+
+def _suffered(instruments: Mapping[str, Instrument], role: str, _number: int) -> LineFault | None:
+    """What happens to an answer now, of whatever then stands for the instrument."""
+    return instruments[role].faults.on_the_line()
+
+
+_MADE_HERE: Mapping[str, type] = {
+    "can_counter": SimulatedCounter, "can_telemetry": SimulatedTelemetry, "keysight_3458a": Simulated3458A,
+}  # fmt: skip
+
+
+def simulator_of(driver: DriverDescription) -> type | None:
+    """The class of the simulator of a driver; None where there is none."""
+    made: type | None = simulator_class(driver.simulator) if driver.simulator else _MADE_HERE.get(driver.name)
+    return made
 
 
 def _check_current(place: str, units: Mapping[str, AnyUnitFile]) -> None:
@@ -166,5 +191,5 @@ class BenchWires:
 
     def _instrument(self, laboratory: Laboratory, role: str) -> Callable[[], asyncio.Protocol]:
         """What is at the other end of a simulated wire, behind a bad line where there is one."""
-        factory = protocol_factory(laboratory.instruments[role])
+        factory = laboratory.end_of_line(role)
         return self._bad[role].in_front_of(factory) if role in self._bad else factory

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
-from bench.app.execute import RunObserver, RunResult, execute
+from bench.app.execute import RunResult, execute
+from bench.app.faults import BEGINS, as_journalled
+from bench.app.relay import Relay, RunObserver
 from bench.app.request import PreparedRun
-from bench.clock import Clock
+from bench.app.scenario import with_faults
 from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from bench.config.simulation import FaultSimulation
-from bench.engine.questions import Question
 from bench.report.verify import verify
 from bench.sequence.estimate import Estimate
 from bench.sequence.plan import PHASES, PlannedStep
 from bench.store.database import FILE_NAME
 from bench.store.reader import Event, RunReader
-from drivers.values import Reading
 from simulators.unit_file import stream
 
 MOST_FAULTS = 3
@@ -46,6 +45,7 @@ class Compared:
 class Rehearsal:
     """What a rehearsal has shown.
 
+    `faults` are those of the bench, of the scenario and those drawn, `began_s` when each began, None where it did not.
     `phases` are those that were begun, `steps` those that ended, in the order of the plan. `unsafe` says which devices
     were not made safe and why, among them those that `faults` broke. `lost` is what was acknowledged in the run and is
     not on the disk, and files that are not as they were written.
@@ -57,6 +57,7 @@ class Rehearsal:
     steps: tuple[Compared, ...]
     stored_bytes: int
     faults: tuple[FaultSimulation, ...]
+    began_s: tuple[float | None, ...]
     unsafe: Mapping[str, str]
     lost: tuple[str, ...]
 
@@ -72,11 +73,11 @@ class Rehearsal:
 
 def rehearse(prepared: PreparedRun, observer: RunObserver, fault_seed: int | None = None) -> Rehearsal:
     """Runs what was prepared with every instrument simulated, with drawn faults where a seed for them is given."""
-    expected = prepared.expected
-    faults: tuple[FaultSimulation, ...] = ()
+    expected, loaded = prepared.expected, prepared.loaded
     if fault_seed is not None:
-        faults = draw_faults(prepared.loaded.bench, expected.total_s, fault_seed)
-        prepared = _with_faults(prepared, faults)
+        drawn = draw_faults(loaded.bench, expected.total_s, fault_seed)
+        prepared = replace(prepared, loaded=replace(loaded, bench=with_faults(loaded.bench, drawn)))
+    faults = prepared.loaded.bench.simulation.faults
     witness = _Witness(observer)
     result = execute(prepared, witness)
     with RunReader(result.path) as reader:
@@ -88,6 +89,7 @@ def rehearse(prepared: PreparedRun, observer: RunObserver, fault_seed: int | Non
         steps=tuple(_steps(expected, events)),
         stored_bytes=(result.path / FILE_NAME).stat().st_size,
         faults=faults,
+        began_s=tuple(_began(faults, events)),
         unsafe=_unsafe(result, events),
         lost=(*witness.lost(events), *verify(result.path)),
     )
@@ -113,11 +115,14 @@ def _kinds(entry: DeviceEntry) -> tuple[str, ...]:
     return _OF_A_SOURCE if "current_source" in entry.description.capabilities else _OF_OTHERS
 
 
-def _with_faults(prepared: PreparedRun, faults: tuple[FaultSimulation, ...]) -> PreparedRun:
-    bench = prepared.loaded.bench
-    simulation = bench.simulation.model_copy(update={"faults": (*bench.simulation.faults, *faults)})
-    bench = bench.model_copy(update={"simulation": simulation})
-    return replace(prepared, loaded=replace(prepared.loaded, bench=bench))
+def _began(faults: Sequence[FaultSimulation], events: list[Event]) -> Iterator[float | None]:
+    """When each of the faults began, by the journal; the same one again in its order."""
+    left = [event for event in events if event.kind == BEGINS]
+    for fault in faults:
+        found = next((event for event in left if event.data == as_journalled(fault)), None)
+        if found is not None:
+            left.remove(found)
+        yield found.at_s if found is not None else None
 
 
 def _phases(expected: Estimate, events: list[Event]) -> Iterator[Compared]:
@@ -145,11 +150,11 @@ def _unsafe(result: RunResult, events: list[Event]) -> Mapping[str, str]:
     return {"every device": "the run ended before the devices were made safe"}
 
 
-class _Witness:
+class _Witness(Relay):
     """Passes everything on to another observer, and keeps which steps it was told of: those are acknowledged."""
 
     def __init__(self, observer: RunObserver) -> None:
-        self._observer = observer
+        super().__init__(observer)
         self._told: list[tuple[str, str]] = []
 
     def lost(self, events: list[Event]) -> Iterator[str]:
@@ -159,28 +164,12 @@ class _Witness:
             if (kind, step) not in kept:
                 yield f"{kind} {step} is not in the journal"
 
-    def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
-        """Passed on."""
-        self._observer.run_begins(path, expected, clock)
-
     def step_begins(self, planned: PlannedStep, index: int) -> None:
         """Kept, and passed on."""
         self._told.append(("step_begins", planned.id))
-        self._observer.step_begins(planned, index)
+        super().step_begins(planned, index)
 
     def step_ended(self, planned: PlannedStep, index: int) -> None:
         """Kept, and passed on."""
         self._told.append(("step_ended", planned.id))
-        self._observer.step_ended(planned, index)
-
-    def reading(self, name: str, reading: Reading) -> None:
-        """Passed on."""
-        self._observer.reading(name, reading)
-
-    def asked(self, question: Question) -> None:
-        """Passed on."""
-        self._observer.asked(question)
-
-    def notice(self, text: str) -> None:
-        """Passed on."""
-        self._observer.notice(text)
+        super().step_ended(planned, index)

@@ -15,6 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 from bench.app.released import Released, of_units, read_released
 from bench.app.released import remarks as of_calibrations
 from bench.config.bench import LoadedBench, load_bench
+from bench.config.document import Document
 from bench.config.load import find
 from bench.errors import InputError
 from bench.report.shown import duration
@@ -58,6 +59,7 @@ class RunRequest:
     past_due: PastDue = "refuse"
     calibrations: tuple[str, ...] = ()
     trace: Path | None = None
+    scenario: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,10 @@ class CheckedRun:
 
 @dataclass(frozen=True)
 class PreparedRun:
-    """A run whose files fit together: what it does, on what, how long, how fast, and on which units by place."""
+    """A run whose files fit together: what it does, on what, how long, how fast, and on which units by place.
+
+    The faults of a scenario are among those of the bench.
+    """
 
     request: RunRequest
     plan: Plan
@@ -88,6 +93,7 @@ class PreparedRun:
     warnings: tuple[Remark, ...] = ()
     script: Script | None = None
     released: Mapping[str, Released] = field(default_factory=dict)
+    scenario: Document | None = None
 
 
 def load_bench_named(name: str | None, *, simulate: bool = False) -> LoadedBench:
@@ -190,6 +196,8 @@ def _ends_too_late(expected: Estimate, loaded: LoadedBench, not_after: str | Non
 
 def prepare(request: RunRequest) -> PreparedRun:
     """Reads and checks everything; InputError says what does not fit."""
+    from bench.app.scenario import with_scenario  # and the simulators with it
+
     checked = load_checked(request)
     plan, loaded = checked.plan, checked.loaded
     speed = _speed(request, loaded)
@@ -203,12 +211,14 @@ def prepare(request: RunRequest) -> PreparedRun:
     for option, text in (("--order", request.order), ("--procedure", request.procedure)):
         if not text.isprintable() or len(text) > 200:
             raise InputError(f"{option}: expected up to 200 printable characters")
+    loaded, scenario = with_scenario(loaded, request.scenario, plan)
     seed = loaded.bench.simulation.seed if request.seed is None else request.seed
     serials, script = _serials(request, loaded), _script(request, plan, loaded, speed)
     of_units(checked.released, plan, serials)
     return PreparedRun(
-        request, plan, loaded, checked.expected, speed, serials, seed, checked.warnings, script, checked.released
-    )
+        request, plan, loaded, checked.expected, speed, serials, seed, checked.warnings, script, checked.released,
+        scenario,
+    )  # fmt: skip
 
 
 def _script(request: RunRequest, plan: Plan, loaded: LoadedBench, speed: float) -> Script | None:

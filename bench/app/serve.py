@@ -8,27 +8,33 @@ from collections.abc import Callable
 from contextlib import AsyncExitStack
 from pathlib import Path
 
+from bench.app.faults import BEGINS, FaultPlayer
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
 from bench.app.request import load_bench_named
+from bench.app.scenario import with_scenario
 from bench.app.tracing import read_trace_file
 from bench.config.models import BenchFile
+from bench.config.simulation import FaultSimulation
 from bench.errors import BenchError, InputError
 from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
 from drivers.transport.address import Address
 from simulators.pty import serve_pty
 from simulators.replay import ReplayedInstrument
-from simulators.serve import protocol_factory
 from simulators.slcan_adapter import SimulatedAdapter
 
 
-def serve_bench(name: str, seed: int | None, say: Callable[[str], object], trace: Path | None = None) -> None:
+def serve_bench(
+    name: str, seed: int | None, say: Callable[[str], object], trace: Path | None = None, scenario: Path | None = None
+) -> None:
     """Serves until SIGINT or SIGTERM; `say` gets a line for each address that is served, then `ready`.
 
-    Devices that a `trace` has recorded say again what they said there. Raises InputError when the file has no local
-    address, BenchError when one is taken.
+    Devices that a `trace` has recorded say again what they said there. Faults of the bench file and of a `scenario` are
+    played from then on, each with a line when it begins and ends. Raises InputError when the file has no local address,
+    BenchError when one is taken.
     """
-    bench = load_bench_named(name).bench
+    loaded, _ = with_scenario(load_bench_named(name), scenario, None)
+    bench = loaded.bench
     units = unit_files(bench, None)
     if not any(entry.connection.is_local for entry in bench.devices.values()):
         raise InputError(f"{name}: no device is at a loopback address or a pty, so there is nothing to simulate")
@@ -47,9 +53,14 @@ def serve_bench(name: str, seed: int | None, say: Callable[[str], object], trace
             for line in await open_servers(bench, laboratory, stack):
                 say(line)
             say("ready")
+            FaultPlayer(laboratory, bench.simulation.faults, lambda kind, fault: say(_told(kind, fault)))
             await stopped.wait()
 
     run_loop(main(), REAL_TIME)
+
+
+def _told(kind: str, fault: FaultSimulation) -> str:
+    return f"{fault.victim} {fault.kind} {'begins' if kind == BEGINS else 'ends'}"
 
 
 async def open_servers(bench: BenchFile, laboratory: Laboratory, stack: AsyncExitStack) -> list[str]:
@@ -73,7 +84,7 @@ async def _serve(role: str, address: Address, laboratory: Laboratory, stack: Asy
         node = laboratory.nodes[role]
         await stack.enter_async_context(serve_pty(Path(address.path), lambda: SimulatedAdapter(node)))
         return
-    factory = protocol_factory(laboratory.instruments[role])
+    factory = laboratory.end_of_line(role)
     if address.scheme == "serial":
         await stack.enter_async_context(serve_pty(Path(address.path), factory))
         return

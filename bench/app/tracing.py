@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bench.app.devices import open_devices
-from bench.app.laboratory import laboratory_of
+from bench.app.faults import laboratory_of
 from bench.app.request import load_bench_named
 from bench.errors import InputError
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME

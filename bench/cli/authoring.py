@@ -47,6 +47,14 @@ def schema_of_chamber_profiles() -> None:
     _print(chamber_profile_schema())
 
 
+@schemas.command("scenario")
+def schema_of_scenarios() -> None:
+    """Print the JSON Schema of scenarios, the files of faults that --scenario takes."""
+    from bench.config.schema import scenario_schema
+
+    _print(scenario_schema())
+
+
 def _print(schema: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(schema, ensure_ascii=False, indent=2) + "\n")
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from bench.cli.exits import BENCH_ERROR
-from bench.cli.running import BenchOption, Simulate
+from bench.cli.running import BenchOption, Scenario, Simulate
 
 group = typer.Typer(help="Look at the instruments of a bench.", invoke_without_command=True, rich_markup_mode=None)
 
@@ -46,11 +46,12 @@ def simulate(
     trace: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Instruments that it records say again what they said there.")
     ] = None,
+    scenario: Scenario = None,
 ) -> None:
     """Serve the other end of every loopback and pty address of a bench file, in real time, until Ctrl-C."""
     from bench.app.serve import serve_bench
 
-    serve_bench(bench, seed, lambda line: sys.stderr.write(line + "\n"), trace)
+    serve_bench(bench, seed, lambda line: sys.stderr.write(line + "\n"), trace, scenario)
 
 
 def trace(

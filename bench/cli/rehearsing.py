@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bench.cli.exits import ABORTED, BENCH_ERROR, FAIL, PASS
-from bench.cli.running import BenchOption, Calibrations, NotAfter, Parameters, Preset, Sequence, Settings, warn
+from bench.cli.running import (
+    BenchOption,
+    Calibrations,
+    NotAfter,
+    Parameters,
+    Preset,
+    Scenario,
+    Sequence,
+    Settings,
+    warn,
+)
 
 if TYPE_CHECKING:  # `bench --help` loads none of it
     from bench.app.rehearse import Compared, Rehearsal
@@ -44,6 +54,7 @@ def rehearse(
     faults: Annotated[
         int | None, typer.Option(metavar="SEED", help="Break one to three instruments, drawn by this seed.")
     ] = None,
+    scenario: Scenario = None,
     runs: Annotated[Path, typer.Option(metavar="DIR", help="Where run directories are made.")] = Path("runs"),
 ) -> None:
     """Run a sequence on simulators of a bench's instruments, all limits in force, and compare with its plan.
@@ -59,7 +70,7 @@ def rehearse(
     as_it_is = RunRequest(
         sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), uut_model=uut_model,
         seed=seed, runs=runs, operator="rehearsal", answers=answers, not_after=not_after,
-        past_due="mark", calibrations=tuple(calibration or ()),
+        past_due="mark", calibrations=tuple(calibration or ()), scenario=scenario,
     )  # fmt: skip
     checked = load_checked(as_it_is)
     warn(checked.plan, checked.warnings)
@@ -102,9 +113,14 @@ def _told(rehearsal: Rehearsal) -> Iterator[str]:
 def _faults(rehearsal: Rehearsal) -> Iterator[str]:
     from bench.report.timeline import clock
 
-    for fault in rehearsal.faults:
-        when = "Injected" if fault.at <= rehearsal.result.bench_s else "Not reached: drawn for"
-        yield f"{when} {clock(fault.at)}: {fault.device or f'unit {fault.unit}'} {fault.kind}"
+    for fault, began_s in zip(rehearsal.faults, rehearsal.began_s, strict=True):
+        what = f"{fault.victim} {fault.kind}"
+        if began_s is not None:
+            yield f"Injected {clock(began_s)}: {what}"
+        elif fault.after is None:
+            yield f"Not reached: meant for {clock(fault.at)}: {what}"
+        else:
+            yield f"Not reached: meant for after {fault.after}: {what}"
 
 
 def _made_safe(rehearsal: Rehearsal) -> str:

@@ -46,6 +46,10 @@ Calibrations = Annotated[
         help="The released calibration by which the unit in a place is checked; again for each place.",
     ),
 ]  # fmt: skip
+Scenario = Annotated[
+    Path | None,
+    typer.Option("--scenario", metavar="FILE", help="Faults of the simulated instruments, and when they happen."),
+]
 Simulate = Annotated[bool, typer.Option("--simulate", help="Put the simulator at the other end of every wire.")]
 
 
@@ -212,6 +216,7 @@ def run(
     trace: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Record every byte on the wires of the bench in a new file.")
     ] = None,
+    scenario: Scenario = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the results as JSON, alone on stdout.")] = False,
 ) -> None:
     """Run a sequence on a bench."""
@@ -244,6 +249,7 @@ def run(
             past_due=past_due.value,
             calibrations=tuple(calibration or ()),
             trace=trace,
+            scenario=scenario,
         )
     )
     warn(prepared.plan, prepared.warnings)

@@ -12,6 +12,7 @@ from bench.config.document import Document, Place, Problem, read_document
 from bench.config.load import load
 from bench.config.models import BenchFile, ReadingEntry
 from bench.config.places import PlaceEntry
+from bench.config.simulation import FaultSimulation
 from bench.errors import InputError
 from drivers.suggest import did_you_mean
 from drivers.units import parse_unit
@@ -72,13 +73,18 @@ def _simulation(bench: BenchFile) -> Iterator[Problem]:
     for name in bench.simulation.sources:
         if name not in sources:
             yield ("simulation", "sources", name), f"'{name}' is not a current source{did_you_mean(name, sources)}"
-    for index, fault in enumerate(bench.simulation.faults):
+    yield from fault_misfits(bench.simulation.faults, bench, ("simulation", "faults"))
+
+
+def fault_misfits(faults: Sequence[FaultSimulation], bench: BenchFile, where: Place) -> Iterator[Problem]:
+    """Faults of devices and units that the bench does not have; `where` the faults stand in the document."""
+    for index, fault in enumerate(faults):
         if fault.unit is not None and fault.unit not in bench.places:
             problem = f"there is no place '{fault.unit}'{did_you_mean(fault.unit, bench.places)}"
-            yield ("simulation", "faults", index, "unit"), problem
+            yield (*where, index, "unit"), problem
         elif fault.device is not None and fault.device not in bench.devices:
             problem = f"there is no device '{fault.device}'{did_you_mean(fault.device, bench.devices)}"
-            yield ("simulation", "faults", index, "device"), problem
+            yield (*where, index, "device"), problem
 
 
 def _together(bench: BenchFile, name: str) -> Iterator[Problem]:

@@ -17,6 +17,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue, models_jso
 from pydantic_core import core_schema
 
 from bench.config.models import BenchFile
+from bench.config.scenario import ScenarioFile
 from drivers.description import DriverDescription, known_drivers
 from drivers.fields import UNIT_KEYWORD
 from drivers.modbus_chamber.profile import ChamberProfile
@@ -39,6 +40,11 @@ def bench_schema() -> Schema:
 def chamber_profile_schema() -> Schema:
     """The schema of the files that describe the controller of a chamber."""
     return schema_of(ChamberProfile, ())[0]
+
+
+def scenario_schema() -> Schema:
+    """The schema of the files of faults that are played on simulated instruments."""
+    return schema_of(ScenarioFile, ())[0]
 
 
 def schema_of(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
@@ -25,8 +25,13 @@ from drivers.fields import (
 )
 from drivers.wording import telling
 
-FAULTS_OF_DEVICES = ("silent", "cut", "frozen", "stuck", "restart")
-FAULTS_OF_UNITS = ("silent", "dead", "open_thermometer", "current")
+DeviceFault = Literal[
+    "silent", "cut", "delay", "late", "duplicate", "garbage", "cut_short", "split", "flip", "echo", "half_open",
+    "slow_close", "frozen", "stuck", "restart", "door_open", "emergency_stop", "front_panel", "program", "interlock",
+    "compliance", "tripped", "alarm", "open_sensor",
+]  # fmt: skip
+UnitFault = Literal["silent", "dead", "open_thermometer", "current"]
+AnyFault = Literal[DeviceFault, UnitFault]
 
 
 class ChamberSimulation(StrictModel):
@@ -94,26 +99,34 @@ class SourceSimulation(StrictModel):
 
 
 class FaultSimulation(StrictModel):
-    """An instrument, or a unit under test, that breaks on purpose."""
+    """An instrument, or a unit under test, that breaks on purpose.
+
+    What each kind does: [rehearse a bad night](../how-to/rehearse_a_bad_night.md).
+    """
+
+    kind_key: ClassVar[str] = "kind"
 
     device: Name | None = Field(None, description="which instrument, as in devices")
     unit: Name | None = Field(None, description="or the unit in which place")
-    kind: Literal["silent", "cut", "frozen", "stuck", "restart", "dead", "open_thermometer", "current"] = Field(
-        description="a device answers nothing (silent), loses the connection (cut), its values stand still (frozen), "
-        "it carries out no command (stuck), or a counter loses its power for a moment (restart); of a unit the frames "
-        "stop (silent), the counts stand still (dead), the thermometer opens, or it draws three times its current"
-    )
-    at: Seconds = Field(description="when, after the beginning of the run")
+    kind: AnyFault = Field(description="what happens; not every instrument knows every kind")
+    at: Seconds = Field(description="when, after the beginning of the run, or after the step has ended")
+    after: str | None = Field(None, description="the id of that step, as `bench plan` lists it")
+    for_: PositiveSeconds | None = Field(None, alias="for", description="how long it lasts; without it, to the end")
 
     @model_validator(mode="after")
     def _of_a_device_or_a_unit(self) -> FaultSimulation:
         if (self.device is None) == (self.unit is None):
             raise telling("give device or unit, one of them")
-        allowed = FAULTS_OF_DEVICES if self.unit is None else FAULTS_OF_UNITS
+        allowed = get_args(DeviceFault if self.unit is None else UnitFault)
         if self.kind not in allowed:
             what = "a device" if self.unit is None else "a unit"
-            raise telling(f"kind is '{self.kind}', {what} can be {', '.join(allowed)}")
+            raise telling(f"{self.kind_key} is '{self.kind}', {what} can be {', '.join(allowed)}")
         return self
+
+    @property
+    def victim(self) -> str:
+        """The device or the unit, in words."""
+        return self.device or f"unit {self.unit}"
 
 
 class Simulation(StrictModel):

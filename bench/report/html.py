@@ -58,7 +58,10 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
     sections = list(_sections(run, results)) if results is not None else []
     on_the_way = results.on_the_way if results is not None else OnTheWay()
     problems = list(page.problems(run, not_evaluated, verdict))
-    notes = [*page.past_due(instruments), *page.done_again(run), *page.notes_of_steps(run), *_flags(results)]
+    notes = [
+        *page.past_due(instruments), *page.faults_on_purpose(run), *page.done_again(run), *page.notes_of_steps(run),
+        *_flags(results),
+    ]  # fmt: skip
     return _environment().get_template(TEMPLATE).render(
         manifest=run.manifest,
         number=report_number(run.manifest, revision),

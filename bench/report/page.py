@@ -111,6 +111,16 @@ def done_again(run: StoredRun) -> Iterator[str]:
             yield tr("Done again, as the operator wished: step {step}.", step=event.step)
 
 
+def faults_on_purpose(run: StoredRun) -> Iterator[str]:
+    """What was broken in a rehearsal, and when; of a run without scenario nothing."""
+    for event in run.reader.events("fault_begins", "fault_ends"):
+        when, what = duration(event.at_s), f"{event.data['victim']} {event.data['fault']}"
+        if event.kind == "fault_begins":
+            yield tr("Broken on purpose, {time} after the start: {what}.", time=when, what=what)
+        else:
+            yield tr("No longer broken, {time} after the start: {what}.", time=when, what=what)
+
+
 def past_due(instruments: Sequence[Instrument]) -> Iterator[str]:
     """A sentence for each calibration that was not valid any more."""
     for instrument in instruments:

@@ -379,10 +379,14 @@ def test_a_wrong_value_elsewhere_is_told_under_its_key(folder, old, new, problem
          f"unit temperature: is 'unit temperature', expected {A_NAME}"),
         ("devices:\n", "devices:\n  x: 5\n", "x: 5", "x: is 5, expected a mapping"),
         ("seed: 1", "faults: [{device: head, kind: broken, at: 5 s}]", "kind: broken",
-         "kind: is 'broken', expected 'silent', 'cut', 'frozen', 'stuck', 'restart', 'dead', 'open_thermometer' or "
-         "'current'"),
+         "kind: is 'broken', expected 'silent', 'cut', 'delay', 'late', 'duplicate', 'garbage', 'cut_short', 'split', "
+         "'flip', 'echo', 'half_open', 'slow_close', 'frozen', 'stuck', 'restart', 'door_open', 'emergency_stop', "
+         "'front_panel', 'program', 'interlock', 'compliance', 'tripped', 'alarm', 'open_sensor', 'dead', "
+         "'open_thermometer' or 'current'"),
         ("seed: 1", "faults: [{device: head, kind: dead, at: 5 s}]", "{device: head",
-         "kind is 'dead', a device can be silent, cut, frozen, stuck, restart"),
+         "kind is 'dead', a device can be silent, cut, delay, late, duplicate, garbage, cut_short, split, flip, echo, "
+         "half_open, slow_close, frozen, stuck, restart, door_open, emergency_stop, front_panel, program, interlock, "
+         "compliance, tripped, alarm, open_sensor"),
         ("seed: 1", "faults: [{unit: a, device: head, kind: silent, at: 5 s}]", "{unit: a",
          "give device or unit, one of them"),
         ("seed: 1", "faults: [{unit: x, kind: dead, at: 5 s}]", "unit: x", "there is no place 'x'; expected a"),

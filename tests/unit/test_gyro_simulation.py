@@ -151,7 +151,9 @@ def test_pulses_and_encoder_are_latched_together():
 
 
 def test_a_gyro_without_power_and_a_dead_one_send_nothing():
-    lab, form, counter = on_a_table(file(), place={"faults": {"dead": 3.0}})
+    lab, form, counter = on_a_table(file())
+    (gyro,) = lab.world.gyros.values()
+    gyro.faults = FaultPlan({"dead": 3.0}, lab.world.now)
     lab.world.turn(100.0, 1e6)
     lab.wait(2)
     counter.take()

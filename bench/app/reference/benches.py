@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import inspect
 
+from bench.app.laboratory import simulator_of
 from bench.app.reference.keys import Blocks, keys, part, table
 from bench.config.models import BenchFile
 from drivers.description import DriverDescription, known_drivers
 from drivers.transport.address import SCHEMES
+from simulators.faults import mishaps_of
 
 
 def bench_page() -> Blocks:
@@ -39,6 +41,7 @@ def drivers_page() -> Blocks:
         "network itself. Over `serial`, and over `socket`, which is a serial line behind a server, nothing protects "
         "an answer: where a dialect has no checksum, what enters a result is asked twice.",
         table(("scheme", "written like", "options after `?`"), map(_connection, SCHEMES)),
+        "The faults of a simulator are what a [scenario](../how-to/rehearse_a_bad_night.md) can do to it.",
         *(block for name in sorted(drivers) for block in _driver(drivers[name])),
     ]
 
@@ -54,6 +57,7 @@ def _driver(driver: DriverDescription) -> Blocks:
         ("is a", ", ".join(f"`{name}`" for name in sorted(driver.capabilities))),
         ("is reached by", ", ".join(f"`{scheme}`" for scheme in sorted(driver.schemes))),
         ("readings", _readings(driver)),
+        ("faults of its simulator", _faults(driver)),
     ]
     blocks = [
         *part(driver.options, "options", 3),
@@ -63,6 +67,13 @@ def _driver(driver: DriverDescription) -> Blocks:
         *part(driver.corrections, "calibration.corrections", 3),
     ]
     return [f"## {driver.name}", f"{driver.title[:1].upper()}{driver.title[1:]}.", table(("", ""), facts), *blocks]
+
+
+def _faults(driver: DriverDescription) -> str:
+    simulator = simulator_of(driver)
+    if simulator is None:
+        return "it has no simulator"
+    return "those of its wire, " + ", ".join(f"`{kind}`" for kind in mishaps_of(simulator))
 
 
 def _readings(driver: DriverDescription) -> str:

@@ -1,0 +1,93 @@
+"""Plays the faults of a bench on its simulated instruments and units, each at its time and for as long as it lasts."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+
+from bench.app.laboratory import Laboratory, make_laboratory, unit_files
+from bench.app.relay import Relay, RunObserver
+from bench.config.models import BenchFile
+from bench.config.simulation import FaultSimulation
+from bench.sequence.plan import PlannedStep
+from simulators import faults
+from simulators.faults import Breakable
+
+BEGINS, ENDS = "fault_begins", "fault_ends"  # in the journal
+Tell = Callable[[str, FaultSimulation], object]
+"""Is told BEGINS and ENDS, and of which fault."""
+
+
+class FaultPlayer:
+    """Plays faults in a laboratory; those that come after a step when it is told of that.
+
+    Concurrency: timers of the running loop, which end with it.
+    """
+
+    def __init__(self, laboratory: Laboratory, to_play: Sequence[FaultSimulation], tell: Tell) -> None:
+        self._laboratory, self._tell = laboratory, tell
+        self._waiting = [fault for fault in to_play if fault.after is not None]
+        for fault in to_play:
+            if fault.after is None:
+                _in(fault.at, self._begin, fault)
+
+    def step_ended(self, step: str) -> None:
+        """The first time that a step has ended, what comes after it begins, or waits for its time from now on."""
+        due = [fault for fault in self._waiting if fault.after == step]
+        self._waiting = [fault for fault in self._waiting if fault.after != step]
+        for fault in due:
+            _in(fault.at, self._begin, fault)
+
+    def _begin(self, fault: FaultSimulation) -> None:
+        self._laboratory.world.before_change()
+        faults.begin(self._victim(fault), fault.kind)
+        self._tell(BEGINS, fault)
+        if fault.for_ is not None:
+            _in(fault.for_, self._end, fault)
+
+    def _end(self, fault: FaultSimulation) -> None:
+        self._laboratory.world.before_change()
+        faults.end(self._victim(fault), fault.kind)
+        self._tell(ENDS, fault)
+
+    def _victim(self, fault: FaultSimulation) -> Breakable:
+        world = self._laboratory.world
+        victims: dict[str, Breakable] = {**self._laboratory.instruments, **self._laboratory.nodes}
+        if fault.unit is not None:
+            victims = {**world.counted, **world.imus}
+        return victims[fault.unit or fault.device or ""]
+
+
+def laboratory_of(bench: BenchFile) -> Laboratory | None:
+    """The laboratory of a bench with its own units, seed and faults, in the running loop; None for one without any."""
+    if not bench.needs_simulators:
+        return None
+    host_s = asyncio.get_running_loop().time
+    laboratory = make_laboratory(bench, unit_files(bench, None), bench.simulation.seed, host_s)
+    FaultPlayer(laboratory, bench.simulation.faults, lambda _kind, _fault: None)
+    return laboratory
+
+
+class Cue(Relay):
+    """Passes everything on to another observer, and tells a player of faults which steps have ended."""
+
+    def __init__(self, observer: RunObserver, player: FaultPlayer) -> None:
+        super().__init__(observer)
+        self._player = player
+
+    def step_ended(self, planned: PlannedStep, index: int) -> None:
+        """Told, and passed on."""
+        super().step_ended(planned, index)
+        self._player.step_ended(planned.id)
+
+
+def as_journalled(fault: FaultSimulation) -> dict[str, str]:
+    """What the journal says of a fault that begins or ends."""
+    return {"victim": fault.victim, "fault": fault.kind}
+
+
+def _in(delay_s: float, act: Callable[[FaultSimulation], object], fault: FaultSimulation) -> None:
+    if delay_s > 0:
+        asyncio.get_running_loop().call_later(delay_s, act, fault)
+    else:
+        act(fault)

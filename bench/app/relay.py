@@ -1,0 +1,54 @@
+"""Whoever shows a run, and one who stands before another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol
+
+from bench.clock import Clock
+from bench.engine.engine import Observer
+from bench.engine.questions import Question
+from bench.sequence.estimate import Estimate
+from bench.sequence.plan import PlannedStep
+from drivers.values import Reading
+
+
+class RunObserver(Observer, Protocol):
+    """Whoever shows a run, from its directory to its results."""
+
+    def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
+        """The directory is made; the clock is that of the bench."""
+
+    def reading(self, name: str, reading: Reading) -> None:
+        """A channel has a new value."""
+
+
+class Relay:
+    """Passes everything on to another observer."""
+
+    def __init__(self, observer: RunObserver) -> None:
+        self._observer = observer
+
+    def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
+        """Passed on."""
+        self._observer.run_begins(path, expected, clock)
+
+    def step_begins(self, planned: PlannedStep, index: int) -> None:
+        """Passed on."""
+        self._observer.step_begins(planned, index)
+
+    def step_ended(self, planned: PlannedStep, index: int) -> None:
+        """Passed on."""
+        self._observer.step_ended(planned, index)
+
+    def reading(self, name: str, reading: Reading) -> None:
+        """Passed on."""
+        self._observer.reading(name, reading)
+
+    def asked(self, question: Question) -> None:
+        """Passed on."""
+        self._observer.asked(question)
+
+    def notice(self, text: str) -> None:
+        """Passed on."""
+        self._observer.notice(text)

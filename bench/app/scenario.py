@@ -1,0 +1,80 @@
+"""Faults of simulated instruments as a scenario says them: read, and held against what each simulator knows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from bench.app.laboratory import simulator_of
+from bench.config.bench import LoadedBench, fault_misfits
+from bench.config.document import Document, Place, Problem, read_document
+from bench.config.load import load
+from bench.config.models import BenchFile
+from bench.config.scenario import ScenarioFile
+from bench.config.simulation import FaultSimulation
+from bench.errors import InputError
+from bench.sequence.plan import Plan
+from drivers.description import DriverDescription
+from drivers.suggest import did_you_mean
+from simulators.can_node import CanNode
+from simulators.faults import LINE_FAULTS, mishaps_of
+
+IN_BENCH: Place = ("simulation", "faults")
+IN_SCENARIO: Place = ("faults",)
+
+
+def with_scenario(loaded: LoadedBench, path: Path | None, plan: Plan | None) -> tuple[LoadedBench, Document | None]:
+    """The bench with the faults of a scenario after its own, and the scenario; InputError for what does not fit.
+
+    Without a plan the instruments are only served, and nothing can come after a step.
+    """
+    if plan is None or loaded.bench.needs_simulators:
+        own = loaded.bench.simulation.faults
+        if found := loaded.document.told(_misfits(own, loaded.bench, plan, IN_BENCH)):
+            raise InputError(*found)
+    if path is None:
+        return loaded, None
+    if plan is not None and not loaded.bench.is_simulated:
+        raise InputError(f"--scenario {path}: this bench has real connections; faults are played on simulators only")
+    document = read_document(path)
+    scripted = load(document, ScenarioFile).faults
+    if found := document.told(
+        [*fault_misfits(scripted, loaded.bench, IN_SCENARIO), *_misfits(scripted, loaded.bench, plan, IN_SCENARIO)]
+    ):
+        raise InputError(*found)
+    return replace(loaded, bench=with_faults(loaded.bench, scripted)), document
+
+
+def with_faults(bench: BenchFile, faults: Sequence[FaultSimulation]) -> BenchFile:
+    """The bench with further faults."""
+    simulation = bench.simulation.model_copy(update={"faults": (*bench.simulation.faults, *faults)})
+    return bench.model_copy(update={"simulation": simulation})
+
+
+def known_faults(driver: DriverDescription) -> tuple[str, ...]:
+    """The kinds of fault that the simulator of a driver can play: those of any line first; none without simulator."""
+    simulator = simulator_of(driver)
+    if simulator is None:
+        return ()
+    lines = () if issubclass(simulator, CanNode) else LINE_FAULTS
+    return ("silent", "cut", *lines, *mishaps_of(simulator))
+
+
+def _misfits(faults: Sequence[FaultSimulation], bench: BenchFile, plan: Plan | None, where: Place) -> Iterator[Problem]:
+    """Kinds that an instrument does not know, and steps that the plan does not have."""
+    for index, fault in enumerate(faults):
+        if fault.device is not None and fault.device in bench.devices:
+            entry = bench.devices[fault.device]
+            if fault.kind not in (known := known_faults(entry.description)):
+                yield (
+                    (*where, index, fault.kind_key),
+                    f"'{fault.device}', a simulated {entry.driver}, does not know {fault.kind}; it knows "
+                    f"{', '.join(known) or 'none'}",
+                )
+        if fault.after is None:
+            continue
+        if plan is None:
+            yield (*where, index, "after"), "after: no sequence is run here; say with at when it happens"
+        elif fault.after not in (steps := [planned.id for planned in plan]):
+            yield (*where, index, "after"), f"the plan has no step '{fault.after}'{did_you_mean(fault.after, steps)}"

@@ -1,0 +1,35 @@
+"""A scenario: faults of simulated instruments, scripted; `--scenario FILE` of simulate, run and rehearse."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from bench.config.devices import Text
+from bench.config.simulation import AnyFault, FaultSimulation
+from drivers.fields import NOT_EMPTY, Seconds, StrictModel
+from drivers.wording import telling
+
+
+class ScriptedFault(FaultSimulation):
+    """A fault as a bench file may have it, too; `at` or `after` says when, both add up."""
+
+    kind_key: ClassVar[str] = "fault"
+
+    kind: AnyFault = Field(alias="fault", description="what happens; not every instrument knows every kind")
+    at: Seconds = Field(0.0, description="when, after the beginning of the run, or after the step has ended")
+
+    @model_validator(mode="after")
+    def _some_time(self) -> ScriptedFault:
+        if not self.model_fields_set & {"at", "after"}:
+            raise telling("say when: at, such as 10 min, or after, the id of a step")
+        return self
+
+
+class ScenarioFile(StrictModel):
+    """One file of faults, for the instruments of one kind of bench."""
+
+    schema_: Literal["itb-scenario/1"] = Field(alias="schema", description="what the file is")
+    title: Text = Field(description="what it is about")
+    faults: Annotated[tuple[ScriptedFault, ...], NOT_EMPTY] = Field(description="in any order")
