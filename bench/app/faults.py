@@ -9,6 +9,7 @@ from bench.app.laboratory import Laboratory, make_laboratory, unit_files
 from bench.app.relay import Relay, RunObserver
 from bench.config.models import BenchFile
 from bench.config.simulation import FaultSimulation
+from bench.sequence.dwells import first_visit
 from bench.sequence.plan import PlannedStep
 from simulators import faults
 from simulators.faults import Breakable
@@ -33,8 +34,9 @@ class FaultPlayer:
 
     def step_ended(self, step: str) -> None:
         """The first time that a step has ended, what comes after it begins, or waits for its time from now on."""
-        due = [fault for fault in self._waiting if fault.after == step]
-        self._waiting = [fault for fault in self._waiting if fault.after != step]
+        ended = first_visit(step)
+        due = [fault for fault in self._waiting if fault.after == ended]
+        self._waiting = [fault for fault in self._waiting if fault.after != ended]
         for fault in due:
             _in(fault.at, self._begin, fault)
 

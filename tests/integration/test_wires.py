@@ -36,11 +36,12 @@ def wired_bench(tmp_path) -> Path:
 
 
 @contextmanager
-def simulating(bench: Path) -> Iterator[subprocess.Popen[str]]:
+def simulating(bench: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
     """`bench simulate` until the block ends."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "bench", "simulate", "--bench", str(bench)], stderr=subprocess.PIPE, text=True, cwd=ROOT
-    )
+        [sys.executable, "-m", "bench", "simulate", "--bench", str(bench), *options],
+        stderr=subprocess.PIPE, text=True, cwd=ROOT,
+    )  # fmt: skip
     try:
         assert process.stderr is not None
         lines = []
@@ -53,6 +54,15 @@ def simulating(bench: Path) -> Iterator[subprocess.Popen[str]]:
     finally:
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=10)
+
+
+def test_a_scenario_is_played_while_instruments_are_served(wired_bench, tmp_path):
+    scenario = tmp_path / "s.yaml"
+    fault = "{at: 0.2 s, device: supply, fault: silent, for: 0.2 s}"
+    scenario.write_text(f"schema: itb-scenario/1\ntitle: t\nfaults: [{fault}]\n", "utf-8")
+    with simulating(wired_bench, "--scenario", str(scenario)) as process:
+        assert process.stderr is not None
+        assert [process.stderr.readline() for _ in range(2)] == ["supply silent begins\n", "supply silent ends\n"]
 
 
 def run_smoke(bench: Path, runs: Path, *arguments: str) -> list[str]:

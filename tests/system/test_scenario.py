@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import pytest
 
+from bench.app.faults import FaultPlayer
+from bench.app.laboratory import make_laboratory, unit_files
+from bench.config.bench import load_bench
+from bench.config.scenario import ScriptedFault
 from bench.report.stored import open_run
 from bench.report.write import write_report
 from bench.store.reader import RunReader
-from tests.support.runs import run_short
+from tests.support.runs import ROOT, run_short
 
 LONG = ("soak=60 min",)
 
@@ -62,6 +66,19 @@ def test_after_a_step_the_time_counts_from_its_end(tmp_path):
     assert result.outcome.how == "error"
     assert "head: axis X has a fault: emergency stop" in result.problems[0]
     assert result.outcome.unsafe == {}
+
+
+def test_a_step_that_is_done_again_brings_its_faults_once():
+    told = []
+    bench = load_bench(ROOT / "config/simulated.yaml").bench
+    fault = ScriptedFault.model_validate({"after": "steps/move", "device": "head", "fault": "stuck"})
+    laboratory = make_laboratory(bench, unit_files(bench, None), 1, lambda: 0.0)
+    player = FaultPlayer(laboratory, [fault], lambda kind, each: told.append((kind, each.kind)))
+    player.step_ended("steps/other")
+    assert told == []
+    for step in ("steps/move~2", "steps/move~3"):
+        player.step_ended(step)
+    assert told == [("fault_begins", "stuck")]
 
 
 @pytest.mark.parametrize(
