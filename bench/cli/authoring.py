@@ -91,6 +91,19 @@ def format_files(
         raise typer.Exit(INPUT_ERROR)
 
 
+@starters.command("driver")
+def new_driver(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The name of the driver, such as my_chamber.")],
+    kind: Annotated[str, typer.Option(metavar="ROLE", help="What it can do for a sequence.")] = "thermal_chamber",
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where its package is written.")] = Path(),
+) -> None:
+    """Write a driver of a plug-in's own, with simulator and tests, that works as it is, to start from."""
+    from bench.app.new_driver import write_driver
+
+    for path in write_driver(name, kind, out):
+        sys.stdout.write(f"{path}\n")
+
+
 @starters.command("sequence")
 def new_sequence(
     name: Annotated[str, typer.Argument(metavar="NAME", help="The name of the sequence, such as warm_up.")],

@@ -74,7 +74,7 @@ def _has(value: Any, part: str | int) -> bool:
 def find(name: str, kind: Kind) -> Path:
     """A sequence or a bench file: the path itself, then `./sequences` or `./config`, then what is shipped."""
     given = Path(name)
-    folders = [Path(kind), *_shipped(kind)]
+    folders = [Path(kind), *shipped(kind)]
     candidates = [given] + [folder / name for folder in folders if given.name == name]
     try:
         for candidate in candidates:
@@ -92,7 +92,7 @@ def find(name: str, kind: Kind) -> Path:
     raise InputError(f"{name}: there is no such {what}{did_you_mean(name, known)}")
 
 
-def _shipped(kind: Kind) -> list[Path]:
+def shipped(kind: str) -> list[Path]:
     """Where the files of this distribution are: in the wheel, or in the source tree around the package."""
     package = Path(str(files("bench")))
     return [package / "shipped" / kind, package.parent / kind]

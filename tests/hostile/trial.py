@@ -13,6 +13,8 @@ from pathlib import Path
 
 from bench.config import layout
 from bench.config.bench import load_bench
+from bench.config.load import load_file
+from bench.config.scenario import ScenarioFile
 from bench.errors import InputError
 from bench.sequence.load import load_plan
 from bench.sequence.plan import Plan
@@ -95,6 +97,7 @@ class Readers:
         self._ways: dict[str, Callable[[Path], object]] = {
             "sequence": lambda path: load_plan(path, bench),
             "bench": load_bench,
+            "scenario": lambda path: load_file(path, ScenarioFile),
             "parameters": lambda path: load_plan(smoke, bench, parameters=path),
             "layout": lambda path: layout.changes([path]),
         }
@@ -102,7 +105,7 @@ class Readers:
             self.read(Hostile(0, "", path.read_bytes()))
 
     def read(self, document: Hostile) -> list[Reading]:
-        """What each way makes of a document, parameters and layout of every fourth only, and its time on the wall."""
+        """What each way makes of a document, some ways of every fourth only, and its time on the wall."""
         self._path.write_bytes(document.data)
         usual = list(self._ways) if document.index % 4 == 0 else ["sequence", "bench"]
         return [self._one(document, way, time.perf_counter) for way in usual]

@@ -110,7 +110,8 @@ def examples() -> list[Example]:
 
 def commands(page: Path) -> list[list[str]]:
     """The commands of a page, which stand indented by four spaces in paragraphs of their own, in order."""
-    return [shlex.split(line) for line in re.findall(r"^    (\S.*)$", page.read_text("utf-8"), re.MULTILINE)]
+    text = _BLOCK.sub("", page.read_text("utf-8"))
+    return [shlex.split(line) for line in re.findall(r"^    (\S.*)$", text, re.MULTILINE)]
 
 
 def blocks(page: Path) -> list[tuple[int, str]]:

@@ -1,0 +1,66 @@
+"""A new driver to start from: a package of its own that works as it is, copied from the template of its kind."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+
+from bench.config.load import shipped
+from bench.errors import InputError
+from drivers.description import known_drivers
+from drivers.fields import Name
+from drivers.suggest import did_you_mean
+from drivers.wording import in_plain_words
+
+TOY = "toy_chamber"
+_LEFT_OUT = ("__pycache__", ".pytest_cache", ".mypy_cache", ".ruff_cache")
+
+
+def kinds() -> dict[str, Path]:
+    """The kinds of driver that there is a template of, by the capability that they have."""
+    folders = [folder / "driver" for folder in shipped("templates")]
+    return {path.name: path for folder in folders if folder.is_dir() for path in sorted(folder.iterdir())}
+
+
+def write_driver(name: str, kind: str, out: Path) -> list[Path]:
+    """Writes the package `OUT/NAME`; InputError for a name that is none or taken, or what cannot be written."""
+    try:
+        TypeAdapter(Name).validate_python(name)
+    except ValidationError as error:
+        raise InputError(f"NAME: {in_plain_words(error.errors()[0])}") from None
+    if name in known_drivers():
+        raise InputError(f"NAME: there is a driver '{name}' already; choose another name")
+    if name in sys.stdlib_module_names:
+        raise InputError(f"NAME: '{name}' is a module of Python; choose another name")
+    if kind not in (known := kinds()):
+        raise InputError(f"--kind {kind}: there is no template of that{did_you_mean(kind, known)}")
+    folder = out / name
+    try:
+        folder.mkdir(parents=True)
+        return list(_copied(known[kind], folder, name))
+    except FileExistsError:
+        raise InputError(f"{folder}: is there already; choose another name, or remove it first") from None
+    except OSError as problem:
+        raise InputError(f"{folder}: cannot be written ({problem})") from None
+
+
+def _copied(template: Path, folder: Path, name: str) -> Iterator[Path]:
+    for source in sorted(template.rglob("*")):
+        parts = source.relative_to(template).parts
+        if source.is_dir() or any(part in _LEFT_OUT for part in parts):
+            continue
+        path = folder.joinpath(*(part.replace(TOY, name) for part in parts))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(_renamed(source.read_text("utf-8"), name), "utf-8")
+        yield path
+
+
+def _renamed(text: str, name: str) -> str:
+    """The text with the names of the toy in it replaced: of packages, of distributions and of classes."""
+    camel = "".join(word.capitalize() for word in name.split("_"))
+    return (
+        text.replace(TOY, name).replace("toy-chamber", name.replace("_", "-")).replace("ToyChamber", camel)
+    )  # fmt: skip

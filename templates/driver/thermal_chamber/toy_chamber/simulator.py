@@ -1,0 +1,103 @@
+"""The simulated chamber: its messages in front of the air of the world.
+
+What the air of a chamber does that is off is not simulated: a new set point waits until it is on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar, Self
+
+from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.faults import FaultKind, FaultPlan, Mishap
+from simulators.scpi import ILLEGAL_VALUE, Interpreter, LineSession, Refusal, setting
+from simulators.setup import InstrumentSetup
+from simulators.world import World
+
+from toy_chamber import wire
+from toy_chamber.wire import Mode
+
+LIMITS_C = (-40.0, 120.0)
+AFTER_RESTART_C, PROGRAM_C = 25.0, 60.0
+PROGRAM_C_PER_S = 1 / 60
+
+
+class SimulatedToyChamber(HasDoor):
+    """One controller. `stuck`: settings are accepted and not carried out. `frozen`: the air reads as it was."""
+
+    def __init__(self, world: World, faults: FaultPlan, *, serial: str = "0001") -> None:
+        self.faults, self.mode = faults, Mode.ON
+        self.set_point_c = wire.kept(world.thermal.set_point_c)
+        self._world = world
+        self._air_c = world.thermal.air_c  # the last reading, for when it is frozen
+        self._interpreter = Interpreter(
+            f"MAKER,TC-100,{serial},1.0",
+            {
+                f"{wire.TEMPERATURE}?": lambda _: f"{self._read_c():.2f}",
+                f"{wire.SET_POINT}?": lambda _: f"{self.set_point_c:.1f}",
+                wire.SET_POINT: self._set,
+                f"{wire.MODE}?": lambda _: self.mode.value,
+                wire.MODE: self._enter,
+                f"{wire.LIMITS}?": lambda _: ",".join(f"{limit_c:.1f}" for limit_c in LIMITS_C),
+            },
+        )
+
+    @classmethod
+    def of(cls, setup: InstrumentSetup) -> Self:
+        """As a bench file has it."""
+        return cls(setup.world, setup.faults, serial=setup.serial or "0001")
+
+    def session(self) -> LineSession:
+        """A new connection."""
+        return LineSession(self._interpreter.execute)
+
+    def start_program(self) -> None:
+        """Somebody starts a program at the front panel."""
+        self.mode = Mode.PROGRAM
+        self._world.ramp(PROGRAM_C, PROGRAM_C_PER_S)
+
+    def switch_off(self) -> None:
+        """Somebody switches it off."""
+        self.mode = Mode.OFF
+
+    def switch_on(self) -> None:
+        """He switches it on again."""
+        self.mode = Mode.ON
+        self._follow()
+
+    def restart(self) -> None:
+        """The mains fail for a moment: it comes back with its own set point."""
+        self.set_point_c = AFTER_RESTART_C
+        self._interpreter.power_on()
+        self.switch_on()
+
+    def _set(self, argument: str) -> None:
+        set_point_c = wire.kept(setting(argument, *LIMITS_C))
+        if not self.faults.active("stuck"):
+            self.set_point_c = set_point_c
+            self._follow()
+
+    def _enter(self, argument: str) -> None:
+        if argument not in (Mode.ON.value, Mode.OFF.value):
+            raise Refusal(ILLEGAL_VALUE)
+        if not self.faults.active("stuck"):
+            self.mode = Mode(argument)
+            self._follow()
+
+    def _follow(self) -> None:
+        if self.mode is Mode.ON:
+            self._world.ramp(self.set_point_c, math.inf)
+
+    def _read_c(self) -> float:
+        self._world.look()
+        if not self.faults.active("frozen"):
+            self._air_c = self._world.thermal.air_c
+        return self._air_c
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **CHAMBER_MISHAPS,
+        "restart": Mishap(restart),
+        "program": Mishap(start_program, switch_on),
+        "front_panel": Mishap(switch_off, switch_on),
+    }

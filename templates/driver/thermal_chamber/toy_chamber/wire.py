@@ -1,0 +1,63 @@
+"""Messages of the chamber ⇄ values, both directions; no I/O.
+
+Facts from its manual, which is the table in README.md. Temperatures are in °C, a set point has one decimal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from drivers import scpi
+
+# Headers as a simulator matches them: capitals may stand alone
+TEMPERATURE, SET_POINT, MODE, LIMITS = "TEMPerature", "SETPoint", "MODE", "LIMits"
+
+STATE_QUERY = b"TEMP?;:SETP?;:MODE?"
+LIMITS_QUERY = b"LIM?"
+TENTHS = 10
+
+
+class Mode(Enum):
+    """What the chamber does."""
+
+    OFF = "OFF"
+    ON = "ON"
+    PROGRAM = "PROG"
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """The answer to STATE_QUERY."""
+
+    air_c: float
+    set_point_c: float
+    mode: Mode
+
+
+def read_state(line: bytes) -> State:
+    """`23.41;25.0;ON`; ValueError."""
+    air, set_point, mode = scpi.answers(line, 3)
+    return State(scpi.number(air), scpi.number(set_point), Mode(mode))
+
+
+def read_limits(line: bytes) -> tuple[float, float]:
+    """`-40.0,120.0`: the lowest and the highest set point, °C; ValueError."""
+    (answer,) = scpi.answers(line, 1)
+    low, high = answer.split(",")
+    return scpi.number(low), scpi.number(high)
+
+
+def kept(temperature_c: float) -> float:
+    """A set point as the chamber keeps it, to a tenth of a degree."""
+    return round(temperature_c * TENTHS) / TENTHS
+
+
+def set_point(temperature_c: float) -> str:
+    """The command that sets it."""
+    return f"SETP {kept(temperature_c):.1f}"
+
+
+def mode(mode: Mode) -> str:
+    """The command that enters a mode."""
+    return f"MODE {mode.value}"

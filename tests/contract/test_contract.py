@@ -1,0 +1,103 @@
+"""The checks that plug-ins run on their drivers: ours keep them, and drivers with a planted mistake do not."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from dataclasses import replace
+
+import pytest
+
+from bench.app.contract import CHECKS, check
+from drivers.description import known_drivers
+from drivers.errors import BadAnswer, DriverError
+from drivers.scpi_supply.driver import ScpiSupply
+from drivers.values import Reading
+
+SUPPLY = {
+    "driver": "scpi_supply", "connection": "tcp://127.0.0.1:5025",
+    "limits": {"voltage": {"max": "16 V"}, "current": {"max": "200 mA"}},
+}  # fmt: skip
+CHAMBER = {
+    "driver": "espec_p300", "connection": "serial:///dev/ttyUSB0?baud=9600",
+    "limits": {"temperature": {"min": "-40 °C", "max": "80 °C"}, "ramp_rate": {"max": "3 °C/min"}},
+}  # fmt: skip
+SOURCE = {
+    "driver": "yokogawa_gs200", "connection": "tcp://127.0.0.1:7655",
+    "options": {"range": "10 mA", "compliance": "10 V"}, "limits": {"current": {"min": "-10 mA", "max": "10 mA"}},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("entry", [SUPPLY, CHAMBER, SOURCE], ids=lambda entry: entry["driver"])
+@pytest.mark.parametrize("name", CHECKS)
+def test_our_drivers_keep_the_contract(name, entry):
+    check(name, entry)
+
+
+class Leaks(ScpiSupply):
+    async def poll(self):
+        try:
+            return await super().poll()
+        except BadAnswer as problem:
+            raise ValueError(str(problem)) from None
+
+
+class Waits(ScpiSupply):
+    async def poll(self):
+        while True:
+            try:
+                return await super().poll()
+            except DriverError:
+                await asyncio.sleep(1.0)
+
+
+class MakesUp(ScpiSupply):
+    async def poll(self):
+        try:
+            return await super().poll()
+        except DriverError:
+            return {"voltage": [Reading(0.0, 15.0)]}
+
+
+class ReadsMore(ScpiSupply):
+    async def poll(self):
+        return {**await super().poll(), "power": [Reading(0.0, 1.0)]}
+
+
+class Swears(ScpiSupply):
+    async def make_safe(self):
+        with contextlib.suppress(DriverError):
+            await super().make_safe()
+
+
+class TakesAnyone(ScpiSupply):
+    def __init__(self, setup):
+        super().__init__(replace(setup, identity=type(setup.identity)()))
+
+
+class Lingers(ScpiSupply):
+    async def __aexit__(self, *exc):
+        self.lingering = asyncio.create_task(self._linger())
+
+    async def _linger(self):
+        while True:
+            await asyncio.sleep(5.0)
+            await super().poll()
+
+
+@pytest.mark.parametrize(
+    ("driver", "name", "told"),
+    [
+        (Leaks, "bears_every_line", "ValueError reaches the caller, expected a DriverError"),
+        (Waits, "tells_silence", "nothing comes back within 60 s"),
+        (MakesUp, "tells_silence", "silent: poll\\(\\) gives readings although nobody answers"),
+        (ReadsMore, "reads_what_it_promises", "poll\\(\\) gives \\['power'\\], which channels do not name"),
+        (Swears, "is_made_safe", "silent: make_safe\\(\\) says that it has worked"),
+        (TakesAnyone, "refuses_another", "another serial number is taken for the right one"),
+        (Lingers, "leaves_quietly", "still spoken to after the driver was left"),
+    ],
+)
+def test_a_planted_mistake_is_found(driver, name, told):
+    description = replace(known_drivers()["scpi_supply"], target=f"{__name__}:{driver.__name__}")
+    with pytest.raises(AssertionError, match=told):
+        check(name, SUPPLY, description)
