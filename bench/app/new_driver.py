@@ -15,7 +15,7 @@ from drivers.fields import Name
 from drivers.suggest import did_you_mean
 from drivers.wording import in_plain_words
 
-TOY = "toy_chamber"
+_TOY = "toy_"
 _LEFT_OUT = ("__pycache__", ".pytest_cache", ".mypy_cache", ".ruff_cache")
 
 
@@ -48,19 +48,23 @@ def write_driver(name: str, kind: str, out: Path) -> list[Path]:
 
 
 def _copied(template: Path, folder: Path, name: str) -> Iterator[Path]:
+    (toy,) = (path.name for path in template.iterdir() if path.name.startswith(_TOY))
     for source in sorted(template.rglob("*")):
         parts = source.relative_to(template).parts
         if source.is_dir() or any(part in _LEFT_OUT for part in parts):
             continue
-        path = folder.joinpath(*(part.replace(TOY, name) for part in parts))
+        path = folder.joinpath(*(part.replace(toy, name) for part in parts))
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(_renamed(source.read_text("utf-8"), name), "utf-8")
+        path.write_text(_renamed(source.read_text("utf-8"), toy, name), "utf-8")
         yield path
 
 
-def _renamed(text: str, name: str) -> str:
-    """The text with the names of the toy in it replaced: of packages, of distributions and of classes."""
-    camel = "".join(word.capitalize() for word in name.split("_"))
-    return (
-        text.replace(TOY, name).replace("toy-chamber", name.replace("_", "-")).replace("ToyChamber", camel)
-    )  # fmt: skip
+def _renamed(text: str, toy: str, name: str) -> str:
+    """The text with the names of the toy in it replaced: of the package, of the distribution and of classes."""
+    for spell in (str, lambda words: words.replace("_", "-"), _camel):
+        text = text.replace(spell(toy), spell(name))
+    return text
+
+
+def _camel(name: str) -> str:
+    return "".join(word.capitalize() for word in name.split("_"))

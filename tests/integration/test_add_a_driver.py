@@ -10,6 +10,7 @@ import sys
 
 import pytest
 
+from bench.app.new_driver import kinds, write_driver
 from tests.support.how_to import FOLDER, blocks, commands
 from tests.support.runs import ROOT
 
@@ -18,9 +19,18 @@ PAGE = FOLDER / "add_a_driver.md"
 CHAMBER = re.compile(r"^  chamber:\n(?:    .*\n)+", re.MULTILINE)
 
 
-def test_a_newcomer_who_follows_the_page_has_a_driver_that_runs(tmp_path):
-    site = tmp_path / "site"
-    env = {**os.environ, "PYTHONPATH": f"{site}:{ROOT}", "PYTHONDONTWRITEBYTECODE": "1"}
+@pytest.fixture
+def site(tmp_path):
+    """A folder that the driver is installed in."""
+    return tmp_path / "site"
+
+
+@pytest.fixture
+def env(site):
+    return {**os.environ, "PYTHONPATH": f"{site}:{ROOT}", "PYTHONDONTWRITEBYTECODE": "1"}
+
+
+def test_a_newcomer_who_follows_the_page_has_a_driver_that_runs(tmp_path, site, env):
     shutil.copytree(ROOT / "config", tmp_path / "config")
     ((_, entry),) = blocks(PAGE)
     said = {}
@@ -36,6 +46,15 @@ def test_a_newcomer_who_follows_the_page_has_a_driver_that_runs(tmp_path):
     assert "my_chamber/my_chamber/wire.py" in said["bench new driver"]
     assert re.search(r"^chamber +my_chamber .* MAKER TC-100 0001 1.0; process_value 20", said["bench devices --bench"])
     assert "Verdict: PASS" in said["bench run smoke"]
+
+
+@pytest.mark.parametrize("kind", sorted(kinds().keys() - {"thermal_chamber"}))
+def test_every_other_kind_passes_its_own_tests(tmp_path, site, env, kind):
+    write_driver("my_chamber", kind, tmp_path)
+    for words in (("python", "-m", "pip", "install", "--no-deps", "--no-build-isolation", "my_chamber"),
+                  ("python", "-m", "pytest", "-q", "my_chamber")):  # fmt: skip
+        done = subprocess.run(_here(words, site), cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
 
 
 def _here(words: tuple[str, ...], site: object) -> list[str]:

@@ -10,7 +10,7 @@ import pytest
 
 from bench.app.new_driver import kinds, write_driver
 from bench.errors import InputError
-from drivers.capabilities import CAPABILITIES
+from drivers.capabilities import CAPABILITIES, THERMOMETER
 from tests.support.runs import ROOT
 
 LINES = {"wire.py": 120, "driver.py": 150, "simulator.py": 120}
@@ -29,9 +29,10 @@ def test_the_toy_becomes_the_name_everywhere(tmp_path, bench_command):
     assert all(texts[name].count("\n") <= most for name, most in LINES.items())
 
 
+@pytest.mark.parametrize("kind", kinds())
 @pytest.mark.parametrize("name", ["an_oven", "zz"])
-def test_what_is_written_is_of_our_standard_under_any_name(tmp_path, name):
-    write_driver(name, "thermal_chamber", tmp_path)
+def test_what_is_written_is_of_our_standard_under_any_name(tmp_path, name, kind):
+    write_driver(name, kind, tmp_path)
     for check in (["check"], ["format", "--check"]):
         done = subprocess.run(
             [sys.executable, "-m", "ruff", *check, "--no-cache", "."], cwd=tmp_path / name, capture_output=True,
@@ -42,7 +43,7 @@ def test_what_is_written_is_of_our_standard_under_any_name(tmp_path, name):
 
 def test_there_is_a_template_for_each_kind_and_it_is_a_capability():
     assert set(kinds()) == {path.name for path in (ROOT / "templates/driver").iterdir()}
-    assert set(kinds()) <= set(CAPABILITIES)
+    assert set(kinds()) <= {*CAPABILITIES, THERMOMETER}
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,54 @@
+"""The simulated thermometer: its sensor is in the air of the chamber."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar, Self
+
+from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
+from simulators.scpi import Interpreter, LineSession
+from simulators.setup import InstrumentSetup
+from simulators.world import World
+
+from toy_thermometer import wire
+
+
+class SimulatedToyThermometer:
+    """`frozen`: the reading stands still."""
+
+    def __init__(self, world: World, faults: FaultPlan, *, serial: str = "0001") -> None:
+        self.faults = faults
+        self.is_open = False
+        self._world = world
+        self._read_c = world.thermal.air_c
+        self._interpreter = Interpreter(
+            f"MAKER,TH-100,{serial},1.0", {f"{wire.TEMPERATURE}?": lambda _: wire.spelled(self._temperature_c())}
+        )
+
+    @classmethod
+    def of(cls, setup: InstrumentSetup) -> Self:
+        """As a bench file has it."""
+        return cls(setup.world, setup.faults, serial=setup.serial or "0001")
+
+    def session(self) -> LineSession:
+        """A new connection."""
+        return LineSession(self._interpreter.execute)
+
+    def open_sensor(self) -> None:
+        """The sensor comes off."""
+        self.is_open = True
+
+    def close_sensor(self) -> None:
+        """It is in place again."""
+        self.is_open = False
+
+    def _temperature_c(self) -> float | None:
+        self._world.look()
+        if not self.faults.active("frozen"):
+            self._read_c = self._world.thermal.air_c
+        return None if self.is_open else self._read_c
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        "frozen": LOOKED_FOR,
+        "open_sensor": Mishap(open_sensor, close_sensor),
+    }
