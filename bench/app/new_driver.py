@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
@@ -33,8 +33,9 @@ def write_driver(name: str, kind: str, out: Path) -> list[Path]:
         raise InputError(f"NAME: {in_plain_words(error.errors()[0])}") from None
     if name in known_drivers():
         raise InputError(f"NAME: there is a driver '{name}' already; choose another name")
-    if name in sys.stdlib_module_names:
-        raise InputError(f"NAME: '{name}' is a module of Python; choose another name")
+    module = find_spec(name)
+    if module is not None and module.origin is not None:  # a folder that happens to lie here has none
+        raise InputError(f"NAME: there is a Python module '{name}' already; choose another name")
     if kind not in (known := kinds()):
         raise InputError(f"--kind {kind}: there is no template of that{did_you_mean(kind, known)}")
     folder = out / name

@@ -106,8 +106,7 @@ def test_documents_and_simulators_have_one_list_of_kinds():
 def test_every_simulator_says_what_can_happen_to_it():
     for driver in known_drivers().values():
         simulator = simulator_of(driver)
-        assert simulator is not None
-        assert mishaps_of(simulator), driver.name
+        assert simulator is None or mishaps_of(simulator), driver.name
 
 
 def test_a_fault_is_there_from_its_beginning_to_its_end_and_may_come_again():
