@@ -96,6 +96,10 @@ class FaultPlan:
         """When a fault was there so far, and will be: from, to; infinite for no end."""
         return self._spans_s.get(kind, [])
 
+    def since_s(self, kind: FaultKind) -> float:
+        """When a fault has begun, or will, the last time; infinite for never."""
+        return max((start_s for start_s, _ in self.spans_s(kind)), default=math.inf)
+
     def times(self, kind: FaultKind) -> int:
         """How often a fault has begun."""
         return sum(start_s <= self._now_s() for start_s, _ in self.spans_s(kind))
