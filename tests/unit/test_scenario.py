@@ -11,8 +11,8 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from bench.app.laboratory import simulator_of
-from bench.app.request import RunRequest, prepare
-from bench.app.scenario import known_faults
+from bench.app.request import RunRequest, load_bench_named, prepare
+from bench.app.scenario import known_faults, with_scenario
 from bench.config import simulation
 from bench.config.document import read_document
 from bench.config.schema import scenario_schema
@@ -82,6 +82,20 @@ def test_on_real_connections_nothing_is_broken(tmp_path):
     wires = str(ROOT / "config/simulated_wires.yaml")
     told = problems(tmp_path, "{at: 5 s, device: head, fault: stuck}", bench=wires, attended=True, units=("Q",))
     assert "this bench has real connections; faults are played on simulators only" in told[0]
+
+
+def test_instruments_that_are_only_served_have_no_steps(tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text(HEAD + "  - {after: steps/move, device: head, fault: stuck}\n", "utf-8")
+    served = load_bench_named(str(ROOT / "config/simulated_wires.yaml"))
+    with pytest.raises(InputError, match="4:6: after: no sequence is run here; say with at when it happens"):
+        with_scenario(served, path, None)
+    path.write_text(HEAD + "  - {at: 5 s, device: head, fault: stuck, for: 1 min}\n", "utf-8")
+    with_it, document = with_scenario(served, path, None)
+    (fault,) = with_it.bench.simulation.faults
+    assert document is not None
+    assert (fault.device, fault.kind, fault.at, fault.for_) == ("head", "stuck", 5.0, 60.0)
+    assert with_scenario(served, None, None) == (served, None)
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
