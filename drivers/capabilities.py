@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager
-from typing import TYPE_CHECKING, Literal, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
+
+from drivers.values import Approach as Approach
 
 if TYPE_CHECKING:  # checking a sequence needs the names here, and not numpy
     from drivers.frame_block import FrameBlock
     from drivers.values import ChamberState, Heard, Identity, Reading, SourceReading
-
-Approach = Literal["direct", "from_below", "from_above"]
 
 
 @runtime_checkable

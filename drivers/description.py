@@ -18,6 +18,7 @@ from pydantic import BaseModel, Field
 from drivers.capabilities import Device
 from drivers.errors import WrongIdentity
 from drivers.fields import Spelled, StrictModel
+from drivers.person import NOBODY, Person
 
 if TYPE_CHECKING:  # a bench file is checked without what only an opened device needs
     from drivers.transport.address import Address
@@ -79,7 +80,11 @@ def unheard(_text: str) -> None:
 
 @dataclass(frozen=True)
 class Setup(Generic[OptionsT, LimitsT, SafeT]):
-    """Everything a driver is made from; `note` takes what it did on its own: asked again, connected again."""
+    """Everything a driver is made from.
+
+    `note` takes what it did on its own: asked again, connected again. `person` is who can be asked to do something by
+    hand.
+    """
 
     name: str
     address: Address
@@ -89,6 +94,7 @@ class Setup(Generic[OptionsT, LimitsT, SafeT]):
     safe: SafeT
     identity: IdentityPin
     note: Callable[[str], object] = unheard
+    person: Person = NOBODY
 
 
 @lru_cache(maxsize=1)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
+
+Approach = Literal["direct", "from_below", "from_above"]
+"""From which side an axis comes to an angle at last."""
 
 
 class Reading(NamedTuple):

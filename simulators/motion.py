@@ -68,8 +68,16 @@ class Axis:
         origin = self._profile.angle_at(at_s)
         self._begin(Move(at_s, origin, target_deg - origin, rate_dps, acceleration_dps2 or self._acceleration))
         if target_deg != origin:
-            self._from_above = target_deg < origin
-            self._scatter_deg = self._errors.repeatability_deg * float(self._draws.standard_normal())
+            self._come_to_rest_anew(from_above=target_deg < origin)
+
+    def place(self, at_s: float, angle_deg: float, *, from_above: bool) -> None:
+        """Stands at an angle from now on; how it came there is nobody's business."""
+        self._begin(Move(at_s, angle_deg, 0.0, 1.0, self._acceleration))
+        self._come_to_rest_anew(from_above=from_above)
+
+    def _come_to_rest_anew(self, *, from_above: bool) -> None:
+        self._from_above = from_above
+        self._scatter_deg = self._errors.repeatability_deg * float(self._draws.standard_normal())
 
     def turn(self, at_s: float, rate_dps: float, acceleration_dps2: float) -> None:
         """Changes the rate to `rate_dps`, from what it is now."""

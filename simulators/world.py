@@ -132,6 +132,10 @@ class World:
         """An axis starts for `target_deg`, with the acceleration of the settings unless one is given."""
         self.axis_of(role).start(self.before_change(), target_deg, rate_dps, acceleration_dps2)
 
+    def place(self, angle_deg: float, *, from_above: bool, role: str | None = None) -> None:
+        """Somebody has turned an axis by hand: it stands at an angle now, and came there from above or below."""
+        self.axis_of(role).place(self.before_change(), angle_deg, from_above=from_above)
+
     def turn(self, rate_dps: float, acceleration_dps2: float, role: str | None = None) -> None:
         """An axis changes its rate."""
         self.axis_of(role).turn(self.before_change(), rate_dps, acceleration_dps2)

@@ -11,26 +11,30 @@ from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from drivers.capabilities import Device
 from drivers.description import Setup, make_driver
+from drivers.person import NOBODY, Person
 from drivers.transport.trace import Passed, TracedWires
 from drivers.transport.wires import Wires
 
 
 def open_devices(
     bench: BenchFile, laboratory: Laboratory | None, keep: Callable[[Passed], object] | None = None,
-    note: Callable[[str, str], object] = lambda _role, _text: None,
+    note: Callable[[str, str], object] = lambda _role, _text: None, person: Person = NOBODY,
 ) -> dict[str, Device]:  # fmt: skip
     """A driver for every device, not yet connected, on wires that lead to the laboratory where the file says so.
 
-    `keep` is told everything that passes on them; `note` what a driver did on its own, with its role.
+    `keep` is told everything that passes on them; `note` what a driver did on its own, with its role. `person` is whom
+    they ask to do something by hand.
     """
     wires: Wires = BenchWires(bench, laboratory)
     if keep is not None:
         wires = TracedWires(wires, keep)
     return {
-        role: make_driver(entry.description, _setup(role, entry, wires, partial(note, role)))
+        role: make_driver(entry.description, _setup(role, entry, wires, partial(note, role), person))
         for role, entry in bench.devices.items()
     }
 
 
-def _setup(role: str, entry: DeviceEntry, wires: Wires, note: Callable[[str], object]) -> Setup[Any, Any, Any]:
-    return Setup(role, entry.connection, wires, entry.options, entry.limits, entry.safe, entry.identity, note)
+def _setup(
+    role: str, entry: DeviceEntry, wires: Wires, note: Callable[[str], object], person: Person
+) -> Setup[Any, Any, Any]:
+    return Setup(role, entry.connection, wires, entry.options, entry.limits, entry.safe, entry.identity, note, person)

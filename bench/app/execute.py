@@ -20,6 +20,7 @@ from bench.app.truth import truth_of
 from bench.clock import Clock, Stopwatch, wall_utc
 from bench.config.simulation import FaultSimulation
 from bench.engine.engine import Outcome
+from bench.engine.people import People
 from bench.engine.questions import Desk
 from bench.errors import BenchError, StoreError
 from bench.loop import AS_FAST_AS_POSSIBLE
@@ -126,7 +127,8 @@ async def _run(
 
         if laboratory is not None and bench.simulation.faults:
             observer = Cue(observer, FaultPlayer(laboratory, bench.simulation.faults, tell))
-        devices = open_devices(bench, laboratory, keep, note)
+        people = People()
+        devices = open_devices(bench, laboratory, keep, note, people)
         outcome, identities = await run_plan(
             prepared.plan,
             bench,
@@ -139,6 +141,7 @@ async def _run(
             can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
             on_desk=_technician(prepared, laboratory, observer),
             places=tuple(prepared.serials),
+            people=people,
         )
         writer.event("run_ended", how=outcome.how)
     except StoreError as problem:
@@ -156,12 +159,13 @@ async def _run(
 def _technician(
     prepared: PreparedRun, laboratory: Laboratory | None, observer: RunObserver
 ) -> Callable[[Desk], object] | None:
-    """Who answers in a simulated run: a script, or at full speed somebody who does what he is asked."""
-    bench = prepared.loaded.bench
-    if prepared.script is None and prepared.speed < AS_FAST_AS_POSSIBLE:
+    """Who answers in a simulated run: a script, or at full speed somebody who does what he is asked; else people."""
+    bench, script = prepared.loaded.bench, prepared.script
+    if script is None and prepared.speed >= AS_FAST_AS_POSSIBLE:
+        script = {}
+    if script is None and (laboratory is None or not laboratory.by_hand):
         return None
-    world = laboratory.world if laboratory is not None else None
-    return lambda desk: Technician(desk, prepared.script or {}, bench, world, observer.notice)
+    return lambda desk: Technician(desk, script, bench, laboratory, observer.notice)
 
 
 def _keep_inputs(prepared: PreparedRun, folder: Path) -> dict[str, str]:

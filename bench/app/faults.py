@@ -54,7 +54,9 @@ class FaultPlayer:
 
     def _victim(self, fault: FaultSimulation) -> Breakable:
         world = self._laboratory.world
-        victims: dict[str, Breakable] = {**self._laboratory.instruments, **self._laboratory.nodes}
+        victims: dict[str, Breakable] = {
+            **self._laboratory.instruments, **self._laboratory.nodes, **self._laboratory.by_hand,
+        }  # fmt: skip
         if fault.unit is not None:
             victims = {**world.counted, **world.imus}
         return victims[fault.unit or fault.device or ""]

@@ -41,6 +41,7 @@ from simulators.gyro_unit import GyroFile
 from simulators.imu_file import ImuFile
 from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
 from simulators.line_faults import BadLine, LineFault
+from simulators.operator_head import HandTurnedHead
 from simulators.serve import Instrument, protocol_factory
 from simulators.setup import InstrumentSetup, make_instrument, simulator_class
 from simulators.unit_file import UnitFile
@@ -55,13 +56,14 @@ SERIAL_LATENCY_S = 0.004
 class Laboratory:
     """A world, the instruments in it by role, what sends CAN frames, and the voltmeters' errors as drawn.
 
-    `lines` are those, by role, on which answers may suffer.
+    `by_hand` has no wires: heads that people turn. `lines` are those, by role, on which answers may suffer.
     """
 
     world: World
     instruments: dict[str, Instrument]
     nodes: Mapping[str, CanNode]
     voltmeters: Mapping[str, VoltmeterSettings] = field(default_factory=dict)
+    by_hand: Mapping[str, HandTurnedHead] = field(default_factory=dict)
     lines: Mapping[str, BadLine] = field(default_factory=dict)
 
     def end_of_line(self, role: str) -> Callable[[], asyncio.Protocol]:
@@ -98,6 +100,7 @@ def make_laboratory(
     instruments: dict[str, Instrument] = {}
     nodes: dict[str, CanNode] = {}
     voltmeters: dict[str, VoltmeterSettings] = {}
+    by_hand: dict[str, HandTurnedHead] = {}
     for role, entry in bench.devices.items():
         faults = FaultPlan(now_s=world.now)
         if isinstance(entry.options, CounterOptions):
@@ -106,6 +109,8 @@ def make_laboratory(
             skew_s = encoder_skew_s(bench, role, seed)
             settings = telemetry_settings(bench, role, entry.options, units, skew_s)
             nodes[role] = SimulatedTelemetry(world, settings, faults)
+        elif entry.connection.is_person:
+            by_hand[role] = HandTurnedHead(world, faults, role if role in world.axes else None)
         elif entry.driver == "keysight_3458a":
             voltmeters[role] = voltmeter_settings(bench, role, seed)
             _check_current(voltmeters[role].place, units)
@@ -115,7 +120,7 @@ def make_laboratory(
             if isinstance(made, CurrentSource):
                 table = columns(corrections_of(bench).currents.get(role))
                 world.sources[role] = Feed(made, current_errors(bench, role, seed), table)
-    return Laboratory(world, instruments, nodes, voltmeters, _bad_lines(bench, instruments, seed))
+    return Laboratory(world, instruments, nodes, voltmeters, by_hand, _bad_lines(bench, instruments, seed))
 
 
 def _bad_lines(bench: BenchFile, instruments: Mapping[str, Instrument], seed: int) -> dict[str, BadLine]:
@@ -131,6 +136,7 @@ def _suffered(instruments: Mapping[str, Instrument], role: str, _number: int) ->
 
 _MADE_HERE: Mapping[str, type] = {
     "can_counter": SimulatedCounter, "can_telemetry": SimulatedTelemetry, "keysight_3458a": Simulated3458A,
+    "operator_head": HandTurnedHead,
 }  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from simulators.unit_file import stream
 MOST_FAULTS = 3
 # What each kind of instrument can suffer; others cannot measure wrongly without being silent, or restart unseen.
 _OF_A_COUNTER, _OF_A_SOURCE = ("silent", "cut", "frozen", "restart"), ("silent", "cut", "stuck")
-_OF_OTHERS = ("silent", "cut", "frozen", "stuck")
+_OF_OTHERS, _OF_A_PERSON = ("silent", "cut", "frozen", "stuck"), ("silent", "stuck")
 _ENDS = ("step_ended", "step_failed", "step_cut")
 
 
@@ -110,6 +110,8 @@ def draw_faults(bench: BenchFile, planned_s: float, seed: int) -> tuple[FaultSim
 
 
 def _kinds(entry: DeviceEntry) -> tuple[str, ...]:
+    if entry.connection.is_person:
+        return _OF_A_PERSON
     if entry.description.capabilities & {"pulse_counter", "telemetry"}:
         return _OF_A_COUNTER
     return _OF_A_SOURCE if "current_source" in entry.description.capabilities else _OF_OTHERS

@@ -67,6 +67,8 @@ async def open_servers(bench: BenchFile, laboratory: Laboratory, stack: AsyncExi
     """Serves every local address of a bench until `stack` closes; a line for each. Raises BenchError."""
     lines = []
     for role, entry in bench.devices.items():
+        if entry.connection.is_person:
+            lines.append(f"{role:<10} {entry.driver:<18} {entry.connection} has no wire: here it stays where it is")
         if not entry.connection.is_local:
             continue
         try:

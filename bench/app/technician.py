@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from bench.app.drawn import simulated_mount
-from bench.config.answers import AnswersFile, ScriptedAnswer
+from bench.app.laboratory import Laboratory
+from bench.config.answers import AnswersFile, Deed, ScriptedAnswer
 from bench.config.document import Problem, read_document
 from bench.config.load import load
 from bench.config.models import BenchFile
-from bench.engine.questions import Desk, Question
+from bench.engine.questions import Answer, Desk, Question
 from bench.errors import InputError
 from bench.sequence.dwells import first_visit
 from bench.sequence.plan import Plan
-from bench.sequence.talk import Prompt
+from bench.sequence.talk import PhysicalChange, Prompt, TypedInput
+from drivers.person import Errand
+from drivers.quantities import Quantity
 from drivers.suggest import did_you_mean
-from simulators.world import World
 
 Script = Mapping[str, ScriptedAnswer]
 USUAL = ScriptedAnswer()
+USUALLY_S = 60.0  # what he takes for the question of a step
 
 
 def read_script(path: Path | None, plan: Plan, bench: BenchFile) -> Script:
@@ -38,17 +42,42 @@ def _misfits(script: Script, plan: Plan, bench: BenchFile) -> Iterator[Problem]:
     prompts = {planned.id: planned.step for planned in plan if isinstance(planned.step, Prompt)}
     for step, given in script.items():
         base = _first_visit(step)
+        if base.partition("#")[0] in bench.devices:
+            yield from _device_misfits(step, given, bench)
+            continue
         if base.removesuffix("?") not in {planned.id for planned in plan}:
             yield ("answers", step), f"the plan has no step '{step}'{did_you_mean(step, prompts)}"
         elif base in prompts and given.answer is not None:
-            try:
-                _question(base, prompts[base]).read(given.answer)
-            except InputError as problem:
-                yield ("answers", step, "answer"), f"answer: {problem}"
+            yield from _answer_misfits(step, given.answer, _question(base, prompts[base]))
         mount = given.does.mount if given.does else None
         if mount is not None and mount not in bench.fixture.mounts:
             hint = did_you_mean(mount, bench.fixture.mounts)
             yield ("answers", step, "does", "mount"), f"the fixture has no mount '{mount}'{hint}"
+        if given.does is not None and given.does.turn is not None:
+            yield (
+                ("answers", step, "does", "turn"),
+                "is for the questions of a head that is turned by hand, like 'head#3'",
+            )
+
+
+def _device_misfits(key: str, given: ScriptedAnswer, bench: BenchFile) -> Iterator[Problem]:
+    """What does not fit in an answer to the questions of a device, or to one of them: `head`, `head#3`, `head#3~2`."""
+    device, hash_sign, number = _first_visit(key).partition("#")
+    if not bench.devices[device].connection.is_person:
+        yield ("answers", key), f"'{device}' asks nobody: it is reached by {bench.devices[device].connection.scheme}"
+    elif hash_sign and not number.isdecimal():
+        yield ("answers", key), f"'{key}' is no question of '{device}'; they are {device}#1, {device}#2, …"
+    elif given.answer is not None:
+        yield from _answer_misfits(key, given.answer, Question(key, "", input=TypedInput(unit="°")))
+    for what in given.does.model_fields_set - {"turn"} if given.does else ():
+        yield ("answers", key, "does", what), f"a head is turned; {what} is for the question of a step"
+
+
+def _answer_misfits(key: str, answer: str, question: Question) -> Iterator[Problem]:
+    try:
+        question.read(answer)
+    except InputError as problem:
+        yield ("answers", key, "answer"), f"answer: {problem}"
 
 
 def unanswered(plan: Plan, script: Script) -> list[str]:
@@ -61,17 +90,25 @@ def unanswered(plan: Plan, script: Script) -> list[str]:
 
 
 class Technician:
-    """Answers what is asked at a desk, each question after its time.
+    """Answers what is asked at a desk, each question after its time, and has hands in the simulated laboratory.
+
+    Without a script people answer, and his hands turn what they say that they have turned.
 
     Concurrency: a task for each question, which ends with the run's loop.
     """
 
     def __init__(
-        self, desk: Desk, script: Script, bench: BenchFile, world: World | None, notice: Callable[[str], None]
-    ) -> None:
-        self._desk, self._script, self._bench, self._world, self._notice = desk, script, bench, world, notice
+        self, desk: Desk, script: Script | None, bench: BenchFile, laboratory: Laboratory | None,
+        notice: Callable[[str], None],
+    ) -> None:  # fmt: skip
+        self._desk, self._script, self._bench, self._notice = desk, script or {}, bench, notice
+        self._world = laboratory.world if laboratory is not None else None
+        self._by_hand = laboratory.by_hand if laboratory is not None else {}
+        self._answering = ""  # the question that he answers himself
         self._tasks: set[asyncio.Task[None]] = set()
-        desk.on_question = self.asked
+        desk.on_answer = self.answered
+        if script is not None:
+            desk.on_question = self.asked
 
     def asked(self, question: Question) -> None:
         """A question is open."""
@@ -79,19 +116,55 @@ class Technician:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
+    def answered(self, question: Question, answer: Answer) -> None:
+        """Somebody has answered; what was to be turned stands as he has typed, unless the technician is he."""
+        errand = question.errand
+        if question.step == self._answering or errand is None or errand.turn is None:
+            return
+        if isinstance(answer.value, Quantity):
+            self._by_hand[errand.device].turn_to_dial(answer.value.to(errand.unit), errand.turn)
+
     async def _serve(self, question: Question) -> None:
-        given = self._script.get(question.step) or self._script.get(_first_visit(question.step), USUAL)
-        await asyncio.sleep(given.after)
-        deed = given.does if given.does is not None else question.expect
-        if deed is not None and self._world is not None:
-            if deed.mount is not None:
-                self._world.fix_units(simulated_mount(self._bench.fixture.mounts[deed.mount]))
-            if deed.input is not None:
-                self._world.connect(deed.input)
-        answer = given.answer if given.answer is not None else next(iter(question.choices), "")
+        given, errand = self._given(question), question.errand
+        usually_s = errand.takes_s if errand is not None else USUALLY_S
+        await asyncio.sleep(given.after if given.after is not None else usually_s)
+        if errand is None:
+            self._change(given.does if given.does is not None else question.expect)
+            answer = next(iter(question.choices), "")
+        elif question in self._desk.questions and self._by_hand[errand.device].attended:
+            answer = self._turned(errand, given.does)
+        else:
+            return
+        answer = given.answer if given.answer is not None else answer
         if question in self._desk.questions:  # nobody was faster
             self._notice(f"{question.text}\n{given.by}: {answer}")
+            self._answering = question.step
             self._desk.answer(answer, given.by, question.step)
+            self._answering = ""
+
+    def _given(self, question: Question) -> ScriptedAnswer:
+        """What the script says of a question, or of the step as it was first begun, or of the device that asks."""
+        more_often = question.errand.device if question.errand is not None else _first_visit(question.step)
+        return self._script.get(question.step) or self._script.get(more_often, USUAL)
+
+    def _change(self, deed: Deed | PhysicalChange | None) -> None:
+        if deed is None or self._world is None:
+            return
+        if deed.mount is not None:
+            self._world.fix_units(simulated_mount(self._bench.fixture.mounts[deed.mount]))
+        if deed.input is not None:
+            self._world.connect(deed.input)
+
+    def _turned(self, errand: Errand, deed: Deed | None) -> str:
+        """Turns a head, as asked or otherwise; what he then types unless the script says it: what he was asked for."""
+        head, asked = self._by_hand[errand.device], errand.turn
+        if asked is None:
+            return f"{head.shown_deg:.12g} {errand.unit}"
+        if deed is None:
+            head.turn(asked)
+        elif deed.turn is not None:
+            head.turn(replace(asked, angle_deg=deed.turn))
+        return f"{asked.angle_deg:.12g} {errand.unit}"
 
 
 def _first_visit(step: str) -> str:

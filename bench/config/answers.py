@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from drivers.fields import Name, Seconds, StrictModel
+from drivers.fields import Degrees, Name, Seconds, StrictModel
 from drivers.wording import expected
 
 
@@ -23,21 +23,28 @@ class Deed(StrictModel):
 
     mount: Name | None = Field(None, description="the mount of the fixture that he fixes the units in")
     input: Literal["accelerometer", "source"] | None = Field(None, description="what he plugs into the converters")
+    turn: Degrees | None = Field(None, description="where he turns the head that asks")
 
 
 class ScriptedAnswer(StrictModel):
-    """An answer to the question of one step."""
+    """An answer to the question of one step, or of a head that is turned by hand."""
 
     answer: Annotated[str, BeforeValidator(_as_text)] | None = Field(
-        None, description="what he answers; by default the first of the choices"
+        None, description="what he answers; by default the first of the choices, or the angle that he was asked for"
     )
-    after: Seconds = Field(60.0, description="how long he takes")
+    after: Seconds | None = Field(
+        None, description="how long he takes; by default a minute, or the turn_time of a head"
+    )
     does: Deed | None = Field(None, description="what he does instead of what is expected; {} for nothing")
     by: str = Field("scripted technician", description="his name in the record", min_length=1, max_length=100)
 
 
 class AnswersFile(StrictModel):
-    """One file of answers, by the ids of the steps that ask (`bench plan` lists them)."""
+    """One file of answers, by the ids of the steps that ask (`bench plan` lists them), or by the device that asks.
+
+    A device that asks for something by hand numbers its questions: `head#3` is the third one, `head#3~2` the same once
+    more, and `head` are all that have no answer of their own.
+    """
 
     schema_: Literal["itb-answers/1"] = Field(alias="schema", description="what the file is")
-    answers: Mapping[str, ScriptedAnswer] = Field(description="by the id of the step that asks")
+    answers: Mapping[str, ScriptedAnswer] = Field(description="by the id of the step, or by the device, that asks")

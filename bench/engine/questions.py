@@ -9,6 +9,7 @@ from pathlib import Path
 
 from bench.errors import InputError, StepError
 from bench.sequence.talk import PhysicalChange, TypedInput
+from drivers.person import Errand
 from drivers.quantities import Quantity, parse
 from drivers.suggest import did_you_mean
 from drivers.units import QuantityError
@@ -16,7 +17,10 @@ from drivers.units import QuantityError
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What is asked in a step: one of `choices` is the answer, or, without them, what is typed."""
+    """What is asked in a step: one of `choices` is the answer, or, without them, what is typed.
+
+    What a device asks for, its `errand`, has in `step` an id of its own.
+    """
 
     step: str
     text: str
@@ -24,6 +28,7 @@ class Question:
     input: TypedInput | None = None
     picture: Path | None = None
     expect: PhysicalChange | None = None
+    errand: Errand | None = None
 
     def read(self, answer: str) -> Quantity | str:
         """What an answer means; InputError says what is expected instead."""
@@ -73,11 +78,12 @@ class Answer:
 
 
 class Desk:
-    """The questions that are open. `on_question` is told of each when it is asked."""
+    """The questions that are open. `on_question` is told of each when it is asked, `on_answer` when it is answered."""
 
     def __init__(self, on_question: Callable[[Question], None]) -> None:
         self._open: dict[str, tuple[Question, asyncio.Future[Answer]]] = {}
         self.on_question = on_question
+        self.on_answer: Callable[[Question, Answer], None] = lambda _question, _answer: None
 
     @property
     def questions(self) -> tuple[Question, ...]:
@@ -107,7 +113,8 @@ class Desk:
         if not self._open or (step is not None and step not in self._open):
             raise InputError("no question is open" if step is None else f"no question is open in step {step}")
         question, future = self._open[step] if step is not None else next(iter(self._open.values()))
-        value = question.read(text)
+        answer = Answer(question.read(text), by)
         if not future.done():
-            future.set_result(Answer(value, by))
+            self.on_answer(question, answer)
+            future.set_result(answer)
         return question

@@ -13,6 +13,7 @@ from typing import Any, assert_never
 from bench.engine.actions import Bench
 from bench.engine.control import Control
 from bench.engine.outputs import first_of
+from bench.engine.people import answered
 from bench.engine.questions import Question
 from bench.engine.safety import outlast
 from bench.engine.stepper import Stepper, Stopped, Watcher
@@ -223,13 +224,7 @@ class Walk:
 
     async def _asked(self, step_id: str, problem: Exception) -> str:
         question = Question(f"{step_id}?", f"{problem} What now?", AFTER_A_FAILURE)
-        self._journal.write("asked", question.step, text=question.text, expected=question.expected)
-        try:
-            answer = await self._bench.desk.ask(question, A_DAY_S)
-        except BaseException:
-            self._journal.try_to_write("unanswered", question.step)
-            raise
-        self._journal.write("answered", question.step, answer=str(answer.value), by=answer.by)
+        answer = await answered(self._bench.desk, self._journal, question, A_DAY_S)
         return str(answer.value)
 
     def _visited(self, planned: PlannedStep) -> PlannedStep:

@@ -25,6 +25,7 @@ from bench.report.plots import Plot
 from bench.report.revision import Revision
 from bench.report.stored import BENCH_COPY, StoredRun
 from bench.report.svg import drawing, font_of
+from bench.report.timeline import clock
 from bench.sequence.limits import limits_in
 from bench.sequence.methods import CHANNEL, MethodDescription, known_methods
 
@@ -96,7 +97,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals["tr"] = tr
+    environment.globals["tr"], environment.globals["clock"] = tr, clock
     return environment
 
 

@@ -112,7 +112,8 @@ def on_the_way(reader: RunReader) -> OnTheWay:
         elif event.kind == "left_out":
             left_out.append(LeftOut(event.step, str(data["text"] or data["why"])))
         elif event.kind == "answered":
-            answers.append(Answered(event.step, tr("What now?"), str(data["answer"]), str(data["by"]), event.at_s))
+            question = str(data.get("question") or tr("What now?"))
+            answers.append(Answered(event.step, question, str(data["answer"]), str(data["by"]), event.at_s))
         elif "question" in data:
             answer = f"{data['value']} {data.get('unit', '')}".strip()
             answers.append(Answered(event.step, str(data["question"]), answer, str(data["by"]), event.at_s))

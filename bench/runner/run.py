@@ -13,6 +13,7 @@ from bench.config.models import BenchFile
 from bench.engine.engine import Engine, Observer, Outcome
 from bench.engine.interlocks import Interlocks
 from bench.engine.monitor import Monitor
+from bench.engine.people import People
 from bench.engine.questions import Desk
 from bench.rig import OpenError, Rig
 from bench.runner.commands import commands_of
@@ -37,12 +38,14 @@ async def run_plan(
     can_pause: bool,
     on_desk: Callable[[Desk], object] | None = None,
     places: Collection[str] | None = None,
+    people: People | None = None,
 ) -> tuple[Outcome, Mapping[str, Identity]]:
     """Opens the devices, runs the plan, makes everything safe, closes; how it ended, and who the devices were.
 
     SIGINT: the step ends and teardown runs; a second one, or SIGTERM, drops the teardown. `teardown_s` is its estimated
     duration, to be told. While it runs a control socket takes commands; it is named in `folder`. `on_desk` is given the
     desk at which questions are asked, before the first one. `places` are those with a unit in them; None for all.
+    `people` are whom the devices ask.
     """
     rig = Rig(devices)
     try:
@@ -52,6 +55,8 @@ async def run_plan(
             interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
             monitor = Monitor(rig, bench, interlocks, writer, on_reading, places)
             engine = Engine(plan, bench, rig, monitor, writer, observer)
+            if people is not None:
+                people.meet(engine.desk, engine.journal, observer.notice)
             if on_desk is not None:
                 on_desk(engine.desk)
             commands = commands_of(engine, monitor, can_pause=can_pause)

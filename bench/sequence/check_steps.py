@@ -175,6 +175,9 @@ def _move(step: Move, head: DeviceEntry, target_deg: float) -> Found:
     key = "by" if step.by_deg is not None else "to"
     target = list(_beyond(head, step.role, key, "angle", target_deg, "°"))
     yield from target
+    if not getattr(head.options, "seats", lambda _deg: True)(target_deg):
+        tooth_deg = head.options.index_step
+        yield key, f"{target_deg:.12g} ° is between two teeth of '{step.role}', which are {tooth_deg:.9g} ° apart"
     if not target and step.approach != "direct":
         distance_deg = getattr(head.options, "approach_distance", 0.0)
         start_deg = target_deg + (distance_deg if step.approach == "from_above" else -distance_deg)

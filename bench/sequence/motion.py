@@ -30,8 +30,11 @@ def move_s(step: Move, from_deg: float, target_deg: float, options: Any) -> floa
 def way_s(approach: Approach, from_deg: float, target_deg: float, options: Any) -> float:
     """How long an axis with these driver options takes until it stands at an angle.
 
-    An approach goes beyond the angle first only where the axis does not come from that side already.
+    An approach goes beyond the angle first only where the axis does not come from that side already. A person who
+    turns the axis takes his `turn_time`, unless nothing needs turning.
     """
+    if (hand_s := getattr(options, "turn_time", None)) is not None:
+        return float(hand_s) if approach != "direct" or from_deg != target_deg else 0.0
     side = _SIDES[approach]
     begin_deg = target_deg + side * getattr(options, "approach_distance", 0.0)
     corners_deg = [from_deg, begin_deg, target_deg] if (from_deg - begin_deg) * side < 0 else [from_deg, target_deg]

@@ -9,6 +9,7 @@ from typing import Self
 from drivers.capabilities import Approach
 from drivers.errors import BeyondLimit, InstrumentFault, NotSettled, Refused
 from drivers.head.axis import ANSWER_S, Axis
+from drivers.head.bounds import check_angle
 from drivers.head.description import HeadLimits, HeadOptions
 from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading
@@ -130,12 +131,7 @@ class Head:
         )
 
     def _check_angle(self, what: str, angle_deg: float) -> None:
-        allowed = self._limits.angle
-        if not allowed.min <= angle_deg <= allowed.max:
-            raise BeyondLimit(
-                self.name, f"{what} {angle_deg:g}° is outside {allowed.min:g}° to {allowed.max:g}°",
-                remedy="Nothing was sent. Correct the sequence, or limits.angle in the bench file.",
-            )  # fmt: skip
+        check_angle(self.name, what, angle_deg, self._limits.angle)
         own = self._axis.limits
         if own is not None and not own.min_deg <= angle_deg <= own.max_deg:
             raise BeyondLimit(

@@ -1,6 +1,7 @@
 """Where an instrument is: `tcp://host:port`, `serial:///dev/ttyUSB0?baud=9600`, `slcan:///dev/ttyACM0?bitrate=500000`.
 
-`socket://host:port` is a serial line behind a TCP serial server.
+`socket://host:port` is a serial line behind a TCP serial server; `person:operator` is no wire, but somebody who is
+asked.
 
 `sim+` before an address puts the simulator at its other end, inside the same process.
 """
@@ -19,6 +20,7 @@ _SIMULATED = "sim+"
 _TCP = re.compile(r"//(?:(?P<host>\w(?:[\w.-]{0,252}\w)?)|\[(?P<v6>[0-9a-fA-F:.]{2,45})\]):(?P<port>\d{1,5})", re.ASCII)
 _DEVICE_FILE = re.compile(r"//(?P<path>/[^\x00-\x1f\x7f#]+)")
 _INTERFACE = re.compile(r"(?P<path>\w+/[^\x00-\x1f\x7f#/]+)", re.ASCII)
+_PERSON = re.compile(r"(?P<path>\w+)", re.ASCII)
 _NUMBER = re.compile("[1-9][0-9]{0,7}")
 _ANY_NUMBER: tuple[str, ...] = ()
 _SERIAL_OPTIONS: Mapping[str, tuple[str, ...]] = {
@@ -44,6 +46,7 @@ SCHEMES: Mapping[str, Scheme] = {
     "serial": Scheme(_DEVICE_FILE, _SERIAL_OPTIONS, "serial:///dev/ttyUSB0?baud=9600"),
     "slcan": Scheme(_DEVICE_FILE, {"bitrate": _ANY_NUMBER, "baud": _ANY_NUMBER}, "slcan:///dev/ttyACM0?bitrate=500000"),
     "can": Scheme(_INTERFACE, {"bitrate": _ANY_NUMBER}, "can:socketcan/can0?bitrate=500000"),
+    "person": Scheme(_PERSON, {}, "person:operator"),
 }
 
 
@@ -53,7 +56,7 @@ class AddressError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """One end of a wire. TCP has `host` and `port`; a device file or `can:INTERFACE/CHANNEL` has `path`."""
+    """One end of a wire. TCP has `host` and `port`; a device file, `can:INTERFACE/CHANNEL` or a person has `path`."""
 
     scheme: str
     host: str = ""
@@ -91,6 +94,11 @@ class Address:
         if _NUMBER.fullmatch(text) is None:
             raise AddressError(f"{self}: '{name}={text}' is not a whole number")
         return int(text)
+
+    @property
+    def is_person(self) -> bool:
+        """Whether there is no wire, but somebody who is asked."""
+        return self.scheme == "person"
 
     @property
     def is_serial_line(self) -> bool:

@@ -1,0 +1,75 @@
+"""Questions to people that have entries of their own in the journal, among them what devices ask in a run."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+from bench.engine.journal import Journal
+from bench.engine.questions import Answer, Desk, Question
+from bench.errors import StepError
+from bench.sequence.talk import TypedInput
+from drivers.errors import NoAnswer
+from drivers.person import NOBODY, Errand, Person, Typed
+from drivers.quantities import Quantity
+
+
+async def answered(desk: Desk, journal: Journal, question: Question, give_up_after_s: float, /, **facts: Any) -> Answer:
+    """The answer; that it was asked, and what became of it, is in the journal, with `facts` beside the answer."""
+    journal.write("asked", question.step, text=question.text, expected=question.expected)
+    try:
+        answer = await desk.ask(question, give_up_after_s)
+    except BaseException:
+        journal.try_to_write("unanswered", question.step)
+        raise
+    journal.write("answered", question.step, answer=str(answer.value), by=answer.by, **facts)
+    return answer
+
+
+class People:
+    """Whoever is at the bench, as its devices see him: a Person, who is there while a run is under way.
+
+    The questions of a device are `ROLE#1`, `ROLE#2`, … in their order; one that is asked again, since the answer could
+    not be, has `~2`, `~3`, … after it, as a step has that is done again.
+    """
+
+    def __init__(self) -> None:
+        self._person: Person = NOBODY
+
+    def meet(self, desk: Desk, journal: Journal, notice: Callable[[str], None]) -> None:
+        """From now on devices ask at a desk; what is withdrawn there is told to `notice`."""
+        self._person = _AtADesk(desk, journal, notice)
+
+    async def ask(self, errand: Errand) -> Typed:
+        """What he answers. Raises NoAnswer when nobody does in time, CannotConnect before a run is under way."""
+        return await self._person.ask(errand)
+
+
+class _AtADesk:
+    def __init__(self, desk: Desk, journal: Journal, notice: Callable[[str], None]) -> None:
+        self._desk, self._journal, self._notice = desk, journal, notice
+        self._errands: Counter[str] = Counter()
+        self._times: Counter[str] = Counter()
+
+    async def ask(self, errand: Errand) -> Typed:
+        question = Question(self._id(errand), errand.text, input=TypedInput(unit=errand.unit), errand=errand)
+        facts = {"device": errand.device, "question": errand.text}
+        try:
+            answer = await answered(self._desk, self._journal, question, errand.give_up_s, **facts)
+        except StepError as problem:
+            raise NoAnswer(errand.device, str(problem)) from problem
+        except asyncio.CancelledError:
+            self._notice(f"Withdrawn, nobody needs to do it any more: {errand.text}")
+            raise
+        if not isinstance(answer.value, Quantity):
+            raise TypeError(f"{question.step}: {answer.value!r} has no unit")
+        return Typed(answer.value.to(errand.unit), answer.by)
+
+    def _id(self, errand: Errand) -> str:
+        if not errand.again:
+            self._errands[errand.device] += 1
+        name = f"{errand.device}#{self._errands[errand.device]}"
+        self._times[name] += 1
+        return name if self._times[name] == 1 else f"{name}~{self._times[name]}"

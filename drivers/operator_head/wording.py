@@ -1,0 +1,39 @@
+"""What a person at a hand-turned head is told."""
+
+from __future__ import annotations
+
+from drivers.values import Approach
+
+_COMING: dict[Approach, str] = {
+    "direct": "", "from_below": ", coming to it from below", "from_above": ", coming to it from above",
+}  # fmt: skip
+
+
+def spelled(angle_deg: float) -> str:
+    """An angle as it is read off a dial; 0.000001° is the last digit."""
+    return f"{round(angle_deg, 6) + 0.0:.12g}°"
+
+
+def to_turn(device: str, from_deg: float | None, to_deg: float, approach: Approach) -> str:
+    """What he is to do: to which angle, from where and which way, and how he comes there at last."""
+    if from_deg is None:
+        way = ""
+    elif from_deg == to_deg:
+        way = ", where it stands now" if approach == "direct" else ", where it stands now: away from it and back"
+    else:
+        way = f", from {spelled(from_deg)} {'up' if to_deg > from_deg else 'down'} by {spelled(abs(to_deg - from_deg))}"
+    return (
+        f"Turn {device} by hand to {spelled(to_deg)}{way}{_COMING[approach]}. When it stands there, locked, "
+        "type the angle that it shows, in ° or deg."
+    )
+
+
+def to_look(device: str) -> str:
+    """What he is to do where nobody knows how the head stands."""
+    return f"Leave {device} as it stands, and type the angle that it shows, in ° or deg."
+
+
+def not_taken(typed_deg: float, asked_deg: float | None, why: str, told: str) -> str:
+    """The question again, after an answer that cannot be."""
+    asked = f", {spelled(asked_deg)} was asked for" if asked_deg is not None else ""
+    return f"{spelled(typed_deg)} was typed{asked}: {why}. {told}"
