@@ -1,6 +1,7 @@
-"""What all drivers of indexing heads share, each against its own simulated controller, in virtual time."""
+"""What all drivers of indexing heads share, each against its own simulated controller, or person, in virtual time."""
 
 import asyncio
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
@@ -8,10 +9,23 @@ import pytest
 from drivers.capabilities import Approach
 from drivers.errors import BeyondLimit, CannotConnect, InstrumentFault, NoAnswer, NotSettled, Refused
 from tests.support.head import ENSEMBLE, XPS, Dialect, Head, now_s, with_driver, with_head
+from tests.support.person import ByHand, by_hand
 
-pytestmark = pytest.mark.parametrize("dialect", [ENSEMBLE, XPS], ids=lambda dialect: dialect.description.name)
+on_a_controller = pytest.mark.parametrize("dialect", [ENSEMBLE, XPS], ids=lambda dialect: dialect.description.name)
+on_any_head = pytest.mark.parametrize(
+    "dialect", [ENSEMBLE, XPS, None], ids=lambda dialect: dialect.description.name if dialect else "operator_head"
+)
 
 
+def with_any(use: Callable[[Any, Any], Awaitable[None]], dialect: Dialect | None) -> None:
+    """As `with_driver`, and for a head that is turned by hand where there is no dialect."""
+    if dialect is None:
+        by_hand(use)
+    else:
+        with_driver(use, dialect)
+
+
+@on_a_controller
 def test_nobody_there(dialect: Dialect) -> None:
     async def use(head: Head) -> None:
         head.wire.broken = True
@@ -21,6 +35,7 @@ def test_nobody_there(dialect: Dialect) -> None:
     with_head(use, dialect)
 
 
+@on_a_controller
 def test_a_rate_above_the_limit_is_refused_before_connecting(dialect: Dialect) -> None:
     async def use(head: Head) -> None:
         with pytest.raises(BeyondLimit, match="the rate 31 °/s is above the limit of 30 °/s"):
@@ -30,6 +45,7 @@ def test_a_rate_above_the_limit_is_refused_before_connecting(dialect: Dialect) -
     with_head(use, dialect)
 
 
+@on_a_controller
 @pytest.mark.parametrize(
     ("start_deg", "approach", "moves"),
     [
@@ -59,28 +75,62 @@ def test_every_visit_is_approached_alike(
     with_driver(use, dialect)
 
 
+@on_any_head
+@pytest.mark.parametrize(
+    ("angle_deg", "problem"),
+    [(366, r"the angle 366° is outside -5° to 365°"), (-5.001, r"the angle -5\.001° is outside")],
+)
+def test_beyond_the_limits_nothing_is_sent(dialect: Dialect | None, angle_deg: float, problem: str) -> None:
+    async def use(head: Head | ByHand, driver: Any) -> None:
+        sent = head.heard()
+        with pytest.raises(BeyondLimit, match=problem):
+            await driver.move_to(angle_deg, approach="direct", settle_s=0)
+        assert head.heard() == sent
+        await driver.move_to(-5, approach="direct", settle_s=0)
+
+    with_any(use, dialect)
+
+
+@on_a_controller
 @pytest.mark.parametrize(
     ("angle_deg", "approach", "problem"),
     [
-        (366, "direct", r"the angle 366° is outside -5° to 365°"),
-        (-5.001, "direct", r"the angle -5\.001° is outside"),
         (-4, "from_below", r"where the approach to -4° begins, -6° is outside"),
         (364, "from_above", r"where the approach to 364° begins, 366° is outside"),
     ],
 )
-def test_beyond_the_limits_nothing_is_sent(
+def test_an_approach_that_begins_beyond_the_limits_is_not_sent(
     dialect: Dialect, angle_deg: float, approach: Approach, problem: str
 ) -> None:
     async def use(head: Head, driver: Any) -> None:
-        sent = len(head.wire.requests)
+        sent = head.heard()
         with pytest.raises(BeyondLimit, match=problem):
             await driver.move_to(angle_deg, approach=approach, settle_s=0)
-        assert len(head.wire.requests) == sent
-        await driver.move_to(-5, approach="direct", settle_s=0)
+        assert head.heard() == sent
 
     with_driver(use, dialect)
 
 
+@on_any_head
+@pytest.mark.parametrize("ending", ["stop", "make_safe"])
+def test_a_move_that_was_ended_is_over_and_the_next_one_arrives(dialect: Dialect | None, ending: str) -> None:
+    async def use(head: Head | ByHand, driver: Any) -> None:
+        move = asyncio.create_task(driver.move_to(300, approach="direct", settle_s=5))
+        await asyncio.sleep(2)
+        await getattr(driver, ending)()
+        with pytest.raises(Refused):
+            await move
+        stood_deg = head.angle_deg
+        await asyncio.sleep(300)
+        assert head.angle_deg == stood_deg
+        assert (await driver.move_to(10, approach="from_below", settle_s=1)).value == 10
+        assert head.angle_deg == 10
+        assert (await driver.poll())["angle"][-1].value == 10
+
+    with_any(use, dialect)
+
+
+@on_a_controller
 def test_a_move_that_never_reached_the_controller_is_not_repeated(dialect: Dialect) -> None:
     async def use(head: Head, driver: Any) -> None:
         head.wire.lose = lambda request: request.startswith(dialect.word)
@@ -91,6 +141,7 @@ def test_a_move_that_never_reached_the_controller_is_not_repeated(dialect: Diale
     with_driver(use, dialect)
 
 
+@on_a_controller
 def test_an_axis_that_does_not_start_is_not_settled_in_time(dialect: Dialect) -> None:
     async def use(head: Head, driver: Any) -> None:
         head.faults.begin("stuck")
@@ -102,6 +153,7 @@ def test_an_axis_that_does_not_start_is_not_settled_in_time(dialect: Dialect) ->
     with_driver(use, dialect)
 
 
+@on_a_controller
 def test_a_feedback_that_stands_still_is_not_settled(dialect: Dialect) -> None:
     async def use(head: Head, driver: Any) -> None:
         head.faults.begin("frozen")
@@ -111,6 +163,7 @@ def test_a_feedback_that_stands_still_is_not_settled(dialect: Dialect) -> None:
     with_driver(use, dialect)
 
 
+@on_a_controller
 def test_an_axis_that_leaves_its_band_while_it_settles_is_not_settled(dialect: Dialect) -> None:
     async def use(head: Head, driver: Any) -> None:
         asyncio.get_running_loop().call_later(8.0, head.world.move, 10.01, 1.0)
@@ -120,6 +173,7 @@ def test_an_axis_that_leaves_its_band_while_it_settles_is_not_settled(dialect: D
     with_driver(use, dialect)
 
 
+@on_a_controller
 def test_somebody_else_moving_the_axis_is_a_fault_within_one_poll(dialect: Dialect) -> None:
     async def use(head: Head, driver: Any) -> None:
         await driver.poll()  # nothing is expected of it yet
@@ -137,6 +191,7 @@ def test_somebody_else_moving_the_axis_is_a_fault_within_one_poll(dialect: Diale
     with_driver(use, dialect)
 
 
+@on_a_controller
 @pytest.mark.parametrize("ending", ["stop", "make_safe"])
 def test_stopping_ends_the_move_under_way(dialect: Dialect, ending: str) -> None:
     async def use(head: Head, driver: Any) -> None:
@@ -157,6 +212,7 @@ def test_stopping_ends_the_move_under_way(dialect: Dialect, ending: str) -> None
     with_driver(use, dialect)
 
 
+@on_a_controller
 @pytest.mark.parametrize("ending", ["stop", "make_safe"])
 def test_a_move_is_over_whenever_it_is_stopped(dialect: Dialect, ending: str) -> None:
     for after in range(1, 25):
@@ -178,6 +234,7 @@ def test_a_move_is_over_whenever_it_is_stopped(dialect: Dialect, ending: str) ->
         with_driver(use, dialect)
 
 
+@on_a_controller
 def test_making_safe_connects_and_identifies_again(dialect: Dialect) -> None:
     async def use(head: Head, driver: Any) -> None:
         await driver.stop()
@@ -194,9 +251,21 @@ def test_making_safe_connects_and_identifies_again(dialect: Dialect) -> None:
     with_driver(use, dialect)
 
 
-def test_making_safe_is_idempotent_and_homes_nothing(dialect: Dialect) -> None:
-    async def use(head: Head, driver: Any) -> None:
+@on_any_head
+def test_making_safe_is_idempotent_and_moves_nothing(dialect: Dialect | None) -> None:
+    async def use(head: Head | ByHand, driver: Any) -> None:
+        await driver.move_to(10, approach="direct", settle_s=0)
         await driver.make_safe()
+        await driver.make_safe()
+        assert head.angle_deg == 10
+        assert len(head.moves()) == 1
+
+    with_any(use, dialect)
+
+
+@on_a_controller
+def test_making_safe_homes_nothing(dialect: Dialect) -> None:
+    async def use(head: Head, driver: Any) -> None:
         await driver.make_safe()
         assert head.moves() == []
         assert head.wire.count(dialect.home) == 0
@@ -204,6 +273,7 @@ def test_making_safe_is_idempotent_and_homes_nothing(dialect: Dialect) -> None:
     with_driver(use, dialect)
 
 
+@on_a_controller
 def test_making_safe_stops_at_once_while_a_question_is_under_way(dialect: Dialect) -> None:
     async def use(head: Head, driver: Any) -> None:
         head.move(300.0)
@@ -221,6 +291,7 @@ def test_making_safe_stops_at_once_while_a_question_is_under_way(dialect: Dialec
     with_driver(use, dialect)
 
 
+@on_a_controller
 def test_making_safe_before_it_was_ever_connected(dialect: Dialect) -> None:
     async def use(head: Head) -> None:
         driver = head.driver()
@@ -232,6 +303,7 @@ def test_making_safe_before_it_was_ever_connected(dialect: Dialect) -> None:
     with_head(use, dialect)
 
 
+@on_a_controller
 def test_what_cannot_be_made_safe_says_so_in_time(dialect: Dialect) -> None:
     async def use(head: Head, driver: Any) -> None:
         head.faults.begin("silent")
@@ -256,6 +328,7 @@ async def work(driver: Any) -> None:
             await asyncio.sleep(1)
 
 
+@on_a_controller
 @pytest.mark.parametrize("tens", range(8))
 def test_silence_is_reported_within_a_deadline_whenever_it_begins(dialect: Dialect, tens: int) -> None:
     for silent_from in range(10 * tens + 1, 10 * tens + 11):

@@ -13,6 +13,7 @@ from bench.config.models import BenchFile
 from bench.engine.engine import Engine, Outcome
 from bench.engine.interlocks import Interlocks
 from bench.engine.monitor import Monitor
+from bench.engine.people import People
 from bench.engine.state import RunState
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from bench.rig import Rig
@@ -80,10 +81,12 @@ def run_plan(folder: Path, plan: Plan, bench: BenchFile, script: Script | None =
         laboratory = make_laboratory(bench, units, SEED, asyncio.get_running_loop().time)
         writer, observer = RunWriter(folder), Quiet()
         try:
-            async with Rig(open_devices(bench, laboratory)) as rig:
+            people = People()
+            async with Rig(open_devices(bench, laboratory, person=people)) as rig:
                 interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
                 monitor = Monitor(rig, bench, interlocks, writer, observer.reading)
                 engine = Engine(plan, bench, rig, monitor, writer, observer)
+                people.meet(engine.desk, engine.journal, observer.notice)
                 beside = asyncio.create_task(script(engine)) if script is not None else None
                 outcome = await engine.run()
                 if beside is not None:

@@ -81,6 +81,10 @@ class Head:
         """Another program moves the axis."""
         self.call(self.dialect.move.format(angle_deg))
 
+    def heard(self) -> int:
+        """How many requests have reached it."""
+        return len(self.wire.requests)
+
     @property
     def angle_deg(self) -> float:
         return self.world.axis.encoder_deg(self.world.now())
