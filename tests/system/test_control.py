@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
+import os
+import pty
 import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from bench.errors import InputError
+from bench.runner.control import tell
 from bench.store.reader import RunReader
 from tests.support.runs import ROOT
 
@@ -22,11 +27,12 @@ PACED = ("smoke", "--speed", "20", "--set", "soak=1 min", "--set", "gate=40 s")
 class Running:
     """`bench run` as a process, found again by its run directory."""
 
-    def __init__(self, runs: Path, *arguments: str) -> None:
+    def __init__(self, runs: Path, *arguments: str, bench: str = "simulated", stdin: int | None = None) -> None:
         self.runs = runs
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "bench", "run", *arguments, "--bench", "simulated", "--runs", str(runs)],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
+            [sys.executable, "-m", "bench", "run", *arguments, "--bench", bench, "--runs", str(runs)],
+            stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
+            env={**os.environ, "USER": "tired"},
         )  # fmt: skip
         self.wait_for(lambda: bool(list(runs.glob("*/runner.json"))))
         (self.path,) = runs.iterdir()
@@ -63,8 +69,8 @@ class Running:
 def started(tmp_path) -> Iterator[Callable[..., Running]]:
     runs: list[Running] = []
 
-    def start(*arguments: str) -> Running:
-        runs.append(Running(tmp_path / "runs", *arguments))
+    def start(*arguments: str, **process: Any) -> Running:
+        runs.append(Running(tmp_path / "runs", *arguments, **process))
         return runs[-1]
 
     yield start
@@ -222,3 +228,37 @@ def test_a_question_is_answered_over_the_socket_by_name_and_the_status_shows_wha
     over = json.loads(run.tell("status").stdout)
     assert over["variables"]["room"] == "23.5 °C"
     assert over["under_way"] == []
+
+
+def test_a_head_is_turned_by_whoever_answers_over_the_socket_or_on_the_terminal(started, tmp_path):
+    path = tmp_path / "turn.yaml"
+    path.write_text(
+        "schema: itb-sequence/1\ntitle: Turn\n"
+        "needs: {head: positioner, supply: power_supply, counter: pulse_counter}\nsteps:\n"
+        "  - {set: supply, voltage: 15 V, current_limit: 120 mA, output: on}\n"
+        "  - {move: head, to: 90°}\n  - {measure: counter.x, for: 5 s, as: up}\n"
+        "  - {move: head, to: 270°}\n  - {measure: counter.x, for: 5 s, as: down}\n"
+        "teardown:\n  - {set: supply, output: off}\n",
+        "utf-8",
+    )
+    terminal, keyboard = pty.openpty()
+    run = started(str(path), "--speed", "20", bench="by_hand", stdin=keyboard)
+    run.wait_for(lambda: run.steps("asked") == ["head#1"])
+    (question,) = json.loads(tell(run.path, "status"))["questions"]
+    assert (question["step"], question["expected"]) == ("head#1", "a value in °")
+    with pytest.raises(InputError, match="expected a value in °"):
+        tell(run.path, "answer", answer="done")
+    tell(run.path, "answer", answer="93 deg", by="A. Hurry")
+    run.wait_for(lambda: run.steps("asked") == ["head#1", "head#1~2"])
+    assert run.tell("answer", "90 deg", "--step", "head#1~2", "--by", "A. Person").returncode == 0
+    run.wait_for(lambda: run.steps("asked")[2:] == ["head#2"])
+    os.write(terminal, b"270 deg\n")
+    assert run.finish() == 0
+    os.close(terminal)
+    os.close(keyboard)
+    with RunReader(run.path) as reader:
+        said = [(event.step, event.data["answer"], event.data["by"]) for event in reader.events("answered")]
+        up, down = [event.data["value"] for event in reader.events("step_ended") if "reading" in event.data]
+    assert said == [("head#1", "93 °", "A. Hurry"), ("head#1~2", "90 °", "A. Person"), ("head#2", "270 °", "tired")]
+    assert up > 10_000
+    assert down < -10_000
