@@ -56,7 +56,7 @@ def repeat(run: Run, runs: Runs = RUNS) -> None:
 def answer(
     run: Run,
     text: Annotated[str, typer.Argument(metavar="ANSWER", help="One of the choices, or the value that is asked for.")],
-    step: Annotated[str, typer.Option(metavar="ID", help="The step that asks, when several do.")] = "",
+    step: Annotated[str, typer.Option(metavar="ID", help="Which one, when several are open: a step, or head#3.")] = "",
     by: Annotated[str, typer.Option(metavar="NAME", help="Who answers.")] = "",
     runs: Runs = RUNS,
 ) -> None:

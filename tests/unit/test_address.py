@@ -48,6 +48,8 @@ A_CAN = "is not a can address; expected one like can:socketcan/can0?bitrate=5000
             Address("slcan", path="/tmp/itb/can", options={"bitrate": "500000"}, simulated=True),
         ),
         ("can:socketcan/can0", Address("can", path="socketcan/can0")),
+        ("person:operator", Address("person", path="operator")),
+        ("sim+person:night_shift", Address("person", path="night_shift", simulated=True)),
         ("can:pcan/USBBUS1?bitrate=250000", Address("can", path="pcan/USBBUS1", options={"bitrate": "250000"})),
     ],
 )
@@ -98,6 +100,8 @@ def test_spellings_that_mean_the_same_are_spelled_alike():
             "'slcan:ttyACM0' is not a slcan address; expected one like slcan:///dev/ttyACM0?bitrate=500000",
         ),
         ("can:can0", f"'can:can0' {A_CAN}"),
+        ("person:", "'person:' is not a person address; expected one like person:operator"),
+        ("person:A. Turner", "'person:A. Turner' is not a person address; expected one like person:operator"),
         ("can://socketcan/can0", f"'can://socketcan/can0' {A_CAN}"),
         ("can:socketcan/can0/1", f"'can:socketcan/can0/1' {A_CAN}"),
     ],
@@ -138,6 +142,12 @@ def test_an_option_that_a_wire_does_not_take_is_refused_with_those_it_takes(text
     with pytest.raises(AddressError) as caught:
         Address.parse(text)
     assert str(caught.value) == problem
+
+
+def test_a_person_is_no_wire():
+    person, wire = Address.parse("person:operator"), Address.parse("tcp://h:5")
+    assert person.is_person
+    assert (wire.is_person, person.is_local, person.is_serial_line) == (False, False, False)
 
 
 def test_an_option_that_is_not_given_has_a_default():

@@ -17,6 +17,7 @@ from tests.support.sequences import BENCH, ELSEWHERE, ROOT
 
 FOLDER = ROOT / "tests/broken"
 _FORBIDDEN = (AngleRange(min="40°", max="50°"),)
+BY_HAND = load_bench(ROOT / "config/by_hand.yaml").bench
 CHANNEL = load_bench(ROOT / "config/channel.yaml").bench
 TWO_AXES = load_bench(ROOT / "config/imu_two_axis.yaml").bench
 FORBIDS = BENCH.model_copy(update={"fixture": BENCH.fixture.model_copy(update={"forbidden": _FORBIDDEN})})
@@ -30,7 +31,7 @@ BENCHES = {  # by part of a name
     "unlatched": SENT.model_copy(update={"devices": SENT.devices | {"telemetry": _UNLATCHED}}),
     "of_codes": SENT, "of_volts": VOLTS,
     "forbidden": FORBIDS, "without_nominal": WITHOUT_NOMINAL, "unsuited_ramp": CHANNEL, "on_a_table": RESPONSE,
-    "without_encoder": TABLE, "unreachable_attitude": TWO_AXES,
+    "between_teeth": BY_HAND, "without_encoder": TABLE, "unreachable_attitude": TWO_AXES,
 }  # fmt: skip
 BROKEN = sorted([*FOLDER.glob("*.yaml"), *FOLDER.glob("calls/call_*.yaml")])
 GOOD = sorted((FOLDER / "good").glob("*.yaml"))

@@ -75,6 +75,28 @@ def test_a_stopped_head_stands() -> None:
     assert lab.world.axis.encoder_deg(lab.world.now()) == 45.0
 
 
+def test_a_head_that_was_put_somewhere_stands_there_as_it_came_there() -> None:
+    lab = Laboratory(axes={"head": AxisErrors(zero_deg=0.01, backlash_deg=0.002)})
+    lab.world.move(90, 20)
+    lab.wait(2)
+    for from_above, off_deg in ((False, 0.01), (True, 0.012)):
+        lab.world.place(181.0, from_above=from_above)
+        assert not lab.world.axis.moving(lab.world.now())
+        assert lab.world.axis.encoder_deg(lab.world.now()) == 181.0
+        assert lab.world.axis.still_deg(lab.world.now()) == pytest.approx(181 + off_deg)
+    lab.wait(100)
+    assert lab.world.axis.encoder_deg(lab.world.now()) == 181.0
+
+
+def test_who_comes_to_an_angle_anew_by_hand_scatters_anew() -> None:
+    lab = Laboratory(axes={"head": AxisErrors(repeatability_deg=0.001)})
+    stood = []
+    for _ in range(3):
+        lab.world.place(90.0, from_above=False)
+        stood.append(lab.world.axis.still_deg(lab.world.now()))
+    assert len(set(stood)) == 3
+
+
 # Power
 
 
