@@ -150,7 +150,7 @@ def plan(
     """List the steps of a sequence: when each begins, how long it takes, the bench after it; nothing is opened."""
     from bench.app.request import RunRequest, load_checked
     from bench.report.shown import duration, megabytes
-    from bench.report.timeline import plan_table, timeline_json
+    from bench.report.timeline import plan_table, timeline_json, turned_by_hand
 
     request = RunRequest(
         sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), not_after=not_after,
@@ -168,6 +168,8 @@ def plan(
         return
     for line in plan_table(checked.plan, expected, checked.loaded.bench):
         sys.stdout.write(line + "\n")
+    for role, times in turned_by_hand(expected, checked.loaded.bench).items():
+        sys.stdout.write(f"{role}: turned by hand {times} times\n")
     sys.stdout.write(
         f"{len(checked.plan)} steps, about {duration(expected.total_s)}, about {megabytes(expected.size_bytes)}\n"
     )

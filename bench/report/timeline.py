@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, assert_never
@@ -68,6 +69,18 @@ def output_unit(role: str, bench: BenchFile) -> str:
     """What the level of an output is in."""
     device = bench.devices.get(bench.members(role)[0])
     return "A" if device is not None and "current_source" in device.description.capabilities else "V"
+
+
+def turned_by_hand(expected: Estimate, bench: BenchFile) -> Mapping[str, int]:
+    """How often somebody has to turn each head that has no motor, where a plan needs one at all."""
+    times: Counter[str] = Counter()
+    for span in expected.spans:
+        step = span.step.step
+        if isinstance(step, Move) and span.duration_s > step.settle_s:
+            device = bench.devices.get(step.role)
+            if device is not None and device.connection.is_person:
+                times[step.role] += span.times
+    return times
 
 
 def timeline_json(expected: Estimate) -> dict[str, Any]:

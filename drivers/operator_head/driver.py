@@ -26,7 +26,8 @@ class OperatorHead:
     It stands where a person has last said; it is not known to stand anywhere before the first move, and after one that
     was not confirmed. A dial counts from 0° to 360°, so that whole turns are taken as the move went.
 
-    Concurrency: a new move, `stop` and `make_safe` withdraw the question that is open; its move then raises Refused.
+    Concurrency: `stop`, `make_safe`, and whatever asks a question of its own, withdraw the one that is open; whoever
+    asked it then has Refused.
     """
 
     def __init__(self, setup: Setup[OperatorHeadOptions, OperatorHeadLimits, Nothing]) -> None:

@@ -11,6 +11,7 @@ from bench.app.rehearse import draw_faults
 from bench.config.bench import load_bench
 from bench.config.models import BenchFile
 from bench.errors import InputError
+from bench.report.timeline import turned_by_hand
 from bench.sequence.estimate import estimate
 from bench.store.reader import RunReader
 from tests.support.engines import run_plan
@@ -80,6 +81,7 @@ def test_a_run_takes_as_long_as_was_planned(tmp_path):
     result = ran(tmp_path, *moves)
     expected = estimate(plan_of(tmp_path, steps(*moves), bench=BENCH), BENCH)
     assert [round(span.duration_s) for span in expected.spans] == [120, 0, 123, 120]
+    assert turned_by_hand(expected, BENCH) == {"head": 3}
     assert [answer for _, answer, _ in said(result)] == ["90 °", "90 °", "0 °"]
     assert result.bench_s == pytest.approx(363, abs=4)
 
