@@ -110,8 +110,8 @@ class SimulatedCounter(CanNode):
 
     def _before_change(self) -> None:
         """Makes the latches that are due, and counts what has come since under the stimulus that is about to change."""
+        now = self._world.now()  # before the latches, which are due while it goes on
         self._catch_up()
-        now = self._world.now()
         if now > self._counted_s:
             for channel, unit in self._units.items():
                 self._owed[channel] += float(unit.charge_pulses(np.array([self._counted_s, now]))[0])

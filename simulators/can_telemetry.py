@@ -113,9 +113,10 @@ class SimulatedTelemetry(CanNode):
 
     def _before_change(self) -> None:
         """Sends what is due, and takes in what has come since under the stimulus that is about to change."""
+        now_s = self._world.now()  # before the samples, which are due while it goes on
         self._catch_up()
         for each in self._streams:
-            each.integrate(self._world.now())
+            each.integrate(now_s)
 
     def _catch_up(self) -> None:
         if self.faults.times("restart") > self._restarts:

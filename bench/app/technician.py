@@ -62,10 +62,10 @@ def _misfits(script: Script, plan: Plan, bench: BenchFile) -> Iterator[Problem]:
 
 def _device_misfits(key: str, given: ScriptedAnswer, bench: BenchFile) -> Iterator[Problem]:
     """What does not fit in an answer to the questions of a device, or to one of them: `head`, `head#3`, `head#3~2`."""
-    device, hash_sign, number = _first_visit(key).partition("#")
+    device, numbered, number = _first_visit(key).partition("#")
     if not bench.devices[device].connection.is_person:
         yield ("answers", key), f"'{device}' asks nobody: it is reached by {bench.devices[device].connection.scheme}"
-    elif hash_sign and not number.isdecimal():
+    elif numbered and not number.isdecimal():
         yield ("answers", key), f"'{key}' is no question of '{device}'; they are {device}#1, {device}#2, …"
     elif given.answer is not None:
         yield from _answer_misfits(key, given.answer, Question(key, "", input=TypedInput(unit="°")))

@@ -55,13 +55,13 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """A question, its answer, and who gave it."""
+    """A question, its answer, who gave it, and how long after the start of the run."""
 
     step: str
     question: str
     answer: str
     by: str
-    at_s: float
+    after_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +105,7 @@ def on_the_way(reader: RunReader) -> OnTheWay:
     answers: list[Answered] = []
     left_out: list[LeftOut] = []
     dropped: dict[str, Dropped] = {}
+    began_s, _ = reader.span_s()
     for event in reader.events("step_ended", "left_out", "answered", "unit_dropped"):
         data = event.data
         if event.kind == "unit_dropped":
@@ -113,10 +114,12 @@ def on_the_way(reader: RunReader) -> OnTheWay:
             left_out.append(LeftOut(event.step, str(data["text"] or data["why"])))
         elif event.kind == "answered":
             question = str(data.get("question") or tr("What now?"))
-            answers.append(Answered(event.step, question, str(data["answer"]), str(data["by"]), event.at_s))
+            after_s = event.at_s - began_s
+            answers.append(Answered(event.step, question, str(data["answer"]), str(data["by"]), after_s))
         elif "question" in data:
             answer = f"{data['value']} {data.get('unit', '')}".strip()
-            answers.append(Answered(event.step, str(data["question"]), answer, str(data["by"]), event.at_s))
+            after_s = event.at_s - began_s
+            answers.append(Answered(event.step, str(data["question"]), answer, str(data["by"]), after_s))
         elif "reading" in data and "u" in data:
             measurements[first_visit(event.step)] = _measurement(event)
     return OnTheWay(tuple(measurements.values()), tuple(answers), tuple(left_out), dropped)

@@ -17,6 +17,7 @@ from bench.report.stored import StoredRun
 from bench.report.words import ENDINGS
 from bench.sequence.dwells import first_visit
 from bench.sequence.methods import known_methods
+from bench.store.reader import Event
 
 Facts = list[tuple[str, str]]
 """Pairs of what is told and what is to be told of it."""
@@ -54,7 +55,7 @@ def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
     for device, why in manifest.get("unsafe", {}).items():
         yield tr("{device} COULD NOT BE MADE SAFE: {why}", device=device, why=why)
     dropped = [
-        tr("After {time}: {what}", time=duration(event.at_s), what=event.data["text"])
+        tr("After {time}: {what}", time=_since_start(run, event), what=event.data["text"])
         for event in run.reader.events("unit_dropped")
     ]
     yield from dropped
@@ -76,6 +77,11 @@ def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
         )
 
 
+def _since_start(run: StoredRun, event: Event) -> str:
+    """How long after the first thing in the record; in real time its clock does not begin at 0."""
+    return duration(event.at_s - run.reader.span_s()[0])
+
+
 def _unfinished(run: StoredRun) -> list[str]:
     """Steps that began and did not end, the last time that they began."""
     began: dict[str, None] = {}
@@ -91,7 +97,7 @@ def _unfinished(run: StoredRun) -> list[str]:
 def notes_of_steps(run: StoredRun) -> Iterator[str]:
     """What the sequence wrote into the record, and when."""
     for event in run.reader.events("step_ended"):
-        when = duration(event.at_s)
+        when = _since_start(run, event)
         if "note" in event.data:
             yield tr("{text} ({time} after the start)", text=event.data["note"], time=when)
         if "alarm" in event.data:
@@ -102,7 +108,7 @@ def done_again(run: StoredRun) -> Iterator[str]:
     """Steps and questions that were done again, after a failure or because the operator wanted it."""
     for event in run.reader.events("retried", "operator", "device_note"):
         if event.kind == "device_note":
-            yield tr("{role}, {time} after the start:", role=event.data["device"], time=duration(event.at_s)) + (
+            yield tr("{role}, {time} after the start:", role=event.data["device"], time=_since_start(run, event)) + (
                 f" {event.data['text']}"
             )
         elif event.kind == "retried":

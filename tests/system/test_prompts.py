@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 
@@ -101,3 +102,14 @@ def test_nobody_told_what_to_do_after_a_failure_stops_the_run(tmp_path):
     result = ran(tmp_path, hot, "note: It goes on.")
     assert result.outcome.how == "error"
     assert "steps/note" not in ended(result)
+
+
+@pytest.mark.integration
+def test_the_report_counts_from_the_start_also_in_real_time_whose_clock_began_before(tmp_path):
+    ask = {"steps/prompt": {"after": "1 s", "by": "A. Quick"}}
+    result = ran(tmp_path, "note: Here.", "{prompt: Ready?}", answers=ask, speed="1")
+    report = (result.path / "report.html").read_text("utf-8")
+    assert re.search(r"Here\. \(\d\d? s after the start\)", report)
+    assert re.search(r"A\. Quick</td><td class=\"n whole\">0:00:\d\d</td>", report)
+    with RunReader(result.path) as reader:
+        assert reader.span_s()[0] > 10, "this computer has only just been switched on"

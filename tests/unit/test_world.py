@@ -1,3 +1,4 @@
+import itertools
 import math
 from pathlib import Path
 from typing import Any
@@ -416,3 +417,17 @@ def test_every_place_needs_a_simulated_unit(tmp_path: Path) -> None:
         unit_files(bare, None)
     override = ROOT / "config" / "uut" / "quartz_flexure.yaml"
     assert unit_files(bare, override) == UNITS
+
+
+@pytest.mark.parametrize(("name", "role"), [("simulated", "counter"), ("telemetry", "telemetry")])
+def test_time_goes_on_while_a_stimulus_changes_as_it_does_in_real_time(name: str, role: str) -> None:
+    bench = load_bench(ROOT / f"config/{name}.yaml").bench
+    clock_s = itertools.count(0.0, 0.7e-3)  # whoever looks at it again finds it later
+    lab = make_laboratory(bench, unit_files(bench, None), 1, lambda: next(clock_s))
+    lab.world.power("supply", True)
+    blocks = []
+    for turn in range(1000):
+        lab.world.move(float(turn % 2), 5.0)
+        if turn % 100 == 99:
+            blocks.append(lab.nodes[role].take())
+    assert (np.diff(np.concatenate([block.at_s for block in blocks])) >= 0).all()
