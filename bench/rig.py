@@ -11,12 +11,12 @@ from bench.errors import BenchError
 from drivers.capabilities import (
     Device,
     FrameSource,
+    Meter,
     Positioner,
     PulseCounter,
     RateTable,
     Source,
     ThermalChamber,
-    Voltmeter,
 )
 from drivers.errors import DriverError
 from drivers.values import Identity
@@ -105,11 +105,11 @@ class Rig:
             raise TypeError(f"{role} sends no frames")
         return device
 
-    def voltmeter(self, role: str) -> Voltmeter:
-        """The device of a role as a voltmeter."""
+    def meter(self, role: str) -> Meter:
+        """The device of a role as a voltmeter or an ammeter."""
         device = self.devices[role]
-        if not isinstance(device, Voltmeter):
-            raise TypeError(f"{role} is no voltmeter")
+        if not isinstance(device, Meter):
+            raise TypeError(f"{role} is no meter")
         return device
 
     async def make_safe(self, limit_s: float = MAKE_SAFE_S) -> dict[str, str]:

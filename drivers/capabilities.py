@@ -139,14 +139,24 @@ class Telemetry(FrameSource, Protocol):
 
 
 @runtime_checkable
-class Voltmeter(Device, Protocol):
-    """An instrument that measures a DC voltage when it is asked to."""
+class Meter(Device, Protocol):
+    """An instrument that measures when it is asked to."""
 
     async def measure(self, count: int, *, nplc: float | None) -> Sequence[Reading]:
-        """`count` readings (V), one after the other, each with the time of its middle.
+        """`count` readings (V, or A of an ammeter), one after the other, each with the time of its middle.
 
         `nplc` is over how many cycles of the power line each integrates; None leaves that to the bench file.
         """
+
+
+@runtime_checkable
+class Voltmeter(Meter, Protocol):
+    """A meter of DC volts."""
+
+
+@runtime_checkable
+class Ammeter(Meter, Protocol):
+    """A meter of DC current, in series with what drives it."""
 
 
 CAPABILITIES: Mapping[str, type] = {
@@ -157,6 +167,7 @@ CAPABILITIES: Mapping[str, type] = {
     "current_source": Source,
     "pulse_counter": PulseCounter,
     "voltmeter": Voltmeter,
+    "ammeter": Ammeter,
     "telemetry": Telemetry,
 }
 THERMOMETER = "thermometer"  # a named reading of any device, in °C

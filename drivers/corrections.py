@@ -32,10 +32,10 @@ class TemperatureCorrection(StrictModel):
 
 
 class CurrentCorrection(StrictModel):
-    """A row of the table of a current source."""
+    """A row of the table of a current source, or of an ammeter."""
 
-    at: Annotated[float, InUnit("A")] = Field(description="the current that it says it gives")
-    add: Annotated[float, InUnit("A")] = Field(description="what must be added to be what it gives")
+    at: Annotated[float, InUnit("A")] = Field(description="the current that it says it gives, or reads")
+    add: Annotated[float, InUnit("A")] = Field(description="what must be added to be what it gives, or measures")
 
 
 def _angles(rows: tuple[AngleCorrection, ...]) -> tuple[AngleCorrection, ...]:
@@ -91,6 +91,6 @@ class VoltageCorrections(StrictModel):
 
 
 class CurrentCorrections(StrictModel):
-    """What a certificate states of a current source in its range besides its uncertainty."""
+    """What a certificate states of a current source, or an ammeter, in its range besides its uncertainty."""
 
     current: CurrentTable = Field((), description="rows, by rising current")

@@ -1,4 +1,4 @@
-"""What a certificate states of a precision current source, whichever instrument it is."""
+"""What a certificate states of a current standard, which gives a current or measures it, whichever instrument it is."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from drivers.fields import InUnit, Ratio, StrictModel
 
 
 class CurrentUncertainty(StrictModel):
-    """What a certificate states of a current source in its range, once it has warmed up; expanded."""
+    """What a certificate states of a current source, or an ammeter, in its range, once it has warmed up; expanded."""
 
     gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the current, such as 40 ppm")
     offset: Annotated[float, InUnit("A", at_least=0)] = Field(0.0, description="the same at every current")

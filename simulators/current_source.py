@@ -14,7 +14,9 @@ HOUR_S = 3600.0
 
 @runtime_checkable
 class CurrentSource(Protocol):
-    """A simulated instrument whose current a converter can be fed with."""
+    """A simulated instrument whose current a converter can be fed with, through `load_ohm` in all."""
+
+    load_ohm: float
 
     @property
     def feeds_a(self) -> float | None:

@@ -1,4 +1,4 @@
-"""A Keysight 3458A on the resistor that a unit's current flows through, behind a gateway that passes lines on."""
+"""A Keysight 3458A, behind a gateway that passes lines on."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ import re
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import ClassVar
 
 from drivers.keysight_3458a import wire
 from simulators.faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.meter_inputs import MeterInput
 from simulators.serve import Later
 from simulators.unit_file import stream
 from simulators.world import World
@@ -29,69 +30,34 @@ _CHOICES = {
 _PRESET = {"TARM": 1, "TRIG": 5, "INBUF": 0, "AZERO": 1, "OFORMAT": 1, "MATH": 0}
 _POWER_ON = {**_PRESET, "TRIG": 1, "END": 0, "QFORMAT": 1}
 _NPLC_MAX = 1000.0
-_OVER_RANGE = 1.2
-_NOISE_NPLC = 10.0  # for which `noise_v` is stated
-
-
-@dataclass(frozen=True, slots=True)
-class VoltmeterSettings:
-    """What a voltmeter is connected to, and its errors as drawn: it reads U (1 + gain) + offset, and noise.
-
-    `noise_v` is the standard deviation of a reading over 10 line cycles.
-    """
-
-    place: str
-    load_ohm: float
-    gain: float = 0.0
-    offset_v: float = 0.0
-    noise_v: float = 0.0
-
-
-class PassingNoise(Protocol):
-    """The noise of a unit as one who looks at it now and then sees it."""
-
-    def pass_over(self, passed_s: float) -> None:
-        """Lets time pass in which nobody looks."""
-
-
-N = TypeVar("N", bound=PassingNoise)
-
-
-class AnalogueUnit(Protocol[N]):
-    """A unit whose output is a current."""
-
-    def own_noise(self, name: str) -> N:
-        """Its noise as somebody sees it."""
-
-    def mean_volts(self, begin_s: float, end_s: float, noise: N, load_ohm: float) -> float:
-        """What its current makes of a load, as a mean."""
+_FUNCTIONS = {"DCV": (wire.DC_VOLTS, wire.RANGES_V), "DCI": (wire.DC_CURRENT, wire.RANGES_A)}
+_OVER_RANGE, _OVER_1_A = 1.2, 1.05
+_NOISE_NPLC = 10.0  # for which the noise of its input is stated
 
 
 class Simulated3458A:
-    """A voltmeter across a load that the current of the unit in a place flows through.
+    """A meter of what it is connected to; set to another function it finds nothing there.
 
     What it is told while it takes a reading it does afterwards. Without END its answers have no end that a gateway
     could see, so they stay there. `frozen`: readings repeat. `stuck`: settings are accepted and not carried out.
     """
 
     def __init__(
-        self, world: World, faults: FaultPlan, settings: VoltmeterSettings, *, name: str = "voltmeter",
+        self, world: World, faults: FaultPlan, connected: MeterInput, *, name: str = "voltmeter",
         line_hz: float = 50.0, identity: str = "HP3458A",
     ) -> None:  # fmt: skip
         self.faults = faults
         self.errors: set[int] = set()
-        self._world, self._settings, self._line_hz = world, settings, line_hz
-        self._unit: AnalogueUnit[Any] = world.counted[settings.place]
-        self._unit_noise, self._looked_s = self._unit.own_noise(name), 0.0
+        self._world, self._input, self._line_hz = world, connected, line_hz
         self._noise = stream(world.settings.seed, "noise", name, "reading")
-        self._read_v = 0.0
+        self._read = 0.0
         self._told: Mapping[str, Callable[[], str]] = {
             "ID?": lambda: identity,
             "REV?": lambda: "9,2",
             "CALNUM?": lambda: "12",
             "LFREQ?": lambda: _engineering(round(1e7 / round(1e7 / line_hz), 5)),
             "ERRSTR?": self._take_error,
-            "FUNC?": lambda: f"1, {self._range_spelled()}",
+            "FUNC?": lambda: f"{self.function.code:g}, {self._range_spelled()}",
             "RANGE?": self._range_spelled,
             "NPLC?": lambda: _engineering(self.nplc),
         }
@@ -105,7 +71,8 @@ class Simulated3458A:
     def restart(self) -> None:
         """The mains fail for a moment: everything is as when it was switched on."""
         self.codes: dict[str, int] = dict(_POWER_ON)
-        self.range_v: float | None = None
+        self.function, self._ranges = _FUNCTIONS["DCV"]
+        self.full_scale: float | None = None
         self.nplc = 10.0
         self._reading: _Aperture | None = None
         self.errors.clear()
@@ -142,12 +109,12 @@ class Simulated3458A:
             return ""
         self.codes["TARM"] = _EVENTS["HOLD"]
         if not self.faults.active("frozen"):
-            input_v = reading.input_vs / (reading.integrated_s - reading.begin_s)
-            noise_v = self._settings.noise_v * math.sqrt(_NOISE_NPLC / self.nplc) * float(self._noise.standard_normal())
-            self._read_v = input_v * (1 + self._settings.gain) + self._settings.offset_v + noise_v
-        range_v = self.range_v or _range_for(abs(self._read_v))
-        beyond = abs(self._read_v) > _OVER_RANGE * range_v
-        return f"{math.copysign(wire.OVERLOAD_V, self._read_v) if beyond else self._read_v: .9E}"
+            mean = reading.input / (reading.integrated_s - reading.begin_s)
+            noise = self._input.noise * math.sqrt(_NOISE_NPLC / self.nplc) * float(self._noise.standard_normal())
+            self._read = self._input.read(mean, reading.end_s) + noise
+        full_scale = self.full_scale or self._range_for(abs(self._read))
+        beyond = abs(self._read) > _over(full_scale, self.function)
+        return f"{math.copysign(wire.OVERLOAD, self._read) if beyond else self._read: .9E}"
 
     def _catch_up(self) -> None:
         """Integrates the input up to now, or to the end of the aperture, under the stimulus that has been."""
@@ -156,11 +123,9 @@ class Simulated3458A:
             return
         until_s = min(self._world.now(), reading.end_s)
         if until_s > reading.integrated_s:
-            if reading.integrated_s > self._looked_s:  # between two readings the bias of the unit wanders on
-                self._unit_noise.pass_over(reading.integrated_s - self._looked_s)
-            self._looked_s = until_s
-            mean_v = self._unit.mean_volts(reading.integrated_s, until_s, self._unit_noise, self._settings.load_ohm)
-            reading.input_vs += mean_v * (until_s - reading.integrated_s)
+            is_there = self.function == self._input.function
+            mean = self._input.mean(reading.integrated_s, until_s) if is_there else 0.0
+            reading.input += mean * (until_s - reading.integrated_s)
             reading.integrated_s = until_s
 
     def _set(self, header: str, parameter: str) -> None:
@@ -169,8 +134,10 @@ class Simulated3458A:
                 self.restart()
             case "PRESET":
                 self.codes.update(_PRESET)
-                self.range_v, self.nplc = None, 1.0
-            case "DCV":
+                self.function, self._ranges = _FUNCTIONS["DCV"]
+                self.full_scale, self.nplc = None, 1.0
+            case "DCV" | "DCI":
+                self.function, self._ranges = _FUNCTIONS[header]
                 self._set_range(parameter)
             case "NPLC":
                 self._set_nplc(parameter)
@@ -185,9 +152,9 @@ class Simulated3458A:
 
     def _set_range(self, parameter: str) -> None:
         if parameter in ("", "AUTO", "-1"):
-            self.range_v = None
-        elif (most_v := self._number(parameter, wire.RANGES_V[-1])) is not None:
-            self.range_v = _range_for(most_v)
+            self.full_scale = None
+        elif (most := self._number(parameter, self._ranges[-1])) is not None:
+            self.full_scale = self._range_for(most)
 
     def _set_nplc(self, parameter: str) -> None:
         """Fractions of a cycle stay, more than one is rounded up to a whole number, more than ten to tens."""
@@ -207,7 +174,12 @@ class Simulated3458A:
         return value
 
     def _range_spelled(self) -> str:
-        return f"{self.range_v or _range_for(abs(self._read_v)):g}".removeprefix("0")
+        full_scale = self.full_scale or self._range_for(abs(self._read))
+        return f"{full_scale:G}".removeprefix("0") if full_scale >= 1e-4 else _engineering(full_scale)
+
+    def _range_for(self, most: float) -> float:
+        """The smallest range for an input, the largest one where none is."""
+        return next((each for each in self._ranges if most <= _over(each, self.function)), self._ranges[-1])
 
     def _take_error(self) -> str:
         """The lowest bit that is set, auxiliary errors first; it is cleared."""
@@ -225,12 +197,12 @@ class Simulated3458A:
 
 @dataclass(slots=True)
 class _Aperture:
-    """A reading under way: its input is measured from `begin_s` to `end_s`, and integrated so far (V·s)."""
+    """A reading under way: its input is measured from `begin_s` to `end_s`, and integrated so far (V·s or A·s)."""
 
     begin_s: float
     end_s: float
     integrated_s: float
-    input_vs: float = 0.0
+    input: float = 0.0
 
 
 class VoltmeterSession:
@@ -269,9 +241,9 @@ class VoltmeterSession:
         return answer.encode() + b"\r\n" if answer and self._meter.codes["END"] else b""
 
 
-def _range_for(most_v: float) -> float:
-    """The smallest range for a voltage, the largest one where none is."""
-    return next((range_v for range_v in wire.RANGES_V if most_v <= _OVER_RANGE * range_v), wire.RANGES_V[-1])
+def _over(full_scale: float, function: wire.Function) -> float:
+    """How much it measures in a range."""
+    return full_scale * (_OVER_1_A if (function, full_scale) == (wire.DC_CURRENT, 1.0) else _OVER_RANGE)
 
 
 def _engineering(value: float) -> str:

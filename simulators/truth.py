@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from simulators.accelerometer_unit import SimulatedUnit
 from simulators.attitude import Mount, to_unit
-from simulators.keysight_3458a import VoltmeterSettings
+from simulators.meter_inputs import VoltmeterSettings
 from simulators.uut import Decoding, Through, UnitTruth
 from simulators.world import World
 

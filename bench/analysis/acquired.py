@@ -100,6 +100,14 @@ class Voltages:
 
 
 @dataclass(frozen=True, slots=True)
+class Currents:
+    """What an ammeter read during one acquisition, (n,): `values_a` at `at_s` of bench time, their middles."""
+
+    at_s: Array
+    values_a: Array
+
+
+@dataclass(frozen=True, slots=True)
 class Codes:
     """What a unit sent of its own output during one acquisition, a row for each sample that came once and valid; (N,).
 
@@ -166,8 +174,8 @@ class Acquisition:
 
     `angles_deg` is what each axis of the table read back, outer first, `mount` how the units were fixed; `set_c` is the
     chamber's set point at the end, `set_from_c` at the beginning, not-a-number before the first ramp; `counts` by
-    channel, `voltages` by voltmeter, `codes` by channel of the telemetry; `temperatures_c` the values of each named
-    reading between `begin_s` and `end_s` of bench time, taken at `temperatures_at_s`. Where `input` is "source" the
+    channel, `voltages` by voltmeter, `currents` by ammeter, `codes` by channel of the telemetry; `temperatures_c`
+    the values of each named reading between `begin_s` and `end_s` of bench time, taken at `temperatures_at_s`. Where `input` is "source" the
     converter is fed by a current source; `sources_a` is what those that are on give, by their roles, `sources_told_a`
     what they were read back to give where a certificate corrects that. One that was to become stable is read over its
     last `over_s`; `stable` are the places of the units that did. `turned` is a rotation over whole turns meanwhile.
@@ -195,6 +203,7 @@ class Acquisition:
     input: str = "accelerometer"
     sources_a: Mapping[str, float] = field(default_factory=dict)
     sources_told_a: Mapping[str, float] = field(default_factory=dict)
+    currents: Mapping[str, Currents] = field(default_factory=dict)
     over_s: float | None = None
     stable: frozenset[str] | None = None
     positions: Mapping[str, Positions] = field(default_factory=dict)

@@ -26,11 +26,18 @@ class AxisRecord:
 
 @dataclass(frozen=True, slots=True)
 class SourceRecord:
-    """What a certificate says of a current source, as standard uncertainties: gain (1), offset (A), drift (1/s)."""
+    """What a certificate says of a current source, or an ammeter, as standard uncertainties.
+
+    Gain (1), offset (A), drift (1/s).
+    """
 
     gain_u: float
     offset_u_a: float
     drift_u_per_s: float
+
+    def u_a(self, current_a: float) -> float:
+        """The standard uncertainty of a current, but for the drift."""
+        return math.hypot(self.gain_u * current_a, self.offset_u_a)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +59,8 @@ class BenchRecord:
     `axes` are those of the table, outer first; `x` and `z` are where those of the fixture point while all angles are 0.
     `level_deg` tilts the whole table about south. `thermometers_u` gives offset (°C) and gain (on the temperature in
     °C) by the name of the reading, `voltmeters_u` gain (of the reading) and offset (V) by voltmeter, `sources` the
-    current sources that have a certificate, by their roles. `orthogonality_u_deg` is of each axis against the one that
-    carries it, in two directions. `host_clock_u` is that of a second of the host, 0 where nobody states it.
+    current sources and ammeters that have a certificate, by their roles. `orthogonality_u_deg` is of each axis against
+    the one that carries it, in two directions. `host_clock_u` is that of a second of the host, 0 where nobody states it.
     `encoder_skew_u_s` is that of the time between an encoder's latch and the pulses'.
     `telemetry` is the clock of what units send, None where no encoder is latched with that.
     """

@@ -11,6 +11,7 @@ import numpy as np
 from bench.analysis.channel_input import InputDrift, drifts_of_sources, input_drift
 from bench.analysis.channel_levels import ChannelDrift, Comparison, channel_drift, compare
 from bench.analysis.channel_means import Means, reduce_means
+from bench.analysis.channel_meter import believes_meter, standard_of
 from bench.analysis.channel_runs import LevelData
 from bench.analysis.channel_scatter import LineScatter, line_scatter
 from bench.analysis.channel_temperature import ChannelRules, ChannelRun, reduce_run
@@ -122,6 +123,9 @@ def lines_of_levels(
     ramped = {name: level for name, level in found.items() if level.steps}
     runs = {name: _run(each, channel_rules(data, unit, each.level.kind, settings)) for name, each in ramped.items()}
     scatters = {name: _scatter(run, settings["reference_temperature_c"]) for name, run in runs.items()}
+    for name, each in ramped.items():
+        if each.metered is not None and believes_meter(unit, settings):
+            runs[name] = each.metered.without_drift(runs[name], settings["reference_temperature_c"])
     drifts = drifts_of_sources(
         ramped, {name: input_drift(ramped[name].points, runs[name], scatters[name]) for name in ramped}
     )
@@ -143,18 +147,23 @@ def _level(
     drift: InputDrift | None,
     settings: Mapping[str, Any],
 ) -> Level:
-    certificate = data.bench.sources.get(unit.source) if level.level.kind == "source" else None
+    standard = standard_of(unit, settings)
+    certificate = data.bench.sources.get(standard) if level.level.kind == "source" else None
     certified_per_h = certificate.drift_u_per_s * 3600.0 if certificate is not None else 0.0
     ramp_h = float(np.sum(run.gates.seconds)) / 3600.0
     found_per_h = drift.found_per_h(None if level.level.kind == "source" else ramp_h) if drift is not None else 0.0
     drift_u_per_h = found_per_h if found_per_h > MARGINAL_K * certified_per_h else certified_per_h
     rate_pps = abs(run.rate_pps)
-    what = "source" if level.level.kind == "source" else "accelerometer"
+    by_meter = level.metered is not None and believes_meter(unit, settings)
+    what = standard if by_meter else "source" if level.level.kind == "source" else "accelerometer"
     lines = [
         BudgetLine(SCATTER, "A", scatter.scatter_slope, scatter.dof),
         BudgetLine(resolution_of(unit), "B", scatter.counting_slope),
         BudgetLine(f"{what}: drift during the ramp", "B", rate_pps * drift_u_per_h * abs(scatter.drift_h_per_c)),
     ]
+    if level.metered is not None and by_meter:
+        drift_u = level.metered.change_per_c(run.gates)[1] if run.gates_used else np.nan
+        lines.append(BudgetLine(f"{standard}: scatter", "A", rate_pps * drift_u))
     if level.level.kind == "gravity":
         followed = abs(scatter.accelerometer_per_c) * settings["accelerometer_drift_u"]
         own = f"{unit.place}.accelerometer"

@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from bench.analysis.bench_record import SourceRecord
 from bench.analysis.channel_comparison import SCATTER, Level, resolution_of
+from bench.analysis.channel_meter import believes_meter, standard_of
 from bench.analysis.channel_runs import LevelData, Point
 from bench.analysis.extremes import interval_of_largest
 from bench.analysis.finding import BudgetLine, Finding
@@ -19,6 +21,7 @@ from bench.analysis.instrument import instrument_u, shared_as
 from bench.analysis.rundata import RunData, UnitUnderTest
 
 HOUR_S = 3600.0
+BEYOND_U = 3.0  # standard uncertainties that two certificates may be apart
 ZERO = "src_0g"  # the points with the source at 0 A
 
 
@@ -41,6 +44,7 @@ class ChannelFindings:
                 yield self.relative_slope(level)
                 yield from self._residual(level)
                 yield from self._input_drift(level)
+                yield from self._currents(level)
         yield from self._zero()
 
     # One level
@@ -74,18 +78,21 @@ class ChannelFindings:
     def _input_lines(self, level: Level) -> Iterator[BudgetLine]:
         """How well the input of a level is known: the source by its certificate, gravity by the level of the slab."""
         rate_pps, at = abs(level.run.rate_pps), level.data.level
-        certificate = self.data.bench.sources.get(self.unit.source)
+        certificate = self.certificate
         if not level.is_source:
             tilt, level_g = np.radians(self.data.bench.level_u_deg), abs(at.level_g)
             tilted_g = np.hypot(np.sqrt(max(1 - level_g**2, 0.0)) * tilt, level_g * tilt**2 / np.sqrt(2))
             yield BudgetLine("fixture: level", "B", float(rate_pps * tilted_g / level_g), None, "fixture.level")
         elif certificate is not None:
-            source = self.unit.source
+            source = self.standard
             yield BudgetLine(f"{source}: gain", "B", rate_pps * certificate.gain_u, None, f"{source}.gain")
             offset_pps = abs(rate_pps / at.current_a) * certificate.offset_u_a
             yield BudgetLine(f"{source}: offset", "B", offset_pps, None, f"{source}.offset")
             drifted = level.drift_u_per_h * self._hours_of_run(level)
             yield BudgetLine(f"{source}: drift since the run began", "B", rate_pps * drifted, None, f"{source}.drift")
+        if level.is_source and level.data.metered is not None and believes_meter(self.unit, self.settings):
+            scatter = level.data.metered.mean_u_a / abs(at.current_a)
+            yield BudgetLine(f"{self.standard}: scatter of the mean", "A", rate_pps * scatter)
 
     def _hours_of_run(self, level: Level) -> float:
         """From the first point of the run, at whatever level, to the middle of the ramp.
@@ -136,6 +143,37 @@ class ChannelFindings:
         lines = [BudgetLine(what, "A", drift.u)]
         yield self._of_level("rate/drift", name, level, drift.change, "1", lines, steps=drift.steps)
 
+    def _currents(self, level: Level) -> Iterator[Finding]:
+        """What the ammeter in the cable read, and how far that is from what the source says."""
+        read, meter = level.data.metered, self.unit.ammeter
+        if read is None or not read.is_enough:
+            return
+        told_a = level.data.level.said_a
+        known = self.data.bench.sources.get(meter)
+        lines = [BudgetLine(f"{meter}: scatter of the mean", "A", read.mean_u_a)]
+        if known is not None:
+            lines.append(BudgetLine(f"{meter}: gain", "B", abs(read.mean_a) * known.gain_u, None, f"{meter}.gain"))
+            lines.append(BudgetLine(f"{meter}: offset", "B", known.offset_u_a, None, f"{meter}.offset"))
+        yield self._of_level("current", "mean by the ammeter", level, read.mean_a, "A", lines)
+        relative = [line.times(1 / abs(told_a)) for line in lines]
+        name = "of the ammeter from what the source says, corrected by its certificate"
+        yield self._of_level("current/deviation", name, level, read.mean_a / told_a - 1, "1", relative)
+
+    def flags_of_currents(self) -> Iterator[str]:
+        """Levels that the ammeter has not read, and those at which source and ammeter contradict their certificates."""
+        certified = [self.data.bench.sources.get(role) for role in (self.unit.source, self.unit.ammeter)]
+        for level in self.levels:
+            read = level.data.metered
+            if read is None or not level.data.level.said_a:
+                continue
+            if not read.is_enough:
+                yield f"{level.name}:ammeter_missing"
+            elif all(certified):
+                said_a = level.data.level.said_a
+                u_a = np.linalg.norm([read.mean_u_a, *(known.u_a(said_a) for known in certified if known is not None)])
+                if abs(read.mean_a - said_a) > BEYOND_U * u_a:
+                    yield f"{level.name}:source_and_ammeter_differ"
+
     # Nothing fed
 
     def _zero(self) -> Iterator[Finding]:
@@ -149,7 +187,7 @@ class ChannelFindings:
         lines = [
             *self._point_lines(first),
             *(() if self.unit.is_counted else self._instrument_lines(first.rate_pps)),
-            BudgetLine(f"{self.unit.source}: offset", "B", offset_pps, None, f"{self.unit.source}.offset"),
+            BudgetLine(f"{self.standard}: offset", "B", offset_pps, None, f"{self.standard}.offset"),
         ]
         unit = self.unit.output_unit
         name = f"{self.output} with the source at 0 A"
@@ -189,6 +227,7 @@ class ChannelFindings:
     def _pps_per_a(self) -> float:
         """The scale of the converter, by what it made of a current."""
         found = [abs(level.run.rate_pps / level.data.level.current_a) for level in self.levels if level.is_source]
+        found = [each for each in found if np.isfinite(each)]
         return float(np.median(found)) if found else 0.0
 
     # Forms
@@ -210,8 +249,17 @@ class ChannelFindings:
 
     @property
     def _source_offset_u_a(self) -> float:
-        certificate = self.data.bench.sources.get(self.unit.source)
-        return certificate.offset_u_a if certificate is not None else 0.0
+        return self.certificate.offset_u_a if self.certificate is not None else 0.0
+
+    @property
+    def standard(self) -> str:
+        """Who says what the current is: the source, or the ammeter in its cable."""
+        return standard_of(self.unit, self.settings)
+
+    @property
+    def certificate(self) -> SourceRecord | None:
+        """That of the standard."""
+        return self.data.bench.sources.get(self.standard)
 
     def id_of(self, quantity: str) -> str:
         """The beginning of the id of a result."""

@@ -53,7 +53,7 @@ def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
 
 
 def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
-    found = levels_of(data, unit, settings["gate_s"])
+    found = levels_of(data, unit, settings)
     by_name = lines_of_levels(data, unit, found, settings)
     levels, compared = tuple(by_name.values()), tuple(compared_levels(by_name, settings))
     drift = drift_of_channel(levels)
@@ -71,7 +71,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
         flags=(
             *(flag for level in levels for flag in _flags_of_level(level, settings)),
             *(flag for each in compared for flag in _flags_of_comparison(each, settings)),
-            *_flags_of_channel(data, unit, levels, drift),
+            *_flags_of_channel(of_levels, drift),
             *_flags_of_zero(of_levels),
         ),
         detail=ChannelDetail(
@@ -127,13 +127,13 @@ def _flags_of_comparison(compared: Compared, settings: Mapping[str, Any]) -> Ite
         yield f"{name}:slope_same_at_all_levels"
 
 
-def _flags_of_channel(
-    data: RunData, unit: UnitUnderTest, levels: Sequence[Level], drift: ChannelDrift | None
-) -> Iterator[str]:
-    if not unit.converter:
+def _flags_of_channel(of_levels: ChannelFindings, drift: ChannelDrift | None) -> Iterator[str]:
+    levels = of_levels.levels
+    if not of_levels.unit.converter:
         yield "converter:no_thermometer"
-    if any(level.is_source for level in levels) and unit.source not in data.bench.sources:
-        yield f"{unit.source}:not_certified"
+    if any(level.is_source for level in levels) and of_levels.certificate is None:
+        yield f"{of_levels.standard}:not_certified"
+    yield from of_levels.flags_of_currents()
     odd = out_of_proportion(
         np.array([level.data.level.level_g for level in levels]), np.array([level.run.rate_pps for level in levels])
     )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from bench.analysis.acquired import Acquisition, Array, Counts
 from bench.analysis.channel_means import Means, joined, means_of
+from bench.analysis.channel_meter import Metered, believes_meter, metered
 from bench.analysis.channel_temperature import ChannelRecord
 from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
 from bench.analysis.orientation import specific_force_g
@@ -26,13 +27,15 @@ class InputLevel:
     """What a channel is fed with: gravity along its input axis, or a current; in g of a nominal unit.
 
     `current_a` is not-a-number for gravity. `told_g` is what the source told where its certificate corrects that: the
-    level is called by it.
+    level is called by it. `said_a` is what the source says, corrected, also where an ammeter is believed
+    instead; 0 of gravity.
     """
 
     kind: Literal["gravity", "source"]
     level_g: float
     current_a: float = float("nan")
     told_g: float | None = None
+    said_a: float = 0.0
 
     @property
     def name(self) -> str:
@@ -65,7 +68,8 @@ class Point:
 class LevelData:
     """One input level of one unit: what was read on its ramps, and the points at rest in the order of the run.
 
-    `steps` are the acquisitions on ramps, `temperature_set_c` the set points that these went between.
+    `steps` are the acquisitions on ramps, `temperature_set_c` the set points that these went between. `metered` is what
+    an ammeter read meanwhile, on the ramps where there are any; None of gravity, and without one.
     """
 
     level: InputLevel
@@ -73,18 +77,42 @@ class LevelData:
     points: tuple[Point, ...]
     steps: tuple[str, ...]
     ends_c: tuple[tuple[float, float], ...]
+    metered: Metered | None = None
 
 
-def levels_of(data: RunData, unit: UnitUnderTest, gate_s: float) -> dict[str, LevelData]:
+def levels_of(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> dict[str, LevelData]:
     """The input levels of a unit by name, in the order of the run.
 
-    An acquisition in which the chamber's set point moves is a ramp, another one a point.
+    An acquisition in which the chamber's set point moves is a ramp, another one a point. `settings` are those of the
+    method; where they believe the ammeter a level is what that read, and its points are told for this current.
     """
     grouped: dict[str, list[tuple[InputLevel, Acquisition]]] = {}
     for acquisition in data.acquisitions:
         level = input_level(data, unit, acquisition)
         grouped.setdefault(level.name, []).append((level, acquisition))
-    return {name: _level_data(unit, members, gate_s) for name, members in grouped.items()}
+    gate_s = settings["gate_s"]
+    levels = {name: _level_data(unit, members, gate_s) for name, members in grouped.items()}
+    return {
+        name: _as_metered(level, grouped[name], unit)
+        if level.metered is not None and believes_meter(unit, settings)
+        else level
+        for name, level in levels.items()
+    }
+
+
+def _as_metered(level: LevelData, members: list[tuple[InputLevel, Acquisition]], unit: UnitUnderTest) -> LevelData:
+    """A level as the ammeter has it; the output at its points is brought to the current of its ramps."""
+    if level.metered is None:
+        return level
+    fed_a = level.metered.mean_a
+    by_step = {acquisition.step: metered([acquisition], unit).mean_a for _, acquisition in members}
+    points = tuple(
+        replace(point, rate_pps=point.rate_pps * fed_a / by_step[point.step]) if level.level.told_g else point
+        for point in level.points
+    )
+    return replace(
+        level, level=replace(level.level, level_g=fed_a / unit.scale_a_per_g, current_a=fed_a), points=points
+    )
 
 
 def input_level(data: RunData, unit: UnitUnderTest, acquisition: Acquisition) -> InputLevel:
@@ -92,7 +120,7 @@ def input_level(data: RunData, unit: UnitUnderTest, acquisition: Acquisition) ->
     if acquisition.input == "source":
         current_a = acquisition.sources_a.get(unit.source, 0.0)
         told_a = acquisition.sources_told_a.get(unit.source, current_a)
-        return InputLevel("source", current_a / unit.scale_a_per_g, current_a, told_a / unit.scale_a_per_g)
+        return InputLevel("source", current_a / unit.scale_a_per_g, current_a, told_a / unit.scale_a_per_g, current_a)
     return InputLevel("gravity", float(specific_force_g(acquisition, unit, data.bench)[0]))
 
 
@@ -104,7 +132,15 @@ def _level_data(unit: UnitUnderTest, members: list[tuple[InputLevel, Acquisition
         points=tuple(_point(acquisition, unit) for _, acquisition in members if not _is_ramp(acquisition)),
         steps=tuple(acquisition.step for acquisition in ramps),
         ends_c=tuple((acquisition.set_from_c, acquisition.set_c) for acquisition in ramps),
+        metered=_metered(unit, members),
     )
+
+
+def _metered(unit: UnitUnderTest, members: list[tuple[InputLevel, Acquisition]]) -> Metered | None:
+    if members[0][0].kind != "source" or not unit.ammeter:
+        return None
+    ramps = [acquisition for _, acquisition in members if _is_ramp(acquisition)]
+    return metered(ramps or [acquisition for _, acquisition in members], unit)
 
 
 def _is_ramp(acquisition: Acquisition) -> bool:

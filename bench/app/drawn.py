@@ -8,6 +8,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from bench.analysis.bench_record import AxisRecord
 from bench.app.can_nodes import decoding_of
@@ -28,12 +29,13 @@ from simulators.current_source import CurrentErrors
 from simulators.gyro_unit import GyroFile
 from simulators.imu import SENSORS, ImuPlace
 from simulators.imu_file import ImuFile
-from simulators.keysight_3458a import VoltmeterSettings
+from simulators.meter_inputs import CurrentInSeries, VoltmeterSettings
 from simulators.motion import AxisErrors
 from simulators.settings import PlaceSettings, WorldSettings
 from simulators.table import Loop, Ripple
 from simulators.thermal import ChamberPhysics
 from simulators.unit_file import UnitFile, stream
+from simulators.world import World
 
 AnyUnitFile = UnitFile | GyroFile | ImuFile
 
@@ -205,7 +207,7 @@ def simulated_mount(mount: Mount) -> attitude.Mount:
 
 
 def current_errors(bench: BenchFile, role: str, seed: int) -> CurrentErrors:
-    """A source's errors, drawn from its certificate, or else as the bench file's `simulation:` says."""
+    """Errors of a source, or an ammeter, drawn from its certificate, or else as the file's `simulation:` says."""
     certified, own = bench_record(bench).sources.get(role), bench.simulation.sources.get(role, SourceSimulation())
 
     def draw(error: str, certified_u: float, otherwise: float) -> float:
@@ -218,6 +220,17 @@ def current_errors(bench: BenchFile, role: str, seed: int) -> CurrentErrors:
         fresh=own.fresh,
         warm_up_s=own.warm_up,
     )
+
+
+def ammeter_input(bench: BenchFile, role: str, world: World, seed: int) -> CurrentInSeries:
+    """What an ammeter is in series with, by the places of the bench, and its errors; InputError."""
+    source = bench.in_series(role)
+    if source is None:
+        raise InputError(f"no place of the bench has '{role}' in the cable of its source: write there ammeter: {role}")
+    table = columns(corrections_of(bench).currents.get(role))
+    noise_a = bench.simulation.ammeters[role].noise if role in bench.simulation.ammeters else 0.0
+    errors = replace(current_errors(bench, role, seed), fresh=1.0)  # it has been on for days
+    return CurrentInSeries(world, source, errors, table, noise_a)
 
 
 def encoder_skew_s(bench: BenchFile, role: str, seed: int) -> float:

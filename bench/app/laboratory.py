@@ -12,6 +12,7 @@ from typing import TypeVar
 from bench.app.can_nodes import counter_settings, telemetry_settings
 from bench.app.drawn import (
     AnyUnitFile,
+    ammeter_input,
     columns,
     current_errors,
     encoder_skew_s,
@@ -39,8 +40,9 @@ from simulators.current_source import CurrentSource, Feed
 from simulators.faults import LINE_FAULTS, FaultPlan
 from simulators.gyro_unit import GyroFile
 from simulators.imu_file import ImuFile
-from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
+from simulators.keysight_3458a import Simulated3458A
 from simulators.line_faults import BadLine, LineFault
+from simulators.meter_inputs import VoltmeterSettings, VoltsOnLoad
 from simulators.operator_head import HandTurnedHead
 from simulators.serve import Instrument, protocol_factory
 from simulators.setup import InstrumentSetup, make_instrument, simulator_class
@@ -114,12 +116,17 @@ def make_laboratory(
         elif entry.driver == "keysight_3458a":
             voltmeters[role] = voltmeter_settings(bench, role, seed)
             _check_current(voltmeters[role].place, units)
-            instruments[role] = Simulated3458A(world, faults, voltmeters[role], name=role)
+            on_load = VoltsOnLoad(world, voltmeters[role], role)
+            instruments[role] = Simulated3458A(world, faults, on_load, name=role)
+        elif entry.driver == "keysight_3458a_ammeter":
+            in_series = ammeter_input(bench, role, world, seed)
+            instruments[role] = Simulated3458A(world, faults, in_series, name=role)
         else:
             instruments[role] = made = _instrument(role, entry, world, faults)
             if isinstance(made, CurrentSource):
                 table = columns(corrections_of(bench).currents.get(role))
                 world.sources[role] = Feed(made, current_errors(bench, role, seed), table)
+                made.load_ohm += bench.burden_ohm(role)
     return Laboratory(world, instruments, nodes, voltmeters, by_hand, _bad_lines(bench, instruments, seed))
 
 
@@ -136,6 +143,7 @@ def _suffered(instruments: Mapping[str, Instrument], role: str, _number: int) ->
 
 _MADE_HERE: Mapping[str, type] = {
     "can_counter": SimulatedCounter, "can_telemetry": SimulatedTelemetry, "keysight_3458a": Simulated3458A,
+    "keysight_3458a_ammeter": Simulated3458A,
     "operator_head": HandTurnedHead,
 }  # fmt: skip
 

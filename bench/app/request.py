@@ -136,7 +136,8 @@ def _past_due(plan: Plan, loaded: LoadedBench) -> Iterator[Remark]:
     """A warning for each instrument that the run uses and whose calibration will not be valid any more."""
     bench = loaded.bench
     used = {*plan.sequence.needs, *(place.temperature for place in bench.places.values())}
-    used |= {place.voltmeter for place in bench.places.values() if place.voltmeter is not None}
+    for place in bench.places.values():
+        used |= {meter for meter in (place.voltmeter, place.ammeter) if meter is not None}
     if any(place.is_counted for place in bench.places.values()):
         used |= set(bench.with_capability("pulse_counter"))
     for name, due in bench.past_due(_begins(loaded).date()).items():

@@ -19,6 +19,7 @@ from drivers.description import DriverDescription
 from drivers.suggest import did_you_mean
 from simulators.can_node import CanNode
 from simulators.faults import LINE_FAULTS, mishaps_of
+from simulators.operator_head import HandTurnedHead
 
 IN_BENCH: Place = ("simulation", "faults")
 IN_SCENARIO: Place = ("faults",)

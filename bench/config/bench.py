@@ -69,10 +69,13 @@ def _simulation(bench: BenchFile) -> Iterator[Problem]:
             problem = f"there is no place '{name}'{did_you_mean(name, bench.places)}"
             yield ("simulation", "units", name), problem
     yield from _voltmeters(bench)
-    sources = bench.with_capability("current_source")
+    sources, ammeters = bench.with_capability("current_source"), bench.with_capability("ammeter")
     for name in bench.simulation.sources:
         if name not in sources:
             yield ("simulation", "sources", name), f"'{name}' is not a current source{did_you_mean(name, sources)}"
+    for name in bench.simulation.ammeters:
+        if name not in ammeters:
+            yield ("simulation", "ammeters", name), f"'{name}' is not an ammeter{did_you_mean(name, ammeters)}"
     yield from fault_misfits(bench.simulation.faults, bench, ("simulation", "faults"))
 
 
@@ -178,6 +181,18 @@ def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
     if place.source is not None and (source is None or "current_source" not in source.description.capabilities):
         sources = [key for key, entry in bench.devices.items() if "current_source" in entry.description.capabilities]
         yield (*where, "source"), f"'{place.source}' is not a current source{did_you_mean(place.source, sources)}"
+    yield from _ammeter(bench, name, place)
+
+
+def _ammeter(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
+    """An ammeter that is none, or that another place has in the cable of another source."""
+    where, meters = ("places", name, "ammeter"), bench.with_capability("ammeter")
+    if place.ammeter is None:
+        return
+    if place.ammeter not in meters:
+        yield where, f"'{place.ammeter}' is not an ammeter{did_you_mean(place.ammeter, meters)}"
+    elif (first := bench.in_series(place.ammeter)) != place.source:
+        yield where, f"'{place.ammeter}' is in the cable of '{first}' already"
 
 
 def _output(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:

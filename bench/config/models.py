@@ -209,11 +209,12 @@ class BenchFile(StrictModel):
     def acquired_from(self, role: str) -> tuple[str, ...]:
         """The devices that an acquisition of `role` records: it alone, or all that measure the outputs of units.
 
-        With these those that latch the encoder of a table.
+        With these those that latch the encoder of a table, and those that measure the current that feeds a unit.
         """
         if role in self.devices:
             return (role,)
         measuring = {each for place in self.places.values() for each in self.measuring(place)}
+        measuring |= {place.ammeter for place in self.places.values() if place.ammeter is not None}
         return tuple(
             name for name, entry in self.devices.items() if name in measuring or getattr(entry.options, "positions", {})
         )
@@ -233,6 +234,15 @@ class BenchFile(StrictModel):
     def measured_by(self, place: str) -> str:
         """The device that measures the output of the unit in a place."""
         return self.measuring(self.places[place])[0]
+
+    def in_series(self, ammeter: str) -> str | None:
+        """The current source in whose cable an ammeter is; None where no place says."""
+        return next((entry.source for entry in self.places.values() if entry.ammeter == ammeter), None)
+
+    def burden_ohm(self, source: str) -> float:
+        """What the ammeters in the cable of a current source resist."""
+        meters = {entry.ammeter for entry in self.places.values() if entry.source == source and entry.ammeter}
+        return sum(getattr(self.devices[meter].options, "burden_ohm", 0.0) for meter in sorted(meters))
 
     def past_due(self, day: dt.date) -> dict[str, dt.date]:
         """The devices and readings whose calibration is not valid any more on a day, each with when it was due."""

@@ -126,6 +126,9 @@ class PlaceEntry(StrictModel):
     supply: Name = Field(description="the device that feeds the unit")
     supply_current: CurrentWindow | None = None
     source: Name | None = None
+    ammeter: Name | None = Field(
+        None, description="the ammeter in the cable of its source, which a method may believe instead"
+    )
     converter_temperature: Name | None = Field(
         None, description="the reading of the thermometer at its converter, where that is in the chamber"
     )
@@ -139,6 +142,8 @@ class PlaceEntry(StrictModel):
             has = f"it has {' and '.join(found)}" if found else "it has none of them"
             what = "needs channel, channels, voltmeter or telemetry, which measures the output of the unit"
             raise telling(f"{what}; {has}")
+        if self.ammeter is not None and self.source is None:
+            raise telling("ammeter is for a place with a source, in whose cable it is")
         if self.channels is None and self.gyro_temperature is not None:
             raise telling("gyro_temperature is for a unit with channels")
         return self

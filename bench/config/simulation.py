@@ -88,6 +88,14 @@ class VoltmeterSimulation(StrictModel):
     )
 
 
+class AmmeterSimulation(StrictModel):
+    """How a simulated ammeter reads; what it is connected to is said by the places."""
+
+    noise: Annotated[float, InUnit("A", at_least=0)] = Field(
+        0.0, description="standard deviation of a reading over 10 line cycles; it falls with the root of their number"
+    )
+
+
 class SourceSimulation(StrictModel):
     """How a simulated current source errs: standard deviations, in place of a certificate or of what it leaves out."""
 
@@ -148,6 +156,7 @@ class Simulation(StrictModel):
     )
     voltmeters: Mapping[Name, VoltmeterSimulation] = Field({}, description="what each voltmeter is connected to")
     sources: Mapping[Name, SourceSimulation] = Field({}, description="how each current source errs")
+    ammeters: Mapping[Name, AmmeterSimulation] = Field({}, description="how each ammeter reads")
     host_clock: Annotated[Ratio, InUnit("", at_least=0)] = Field(
         20e-6, description="standard deviation of the host clock against the true second"
     )

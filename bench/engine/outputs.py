@@ -18,7 +18,7 @@ from bench.store.codes import CodeDecoder
 from bench.store.counts import CountDecoder
 from drivers.can_counter.description import CounterOptions
 from drivers.can_telemetry.description import TelemetryOptions
-from drivers.capabilities import Voltmeter
+from drivers.capabilities import Meter
 from drivers.frame_block import FrameBlock
 from drivers.values import Reading
 
@@ -30,7 +30,7 @@ class Keeper(Protocol):
         """A block of frames."""
 
     def readings(self, role: str, readings: Sequence[Reading]) -> None:
-        """Readings of a voltmeter."""
+        """Readings of a meter."""
 
 
 async def taken_in(
@@ -38,7 +38,7 @@ async def taken_in(
 ) -> None:
     """Gives the keepers what devices say while `end` is awaited; a device that fails ends the waiting.
 
-    Of what sends frames the last block is cut at the end; the reading of a voltmeter that is under way then is the
+    Of what sends frames the last block is cut at the end; the reading of a meter that is under way then is the
     last. Frames come every `block_s`, or as often as what is recorded must be on the disk.
     """
     over = asyncio.Event()
@@ -61,16 +61,14 @@ async def _take_in(role: str, rig: Rig, keepers: Sequence[Keeper], over: asyncio
         for keeper in keepers:
             keeper.readings(role, readings)
 
-    if isinstance(rig.devices[role], Voltmeter):
-        await _take_voltages(rig.voltmeter(role), keep_readings, over)
+    if isinstance(rig.devices[role], Meter):
+        await _take_readings(rig.meter(role), keep_readings, over)
     else:
         source = rig.frame_source(role)
         await _take_frames(source.acquire() if block_s is None else source.acquire(block_s=block_s), keep_frames, over)
 
 
-async def _take_voltages(
-    meter: Voltmeter, keep_readings: Callable[[Sequence[Reading]], None], over: asyncio.Event
-) -> None:
+async def _take_readings(meter: Meter, keep_readings: Callable[[Sequence[Reading]], None], over: asyncio.Event) -> None:
     """One reading at a time, so that each is kept as soon as it is there."""
     while not over.is_set():
         keep_readings(await meter.measure(1, nplc=None))
@@ -128,7 +126,7 @@ class Watched:
             self._frames[role] = [each for each in self._frames[role] if each.at_s[-1] >= since_s] + [block]
 
     def readings(self, role: str, readings: Sequence[Reading]) -> None:
-        """Keeps readings of a voltmeter."""
+        """Keeps readings of a meter."""
         self._readings[role].extend(readings)
 
     def measured(self, place: str) -> Measured | None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bench.analysis.acquired import Array, Counts, Voltages
+from bench.analysis.acquired import Array, Counts, Currents, Voltages
 from bench.analysis.rundata import RunData
 from bench.config.devices import Calibration
 from bench.config.models import BenchFile
@@ -84,6 +84,11 @@ class Corrections:
         table = self.currents.get(role)
         return told_a if table is None else float(table.corrected(np.array(told_a)))
 
+    def measured(self, role: str, read: Currents) -> Currents:
+        """The readings of an ammeter."""
+        table = self.currents.get(role)
+        return read if table is None else replace(read, values_a=table.corrected(read.values_a))
+
 
 def corrections_of(bench: BenchFile) -> Corrections:
     """What the certificates of a bench file add."""
@@ -127,6 +132,13 @@ def told(bench: BenchFile, data: list[RunData]) -> Iterator[str]:
     for role, table in known.currents.items():
         told_a = [
             each.sources_told_a[role] for part in data for each in part.acquisitions if role in each.sources_told_a
+        ]
+        told_a += [
+            value
+            for part in data
+            for each in part.acquisitions
+            if role in each.currents
+            for value in each.currents[role].values_a.tolist()
         ]
         if told_a:
             told_ma = Table(table.at * MA_PER_A, table.add * MA_PER_A)

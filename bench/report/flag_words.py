@@ -103,6 +103,11 @@ _QUANTITIES = {
     ),
     "no_thermometer": "nothing reads its temperature.",
     "not_certified": "it has no certificate, so that its gain, offset and drift have no part in U.",
+    "ammeter_missing": "the ammeter in the cable of the source has not read its current.",
+    "source_and_ammeter_differ": (
+        "the ammeter reads another current than the source says, by more than three times what their certificates "
+        "admit: one of them is wrong, or current leaks past the ammeter."
+    ),
     "temperature_slope_unknown": "how it changes with temperature is not known, so the thermometer has no part in U.",
 }
 _PARTS = {

@@ -281,6 +281,9 @@ def recorded(run: StoredRun, data: Sequence[RunData]) -> Iterator[tuple[str, str
     for meter in dict.fromkeys(unit.voltmeter for part in data for unit in part.units if unit.voltmeter):
         read = [each.voltages[meter] for part in data for each in part.acquisitions if meter in each.voltages]
         yield f"Voltmeter {meter}", f"{sum(len(each.at_s) for each in read)} readings in {len(read)} acquisitions"
+    for meter in dict.fromkeys(unit.ammeter for part in data for unit in part.units if unit.ammeter):
+        through = [each.currents[meter] for part in data for each in part.acquisitions if meter in each.currents]
+        yield f"Ammeter {meter}", f"{sum(len(each.at_s) for each in through)} readings in {len(through)} acquisitions"
     for sent in dict.fromkeys(unit.telemetry for part in data for unit in part.units if unit.telemetry):
         yield (
             tr("Telemetry {channel}", channel=sent),

@@ -59,6 +59,12 @@ VOLTAGES: Mapping[str, Column] = {
     "t_s": Column("s", "bench time of the middle of the reading"),
     "value": Column("V", "as it was read"),
 }
+CURRENTS: Mapping[str, Column] = {
+    "step": Column("", "step of the run that acquired it"),
+    "ammeter": Column("", "what read it"),
+    "t_s": Column("s", "bench time of the middle of the reading"),
+    "value": Column("A", "as it was read"),
+}
 JOURNAL: Mapping[str, Column] = {
     "seq": Column("", "number of the event"),
     "t_s": Column("s", "bench time"),
@@ -98,6 +104,7 @@ def acquired(run: StoredRun) -> dict[str, Acquired]:
         "samples": any(isinstance(each, TelemetryOptions) for each in options),
         "positions": any(getattr(each, "positions", {}) for each in options),
         "voltages": bool(run.bench.with_capability("voltmeter")),
+        "currents": bool(run.bench.with_capability("ammeter")),
     }
     return {name: table for name, table in ACQUIRED.items() if also.get(name, True)}
 
@@ -122,6 +129,11 @@ def _voltages(acquisition: Acquisition) -> Iterator[Part]:
         yield _part(VOLTAGES, (acquisition.step, meter), read, t_s="at_s", value="values_v")
 
 
+def _currents(acquisition: Acquisition) -> Iterator[Part]:
+    for meter, read in acquisition.currents.items():
+        yield _part(CURRENTS, (acquisition.step, meter), read, t_s="at_s", value="values_a")
+
+
 def _part(columns: Mapping[str, Column], words: tuple[str, str], of: object, **kept_as: str) -> Part:
     """The first two columns are the words, the others are kept under their names, or under another."""
     names = tuple(columns)
@@ -133,6 +145,7 @@ ACQUIRED: Mapping[str, Acquired] = {
     "samples": Acquired(SAMPLES, _samples),
     "positions": Acquired(POSITIONS, _positions),
     "voltages": Acquired(VOLTAGES, _voltages),
+    "currents": Acquired(CURRENTS, _currents),
 }
 
 

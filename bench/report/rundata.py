@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.analysis.acquired import Acquisition, Codes, Counts, Motion, Mount, Positions, Turned, Voltages
+from bench.analysis.acquired import Acquisition, Codes, Counts, Currents, Motion, Mount, Positions, Turned, Voltages
 from bench.analysis.bench_record import AxisRecord, BenchRecord, ClockRecord, SourceRecord
 from bench.analysis.outputs import windows_of
 from bench.analysis.rundata import RunData, UnitUnderTest
@@ -87,14 +87,16 @@ def acquisitions(
         for role, sent in telemetry.items():
             codes |= sent.codes(frames.get(role, FrameBlock.empty()))
             positions |= sent.positions(frames.get(role, FrameBlock.empty()))
-        read = samples.get(event.step, {})
+        read = {role: each.T for role, each in samples.get(event.step, {}).items()}
+        through = {role: Currents(*read.pop(role)) for role in bench.with_capability("ammeter") if role in read}
         yield replace(
             acquired,
             angles_deg={role: corrections.angle_deg(role, at_deg) for role, at_deg in state.angles_deg.items()},
             sources_a={role: corrections.current_a(role, told_a) for role, told_a in state.sources_a.items()},
             counts=counts,
             positions=positions,
-            voltages={role: corrections.voltages(role, Voltages(*each.T)) for role, each in read.items()},
+            voltages={role: corrections.voltages(role, Voltages(*each)) for role, each in read.items()},
+            currents={role: corrections.measured(role, each) for role, each in through.items()},
             codes=codes,
         )
 
@@ -122,6 +124,7 @@ def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnde
         telemetry=entry.telemetry,
         sent_unit=bench.output_unit(place),
         channel_units=bench.sent_units(entry),
+        ammeter=entry.ammeter or "",
     )
 
 
@@ -291,8 +294,8 @@ def _latching(bench: BenchFile) -> Iterator[ClockRecord]:
 
 
 def _sources(bench: BenchFile) -> Iterator[tuple[str, SourceRecord]]:
-    """The current sources that have a certificate."""
-    for role in bench.with_capability("current_source"):
+    """The current sources and ammeters that have a certificate."""
+    for role in bench.with_capability("current_source", "ammeter"):
         if bench.devices[role].calibration is not None:
             u = _uncertainties(bench, role)
             yield role, SourceRecord(float(u["gain"]), float(u["offset"]), float(u["drift"]) / HOUR_S)

@@ -81,6 +81,8 @@ SHOWN = {
     "rate/relative_temperature_coefficient": (1e6, "ppm/°C"),
     "rate/model_residual": (1e6, "ppm"),
     "rate/drift": (1e6, "ppm"),
+    "current": (1e3, "mA"),
+    "current/deviation": (1e6, "ppm"),
     "deviation/raw": (100.0, "%"),
     "deviation/normalised": (100.0, "%"),
     "tempco_scale": (1e6, "ppm/°C"),

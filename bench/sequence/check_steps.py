@@ -245,7 +245,8 @@ def _output(step: SetOutput, role: str, bench: BenchFile) -> Found:
             yield key, f"{current_a:.6g} A is more than the {most_a:.6g} A that the unit in place '{name}' takes"
         load_ohm = unit_place.nominal.load if unit_place.nominal else None
         if fed and None not in (current_a, load_ohm, step.compliance_v):
-            yield from _too_little_compliance(step, key, name, abs(current_a or 0.0) * (load_ohm or 0.0))
+            in_all_ohm = (load_ohm or 0.0) + bench.burden_ohm(role)
+            yield from _too_little_compliance(step, key, name, abs(current_a or 0.0) * in_all_ohm)
     most_v = getattr(source.options, "compliance", None)
     if step.compliance_v is not None and most_v is not None and step.compliance_v > most_v:
         yield "compliance", _outside(step.compliance_v, "above", most_v, "V", role)

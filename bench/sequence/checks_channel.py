@@ -62,6 +62,18 @@ def no_converter(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                 )
 
 
+def no_ammeter(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A channel whose currents an ammeter is to tell, on a bench that has none in the cable of its source."""
+    for place, _, settings in _channels(plan):
+        for name, unit in bench.places.items():
+            if settings.current_from == "meter" and unit.ammeter is None:
+                yield (
+                    (*place, "settings", "current_from"),
+                    f"the bench has no ammeter in the cable of the source of place '{name}'",
+                    f"Write in the bench file: places.{name}.ammeter: DEVICE, or here current_from: source",
+                )
+
+
 def unsuited_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A ramp that is counted for a channel and is too short to decide anything, or faster than the method allows."""
     for _, entry, settings in _channels(plan):

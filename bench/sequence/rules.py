@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bench.config.models import BenchFile
-from bench.sequence.checks_channel import no_converter, source_unplugged, unsuited_ramp
+from bench.sequence.checks_channel import no_ammeter, no_converter, source_unplugged, unsuited_ramp
 from bench.sequence.checks_indexing import beyond_range, one_end
 from bench.sequence.checks_ladder import incomplete_ladder, ladder_below_limit, no_nominal, step_below_band
 from bench.sequence.checks_method import (
@@ -33,6 +33,7 @@ RULES = (
     Rule("forbidden-angle", "error", "the head keeps away from what the fixture forbids", forbidden_angle),
     Rule("unreachable-attitude", "error", "the table reaches every attitude", unreachable_attitude),
     Rule("source-unplugged", "error", "a source is on only while it feeds the converter", source_unplugged),
+    Rule("no-ammeter", "error", "where an ammeter is to be believed there is one", no_ammeter),
     Rule("no-converter", "error", "a channel has a converter whose temperature is read", no_converter),
     Rule("unsuited-unit", "error", "a method is for the units in the places", unsuited_unit),
     Rule("too-few-angles", "error", "a tumble has the angles that its constants need", too_few_angles),

@@ -22,7 +22,16 @@ def _known_nplc(nplc: float) -> float:
     return nplc
 
 
-class VoltmeterOptions(StrictModel):
+class MeterOptions(StrictModel):
+    """What volts and currents have in common."""
+
+    range: float
+    nplc: Annotated[Number, AfterValidator(_known_nplc)] = Field(
+        10.0, description="over how many cycles of the power line a reading integrates: 1 to 10, or 20 to 100 in tens"
+    )
+
+
+class VoltmeterOptions(MeterOptions):
     """How DC volts are measured; auto-zero is always on.
 
     The instrument has GPIB only: the address is that of a gateway between TCP and GPIB that passes lines on as they are
@@ -33,9 +42,6 @@ class VoltmeterOptions(StrictModel):
 
     range: Annotated[float, InUnit("V", above=0), KNOWN_RANGE] = Field(
         description="the one range for all readings, 100 mV to 1000 V in decades; it measures 20 % beyond its name"
-    )
-    nplc: Annotated[Number, AfterValidator(_known_nplc)] = Field(
-        10.0, description="over how many cycles of the power line a reading integrates: 1 to 10, or 20 to 100 in tens"
     )
 
 

@@ -1,4 +1,4 @@
-"""A Keysight 3458A as a voltmeter: one range, every measurement begun by asking how it is set."""
+"""A Keysight 3458A as a meter: one range, every measurement begun by asking how it is set."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Self, TypeVar
 from drivers.description import Nothing, Setup, check_identity, still_the_same
 from drivers.errors import BeyondLimit, InstrumentFault, Refused
 from drivers.keysight_3458a import wire
-from drivers.keysight_3458a.description import VoltmeterOptions
+from drivers.keysight_3458a.description import MeterOptions
 from drivers.keysight_3458a.wire import Setting
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Pace, Proof
@@ -27,7 +27,7 @@ _LONGEST_S = wire.takes_s(wire.NPLCS[-1], _SLOWEST_LINE_HZ) + _SLACK_S
 
 
 class Keysight3458A:
-    """One voltmeter for DC volts.
+    """One meter, here for DC volts.
 
     A second master, a power failure and a front panel in use show in the settings, which are read before every
     measurement: they are a fault, not set right again in silence.
@@ -35,7 +35,10 @@ class Keysight3458A:
     Concurrency: measurements queue. A `poll` meanwhile gives what the one under way has read so far.
     """
 
-    def __init__(self, setup: Setup[VoltmeterOptions, Nothing, Nothing]) -> None:
+    _function = wire.DC_VOLTS
+    _channel = "voltage"
+
+    def __init__(self, setup: Setup[MeterOptions, Nothing, Nothing]) -> None:
         self.name = setup.name
         self._options, self._pin = setup.options, setup.identity
         proof = Proof(wire.IDENTITY_QUESTION, self._recognise)
@@ -56,7 +59,7 @@ class Keysight3458A:
         try:
             await self._errors()  # what others sent wrongly is forgotten
             self._line_hz = await self._ask(wire.LINE_FREQUENCY_QUESTION, wire.read_number)
-            await self._set_up(Setting(self._options.range, self._options.nplc))
+            await self._set_up(self._setting(self._options.nplc))
         except BaseException:
             self._dialogue.close()
             raise
@@ -90,16 +93,16 @@ class Keysight3458A:
                 await self._read(1)
         fresh = list(self._fresh)
         self._fresh.clear()
-        return {"voltage": fresh}
+        return {self._channel: fresh}
 
     async def measure(self, count: int, *, nplc: float | None) -> Sequence[Reading]:
-        """`count` readings (V), one after the other, each with the time of its middle.
+        """`count` readings (V, or A of an ammeter), one after the other, each with the time of its middle.
 
         Each integrates over `nplc` cycles of the power line, 1 to 10 or 20 to 100 in tens; None is as the bench file
         says. Raises BeyondLimit before anything is sent, Refused when the instrument does not take the setting,
         InstrumentFault when it is no longer set as it was, has an error, or its input is beyond the range.
         """
-        wanted = Setting(self._options.range, self._options.nplc if nplc is None else nplc)
+        wanted = self._setting(self._options.nplc if nplc is None else nplc)
         if wanted.nplc not in wire.NPLCS:
             raise BeyondLimit(
                 self.name, f"{wanted.nplc:g} line cycles are not 1 to 10, or 20 to 100 in tens",
@@ -111,7 +114,10 @@ class Keysight3458A:
             return await self._read(count)
 
     async def make_safe(self) -> None:
-        """Nothing to do: a voltmeter energises nothing."""
+        """Nothing to do: a meter energises nothing."""
+
+    def _setting(self, nplc: float) -> Setting:
+        return Setting(self._options.range, nplc, self._function)
 
     async def _set_up(self, setting: Setting) -> None:
         """Sets the instrument up and reads back; raises Refused."""
@@ -140,14 +146,15 @@ class Keysight3458A:
 
     async def _reading(self, setting: Setting) -> Reading:
         takes_s = wire.takes_s(setting.nplc, self._line_hz)
-        value_v = await self._dialogue.ask(wire.TRIGGER, wire.read_number, answer_s=takes_s + _SLACK_S)
-        if abs(value_v) >= wire.OVERLOAD_V:
+        value = await self._dialogue.ask(wire.TRIGGER, wire.read_number, answer_s=takes_s + _SLACK_S)
+        if abs(value) >= wire.OVERLOAD:
             raise InstrumentFault(
-                self.name, f"the input is beyond the {setting.range_v:g} V range", received=f"{value_v:g}",
+                self.name, f"the input is beyond the {setting.full_scale:g} {setting.function.unit} range",
+                received=f"{value:g}",
                 remedy="Check what is connected to it, and its range in the bench file.",
             )  # fmt: skip
         now_s = asyncio.get_running_loop().time()
-        reading = Reading(now_s - wire.middle_before_answer_s(setting.nplc, self._line_hz), value_v)
+        reading = Reading(now_s - wire.middle_before_answer_s(setting.nplc, self._line_hz), value)
         self._fresh.append(reading)
         return reading
 
@@ -186,3 +193,10 @@ class Keysight3458A:
         found = wire.read_identity(line)
         check_identity(self.name, self._pin.model_copy(update={"firmware": None}), found)
         return found
+
+
+class Keysight3458AAmmeter(Keysight3458A):
+    """The same for DC current; its input resists, which whatever drives the current has to overcome."""
+
+    _function = wire.DC_CURRENT
+    _channel = "current"

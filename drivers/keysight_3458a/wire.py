@@ -19,8 +19,9 @@ from drivers.values import Identity
 
 END = b"\n"  # a CR before it would be the end of a command already, and the LF that of an empty one
 RANGES_V = (0.1, 1.0, 10.0, 100.0, 1000.0)
+RANGES_A = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
 NPLCS = (*range(1, 11), *range(20, 101, 10))  # what the instrument takes as it is; it rounds others up
-OVERLOAD_V = 1e38
+OVERLOAD = 1e38  # in V or A; told of an input beyond the range
 
 # The instrument measures on and on until its trigger is held, and its readings would be taken for answers; a gateway
 # sees where an answer ends once END is ALWAYS.
@@ -31,7 +32,7 @@ LINE_FREQUENCY_QUESTION = b"LFREQ?"
 ERROR_QUESTION = b"ERRSTR?"
 TRIGGER = b"TARM SGL"  # answered by the reading, when it is there
 
-_DC_VOLTS, _ON, _OFF, _HOLD = 1.0, 1.0, 0.0, 4.0
+_ON, _OFF, _HOLD = 1.0, 0.0, 4.0
 _CONTINUOUS_NPLC = 10  # a longer reading is the mean of several of this length
 _OWN_ERRORS = {100, 101, 108, 109, 110}  # hardware, calibration, overload that destroys, out of calibration, due for it
 _AUXILIARY_ERRORS = 200  # and above: what of the hardware
@@ -41,11 +42,24 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d{1,2})?", re.ASCII)
 _IDENTITY = re.compile(r"(HP|Agilent|Keysight) ?(3458A)", re.ASCII | re.IGNORECASE)
 
 
-class Setting(NamedTuple):
-    """How DC volts are measured: in which range, and over how many cycles of the power line."""
+class Function(NamedTuple):
+    """What is measured: the command for it, what FUNC? answers, and in which unit its readings are."""
 
-    range_v: float
+    command: str
+    code: float
+    unit: str
+
+
+DC_VOLTS = Function("DCV", 1.0, "V")
+DC_CURRENT = Function("DCI", 6.0, "A")
+
+
+class Setting(NamedTuple):
+    """How it measures: in which range (V or A), over how many cycles of the power line, and what."""
+
+    full_scale: float
     nplc: float
+    function: Function = DC_VOLTS
 
 
 def set_up(setting: Setting) -> bytes:
@@ -56,7 +70,7 @@ def set_up(setting: Setting) -> bytes:
     """
     return (
         "PRESET NORM;TARM HOLD;TRIG AUTO;INBUF ON;END ALWAYS;QFORMAT NORM;"
-        f"DCV {setting.range_v:g};NPLC {setting.nplc:g};AZERO ON;TARM?"
+        f"{setting.function.command} {setting.full_scale:G};NPLC {setting.nplc:g};AZERO ON;TARM?"
     ).encode()
 
 
@@ -65,9 +79,10 @@ def state_when(setting: Setting) -> Mapping[bytes, tuple[float, ...]]:
 
     An answer may have more numbers than those here.
     """
+    measured = (setting.function.code, setting.full_scale)
     return {
-        b"TARM?": (_HOLD,), b"FUNC?": (_DC_VOLTS, setting.range_v), b"NPLC?": (setting.nplc,), b"AZERO?": (_ON,),
-        b"MATH?": (_OFF,), b"INBUF?": (_ON,),
+        b"TARM?": (_HOLD,), b"FUNC?": measured, b"NPLC?": (setting.nplc,), b"AZERO?": (_ON,), b"MATH?": (_OFF,),
+        b"INBUF?": (_ON,),
     }  # fmt: skip
 
 
@@ -104,7 +119,7 @@ def read_numbers(line: bytes) -> tuple[float, ...]:
 
 
 def read_number(line: bytes) -> float:
-    """An answer of one number, such as a reading (V), which is ± OVERLOAD_V beyond the range; ValueError."""
+    """An answer of one number, such as a reading (V or A), which is ± OVERLOAD beyond the range; ValueError."""
     numbers = read_numbers(line)
     if len(numbers) != 1:
         raise ValueError(f"{len(numbers)} numbers, expected one")

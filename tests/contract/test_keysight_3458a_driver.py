@@ -14,7 +14,8 @@ from drivers.keysight_3458a.description import DESCRIPTION, VoltmeterOptions, Vo
 from drivers.keysight_3458a.driver import Keysight3458A
 from simulators.attitude import planar
 from simulators.faults import FaultPlan
-from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
+from simulators.keysight_3458a import Simulated3458A
+from simulators.meter_inputs import VoltmeterSettings, VoltsOnLoad
 from simulators.world import World, WorldSettings
 from tests.support.laboratory import STILL_AIR, place, unit
 from tests.support.voltmeter import CYCLE_S, LOAD_OHM, Meter, now_s, with_driver, with_meter
@@ -246,7 +247,8 @@ def test_between_readings_the_bias_of_the_unit_wanders_on() -> None:
     )
     world = World(settings, lambda: now[0])
     world.power("supply", True)
-    meter, read = Simulated3458A(world, FaultPlan(now_s=lambda: now[0]), VoltmeterSettings("a", LOAD_OHM)), []
+    on_load = VoltsOnLoad(world, VoltmeterSettings("a", LOAD_OHM), "voltmeter")
+    meter, read = Simulated3458A(world, FaultPlan(now_s=lambda: now[0]), on_load), []
     for _ in range(300):
         now[0] += meter.begin_reading()
         read.append(float(meter.end_reading()))

@@ -11,7 +11,8 @@ from drivers.keysight_3458a.driver import Keysight3458A
 from drivers.transport.address import Address
 from simulators.attitude import planar
 from simulators.faults import FaultPlan
-from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
+from simulators.keysight_3458a import Simulated3458A
+from simulators.meter_inputs import VoltmeterSettings, VoltsOnLoad
 from simulators.settings import WorldSettings
 from simulators.world import World
 from tests.support.laboratory import STILL_AIR, place
@@ -38,8 +39,8 @@ class Meter:
         loop = asyncio.get_running_loop()
         self.faults = FaultPlan(now_s=loop.time)
         self.world = a_world(loop.time)
-        settings = VoltmeterSettings("a", LOAD_OHM, **errors)
-        self.instrument = Simulated3458A(self.world, self.faults, settings, line_hz=line_hz, identity=identity)
+        on_load = VoltsOnLoad(self.world, VoltmeterSettings("a", LOAD_OHM, **errors), "voltmeter")
+        self.instrument = Simulated3458A(self.world, self.faults, on_load, line_hz=line_hz, identity=identity)
         self.wire = TappedWire(self.instrument)
 
     def driver(self, *, pin: dict[str, str] | None = None, **options: Any) -> Keysight3458A:

@@ -7,7 +7,8 @@ import pytest
 from drivers.keysight_3458a import wire
 from drivers.keysight_3458a.wire import Setting
 from simulators.faults import FaultPlan
-from simulators.keysight_3458a import Simulated3458A, VoltmeterSettings
+from simulators.keysight_3458a import Simulated3458A
+from simulators.meter_inputs import VoltmeterSettings, VoltsOnLoad
 from simulators.serve import PatientSession
 from tests.support.voltmeter import LOAD_OHM, a_world
 
@@ -45,8 +46,8 @@ def test_the_state_is_asked_one_question_after_the_other() -> None:
         (b"-1.234567890E-01\r", -0.123456789),
         (b" 1.000000000E+01\r", 10.0),
         (b"+9.99999E+00", 9.99999),
-        (b"-1.000000000E+38\r", -wire.OVERLOAD_V),
-        (b"1E+38", wire.OVERLOAD_V),
+        (b"-1.000000000E+38\r", -wire.OVERLOAD),
+        (b"1E+38", wire.OVERLOAD),
     ],
 )
 def test_a_reading_is_read(line: bytes, volts: float) -> None:
@@ -113,9 +114,8 @@ class Bench:
         self.faults = FaultPlan(now_s=lambda: self.now_s)
         self.world = a_world(lambda: self.now_s)
         line_hz = settings.pop("line_hz", 50.0)
-        self.meter = Simulated3458A(
-            self.world, self.faults, VoltmeterSettings("a", LOAD_OHM, **settings), line_hz=line_hz
-        )
+        on_load = VoltsOnLoad(self.world, VoltmeterSettings("a", LOAD_OHM, **settings), "voltmeter")
+        self.meter = Simulated3458A(self.world, self.faults, on_load, line_hz=line_hz)
         self.session = self.meter.session()
         self.session.answer_by(lambda delay_s, answer: self.due.append((self.now_s + delay_s, answer)))
         self.due: list[tuple[float, Callable[[], bytes]]] = []

@@ -25,6 +25,10 @@ class ChannelSettings(StrictModel):
     reference_temperature_c: Celsius = Field(
         25.0, alias="reference_temperature", description="of the converter, at which the rate is told"
     )
+    current_from: Literal["source", "meter"] = Field(
+        "source",
+        description="who says what the currents are: the source, or the ammeter in its cable (places.*.ammeter)",
+    )
     gate_s: PositiveSeconds = Field(10.0, alias="gate", description="the time between two read-outs of the counters")
     accelerometer_c: Celsius | None = Field(
         None, alias="accelerometer", description="where its thermostat holds it; without it that is not looked at"
@@ -58,6 +62,8 @@ CHANNEL_TEMPERATURE = MethodDescription(
         "rate/relative_temperature_coefficient": "1/°C",
         "rate/model_residual": "1",
         "rate/drift": "1",
+        "current": "A",
+        "current/deviation": "1",
         "zero": OUTPUT,
         "zero/drift": OUTPUT,
         "deviation/raw": "1",
