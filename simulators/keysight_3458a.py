@@ -48,7 +48,7 @@ class Simulated3458A:
     ) -> None:  # fmt: skip
         self.faults = faults
         self.errors: set[int] = set()
-        self._world, self._input, self._line_hz = world, connected, line_hz
+        self._world, self.connected, self._line_hz = world, connected, line_hz
         self._noise = stream(world.settings.seed, "noise", name, "reading")
         self._read = 0.0
         self._told: Mapping[str, Callable[[], str]] = {
@@ -110,8 +110,8 @@ class Simulated3458A:
         self.codes["TARM"] = _EVENTS["HOLD"]
         if not self.faults.active("frozen"):
             mean = reading.input / (reading.integrated_s - reading.begin_s)
-            noise = self._input.noise * math.sqrt(_NOISE_NPLC / self.nplc) * float(self._noise.standard_normal())
-            self._read = self._input.read(mean, reading.end_s) + noise
+            noise = self.connected.noise * math.sqrt(_NOISE_NPLC / self.nplc) * float(self._noise.standard_normal())
+            self._read = self.connected.read(mean, reading.end_s) + noise
         full_scale = self.full_scale or self._range_for(abs(self._read))
         beyond = abs(self._read) > _over(full_scale, self.function)
         return f"{math.copysign(wire.OVERLOAD, self._read) if beyond else self._read: .9E}"
@@ -123,8 +123,8 @@ class Simulated3458A:
             return
         until_s = min(self._world.now(), reading.end_s)
         if until_s > reading.integrated_s:
-            is_there = self.function == self._input.function
-            mean = self._input.mean(reading.integrated_s, until_s) if is_there else 0.0
+            is_there = self.function == self.connected.function
+            mean = self.connected.mean(reading.integrated_s, until_s) if is_there else 0.0
             reading.input += mean * (until_s - reading.integrated_s)
             reading.integrated_s = until_s
 

@@ -174,15 +174,15 @@ class Acquisition:
 
     `angles_deg` is what each axis of the table read back, outer first, `mount` how the units were fixed; `set_c` is the
     chamber's set point at the end, `set_from_c` at the beginning, not-a-number before the first ramp; `counts` by
-    channel, `voltages` by voltmeter, `currents` by ammeter, `codes` by channel of the telemetry; `temperatures_c`
-    the values of each named reading between `begin_s` and `end_s` of bench time, taken at `temperatures_at_s`. Where `input` is "source" the
-    converter is fed by a current source; `sources_a` is what those that are on give, by their roles, `sources_told_a`
-    what they were read back to give where a certificate corrects that. One that was to become stable is read over its
-    last `over_s`; `stable` are the places of the units that did. `turned` is a rotation over whole turns meanwhile.
-    Where only means are wanted `windows` stand in place of `counts`, so that a long run is not in memory all at once.
-    `positions` are those of the encoders that a counter latches, by the devices that drive the axes, `motion` is None
-    where no table turned or swung. `on_since_s` are the supplies that are on, by their roles, each with the bench times
-    between which it was put on.
+    channel, `voltages` by voltmeter, `currents` by ammeter, `codes` by channel of the telemetry; `temperatures_c` the
+    values of each named reading between `begin_s` and `end_s` of bench time, taken at `temperatures_at_s`. Where
+    `input` is "source" the converter is fed by a current source; `sources_a` is what those that are on give, by their
+    roles, `sources_told_a` what they were read back to give where a certificate corrects that. One that was to become
+    stable is read over its last `over_s`; `stable` are the places of the units that did. `turned` is a rotation over
+    whole turns meanwhile. Where only means are wanted `windows` stand in place of `counts`, so that a long run is not
+    in memory all at once. `positions` are those of the encoders that a counter latches, by the devices that drive the
+    axes, `motion` is None where no table turned or swung. `on_since_s` are the supplies that are on, by their roles,
+    each with the bench times between which it was put on.
     """
 
     step: str

@@ -60,9 +60,9 @@ class BenchRecord:
     `level_deg` tilts the whole table about south. `thermometers_u` gives offset (°C) and gain (on the temperature in
     °C) by the name of the reading, `voltmeters_u` gain (of the reading) and offset (V) by voltmeter, `sources` the
     current sources and ammeters that have a certificate, by their roles. `orthogonality_u_deg` is of each axis against
-    the one that carries it, in two directions. `host_clock_u` is that of a second of the host, 0 where nobody states it.
-    `encoder_skew_u_s` is that of the time between an encoder's latch and the pulses'.
-    `telemetry` is the clock of what units send, None where no encoder is latched with that.
+    the one that carries it, in two directions. `host_clock_u` is that of a second of the host, 0 where nobody states
+    it. `encoder_skew_u_s` is that of the time between an encoder's latch and the pulses'. `telemetry` is the clock of
+    what units send, None where no encoder is latched with that.
     """
 
     gravity_mps2: float

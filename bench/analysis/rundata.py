@@ -32,9 +32,10 @@ class UnitUnderTest:
     which it was dropped from the run. `nominal_per_g` is what its output is made to change by for 1 g, in
     `output_unit`; None where nobody says. `converter` is the reading of the thermometer at its converter and `source`
     the current source that can feed that, `ammeter` what is in its cable, "" for none; `scale_a_per_g` is its nominal
-    K1. An inertial unit has `channels`, by acc_x to gyro_z, and a thermometer at its gyros; `channel_units` are what those are in that it sends.
-    `arm_m` is where the bench file says that it is from the axis that turns it, with its standard uncertainty. `supply`
-    is what powers it, "" for none; `released` is the calibration that was given to the run for it.
+    K1. An inertial unit has `channels`, by acc_x to gyro_z, and a thermometer at its gyros; `channel_units` are what
+    those are in that it sends. `arm_m` is where the bench file says that it is from the axis that turns it, with its
+    standard uncertainty. `supply` is what powers it, "" for none; `released` is the calibration that was given to the
+    run for it.
     """
 
     place: str

@@ -25,8 +25,8 @@ class AmmeterOptions(MeterOptions):
     """
 
     range: Annotated[float, InUnit("A", above=0), KNOWN_RANGE] = Field(
-        description="the one range for all readings, 100 nA to 1 A in decades; it measures 20 % beyond its name, and 5 % "
-        "beyond 1 A"
+        description="the one range for all readings, 100 nA to 1 A in decades; it measures 20 % beyond its name, "
+        "and 5 % beyond 1 A"
     )
 
     @property

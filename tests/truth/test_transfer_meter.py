@@ -100,7 +100,8 @@ def test_the_budget_names_the_meters_certificate_and_no_other(run):
     by_source, _ = findings(run, "source")
     for name in ("rate@src_1g", "rate/temperature_coefficient@src_1g", "zero@src_0g"):
         sources = {line.source.partition(":")[0] for line in by_meter[name].budget}
-        assert "dmm" in sources and "source" not in sources
+        assert "dmm" in sources
+        assert "source" not in sources
         assert "dmm" not in {line.source.partition(":")[0] for line in by_source[name].budget}
     lines = {line.source: line.u for line in by_meter["rate@src_1g"].budget}
     assert lines["dmm: gain"] == pytest.approx(4e-6 * 11300, rel=1e-3)

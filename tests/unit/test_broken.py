@@ -30,7 +30,8 @@ _UNLATCHED = _TELEMETRY.model_copy(update={"options": _TELEMETRY.options.model_c
 BENCHES = {  # by part of a name
     "unlatched": SENT.model_copy(update={"devices": SENT.devices | {"telemetry": _UNLATCHED}}),
     "of_codes": SENT, "of_volts": VOLTS,
-    "forbidden": FORBIDS, "without_nominal": WITHOUT_NOMINAL, "unsuited_ramp": CHANNEL, "on_a_table": RESPONSE,
+    "forbidden": FORBIDS, "without_nominal": WITHOUT_NOMINAL, "unsuited_ramp": CHANNEL, "no_ammeter": CHANNEL,
+    "on_a_table": RESPONSE,
     "between_teeth": BY_HAND, "without_encoder": TABLE, "unreachable_attitude": TWO_AXES,
 }  # fmt: skip
 BROKEN = sorted([*FOLDER.glob("*.yaml"), *FOLDER.glob("calls/call_*.yaml")])

@@ -8,14 +8,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from bench.analysis.acquired import Currents
 from bench.app.laboratory import make_laboratory, unit_files
-from bench.config.bench import load_bench
+from bench.config.bench import load_bench, misfits
 from bench.errors import InputError
 from bench.report.corrections import corrections_of
 from bench.report.rundata import bench_record
 from bench.sequence.estimate import estimate
 from bench.sequence.load import load_judged_plan
 from simulators.current_source import CurrentErrors
+from tests.support.ammeter import CABLE, put_into_cable
 from tests.support.sequences import ROOT
 from tests.truth.campaign import full_bench
 
@@ -116,3 +118,64 @@ def test_a_plan_knows_how_long_a_source_warms_up_and_a_converter_follows(tmp_pat
     assert warm.end_s == pytest.approx(7200, abs=1)
     back = spans["steps/level=1/soak"]
     assert 900 <= back.duration_s < 1800, "three time constants, and until the converter has followed"
+
+
+# An ammeter in the cable of the source
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("    ammeter: dmm", "    ammeter: dm", "'dm' is not an ammeter; did you mean 'dmm'?"),
+        ("    ammeter: dmm", "    ammeter: source", "'source' is not an ammeter; expected dmm"),
+        (CABLE, "    #", "ammeter is for a place with a source, in whose cable it is"),
+        ("ammeters: {dmm:", "ammeters: {source:", "'source' is not an ammeter; expected dmm"),
+        ("ammeters: {dmm: {noise: 0 A}}", "ammeters: {dmm: {noise: 0 V}}", "noise: is in V, expected a quantity in A"),
+    ],
+)
+def test_an_ammeter_that_does_not_fit_is_told(tmp_path, old, new, problem):
+    path = put_into_cable(edited(tmp_path))
+    text = path.read_text("utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), "utf-8")
+    with pytest.raises(InputError) as caught:
+        load_bench(path)
+    assert problem in str(caught.value)
+
+
+def test_an_ammeter_is_in_one_cable(tmp_path):
+    bench = load_bench(put_into_cable(edited(tmp_path))).bench
+    place = bench.places["a"]
+    other = place.model_copy(update={"source": "calibrator", "channel": "y"})
+    found = [problem for _, problem in misfits(bench.model_copy(update={"places": {"a": place, "b": other}}))]
+    assert "'dmm' is in the cable of 'source' already" in found
+
+
+def test_the_burden_of_an_ammeter_needs_compliance_too(tmp_path):
+    bench = load_bench(put_into_cable(edited(tmp_path))).bench
+    assert bench.burden_ohm("source") == pytest.approx(10)
+    laboratory = make_laboratory(bench, unit_files(bench, None), 1, lambda: 0.0)
+    assert laboratory.instruments["source"].load_ohm == pytest.approx(110)
+    compliance = ("compliance=1.2 V", "levels=[10 g]")  # 11.3 mA through 100 Ω of the converter and 10 Ω of the meter
+    with pytest.raises(InputError, match=r"needs 1\.243 V for it, the compliance is 1\.2 V"):
+        load_judged_plan(ROOT / "sequences/channel_source.yaml", bench, settings=compliance)
+    load_judged_plan(
+        ROOT / "sequences/channel_source.yaml", load_bench(edited(tmp_path / "bare")).bench, settings=compliance
+    )
+
+
+def test_the_certificate_of_an_ammeter_is_what_its_errors_are_drawn_from_and_what_a_reduction_knows(tmp_path):
+    stated = "gain: 20 ppm, offset: 8 nA, drift: 2 ppm/h}, corrections: {current: [{at: 1 mA, add: 50 nA}]"
+    bench = load_bench(put_into_cable(edited(tmp_path), stated=stated)).bench
+    known = bench_record(bench).sources["dmm"]
+    assert (known.gain_u, known.offset_u_a) == pytest.approx((10e-6, 4e-9))
+    assert known.u_a(1e-3) == pytest.approx(np.hypot(10e-9, 4e-9))
+    inputs = [
+        make_laboratory(bench, unit_files(bench, None), seed, lambda: 0.0).instruments["dmm"].connected
+        for seed in range(1, 60)
+    ]
+    drawn = np.array([each.read(1e-3, 7200.0) - 1e-3 for each in inputs])
+    assert np.mean(drawn) == pytest.approx(-50e-9, abs=8e-9), "what its certificate adds, it lacks"
+    assert np.std(drawn) == pytest.approx(np.hypot(10e-9, 4e-9), rel=0.25)
+    read = Currents(np.zeros(1), np.array([0.99995e-3]))
+    assert corrections_of(bench).measured("dmm", read).values_a == pytest.approx([1e-3], rel=1e-9)

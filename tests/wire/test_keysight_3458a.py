@@ -30,6 +30,18 @@ def test_a_set_up_fits_into_the_input_buffer_and_asks_once() -> None:
     assert longest.count(b"?") == 1
 
 
+def test_what_is_sent_for_a_current() -> None:
+    assert wire.set_up(Setting(1e-2, 10.0, wire.DC_CURRENT)) == (
+        b"PRESET NORM;TARM HOLD;TRIG AUTO;INBUF ON;END ALWAYS;QFORMAT NORM;DCI 0.01;NPLC 10;AZERO ON;TARM?"
+    )
+    assert b";DCI 1E-07;NPLC 100;" in wire.set_up(Setting(1e-7, 100.0, wire.DC_CURRENT))
+
+
+@pytest.mark.parametrize(("answer", "range_a"), [(b"6, .01\r", 1e-2), (b"6, 100.000000E-09\r", 1e-7), (b"6, 1\r", 1.0)])
+def test_a_current_is_told_by_its_function(answer: bytes, range_a: float) -> None:
+    assert wire.read_numbers(answer) == wire.state_when(Setting(range_a, 10.0, wire.DC_CURRENT))[b"FUNC?"]
+
+
 def test_the_state_is_asked_one_question_after_the_other() -> None:
     answers = {
         b"TARM?": b"4\r", b"FUNC?": b"1, .1\r", b"NPLC?": b"10.0000000E+00\r", b"AZERO?": b"1\r", b"MATH?": b"0\r",
