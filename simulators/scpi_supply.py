@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 from drivers.scpi_supply import wire
 from simulators.faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
-from simulators.scpi import Interpreter, LineSession, setting, switch
+from simulators.scpi import NOT_ALLOWED, SETTINGS_CONFLICT, Interpreter, LineSession, Refusal, setting, switch
 from simulators.setup import InstrumentSetup
 from simulators.world import World
 
@@ -33,18 +33,20 @@ class SimulatedSupply:
         self.faults = faults
         self._world, self._name = world, name
         self._level_v, self._limit_a, self.output = 0.0, CURRENT_MAX_A, False
-        self._measured = (0.0, 0.0)
+        self._measured, self._tripped = (0.0, 0.0), set[str]()
         self._interpreter = Interpreter(
             f"INERTIAL TEST BENCH,{model},{serial},1.0",
             {
                 wire.VOLTAGE: self._set_level,
-                f"{wire.VOLTAGE}?": lambda _: f"{self._level_v:.3f}",
+                f"{wire.VOLTAGE}?": lambda asked: f"{_asked(asked, self._level_v, VOLTAGE_MAX_V):.3f}",
                 wire.CURRENT: self._set_limit,
-                f"{wire.CURRENT}?": lambda _: f"{self._limit_a:.4f}",
+                f"{wire.CURRENT}?": lambda asked: f"{_asked(asked, self._limit_a, CURRENT_MAX_A):.4f}",
                 wire.OUTPUT: self._switch,
                 f"{wire.OUTPUT}?": lambda _: str(int(self.output)),
                 f"{wire.MEASURE_VOLTAGE}?": lambda _: f"{self._measure()[0]:.4f}",
                 f"{wire.MEASURE_CURRENT}?": lambda _: f"{self._measure()[1]:.5f}",
+                f"{wire.OVER_VOLTAGE}?": lambda _: str(int("over_voltage" in self._tripped)),
+                f"{wire.OVER_CURRENT}?": lambda _: str(int("over_current" in self._tripped)),
                 "*RST": lambda _: self._reset(),
             },
         )
@@ -59,9 +61,11 @@ class SimulatedSupply:
         """A new connection."""
         return LineSession(self._interpreter.execute)
 
-    def trip(self) -> None:
-        """The output goes off by itself."""
+    def trip(self, protection: str = "") -> None:
+        """The output goes off by itself; where a `protection` did it, it stays off until somebody clears that."""
         self.output = False
+        if protection:
+            self._tripped.add(protection)
         self._feed_units()
 
     def restart(self) -> None:
@@ -78,6 +82,8 @@ class SimulatedSupply:
 
     def _switch(self, argument: str) -> None:
         on = switch(argument)
+        if on and self._tripped:
+            raise Refusal(SETTINGS_CONFLICT)
         if not self.faults.active("stuck"):
             self.output = on
             self._feed_units()
@@ -95,6 +101,7 @@ class SimulatedSupply:
         return self._measured
 
     def _reset(self) -> None:
+        self._tripped.clear()
         self._level_v, self._limit_a, self.output = 0.0, CURRENT_MAX_A, False
         self._feed_units()
 
@@ -103,3 +110,10 @@ class SimulatedSupply:
         "tripped": Mishap(trip),
         "restart": Mishap(restart),
     }
+
+
+def _asked(which: str, set_to: float, most: float) -> float:
+    """What a question for a level is answered: what it is set to, or with MIN or MAX what it can be."""
+    if which.upper() not in ("", "MIN", "MAX"):
+        raise Refusal(NOT_ALLOWED)
+    return {"MIN": 0.0, "MAX": most}.get(which.upper(), set_to)

@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, StrictModel
+
+Answer = Literal["maximum", "over_voltage", "over_current"]
+
+
+class SupplyOptions(StrictModel):
+    """What a supply answers beyond the core that all have; a question that it does not know gets no answer."""
+
+    answers: tuple[Answer, ...] = Field(
+        (),
+        description="maximum (VOLT? MAX, CURR? MAX), over_voltage (VOLT:PROT:TRIP?), over_current (CURR:PROT:TRIP?)",
+    )
 
 
 class VoltageRange(StrictModel):
@@ -34,6 +47,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"serial", "socket", "tcp"}),
     target="drivers.scpi_supply.driver:ScpiSupply",
     simulator="simulators.scpi_supply:SimulatedSupply",
+    options=SupplyOptions,
     limits=SupplyLimits,
     channels={"voltage": "V", "current": "A"},
 )

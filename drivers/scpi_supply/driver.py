@@ -10,7 +10,7 @@ from typing import Self
 from drivers.description import Nothing, Setup
 from drivers.errors import BeyondLimit, InstrumentFault, Refused
 from drivers.scpi_supply import wire
-from drivers.scpi_supply.description import SupplyLimits
+from drivers.scpi_supply.description import SupplyLimits, SupplyOptions
 from drivers.scpi_supply.wire import Setting, State
 from drivers.transport.dialogue import safe_in_time
 from drivers.transport.scpi import ScpiLink
@@ -26,9 +26,10 @@ class ScpiSupply:
     Concurrency: a new `set` and `make_safe` end the `set` under way, which then raises Refused.
     """
 
-    def __init__(self, setup: Setup[Nothing, SupplyLimits, Nothing]) -> None:
+    def __init__(self, setup: Setup[SupplyOptions, SupplyLimits, Nothing]) -> None:
         self.name = setup.name
-        self._limits, self._note = setup.limits, setup.note
+        self._limits, self._options, self._note = setup.limits, setup.options, setup.note
+        self._trips = [trip for trip in wire.TRIPS if trip in setup.options.answers]
         self._link = ScpiLink(setup)
         self._order = 0  # counts settings, so that one under way knows when it is no longer wanted
         self._made: Setting | None = None  # the setting that was made and read back
@@ -47,11 +48,12 @@ class ScpiSupply:
         return await self._link.identify()
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """Voltage and current as measured; InstrumentFault when the supply is no longer set as it was.
+        """Voltage and current as measured; InstrumentFault when it has tripped, or is no longer set as it was.
 
         None where two takes of them differ: an output that rises or falls, or an answer that came wrong.
         """
         *before, state = await self._takes()
+        self._check_trips(state)
         self._compare(state.setting)
         for take in before:
             if not wire.steady(take, state):
@@ -69,12 +71,16 @@ class ScpiSupply:
         """Sets the current limit (A) and the level (V), reads both back, then switches the output on.
 
         With `output` False only switches off; level and limit stay. Raises BeyondLimit before anything is sent, Refused
-        when the supply does not take a setting.
+        when the supply does not take a setting, InstrumentFault when one of its protections has tripped.
         """
         if output:
             self._check_limits(level, limit)
         order = self._new_order()
-        now = (await self._state()).setting
+        state = await self._state()
+        now = state.setting
+        if output:
+            self._check_trips(state)
+            await self._check_maximum(level, limit)
         await self._reach(order, now, Setting(level, limit, True) if output else replace(now, output=False))
 
     async def make_safe(self) -> None:
@@ -105,7 +111,9 @@ class ScpiSupply:
         self._made = now
 
     async def _state(self) -> State:
-        return await self._link.ask(wire.STATE_QUERY, wire.read_state)
+        return await self._link.ask(
+            wire.state_query(self._trips), lambda line: wire.read_state(line, self._trips)
+        )  # fmt: skip
 
     async def _takes(self) -> list[State]:
         """Looks at the supply, the last of them with a setting that another one has, too."""
@@ -122,15 +130,30 @@ class ScpiSupply:
         return takes
 
     def _check_limits(self, level_v: float, limit_a: float) -> None:
-        for what, value, most, unit in (
-            ("the level", level_v, self._limits.voltage.max, "V"),
-            ("the current limit", limit_a, self._limits.current.max, "A"),
-        ):
-            if not 0 <= value <= most:
-                raise BeyondLimit(
-                    self.name, f"{what} {value:g} {unit} is outside 0 {unit} to {most:g} {unit}",
-                    remedy="Nothing was sent. Correct the sequence, or the limits in the bench file.",
-                )  # fmt: skip
+        remedy = "Nothing was sent. Correct the sequence, or the limits in the bench file."
+        self._check_within(level_v, limit_a, (self._limits.voltage.max, self._limits.current.max), remedy)
+
+    async def _check_maximum(self, level_v: float, limit_a: float) -> None:
+        """Raises BeyondLimit for what the instrument itself does not do, where it tells that."""
+        if "maximum" in self._options.answers:
+            most = await self._link.ask(wire.MAXIMUM_QUERY, wire.read_maximum)
+            remedy = "Nothing was set: the supply itself goes no further. Correct the sequence, or take another supply."
+            self._check_within(level_v, limit_a, most, remedy)
+
+    def _check_within(self, level_v: float, limit_a: float, most: tuple[float, float], remedy: str) -> None:
+        wanted = (("the level", level_v, "V"), ("the current limit", limit_a, "A"))
+        for (what, value, unit), highest in zip(wanted, most, strict=True):
+            if not 0 <= value <= highest:
+                problem = f"{what} {value:g} {unit} is outside 0 {unit} to {highest:g} {unit}"
+                raise BeyondLimit(self.name, problem, remedy=remedy)
+
+    def _check_trips(self, state: State) -> None:
+        if state.tripped:
+            told = " and ".join(trip.replace("_", "-") for trip in state.tripped)
+            raise InstrumentFault(
+                self.name, f"its {told} protection has tripped", received=_in_words(state.setting),
+                remedy="Find out why, look at the unit on it, and clear the protection at its front panel.",
+            )  # fmt: skip
 
     def _compare(self, now: Setting) -> None:
         if self._made is not None and wire.next_step(now, self._made):

@@ -5,6 +5,7 @@ After the SCPI-1999 instrument class for power supplies; no maker's own commands
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from drivers import scpi
@@ -15,8 +16,12 @@ CURRENT = "[SOURce:]CURRent[:LEVel][:IMMediate][:AMPLitude]"
 OUTPUT = "OUTPut[:STATe]"
 MEASURE_VOLTAGE = "MEASure[:SCALar]:VOLTage[:DC]"
 MEASURE_CURRENT = "MEASure[:SCALar]:CURRent[:DC]"
+OVER_VOLTAGE = "[SOURce:]VOLTage:PROTection:TRIPped"
+OVER_CURRENT = "[SOURce:]CURRent:PROTection:TRIPped"
 
 STATE_QUERY = b"MEAS:VOLT?;:MEAS:CURR?;:OUTP?;:VOLT?;:CURR?"
+MAXIMUM_QUERY = b"VOLT? MAX;:CURR? MAX"
+TRIPS = {"over_voltage": b"VOLT:PROT:TRIP?", "over_current": b"CURR:PROT:TRIP?"}
 OFF = "OUTP OFF"
 
 LEVEL_WITHIN_V = 0.001  # finer than any unit needs, not finer than a supply resolves
@@ -36,18 +41,31 @@ class Setting:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What a supply measures, and what it is set to."""
+    """What a supply measures, what it is set to, and which of its protections have tripped, as in TRIPS."""
 
     voltage_v: float
     current_a: float
     setting: Setting
+    tripped: tuple[str, ...] = ()
 
 
-def read_state(line: bytes) -> State:
-    """The answer to STATE_QUERY; ValueError."""
-    voltage, current, output, level, limit = scpi.answers(line, 5)
+def state_query(trips: Sequence[str]) -> bytes:
+    """The question for the state, with those protections that the supply tells of."""
+    return b";:".join([STATE_QUERY, *(TRIPS[trip] for trip in trips)])
+
+
+def read_state(line: bytes, trips: Sequence[str] = ()) -> State:
+    """The answer to `state_query`; ValueError."""
+    voltage, current, output, level, limit, *told = scpi.answers(line, 5 + len(trips))
     setting = Setting(scpi.number(level), scpi.number(limit), scpi.boolean(output))
-    return State(scpi.number(voltage), scpi.number(current), setting)
+    tripped = tuple(trip for trip, has in zip(trips, told, strict=True) if scpi.boolean(has))
+    return State(scpi.number(voltage), scpi.number(current), setting, tripped)
+
+
+def read_maximum(line: bytes) -> tuple[float, float]:
+    """The answer to MAXIMUM_QUERY: the highest level (V) and the highest limit (A); ValueError."""
+    most_v, most_a = scpi.answers(line, 2)
+    return scpi.number(most_v), scpi.number(most_a)
 
 
 def steady(one: State, other: State) -> bool:

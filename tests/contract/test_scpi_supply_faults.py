@@ -7,6 +7,7 @@ import pytest
 
 from drivers.errors import (
     BadAnswer,
+    BeyondLimit,
     CannotConnect,
     InstrumentFault,
     LinkLost,
@@ -15,7 +16,7 @@ from drivers.errors import (
     WrongIdentity,
 )
 from drivers.scpi_supply.driver import ScpiSupply
-from tests.support.supply import Supply, now_s, with_driver
+from tests.support.supply import Supply, now_s, with_driver, with_supply
 
 # Surprises
 
@@ -191,3 +192,69 @@ def test_what_cannot_be_made_safe_says_so_in_time() -> None:
             await driver.make_safe()
 
     with_driver(use)
+
+
+# What some supplies tell beyond the core
+
+ALL = ("maximum", "over_voltage", "over_current")
+
+
+@pytest.mark.parametrize(("trip", "told"), [("over_voltage", "over-voltage"), ("over_current", "over-current")])
+def test_a_protection_that_trips_is_told_by_its_name_and_never_cleared_from_here(trip: str, told: str) -> None:
+    async def use(supply: Supply) -> None:
+        async with supply.driver(answers=ALL) as driver:
+            await driver.set(15, limit=0.2, output=True)
+            await driver.poll()
+            supply.instrument.trip(trip)
+            assert not supply.unit_powered
+            for _ in range(2):
+                with pytest.raises(
+                    InstrumentFault, match=rf"its {told} protection has tripped; received .* output off"
+                ):
+                    await driver.poll()
+            sent = supply.wire.count(b"OUTP ON")
+            with pytest.raises(InstrumentFault, match=f"{told} protection"):
+                await driver.set(15, limit=0.2, output=True)
+            assert supply.wire.count(b"OUTP ON") == sent
+            await driver.make_safe()
+            assert not [line for line in supply.wire.requests if b"CLE" in line]
+
+    with_supply(use)
+
+
+def test_a_supply_that_does_not_tell_of_its_protection_shows_it_in_its_output() -> None:
+    async def use(supply: Supply, driver: ScpiSupply) -> None:
+        await driver.set(15, limit=0.2, output=True)
+        supply.instrument.trip("over_voltage")
+        with pytest.raises(InstrumentFault, match="Look for a trip"):
+            await driver.poll()
+        with pytest.raises(Refused, match="-221"):
+            await driver.set(15, limit=0.2, output=True)
+        assert supply.wire.count(b"PROT") == 0
+
+    with_driver(use)
+
+
+def test_what_the_supply_itself_cannot_do_is_refused_before_it_is_set() -> None:
+    async def use(supply: Supply) -> None:
+        supply.wire.alter = lambda request, answer: b"10.000;3.0000\n" if b"MAX" in request else answer
+        async with supply.driver(answers=("maximum",)) as driver:
+            with pytest.raises(BeyondLimit, match=r"the level 15 V is outside 0 V to 10 V\. Nothing was set"):
+                await driver.set(15, limit=0.2, output=True)
+            assert supply.commands() == []
+            await driver.set(10, limit=0.2, output=True)
+            assert supply.unit_powered
+
+    with_supply(use)
+
+
+@pytest.mark.parametrize("answer", [b"32\n", b"32;MAX\n", b"32;3;1\n"])
+def test_a_maximum_that_is_no_answer_sets_nothing(answer: bytes) -> None:
+    async def use(supply: Supply) -> None:
+        supply.wire.alter = lambda request, good: answer if b"MAX" in request else good
+        async with supply.driver(answers=ALL) as driver:
+            with pytest.raises(BadAnswer):
+                await driver.set(15, limit=0.2, output=True)
+            assert supply.commands() == []
+
+    with_supply(use)

@@ -8,7 +8,7 @@ from typing import Any
 from bench.config.load import load_file
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
-from drivers.scpi_supply.description import DESCRIPTION, SupplyLimits
+from drivers.scpi_supply.description import DESCRIPTION, SupplyLimits, SupplyOptions
 from drivers.scpi_supply.driver import ScpiSupply
 from drivers.transport.address import Address
 from drivers.transport.memory import Line
@@ -36,9 +36,10 @@ class Supply:
         self._address = Address.parse(address)
         self.notes: list[str] = []
 
-    def driver(self, **pin: str) -> ScpiSupply:
+    def driver(self, *, answers: tuple[str, ...] = (), **pin: str) -> ScpiSupply:
+        options = SupplyOptions.model_validate({"answers": answers})
         setup = Setup(
-            name="supply", address=self._address, wires=self.wire, options=Nothing(),
+            name="supply", address=self._address, wires=self.wire, options=options,
             limits=SupplyLimits.model_validate(LIMITS), safe=Nothing(),
             identity=IdentityPin.model_validate({"model": "SIM-PSU", "serial": "SIM-PSU-01"} | pin),
             note=self.notes.append,

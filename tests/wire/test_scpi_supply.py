@@ -41,6 +41,25 @@ def test_the_question_for_the_state_is_one_message() -> None:
     assert wire.STATE_QUERY == b"MEAS:VOLT?;:MEAS:CURR?;:OUTP?;:VOLT?;:CURR?"
 
 
+def test_protections_are_asked_in_the_same_message() -> None:
+    query = wire.state_query(["over_voltage", "over_current"])
+    assert query == wire.STATE_QUERY + b";:VOLT:PROT:TRIP?;:CURR:PROT:TRIP?"
+    state = wire.read_state(b"0;0;0;15.000;0.2000;1;0", ["over_voltage", "over_current"])
+    assert (state.tripped, state.setting.output) == (("over_voltage",), False)
+    assert wire.read_maximum(b"32.000;+3.0000E+00") == (32.0, 3.0)
+
+
+def test_a_simulated_supply_tells_what_it_can_and_what_has_tripped(supply: SimulatedSupply) -> None:
+    assert talk(supply, b"VOLT? MAX;:CURR? MAX", b"VOLT? MIN", b"VOLT:PROT:TRIP?;:CURR:PROT:TRIP?") == [
+        b"32.000;3.0000\n", b"0.000\n", b"0;0\n",
+    ]  # fmt: skip
+    supply.trip("over_current")
+    assert talk(supply, b"CURR:PROT:TRIP?", b"OUTP ON;:OUTP?", b"SYST:ERR?", b"*RST", b"OUTP ON;:OUTP?") == [
+        b"1\n", b"0\n", b'-221,"Settings conflict"\n', b"", b"1\n",
+    ]  # fmt: skip
+    assert talk(supply, b"VOLT? DEF", b"SYST:ERR?") == [b"", b'-108,"Parameter not allowed"\n']
+
+
 def test_the_state_is_read() -> None:
     line = b"1.4998E+01;+0.06213;1;15.000;0.2000"
     assert wire.read_state(line) == State(14.998, 0.06213, Setting(15.0, 0.2, True))
