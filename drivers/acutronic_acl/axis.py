@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -149,6 +150,8 @@ class AclAxis:
     def _recognise(self, answer: bytes) -> Identity:
         """Reads an identity and compares it with the bench file and with who was there before."""
         found = wire.read_identity(self._read_reply(answer).text)
+        if not found.verified:
+            found = replace(found, serial=self._pin.serial or "")
         check_identity(self._device, self._pin, found)
         self._identity = still_the_same(self._device, self._identity, found, found.fingerprint)
         return found

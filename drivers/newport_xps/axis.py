@@ -11,7 +11,7 @@ import asyncio
 from collections.abc import Callable
 from typing import TypeVar
 
-from drivers.description import Nothing, Setup, still_the_same
+from drivers.description import Nothing, Setup, check_identity, still_the_same
 from drivers.errors import InstrumentFault, Refused
 from drivers.head.axis import ANSWER_S, AxisState, OwnLimits
 from drivers.head.description import HeadLimits
@@ -74,7 +74,7 @@ class XpsAxis:
     async def identify(self) -> Identity:
         """Model and firmware as the controller tells them; its serial number is stated, the wire does not tell it.
 
-        Raises WrongIdentity when model or firmware have changed.
+        Raises WrongIdentity when model or firmware are others than in the bench file, or have changed.
         """
         firmware = await self._asking.ask(wire.ASK_FIRMWARE.encode(), self._recognise)
         rate_dps, acceleration_dps2 = await self._ask(wire.ask_fastest(self._positioner), _numbers(2))
@@ -214,11 +214,12 @@ class XpsAxis:
         return reply.text if reply.code == wire.SUCCESS and reply.text else f"number {number}"
 
     def _recognise(self, answer: bytes) -> Identity:
-        """Compares model and firmware with those of the first time; ValueError when it is no XPS."""
+        """Compares model and firmware with the bench file, and the first time; ValueError when it is no XPS."""
         reply = wire.read_reply(answer)
         if reply.code != wire.SUCCESS:
             raise ValueError("no version of a firmware")
-        found = Identity(model=wire.read_model(reply.text), firmware=reply.text)
+        found = Identity(model=wire.read_model(reply.text), firmware=reply.text, verified=False)
+        check_identity(self._device, self._stated.model_copy(update={"maker": None}), found)
         self._firmware = still_the_same(self._device, self._firmware, found, str(reply))
         return found
 

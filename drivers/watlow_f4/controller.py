@@ -10,7 +10,7 @@ from contextlib import suppress
 from drivers.chamber.controller import Control, Look, as_stated
 from drivers.chamber.registers import ProvedRegisters, hexadecimal
 from drivers.chamber.words import Words
-from drivers.description import IdentityPin
+from drivers.description import IdentityPin, check_identity
 from drivers.errors import InstrumentFault, LinkLost, NoAnswer, WrongIdentity
 from drivers.transport.modbus import ModbusLink
 from drivers.values import Identity
@@ -62,12 +62,12 @@ class F4Channel:
     async def identify(self) -> Identity:
         """The names as the bench file states them; the fingerprint is what the wire tells."""
         await self._registers.identify()
-        (_, *serial, software, revision), _, decimals = self._known or ((0,) * 5, (), 0)
+        names, _, decimals = self._known or ((0,) * 5, (), 0)
         low_c, high_c = self.limits_c or (0.0, 0.0)
         return as_stated(
-            self._pin, f"serial number registers {serial[0]} {serial[1]}, °C with {decimals} decimals, "
+            self._pin, f"serial number registers {names[1]} {names[2]}, °C with {decimals} decimals, "
             f"set point {low_c:g} to {high_c:g} °C",
-            maker="Watlow", model="F4", firmware=f"{software} revision {revision / 100:.2f}",
+            maker="Watlow", model="F4", firmware=_firmware(names),
         )  # fmt: skip
 
     async def look(self, commanded_c: float | None) -> Look:
@@ -177,6 +177,8 @@ class F4Channel:
                 f"set points from {low_c:g} to {high_c:g} °C, {decimals} decimals, serial {names[1]} {names[2]}",
                 "Check the address in the bench file, then start again.",
             )  # fmt: skip
+        told = IdentityPin(firmware=self._pin.firmware)
+        check_identity(self._link.device, told, Identity(firmware=_firmware(names)))
         self._known, self._form, self.limits_c = (names, limits, decimals), form, (low_c, high_c)
 
     def _other(self, what: str, received: str, remedy: str) -> WrongIdentity:
@@ -185,3 +187,8 @@ class F4Channel:
     def _spelled(self, words: Words) -> str:
         """A word as a temperature for a person, and as it was on the wire."""
         return f"{self._form.value_c(words[0]):g} °C ({hexadecimal(words)})"
+
+
+def _firmware(names: Words) -> str:
+    """Software and revision, of the five words that name a controller."""
+    return f"{names[3]} revision {names[4] / 100:.2f}"

@@ -1,0 +1,123 @@
+"""What every driver must do, whatever its instrument: one table over all that are installed."""
+
+import asyncio
+from contextlib import nullcontext, suppress
+
+import pytest
+
+from bench.loop import AS_FAST_AS_POSSIBLE, run
+from bench.rig import MAKE_SAFE_S
+from drivers.description import known_drivers
+from drivers.errors import DriverError, WrongIdentity
+from tests.support.every_driver import EVERY, Opened, calls_of
+
+NOT_HERE: frozenset[str] = frozenset()  # drivers without a simulated instrument at the end of a wire
+SILENT_S = 30.0  # the longest that a call may take on an instrument that says nothing
+QUESTIONS = ("identify", "poll", "angle", "rate", "read", "state", "news")
+NAMES = ("maker", "model", "serial", "firmware")
+every_driver = pytest.mark.parametrize("driver", EVERY)
+
+
+def now_s() -> float:
+    return asyncio.get_running_loop().time()
+
+
+def test_no_driver_is_left_out() -> None:
+    assert set(EVERY) | NOT_HERE == set(known_drivers())
+
+
+# Who is there
+
+
+async def identity_of(driver: str, **pin: str):
+    async with Opened(driver).driver(**pin) as device:
+        return await device.identify()
+
+
+@every_driver
+def test_another_instrument_is_refused_by_whatever_its_wire_tells(driver: str) -> None:
+    async def main() -> None:
+        found = await identity_of(driver)
+        for name in NAMES:
+            if name in EVERY[driver].tells.split():
+                assert getattr(found, name)
+                with pytest.raises(WrongIdentity, match=f"{name}|kind"):
+                    await identity_of(driver, **{name: "SOMEBODY ELSE"})
+            else:
+                stated = await identity_of(driver, **{name: "AS STATED"})
+                assert getattr(stated, name) == "AS STATED"
+                assert name != "serial" or (not stated.verified and stated.fingerprint)
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
+@every_driver
+def test_the_instrument_of_the_bench_file_is_taken(driver: str) -> None:
+    async def main() -> None:
+        found = await identity_of(driver)
+        pin = {name: getattr(found, name) for name in EVERY[driver].tells.split()}
+        again = await identity_of(driver, **pin)
+        assert again == found
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
+# What takes how long
+
+
+@every_driver
+def test_no_call_waits_for_ever_on_an_instrument_that_says_nothing(driver: str) -> None:
+    async def main() -> None:
+        for name, call in calls_of(driver).items():
+            opened = Opened(driver)
+            async with opened.driver() as device:
+                opened.faults.begin("silent")
+                began_s = now_s()
+                with suppress(DriverError):
+                    await asyncio.wait_for(call(device), 10 * SILENT_S)
+                assert now_s() - began_s <= SILENT_S, name
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
+@every_driver
+@pytest.mark.parametrize("fault", ["silent", "cut"])
+def test_an_instrument_that_is_not_there_is_told_in_time(driver: str, fault: str) -> None:
+    async def main() -> None:
+        opened = Opened(driver)
+        opened.faults.begin(fault)
+        began_s = now_s()
+        device = opened.driver()
+        with suppress(DriverError):
+            async with device:
+                await asyncio.wait_for(device.identify(), 10 * SILENT_S)
+                if driver not in ("can_counter", "can_telemetry"):  # identify asks nothing of what only sends
+                    raise AssertionError("it was identified")
+        assert now_s() - began_s <= SILENT_S
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
+@every_driver
+@pytest.mark.parametrize("fault", ["", "silent", "cut", "stuck"])
+def test_making_safe_ends_in_time_from_any_state_and_twice(driver: str, fault: str) -> None:
+    async def main() -> None:
+        for name, call in {"nothing": None, **calls_of(driver)}.items():
+            if fault and name in QUESTIONS:
+                continue
+            opened = Opened(driver)
+            async with opened.driver() as device:
+                under_way = asyncio.ensure_future(call(device)) if call is not None else None
+                await asyncio.sleep(0.35)
+                if fault:
+                    opened.faults.begin(fault)
+                for _ in range(2):
+                    began_s = now_s()
+                    with suppress(DriverError) if fault else nullcontext():
+                        await asyncio.wait_for(device.make_safe(), 10 * MAKE_SAFE_S)
+                    assert now_s() - began_s <= MAKE_SAFE_S, name
+                if under_way is not None:
+                    under_way.cancel()
+                    await asyncio.gather(under_way, return_exceptions=True)
+
+    run(main(), AS_FAST_AS_POSSIBLE)
