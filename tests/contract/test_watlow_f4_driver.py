@@ -1,5 +1,6 @@
 """The driver of the Watlow F4 against the simulated one: the bench file, identity, its memory, its own ways to fail."""
 
+import asyncio
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,9 +9,11 @@ from pydantic import ValidationError
 
 from drivers.capabilities import ThermalChamber
 from drivers.description import known_drivers
-from drivers.errors import BeyondLimit, InstrumentFault, WrongIdentity
+from drivers.errors import BeyondLimit, DriverError, InstrumentFault, WrongIdentity
 from drivers.watlow_f4.description import DESCRIPTION, F4Options
 from drivers.watlow_f4.wire import DisplayUnit
+from simulators.faults import FaultPlan
+from simulators.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError
 from simulators.watlow_f4 import SimulatedF4
 from tests.support.chambers import Rig, with_rig
 from tests.support.chambers_modbus import MODBUS_DIALECTS, writes
@@ -235,3 +238,37 @@ def test_a_controller_that_was_switched_off_and_on_has_another_set_point() -> No
                 await driver.poll()
 
     with_f4(use)
+
+
+# An F4T whose data map is the second one
+
+
+class SecondMap:
+    """Registers that an F4T is known to have in the map that is like an F4's, and no others: 25.3 °C and tenths."""
+
+    def __init__(self, faults: FaultPlan) -> None:
+        self.faults, self.writes = faults, 0
+        known = (300, 100, 319, 104, 606, 901, 1209, 1210, 1217, 4000, 4001, 4002)
+        self._words = dict.fromkeys((*known, *range(2000, 2080, 10)), 0) | {100: 253, 300: 250, 606: 1, 901: 1}
+        self._server = ModbusServer(self, 1)
+
+    def session(self) -> ModbusRtuSession:
+        return ModbusRtuSession(self._server, asyncio.get_running_loop().time)
+
+    def read(self, address: int, count: int) -> Sequence[int]:
+        if not set(range(address, address + count)) <= self._words.keys():
+            raise RegisterError(ExceptionCode.ILLEGAL_ADDRESS)
+        return [self._words[each] for each in range(address, address + count)]
+
+    def write(self, address: int, words: Sequence[int]) -> None:
+        self.writes += 1
+
+
+def test_an_f4t_in_its_second_map_is_refused_and_nothing_is_written_to_it() -> None:
+    async def use(rig: Rig) -> None:
+        rig.wire.instrument = second = SecondMap(rig.faults)
+        with pytest.raises(DriverError, match=r"exception 2, no such register; sent read 5 registers at 0"):
+            await rig.driver().__aenter__()
+        assert second.writes == 0
+
+    with_rig(F4, use)
