@@ -63,15 +63,30 @@ def no_converter(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 
 def no_ammeter(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A channel whose currents an ammeter is to tell, on a bench that has none in the cable of its source."""
-    for place, _, settings in _channels(plan):
+    """A channel whose currents an ammeter is to tell that the bench does not have, or that is not read meanwhile."""
+    for place, entry, settings in _channels(plan):
+        if settings.current_from != "meter":
+            continue
         for name, unit in bench.places.items():
-            if settings.current_from == "meter" and unit.ammeter is None:
+            if unit.ammeter is None:
                 yield (
                     (*place, "settings", "current_from"),
                     f"the bench has no ammeter in the cable of the source of place '{name}'",
                     f"Write in the bench file: places.{name}.ammeter: DEVICE, or here current_from: source",
                 )
+            else:
+                yield from _unread(plan, entry.data, unit.ammeter, bench)
+
+
+def _unread(plan: Plan, label: str, ammeter: str, bench: BenchFile) -> Iterator[Found]:
+    for planned in plan:
+        step = planned.step
+        if isinstance(step, Acquire) and step.label == label and ammeter not in bench.acquired_from(step.role):
+            yield (
+                (*planned.place, "acquire"),
+                f"'{step.role}' alone is recorded here, and not '{ammeter}', which is to tell the current",
+                "Acquire a role that is an output, which stands for all that measure",
+            )
 
 
 def unsuited_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:

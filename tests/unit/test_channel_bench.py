@@ -151,6 +151,14 @@ def test_an_ammeter_is_in_one_cable(tmp_path):
     assert "'dmm' is in the cable of 'source' already" in found
 
 
+def test_an_ammeter_that_is_to_be_believed_is_recorded(tmp_path):
+    bench = load_bench(put_into_cable(edited(tmp_path))).bench
+    with pytest.raises(
+        InputError, match="'counter' alone is recorded here, and not 'dmm', which is to tell the current"
+    ):
+        load_judged_plan(ROOT / "tests/broken/rule_no_ammeter.yaml", bench)
+
+
 def test_the_burden_of_an_ammeter_needs_compliance_too(tmp_path):
     bench = load_bench(put_into_cable(edited(tmp_path))).bench
     assert bench.burden_ohm("source") == pytest.approx(10)
