@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Acquisition, Counts, Mount
+from bench.analysis.acquired import Acquisition, Counts, Currents, Mount
 from bench.analysis.bench_record import AxisRecord, BenchRecord, SourceRecord
 from bench.analysis.channel_method import reduce
 from bench.analysis.channel_scatter import line_scatter
@@ -495,3 +495,63 @@ def test_on_the_raw_basis_the_slope_is_taken_off():
     (known,) = result.compensations
     assert known.serves == ("up_1g", "skew", "src_1g", "src_12g")
     assert at_reference(result, "x@up_1g", 12.0, 40.0, **same) == pytest.approx(rate(12.0, 25.0, **same), abs=0.05)
+
+
+# An ammeter in the cable of the source
+
+METERED = replace(UNIT, ammeter="dmm")
+BOTH = replace(BENCH, sources=BENCH.sources | {"dmm": SourceRecord(4e-6, 2e-9, 0.0)})
+
+
+def with_ammeter(made: Made, wrong: float = 0.0, unread: float | None = None) -> Made:
+    """The same, of a source that gives so much more than it says; at one level the ammeter reads nothing."""
+    for number, each in enumerate(made.acquisitions):
+        if each.input == "source":
+            told_a = each.sources_a["source"]
+            at_s = np.arange(each.begin_s, each.end_s, 4.0)
+            noise = 1e-9 * np.sin(np.arange(len(at_s)) * 2.4)
+            read = Currents(at_s, told_a * (1 + wrong) + noise)
+            is_unread = unread is not None and told_a == unread * K1
+            made.acquisitions[number] = replace(each, currents={} if is_unread else {"dmm": read})
+    return made
+
+
+def two_levels(**converter) -> Made:
+    made = Made(**converter)
+    return made.level("source", 1.0).level("source", 12.0).point("source", 0.0)
+
+
+def test_an_ammeter_that_is_not_believed_changes_no_result_and_is_told_beside():
+    plain, beside = found(reduced(two_levels())), found(reduced(with_ammeter(two_levels(), 5e-6), BOTH, METERED))
+    extra = {f"{quantity}@src_{level}g" for quantity in ("current", "current/deviation") for level in (1, 12)}
+    assert beside.keys() - plain.keys() == extra
+    assert all(beside[name] == finding for name, finding in plain.items())
+    assert beside["current/deviation@src_1g"].value == pytest.approx(5e-6, abs=1e-7)
+
+
+@pytest.mark.parametrize(("wrong", "told"), [(50e-6, False), (80e-6, True), (-80e-6, True)])
+def test_source_and_ammeter_that_contradict_their_certificates_are_told(wrong, told):
+    result = reduced(with_ammeter(two_levels(), wrong), BOTH, METERED)
+    assert ("src_12g:source_and_ammeter_differ" in result.flags) is told
+
+
+def test_a_level_that_a_believed_ammeter_has_not_read_has_no_result():
+    result = reduced(with_ammeter(two_levels(), unread=12.0), BOTH, METERED, current_from="meter")
+    assert "src_12g:ammeter_missing" in result.flags
+    assert flag_in_words("src_12g:ammeter_missing").endswith("has not read its current.")
+    assert [name for name in found(result) if name.endswith("src_12g")] == []
+    assert "src_12g" in result.left_out
+    rate_1g = found(result)["rate@src_1g"]
+    assert np.isfinite([rate_1g.value, rate_1g.u]).all()
+    zero = found(result)["zero@src_0g"]
+    assert np.isfinite([zero.value, zero.u]).all()
+
+
+def test_an_ammeter_without_a_certificate_is_told():
+    result = reduced(with_ammeter(two_levels()), BENCH, METERED, current_from="meter")
+    assert "dmm:not_certified" in result.flags
+    assert "dmm:not_certified" not in reduced(with_ammeter(two_levels()), BOTH, METERED, current_from="meter").flags
+
+
+def test_without_an_ammeter_the_source_is_believed_whatever_is_asked():
+    assert found(reduced(two_levels(), current_from="meter")) == found(reduced(two_levels()))
