@@ -8,11 +8,12 @@ import pytest
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from bench.rig import MAKE_SAFE_S
 from drivers.description import known_drivers
-from drivers.errors import DriverError, WrongIdentity
+from drivers.errors import DriverError, NoAnswer, WrongIdentity
 from tests.support.every_driver import EVERY, Opened, calls_of
 
 NOT_HERE: frozenset[str] = frozenset()  # drivers without a simulated instrument at the end of a wire
 SILENT_S = 30.0  # the longest that a call may take on an instrument that says nothing
+PACING_S = 0.35  # the longest that a line has to be still before a question
 QUESTIONS = ("identify", "poll", "angle", "rate", "read", "state", "news")
 NAMES = ("maker", "model", "serial", "firmware")
 every_driver = pytest.mark.parametrize("driver", EVERY)
@@ -76,6 +77,20 @@ def test_no_call_waits_for_ever_on_an_instrument_that_says_nothing(driver: str) 
                 with suppress(DriverError):
                     await asyncio.wait_for(call(device), 10 * SILENT_S)
                 assert now_s() - began_s <= SILENT_S, name
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
+@every_driver
+def test_an_answer_is_waited_for_as_long_as_the_instrument_may_take_and_no_longer(driver: str) -> None:
+    async def main() -> None:
+        opened = Opened(driver)
+        async with opened.driver() as device:
+            opened.faults.begin("silent")
+            began_s = now_s()
+            with suppress(NoAnswer):
+                await device.identify()
+            assert now_s() - began_s == pytest.approx(EVERY[driver].patience_s, abs=PACING_S)
 
     run(main(), AS_FAST_AS_POSSIBLE)
 

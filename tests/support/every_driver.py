@@ -24,11 +24,15 @@ Call = Callable[[Any], Awaitable[object]]
 
 @dataclass(frozen=True)
 class Member:
-    """One driver: what it is in the place of, and which of "maker", "model", "serial", "firmware" its wire tells."""
+    """One driver: what it is in the place of, and which of "maker", "model", "serial", "firmware" its wire tells.
+
+    `patience_s` is how long it waits for an answer; 0 where nothing is asked.
+    """
 
     bench: str
     role: str
     tells: str
+    patience_s: float = 2.0
     connection: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
     beside: bool = False  # an instrument that the bench does not have, in the cable of its source
@@ -66,38 +70,39 @@ def _line_case(name: str) -> dict[str, Any]:
 
 
 EVERY = {
-    "acutronic_acl": Member("gyro", "table", "maker model firmware"),
+    "acutronic_acl": Member("gyro", "table", "maker model firmware", patience_s=1.0),
     "aerotech_ensemble": Member("simulated", "head", ""),
     "agilent_34970a": Member(
-        "simulated", "supply", "maker model firmware", "sim+tcp://127.0.0.1:5025",
-        {"channels": {"unit": {"channel": 101, "sensor": "frtd"}}},
+        "simulated", "supply", "maker model firmware", connection="sim+tcp://127.0.0.1:5025",
+        options={"channels": {"unit": {"channel": 101, "sensor": "frtd"}}},
     ),
-    "binder": Member(**_line_case("binder"), tells=""),
-    "can_counter": Member("simulated", "counter", ""),
-    "can_telemetry": Member("channel_telemetry", "telemetry", ""),
-    "cts": Member(**_line_case("cts"), tells="firmware"),
-    "espec_p300": Member(**_line_case("espec_p300"), tells="model firmware"),
-    "fluke_5700a": Member("channel", "source", "maker model serial firmware"),
+    "binder": Member(**_line_case("binder"), tells="", patience_s=1.0),
+    "can_counter": Member("simulated", "counter", "", patience_s=0.0),
+    "can_telemetry": Member("channel_telemetry", "telemetry", "", patience_s=0.0),
+    "cts": Member(**_line_case("cts"), tells="firmware", patience_s=3.0),
+    "espec_p300": Member(**_line_case("espec_p300"), tells="model firmware", patience_s=3.0),
+    "fluke_5700a": Member("channel", "source", "maker model serial firmware", patience_s=5.0),
     "keithley_6220": Member("simulated", "source", "maker model serial firmware"),
     "keysight_3458a": Member("channel_volts", "dvm", "maker model firmware"),
     "keysight_3458a_ammeter": Member(
-        "channel", "dmm", "maker model firmware", "sim+tcp://127.0.0.1:1235", {"range": "10 mA"}, beside=True
+        "channel", "dmm", "maker model firmware", connection="sim+tcp://127.0.0.1:1235",
+        options={"range": "10 mA"}, beside=True,
     ),
-    "modbus_chamber": Member(**_line_case("modbus_chamber, TCP"), tells=""),
+    "modbus_chamber": Member(**_line_case("modbus_chamber, TCP"), tells="", patience_s=3.0),
     "newport_xps": Member("indexing_telemetry", "head", "model firmware"),
     "scpi_supply": Member("simulated", "supply", "maker model serial firmware"),
-    "simserv": Member(**_line_case("simserv"), tells="model serial"),
-    "watlow_f4": Member(**_line_case("watlow_f4"), tells="firmware"),
-    "watlow_f4t": Member("simulated", "chamber", ""),
+    "simserv": Member(**_line_case("simserv"), tells="model serial", patience_s=3.0),
+    "watlow_f4": Member(**_line_case("watlow_f4"), tells="firmware", patience_s=3.0),
+    "watlow_f4t": Member("simulated", "chamber", "", patience_s=3.0),
     "yokogawa_gs200": Member(
-        "simulated", "source", "maker model serial firmware", "sim+tcp://127.0.0.1:7655",
-        {"range": "10 mA", "compliance": "10 V"},
+        "simulated", "source", "maker model serial firmware", connection="sim+tcp://127.0.0.1:7655",
+        options={"range": "10 mA", "compliance": "10 V"},
     ),
 }  # fmt: skip
 
 
 class Opened:
-    """An instrument, and what its driver is made from; `answers` turns off what it is asked."""
+    """A simulated instrument that nobody has spoken to yet, and drivers of it."""
 
     def __init__(self, driver: str) -> None:
         member = EVERY[driver]
