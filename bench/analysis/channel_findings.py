@@ -20,7 +20,7 @@ from bench.analysis.finding import BudgetLine, Finding
 from bench.analysis.instrument import instrument_u, shared_as
 from bench.analysis.rundata import RunData, UnitUnderTest
 
-HOUR_S = 3600.0
+HOUR_S, MA_PER_A = 3600.0, 1e3
 BEYOND_U = 3.0  # standard uncertainties that two certificates may be apart
 ZERO = "src_0g"  # the points with the source at 0 A
 
@@ -154,7 +154,8 @@ class ChannelFindings:
         if known is not None:
             lines.append(BudgetLine(f"{meter}: gain", "B", abs(read.mean_a) * known.gain_u, None, f"{meter}.gain"))
             lines.append(BudgetLine(f"{meter}: offset", "B", known.offset_u_a, None, f"{meter}.offset"))
-        yield self._of_level("current", "mean by the ammeter", level, read.mean_a, "A", lines)
+        name = f"mean by the ammeter; the source says {MA_PER_A * told_a:.7g} mA"
+        yield self._of_level("current", name, level, read.mean_a, "A", lines)
         relative = [line.times(1 / abs(told_a)) for line in lines]
         name = "of the ammeter from what the source says, corrected by its certificate"
         yield self._of_level("current/deviation", name, level, read.mean_a / told_a - 1, "1", relative)

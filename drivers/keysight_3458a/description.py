@@ -25,7 +25,7 @@ def _known_nplc(nplc: float) -> float:
 class MeterOptions(StrictModel):
     """What volts and currents have in common."""
 
-    range: float
+    range: float = Field(description="the one range for all readings")
     nplc: Annotated[Number, AfterValidator(_known_nplc)] = Field(
         10.0, description="over how many cycles of the power line a reading integrates: 1 to 10, or 20 to 100 in tens"
     )

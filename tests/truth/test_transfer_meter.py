@@ -126,6 +126,7 @@ def test_levels_are_told_by_source_and_by_meter(run):
         "dmm: gain",
         "dmm: corrected by +30 nA at 1.1 mA",
         "Ammeter dmm",
+        "the source says 1.13 mA",
         "current: deviation",
     ):
         assert words in page
