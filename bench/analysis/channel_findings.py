@@ -179,7 +179,7 @@ class ChannelFindings:
 
     def _zero(self) -> Iterator[Finding]:
         points = [point for point in self.zero_points if not point.problems]
-        if not points:
+        if not points or not np.isfinite(self._zero_a):
             return
         at = {"run": ZERO}
         first, last = points[0], points[-1]

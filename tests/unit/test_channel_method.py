@@ -545,6 +545,8 @@ def test_a_level_that_a_believed_ammeter_has_not_read_has_no_result():
     assert np.isfinite([rate_1g.value, rate_1g.u]).all()
     zero = found(result)["zero@src_0g"]
     assert np.isfinite([zero.value, zero.u]).all()
+    unread = reduced(with_ammeter(two_levels(), unread=0.0), BOTH, METERED, current_from="meter")
+    assert "zero@src_0g" not in found(unread), "what fed it is not known"
 
 
 def test_an_ammeter_without_a_certificate_is_told():
