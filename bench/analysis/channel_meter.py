@@ -45,9 +45,7 @@ class Metered:
 
     @property
     def mean_u_a(self) -> float:
-        """The standard uncertainty of the mean by the scatter of the readings, a drift in them included."""
-        if not self.is_enough:
-            return float("nan")
+        """The standard uncertainty of the mean by the scatter of enough readings, a drift in them included."""
         return float(np.std(self.values_a, ddof=1) / np.sqrt(len(self.values_a)))
 
     def change_per_c(self, gates: Gates) -> tuple[float, float]:

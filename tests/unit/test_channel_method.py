@@ -10,6 +10,7 @@ import pytest
 
 from bench.analysis.acquired import Acquisition, Counts, Currents, Mount
 from bench.analysis.bench_record import AxisRecord, BenchRecord, SourceRecord
+from bench.analysis.channel_meter import Metered
 from bench.analysis.channel_method import reduce
 from bench.analysis.channel_scatter import line_scatter
 from bench.analysis.channel_temperature import Gates
@@ -557,3 +558,9 @@ def test_an_ammeter_without_a_certificate_is_told():
 
 def test_without_an_ammeter_the_source_is_believed_whatever_is_asked():
     assert found(reduced(two_levels(), current_from="meter")) == found(reduced(two_levels()))
+
+
+def test_a_ramp_on_which_the_converter_stays_at_one_temperature_tells_no_drift():
+    at_s = np.arange(100.0)
+    still = Gates(at_s, np.ones(100), at_s, 0 * at_s, np.full(100, 25.0), np.full(100, 65.0))
+    assert np.isnan(Metered(at_s, np.full(100, 1e-3)).change_per_c(still)).all()
