@@ -4,6 +4,7 @@ On the perfect bench, where nothing else is wrong. The source is wrong by some 1
 does not know; the ammeter errs as its certificate admits, and is noisy.
 """
 
+import csv
 from unittest import mock
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from bench.analysis.channel_meter import Metered
 from bench.analysis.channel_method import reduce
 from bench.report.corrections import Corrections
+from bench.report.export import FORMATS
 from bench.report.stored import open_run
 from bench.sequence.methods.channel import ChannelSettings
 from tests.support.ammeter import put_into_cable
@@ -130,3 +132,13 @@ def test_levels_are_told_by_source_and_by_meter(run):
         "current: deviation",
     ):
         assert words in page
+
+
+def test_the_readings_of_the_ammeter_are_exported_as_they_were_read(run, tmp_path):
+    with open_run(run.path) as stored:
+        FORMATS["csv"](stored, tmp_path)
+        corrected = np.concatenate([each.currents["dmm"].values_a for each in stored.data("channel").acquisitions])
+    with (tmp_path / "currents.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["ammeter"] for row in rows} == {"dmm"}
+    assert [float(row["value"]) + 30e-9 for row in rows] == pytest.approx(corrected.tolist(), abs=1e-15)
