@@ -118,8 +118,8 @@ def test_an_instrument_that_is_not_there_is_told_in_time(driver: str, fault: str
 def test_making_safe_ends_in_time_from_any_state_and_twice(driver: str, fault: str) -> None:
     async def main() -> None:
         for name, call in {"nothing": None, **calls_of(driver)}.items():
-            if fault and name in QUESTIONS:
-                continue
+            if (fault == "stuck" and name in QUESTIONS) or (fault in ("silent", "cut") and name != "nothing"):
+                continue  # where that is the same again
             opened = Opened(driver)
             async with opened.driver() as device:
                 under_way = asyncio.ensure_future(call(device)) if call is not None else None
