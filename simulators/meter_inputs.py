@@ -39,7 +39,8 @@ class MeterInput(Protocol):
 class VoltmeterSettings:
     """What a voltmeter is connected to, and its errors as drawn: it reads U (1 + gain) + offset, and noise.
 
-    `noise_v` is the standard deviation of a reading over 10 line cycles.
+    Without a `place` no unit is connected to its load. `noise_v` is the standard deviation of a reading over 10 line
+    cycles.
     """
 
     place: str
@@ -69,6 +70,21 @@ class AnalogueUnit(Protocol[N]):
         """What its current makes of a load, as a mean."""
 
 
+class NoUnit:
+    """What a load has that no unit is connected to: no current, and no noise."""
+
+    def own_noise(self, name: str) -> NoUnit:
+        """There is none; it stands for it."""
+        return self
+
+    def pass_over(self, passed_s: float) -> None:
+        """Nothing wanders."""
+
+    def mean_volts(self, begin_s: float, end_s: float, noise: NoUnit, load_ohm: float) -> float:
+        """None at all."""
+        return 0.0
+
+
 class VoltsOnLoad:
     """A load that the current of the unit in a place flows through; `name` tells the noise of one meter from others."""
 
@@ -77,7 +93,7 @@ class VoltsOnLoad:
     def __init__(self, world: World, settings: VoltmeterSettings, name: str) -> None:
         self.noise = settings.noise_v
         self._settings = settings
-        self._unit: AnalogueUnit[Any] = world.counted[settings.place]
+        self._unit: AnalogueUnit[Any] = world.counted[settings.place] if settings.place else NoUnit()
         self._unit_noise, self._looked_s = self._unit.own_noise(name), 0.0
 
     def mean(self, begin_s: float, end_s: float) -> float:

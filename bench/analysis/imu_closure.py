@@ -76,7 +76,10 @@ def closure_findings(data: RunData, unit: UnitUnderTest, sensitive: Mapping[int,
 def _entry(
     windows: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord, sensitive: Mapping[int, Sensitivity]
 ) -> _Entry | None:
-    """What the windows of one time tell; None when they tell nothing, as without opposite headings."""
+    """What the windows of one time tell; None when they tell nothing, as without opposite headings.
+
+    Without a calibrated accelerometer they tell nothing either, as where a run ended before its first set point.
+    """
     rows, values_g, readings = [], [], []
     for window in windows:
         lies = unit_axes(window, unit, bench)
@@ -86,6 +89,8 @@ def _entry(
                 rows.append((axis, lies[axis, :2]))
                 values_g.append(counted.mean / known.pps_per_g)
                 readings.append((window, axis))
+    if not rows:
+        return None
     axes = tuple(sorted({axis for axis, _ in rows}))
     design = [[*(float(axis == each) for each in axes), *level] for axis, level in rows]
     try:

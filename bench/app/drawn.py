@@ -253,4 +253,4 @@ def voltmeter_settings(bench: BenchFile, role: str, seed: int) -> VoltmeterSetti
         sd, corrected = getattr(certificate.U, error) / certificate.k, getattr(certificate.corrections, error)
         return float(sd * stream(seed, "bench", role, error).standard_normal() - corrected)
 
-    return VoltmeterSettings(connected.place, connected.load, draw("gain"), draw("offset"), connected.noise)
+    return VoltmeterSettings(connected.place or "", connected.load, draw("gain"), draw("offset"), connected.noise)

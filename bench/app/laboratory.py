@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -97,12 +97,17 @@ def _unit_file(path: Path, *, is_inertial: bool) -> AnyUnitFile:
 def make_laboratory(
     bench: BenchFile, units: Mapping[str, AnyUnitFile], seed: int, host_s: Callable[[], float]
 ) -> Laboratory:
-    """The laboratory of one run."""
+    """The laboratory of one run.
+
+    The units are in the first chamber of the file, on the axes of its fixture. Further chambers and heads stand beside:
+    each has air, or an axis, of its own.
+    """
     world = World(world_settings(bench, units, seed), host_s)
     instruments: dict[str, Instrument] = {}
     nodes: dict[str, CanNode] = {}
     voltmeters: dict[str, VoltmeterSettings] = {}
     by_hand: dict[str, HandTurnedHead] = {}
+    beside = _beside(bench)
     for role, entry in bench.devices.items():
         faults = FaultPlan(now_s=world.now)
         if isinstance(entry.options, CounterOptions):
@@ -122,7 +127,8 @@ def make_laboratory(
             in_series = ammeter_input(bench, role, world, seed)
             instruments[role] = Simulated3458A(world, faults, in_series, name=role)
         else:
-            instruments[role] = made = _instrument(role, entry, world, faults)
+            around = World(replace(world.settings, places={}, imus={}), host_s) if role in beside else world
+            instruments[role] = made = _instrument(role, entry, around, faults)
             if isinstance(made, CurrentSource):
                 table = columns(corrections_of(bench).currents.get(role))
                 world.sources[role] = Feed(made, current_errors(bench, role, seed), table)
@@ -154,9 +160,15 @@ def simulator_of(driver: DriverDescription) -> type | None:
     return made
 
 
+def _beside(bench: BenchFile) -> set[str]:
+    """The chambers that no unit is in, and the heads that carry none."""
+    heads = set(bench.with_capability("positioner", "rate_table")) - bench.axes.keys()
+    return heads.union(bench.with_capability("thermal_chamber")[1:])
+
+
 def _check_current(place: str, units: Mapping[str, AnyUnitFile]) -> None:
     """InputError for a gyro on a voltmeter whose file says nothing of its current."""
-    unit = units[place]
+    unit = units.get(place)
     if isinstance(unit, GyroFile) and unit.current is None:
         raise InputError(f"the simulated gyro of place '{place}' has no analogue output: its file needs 'current'")
 

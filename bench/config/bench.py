@@ -126,12 +126,13 @@ def _voltmeters(bench: BenchFile) -> Iterator[Problem]:
         where: Place = ("simulation", "voltmeters", name)
         if name not in meters:
             yield where, f"'{name}' is not a voltmeter{did_you_mean(name, meters)}"
-        if connected.place not in bench.places:
+        if connected.place is not None and connected.place not in bench.places:
             problem = f"there is no place '{connected.place}'{did_you_mean(connected.place, bench.places)}"
             yield (*where, "place"), problem
         for place, unit in bench.places.items():
             if unit.voltmeter == name and place != connected.place:
-                yield (*where, "place"), f"is '{connected.place}', places.{place} says that it measures '{place}'"
+                found = "is missing" if connected.place is None else f"is '{connected.place}'"
+                yield (*where, "place"), f"{found}, places.{place} says that it measures '{place}'"
 
 
 def _reading(bench: BenchFile, name: str, reading: ReadingEntry) -> Iterator[Problem]:

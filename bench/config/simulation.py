@@ -81,7 +81,7 @@ class ThermometerSimulation(StrictModel):
 class VoltmeterSimulation(StrictModel):
     """What a simulated voltmeter is connected to: a resistor that the current of a unit flows through."""
 
-    place: Name = Field(description="of the unit")
+    place: Name | None = Field(None, description="of the unit; without one no current flows through it")
     load: Annotated[float, InUnit("Ω", above=0)] = Field(description="the resistor")
     noise: Annotated[float, InUnit("V", at_least=0)] = Field(
         0.0, description="standard deviation of a reading over 10 line cycles; it falls with the root of their number"

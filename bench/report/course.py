@@ -157,13 +157,13 @@ class _Line:
 
 
 def _lines(run: StoredRun) -> Iterator[_Line]:
-    """Set points behind the air of the chambers, and that behind the units."""
-    for role, entry in run.bench.devices.items():
-        if "thermal_chamber" in entry.description.capabilities:
-            for channel, unit in sorted(entry.channels.items(), reverse=True):
-                if unit == "°C":
-                    name, style = CHAMBER.get(channel, (channel.replace("_", " "), {}))
-                    yield _Line(f"{role}: {tr(name)}", run.reader.series(f"{role}.{channel}"), style)
+    """Set points behind the air of the chambers that the run used, and that behind the units."""
+    chambers = run.bench.with_capability("thermal_chamber")
+    for role in [role for role in chambers if role in run.sequence.needs] or chambers:
+        for channel, unit in sorted(run.bench.devices[role].channels.items(), reverse=True):
+            if unit == "°C":
+                name, style = CHAMBER.get(channel, (channel.replace("_", " "), {}))
+                yield _Line(f"{role}: {tr(name)}", run.reader.series(f"{role}.{channel}"), style)
     thermometers = dict.fromkeys(run.bench.places[place].temperature for place in run.serials)
     for name, colour in zip(thermometers, cycle(COLOURS), strict=False):
         yield _Line(name.replace("_", " "), run.reader.series(name), {"color": colour})

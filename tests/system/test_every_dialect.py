@@ -1,0 +1,67 @@
+"""Benches with an instrument of every driver at once: what a sequence does not use keeps nothing from its work."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.app.rehearse import rehearse
+from bench.app.request import RunRequest, prepare
+from bench.config.bench import load_bench
+from bench.report.course import _lines
+from bench.report.stored import open_run
+from bench.runner.quiet import Quiet
+from drivers.description import known_drivers
+from tests.support.runs import ROOT
+
+BENCHES = {
+    # sequence: its bench, and how the preset `quick` is made shorter still
+    "imu_24_position": (
+        ROOT / "config/every_dialect.yaml",
+        ["temperatures=[20 °C]", "warm_up=0 s", "dwell=10 s", "rates=[30 °/s, -30 °/s]"],
+    ),
+    "channel_full": (
+        ROOT / "config/every_dialect_channel.yaml",
+        ["low=25 °C", "high=31 °C", "levels=[1 g]", "warm_up=0 s", "source_warm_up=1 min", "point=10 s"],
+    ),
+}
+NOT_THERE: dict[str, str] = {}  # drivers that one bench cannot have with the others, and why
+
+
+@pytest.mark.parametrize("sequence", list(BENCHES))
+def test_every_driver_is_there(sequence: str) -> None:
+    path, _ = BENCHES[sequence]
+    there = {entry.driver for entry in load_bench(path).bench.devices.values()}
+    missing = known_drivers().keys() - there - NOT_THERE.keys()
+    assert not missing, f"{path.name} has no {', '.join(sorted(missing))}; add a device, or say in NOT_THERE why not"
+    assert not there & NOT_THERE.keys()
+
+
+@pytest.mark.parametrize("sequence", list(BENCHES))
+def test_it_is_rehearsed_with_every_instrument_connected_asked_and_made_safe(sequence: str, tmp_path: Path) -> None:
+    path, settings = BENCHES[sequence]
+    wishes = RunRequest(sequence, bench=str(path), preset="quick", settings=tuple(settings), runs=tmp_path)
+    rehearsal = rehearse(prepare(wishes), Quiet())
+    assert rehearsal.result.outcome.how == "completed", rehearsal.result.problems
+    assert rehearsal.unsafe == {}
+    assert rehearsal.lost == ()
+    with open_run(rehearsal.result.path) as run:
+        asked = set(run.manifest["instruments"]) - {"telemetry"}  # which is not asked: it sends
+        assert all(said["maker"] or said["serial"] for said in run.manifest["instruments"].values())
+        named = {reading.from_: name for name, reading in run.bench.readings.items()}
+        of_devices = {
+            role: {named.get(f"{role}.{each}", f"{role}.{each}") for each in run.bench.devices[role].channels}
+            for role in asked
+        }
+        assert asked | {"telemetry"} == run.bench.devices.keys()
+        for name in set().union(*of_devices.values()):
+            at_s = run.reader.series(name).at_s
+            assert at_s[0] < 60, name
+            assert at_s[-1] > rehearsal.result.bench_s - 60, name
+            assert np.diff(at_s).max() < 60, name
+        for role in run.bench.with_capability("thermal_chamber"):
+            air_c = run.reader.series(f"{role}.process_value").values
+            assert (np.ptp(air_c) > 4) == (role == "chamber"), f"{role}: only the units' own chamber was ramped"
+        assert {line.name.partition(":")[0] for line in _lines(run) if ":" in line.name} == {"chamber"}
