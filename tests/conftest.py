@@ -22,7 +22,8 @@ REQUIRED = os.environ.get("BENCH_REQUIRE_PEERS") == "1"
 _MODULES = {
     "pymeasure": ("pymeasure", "pyvisa", "pyvisa_py"), "msgpack": ("msgpack",), "imucal": ("imucal",),
     "chamberconnectlibrary": ("chamberconnectlibrary",), "espec_pr3j": ("espec_pr3j", "pyvisa_py"),
-    "newportxps": ("newportxps",), "cts_chamber": ("cts_chamber", "pyvisa_py"),
+    "newportxps": ("newportxps",), "lewis": ("lewis",), "sinstruments": ("sinstruments",),
+    "qcodes": ("qcodes", "pyvisa_py"), "pyvisa": ("pyvisa", "pyvisa_py"), "cts_chamber": ("cts_chamber", "pyvisa_py"),
     "pyModbusTCP": ("pyModbusTCP",), "watlow_f4": ("watlow_f4", "minimalmodbus"),
 }  # fmt: skip
 
