@@ -26,22 +26,24 @@ _LEVEL_MAX_A = wire.OVER_RANGE * wire.RANGES_A[-1]
 
 
 class SimulatedKeithley(LoadedSource):
-    """A source in front of `load_ohm`; it acts on a CR (an LF when its menu says so), and answers with its terminator.
+    """A source in front of `load_ohm`; it answers with its terminator.
 
+    On a serial line it acts on a CR, or an LF when its menu says so; over TCP on an LF wherever its terminator has one.
     `interlock_closed` is the contact at its rear, `hot` its thermal switch. `stuck`: settings are accepted and not
     carried out. It measures nothing that could be `frozen`.
     """
 
     def __init__(
         self, world: World, faults: FaultPlan, *, serial: str = "SIM-6220-01", load_ohm: float = 100.0,
-        terminator: Terminator = "crlf",
+        terminator: Terminator = "crlf", is_serial_line: bool = True,
     ) -> None:  # fmt: skip
         super().__init__(world, faults, load_ohm)
         self.hot = False
         self.range_a, self.auto_range = wire.RANGES_A[-1], True
         self.compliance_v = 10.0
         self._interlock_closed = True
-        self._end = wire.TERMINATORS[terminator]
+        self._end = end = wire.TERMINATORS[terminator]
+        self._acts_on = end[:1] if is_serial_line or b"\n" not in end else b"\n"
         identity = f"KEITHLEY INSTRUMENTS INC.,MODEL 6220,{serial},D04  /700x"
         self._interpreter = Interpreter(identity, self._commands(), separator="; ")
 
@@ -49,11 +51,14 @@ class SimulatedKeithley(LoadedSource):
     def of(cls, setup: InstrumentSetup) -> Self:
         """As a bench file has it."""
         serial = setup.serial or "SIM-6220-01"
-        return cls(setup.world, setup.faults, serial=serial, terminator=setup.options.terminator)
+        return cls(
+            setup.world, setup.faults, serial=serial, terminator=setup.options.terminator,
+            is_serial_line=setup.is_serial_line,
+        )  # fmt: skip
 
     def session(self) -> LineSession:
         """A new connection."""
-        return LineSession(self._interpreter.execute, end=self._end[:1], answer_end=self._end)
+        return LineSession(self._interpreter.execute, end=self._acts_on, answer_end=self._end)
 
     @property
     def interlock_closed(self) -> bool:

@@ -144,6 +144,12 @@ def test_a_session_with_a_source(source: SimulatedKeithley) -> None:
     assert source.current_a == 0
 
 
+@pytest.mark.parametrize("terminator", ["lf", "crlf"])
+def test_over_tcp_it_acts_on_an_lf(terminator: str) -> None:
+    session = a_source(terminator=terminator, is_serial_line=False).session()
+    assert session.feed(b"OUTP?\n").strip() == b"0"
+
+
 @pytest.mark.parametrize(
     ("terminator", "silent", "heard", "answer"),
     [

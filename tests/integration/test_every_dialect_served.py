@@ -1,0 +1,147 @@
+"""`bench simulate` serves an instrument of every driver at once, and programs of other people speak to each.
+
+It does so twice: with the connections of config/every_dialect.yaml, and with each instrument that can be reached
+otherwise on its other kind of wire.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymodbus.client import ModbusSerialClient, ModbusTcpClient
+from pymodbus.framer import FramerType
+
+from bench.config.bench import load_bench
+from drivers.transport.address import Address
+from tests.integration.test_wires import free_port, simulating
+from tests.support.runs import ROOT
+
+pytestmark = pytest.mark.integration
+
+OTHERWISE = {  # role: how else it is reached
+    "supply": "serial://PATH?baud=9600", "keithley": "tcp://127.0.0.1:PORT", "fluke": "tcp://127.0.0.1:PORT",
+    "scanner": "tcp://127.0.0.1:PORT", "f4t": "serial://PATH?baud=38400", "f4": "socket://127.0.0.1:PORT",
+    "binder": "serial://PATH?baud=9600", "described": "serial://PATH?baud=19200", "cts": "socket://127.0.0.1:PORT",
+    "espec": "serial://PATH?baud=9600",
+}  # fmt: skip
+LINES = {  # role: question, answer, and how the lines end that it is sent on a serial line
+    "supply": ("*IDN?", r"INERTIAL TEST BENCH,SIM-PSU,SIM-PSU-01,.+", "\n"),
+    "keithley": (":SOUR:CURR:RANG?;:OUTP?", r"1\.0*E-01; ?0", "\r\n"),
+    "gs200": (":SOUR:FUNC?;:OUTP?", r"(CURR|VOLT);0", "\n"),
+    "fluke": ("*IDN?", r"FLUKE,5730A,SIM-5730A-01,.+", "\r"),
+    "scanner": (":SYST:ERR?", r'\+?0,"No error"', "\n"),
+    "dvm": ("ID?", "HP3458A", "\n"),
+    "espec": ("TEMP?", r"(20|2[01]|19)\.\d,20\.0,.+", "\r\n"),
+}
+MODBUS = {  # role: register, its type for mbpoll, and how many °C a unit of it is
+    "f4t": (2820, "4:float", 1.0), "f4": (100, "4", 0.1), "binder": (0x1004, "4:float", 1.0),
+    "described": (0, "3", 0.1),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=["as shipped", "otherwise"])
+def served(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Address]]:
+    """Every instrument of the bench, each by its role, at free ports and in a folder of its own."""
+    folder = tmp_path_factory.mktemp("served")
+    shutil.copytree(ROOT / "config", folder / "config")
+    path = folder / "config/every_dialect.yaml"
+    roles = iter(load_bench(path).bench.devices)
+
+    def elsewhere(found: re.Match[str]) -> str:
+        role, address = next(roles), found[1]
+        if request.param == "otherwise":
+            address = OTHERWISE.get(role, address)
+        address = re.sub(r":(\d+|PORT)$", f":{free_port()}", address)
+        return "connection: " + re.sub(r"/tmp/itb/\w+|PATH", str(folder / role), address)
+
+    path.write_text(re.sub(r"connection: sim\+(\S+)", elsewhere, path.read_text("utf-8")), "utf-8")
+    with simulating(path):
+        yield {role: entry.connection for role, entry in load_bench(path).bench.devices.items()}
+
+
+def asked(address: Address, question: str, end: str) -> str:
+    """The answer that pyvisa-py gets to a line; a meter behind a gateway is told first to end its answers."""
+    import pyvisa
+
+    manager = pyvisa.ResourceManager("@py")
+    kind: dict[str, Any] = {"read_termination": "\n", "write_termination": "\n", "timeout": 3000}
+    if address.scheme == "serial":
+        kind |= {"baud_rate": address.option("baud", 9600), "write_termination": end}
+        kind |= {"read_termination": "\r" if end == "\r" else "\n"}
+        name = f"ASRL{address.path}::INSTR"
+    else:
+        name = f"TCPIP::127.0.0.1::{address.port}::SOCKET"
+    instrument: Any = manager.open_resource(name, **kind)
+    try:
+        if question == "ID?":
+            instrument.write("END ALWAYS")
+        return str(instrument.query(question)).strip()
+    finally:
+        instrument.close()
+        manager.close()
+
+
+@pytest.mark.peer("pyvisa")
+@pytest.mark.parametrize("role", list(LINES))
+def test_pyvisa_asks_what_speaks_in_lines(served: Mapping[str, Address], role: str) -> None:
+    question, answer, end = LINES[role]
+    found = asked(served[role], question, end)
+    assert re.fullmatch(answer, found), found
+
+
+@pytest.mark.parametrize("role", list(MODBUS))
+def test_pymodbus_reads_every_modbus_chamber(served: Mapping[str, Address], role: str) -> None:
+    address, (register, kind, _) = served[role], MODBUS[role]
+    framer = FramerType.SOCKET if address.scheme == "tcp" else FramerType.RTU
+    client: ModbusTcpClient | ModbusSerialClient = ModbusTcpClient("127.0.0.1", port=address.port, framer=framer)
+    if address.scheme == "serial":
+        client = ModbusSerialClient(address.path, framer=framer, baudrate=address.option("baud", 9600))
+    with client:
+        if kind == "3":
+            words = client.read_input_registers(register, count=1, device_id=1).registers
+        else:
+            words = client.read_holding_registers(register, count=2 if "float" in kind else 1, device_id=1).registers
+        raw = client.convert_from_registers(words, client.DATATYPE.FLOAT32, "little") if len(words) > 1 else words[0]
+        assert raw * MODBUS[role][2] == pytest.approx(20, abs=1)
+        assert client.read_holding_registers(60000, count=1, device_id=1).exception_code == 2
+
+
+@pytest.mark.peer("mbpoll", "socat")
+@pytest.mark.parametrize("role", list(MODBUS))
+def test_mbpoll_reads_every_modbus_chamber(served: Mapping[str, Address], role: str, tmp_path: Path) -> None:
+    address, (register, kind, scale) = served[role], MODBUS[role]
+    link, where = ["-m", "tcp", "-p", str(address.port)], "127.0.0.1"
+    with ExitStack() as stack:
+        if address.scheme != "tcp":
+            where = address.path or str(tmp_path / "line")
+            link = ["-m", "rtu", "-b", str(address.option("baud", 9600)), "-P", "none"]
+        if address.scheme == "socket":  # a serial line over TCP, made one again
+            stack.enter_context(joined(f"pty,rawer,link={where}", f"tcp:127.0.0.1:{address.port}", Path(where)))
+        command = ["mbpoll", *link, "-a", "1", "-r", str(register + 1), "-t", kind, "-c", "1", "-1", where]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+    found = re.search(rf"^\[{register + 1}\]:\s+(\S+)", done.stdout, re.MULTILINE)
+    assert found, done.stdout + done.stderr
+    assert float(found[1]) * scale == pytest.approx(20, abs=1)
+
+
+@contextmanager
+def joined(one: str, other: str, there: Path) -> Iterator[None]:
+    """socat between two addresses, until the block ends."""
+    running = subprocess.Popen(["socat", one, other])
+    try:
+        for _ in range(100):
+            if there.exists():
+                break
+            time.sleep(0.05)
+        yield
+    finally:
+        running.kill()
+        running.wait(timeout=10)
