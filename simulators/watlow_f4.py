@@ -29,6 +29,7 @@ SERIAL, SOFTWARE, REVISION = (12, 3456), 3, 201
 AFTER_RESTART_C = 25.0  # the set point of a controller that was switched off and on
 PROFILE_C = 40.0  # where the profile goes that somebody starts
 _SWITCHED_OFF = frozenset((103, 104, 105, 107, 108, 109, 110, 111, 115, 319, 1922, 1925))  # features; read as zero
+UNIT_FAMILY = 608  # of channel 1; 0 is a temperature
 
 
 class SimulatedF4(HasDoor):
@@ -77,6 +78,7 @@ class SimulatedF4(HasDoor):
             Register.PROFILE_SET_POINT: lambda: form.word(world.thermal.set_point_c),
             Register.PROFILE: lambda: self._profile[0],
             Register.PROFILE_STEP: lambda: self._profile[1],
+            UNIT_FAMILY: lambda: 0,
             **dict.fromkeys(_SWITCHED_OFF, lambda: 0),
         }
 

@@ -41,9 +41,9 @@ LINES = {  # role: question, answer, and how the lines end that it is sent on a 
     "dvm": ("ID?", "HP3458A", "\n"),
     "espec": ("TEMP?", r"(20|2[01]|19)\.\d,20\.0,.+", "\r\n"),
 }
-MODBUS = {  # role: register, its type for mbpoll, and how many °C a unit of it is
-    "f4t": (2820, "4:float", 1.0), "f4": (100, "4", 0.1), "binder": (0x1004, "4:float", 1.0),
-    "described": (0, "3", 0.1),
+MODBUS = {  # role: register, its type for mbpoll, and how many °C a unit of it is; then the set point's register
+    "f4t": (2820, "4:float", 1.0, 2782), "f4": (100, "4", 0.1, 300), "binder": (0x1004, "4:float", 1.0, 0x114C),
+    "described": (0, "3", 0.1, 100),
 }  # fmt: skip
 
 
@@ -98,8 +98,8 @@ def test_pyvisa_asks_what_speaks_in_lines(served: Mapping[str, Address], role: s
 
 
 @pytest.mark.parametrize("role", list(MODBUS))
-def test_pymodbus_reads_every_modbus_chamber(served: Mapping[str, Address], role: str) -> None:
-    address, (register, kind, _) = served[role], MODBUS[role]
+def test_pymodbus_reads_and_sets_every_modbus_chamber(served: Mapping[str, Address], role: str) -> None:
+    address, (register, kind, scale, set_point) = served[role], MODBUS[role]
     framer = FramerType.SOCKET if address.scheme == "tcp" else FramerType.RTU
     client: ModbusTcpClient | ModbusSerialClient = ModbusTcpClient("127.0.0.1", port=address.port, framer=framer)
     if address.scheme == "serial":
@@ -110,14 +110,17 @@ def test_pymodbus_reads_every_modbus_chamber(served: Mapping[str, Address], role
         else:
             words = client.read_holding_registers(register, count=2 if "float" in kind else 1, device_id=1).registers
         raw = client.convert_from_registers(words, client.DATATYPE.FLOAT32, "little") if len(words) > 1 else words[0]
-        assert raw * MODBUS[role][2] == pytest.approx(20, abs=1)
+        assert raw * scale == pytest.approx(20, abs=1)
+        wanted = [195] if role == "f4" else client.convert_to_registers(19.5, client.DATATYPE.FLOAT32, "little")
+        assert not client.write_registers(set_point, wanted, device_id=1).isError()
+        assert client.read_holding_registers(set_point, count=len(wanted), device_id=1).registers == wanted
         assert client.read_holding_registers(60000, count=1, device_id=1).exception_code == 2
 
 
 @pytest.mark.peer("mbpoll", "socat")
 @pytest.mark.parametrize("role", list(MODBUS))
 def test_mbpoll_reads_every_modbus_chamber(served: Mapping[str, Address], role: str, tmp_path: Path) -> None:
-    address, (register, kind, scale) = served[role], MODBUS[role]
+    address, (register, kind, scale, _) = served[role], MODBUS[role]
     link, where = ["-m", "tcp", "-p", str(address.port)], "127.0.0.1"
     with ExitStack() as stack:
         if address.scheme != "tcp":

@@ -1,8 +1,7 @@
 """Modbus masters that other people wrote on our simulated chambers, of every dialect, on TCP and on serial lines.
 
 mbpoll (libmodbus), pyModbusTCP, and watlow-f4 (minimalmodbus), which knows the registers of an F4.
-chamberconnectlibrary 2.2.5, the library of a maker of chambers with F4 and F4T, installs on Python 3.11 and cannot be
-used there: it is written for Python 2 (`except A, B`, `xrange`, `ord` of bytes); importing its F4T is a SyntaxError.
+chamberconnectlibrary, which is for Python 2, has a module of its own: test_chamberconnect.
 """
 
 import asyncio

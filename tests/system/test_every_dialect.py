@@ -61,6 +61,7 @@ def test_it_is_rehearsed_with_every_instrument_connected_asked_and_made_safe(seq
             assert at_s[0] < 60, name
             assert at_s[-1] > rehearsal.result.bench_s - 60, name
             assert np.diff(at_s).max() < 60, name
+        assert np.abs(run.reader.series("dvm.voltage").values).max() < 1e-3  # no unit is connected to it
         for role in run.bench.with_capability("thermal_chamber"):
             air_c = run.reader.series(f"{role}.process_value").values
             assert (np.ptp(air_c) > 4) == (role == "chamber"), f"{role}: only the units' own chamber was ramped"
