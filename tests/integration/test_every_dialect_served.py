@@ -32,15 +32,37 @@ OTHERWISE = {  # role: how else it is reached
     "binder": "serial://PATH?baud=9600", "described": "serial://PATH?baud=19200", "cts": "socket://127.0.0.1:PORT",
     "espec": "serial://PATH?baud=9600",
 }  # fmt: skip
-LINES = {  # role: question, answer, and how the lines end that it is sent on a serial line
-    "supply": ("*IDN?", r"INERTIAL TEST BENCH,SIM-PSU,SIM-PSU-01,.+", "\n"),
-    "keithley": (":SOUR:CURR:RANG?;:OUTP?", r"1\.0*E-01; ?0", "\r\n"),
-    "gs200": (":SOUR:FUNC?;:OUTP?", r"(CURR|VOLT);0", "\n"),
-    "fluke": ("*IDN?", r"FLUKE,5730A,SIM-5730A-01,.+", "\r"),
-    "scanner": (":SYST:ERR?", r'\+?0,"No error"', "\n"),
-    "dvm": ("ID?", "HP3458A", "\n"),
-    "espec": ("TEMP?", r"(20|2[01]|19)\.\d,20\.0,.+", "\r\n"),
-}
+LINES = {  # role: how a line ends that it is sent on a serial line; lines, and what is answered to those that ask
+    "supply": ("\n", [
+        ("*IDN?", r"INERTIAL TEST BENCH,SIM-PSU,SIM-PSU-01,.+"), ("VOLT 5;CURR 0.5", ""), ("OUTP ON", ""),
+        ("VOLT?;CURR?;OUTP?", r"5\.0*;0\.50*;1"), ("OUTP OFF", ""), ("NONSENSE", ""), ("SYST:ERR?", r'-113,".+"'),
+    ]),
+    "keithley": ("\r\n", [
+        ("*IDN?", r"KEITHLEY INSTRUMENTS INC\.,MODEL 6220,SIM-6220-01,.+"), ("SOUR:CURR:RANG 2E-3", ""),
+        ("SOUR:CURR:COMP 5", ""), ("SOUR:CURR 0.0012", ""), ("OUTP ON", ""),
+        ("SOUR:CURR?;:OUTP?", r"1\.20*E-03; ?1"), ("OUTP OFF", ""), ("STAT:MEAS:COND?", "0"), ("SYST:ERR?", "0,.+"),
+    ]),
+    "gs200": ("\n", [
+        ("*IDN?", r"YOKOGAWA,GS210,SIM-GS200-01,.+"), (":SOUR:FUNC CURR", ""), (":SOUR:RANG 1E-2", ""),
+        (":SOUR:LEV 2E-3", ""), ("OUTP 1", ""), (":SOUR:LEV?;:OUTP?", r"\+?2\.0*E-03;1"), ("OUTP 0", ""),
+        (":SYST:ERR?", "0,.+"),
+    ]),
+    "fluke": ("\r", [
+        ("*IDN?", r"FLUKE,5730A,SIM-5730A-01,.+"), ("REMOTE", ""), ("OUT 0.0012 A, 0 HZ", ""),
+        ("OUT?", r"1\.20*E-03,A,0\.0*E\+00.*"), ("OUT 0 A", ""), ("FAULT?", "0"),
+    ]),
+    "scanner": ("\n", [
+        ("CONF:TEMP FRTD,85,(@101)", ""), ("ROUT:SCAN (@101)", ""), ("ROUT:SCAN?", r"#16\(@101\)"),
+        ("READ?", r"\+(1\.9|2\.[01])\d+E\+01"), ("SYST:ERR?", r"\+?0,.+"),
+    ]),
+    "dvm": ("\n", [
+        ("END ALWAYS", ""), ("ID?", "HP3458A"), ("DCV 10", ""), ("NPLC 1", ""), ("RANGE?", "10"),
+        ("TARM SGL", r"-?\d\.\d+E-\d\d"), ("ERRSTR?", "0,.+"),
+    ]),
+    "espec": ("\r\n", [
+        ("TEMP?", r"(19|20|21)\.\d,20\.0,.+"), ("TEMP, S21.5", "OK:TEMP, ?S21.5"), ("TEMP?", r".+,21\.5,.+"),
+    ]),
+}  # fmt: skip
 MODBUS = {  # role: register, its type for mbpoll, and how many °C a unit of it is; then the set point's register
     "f4t": (2820, "4:float", 1.0, 2782), "f4": (100, "4", 0.1, 300), "binder": (0x1004, "4:float", 1.0, 0x114C),
     "described": (0, "3", 0.1, 100),
@@ -67,23 +89,20 @@ def served(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         yield {role: entry.connection for role, entry in load_bench(path).bench.devices.items()}
 
 
-def asked(address: Address, question: str, end: str) -> str:
-    """The answer that pyvisa-py gets to a line; a meter behind a gateway is told first to end its answers."""
+@contextmanager
+def opened(address: Address, end: str) -> Iterator[Any]:
+    """The instrument at an address as a resource of pyvisa-py; its lines end with LF, or CR LF."""
     import pyvisa
 
     manager = pyvisa.ResourceManager("@py")
     kind: dict[str, Any] = {"read_termination": "\n", "write_termination": "\n", "timeout": 3000}
+    name = f"TCPIP::127.0.0.1::{address.port}::SOCKET"
     if address.scheme == "serial":
         kind |= {"baud_rate": address.option("baud", 9600), "write_termination": end}
-        kind |= {"read_termination": "\r" if end == "\r" else "\n"}
         name = f"ASRL{address.path}::INSTR"
-    else:
-        name = f"TCPIP::127.0.0.1::{address.port}::SOCKET"
     instrument: Any = manager.open_resource(name, **kind)
     try:
-        if question == "ID?":
-            instrument.write("END ALWAYS")
-        return str(instrument.query(question)).strip()
+        yield instrument
     finally:
         instrument.close()
         manager.close()
@@ -91,10 +110,15 @@ def asked(address: Address, question: str, end: str) -> str:
 
 @pytest.mark.peer("pyvisa")
 @pytest.mark.parametrize("role", list(LINES))
-def test_pyvisa_asks_what_speaks_in_lines(served: Mapping[str, Address], role: str) -> None:
-    question, answer, end = LINES[role]
-    found = asked(served[role], question, end)
-    assert re.fullmatch(answer, found), found
+def test_pyvisa_talks_with_what_speaks_in_lines(served: Mapping[str, Address], role: str) -> None:
+    end, dialogue = LINES[role]
+    with opened(served[role], end) as instrument:
+        for line, answer in dialogue:
+            if not answer:
+                instrument.write(line)
+            else:
+                found = instrument.query(line).strip()
+                assert re.fullmatch(answer, found), (line, found)
 
 
 @pytest.mark.parametrize("role", list(MODBUS))
