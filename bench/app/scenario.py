@@ -58,6 +58,8 @@ def known_faults(driver: DriverDescription) -> tuple[str, ...]:
     simulator = simulator_of(driver)
     if simulator is None:
         return ()
+    if issubclass(simulator, HandTurnedHead):  # nobody may be there, but there is no wire to cut
+        return ("silent", *mishaps_of(simulator))
     lines = () if issubclass(simulator, CanNode) else LINE_FAULTS
     return ("silent", "cut", *lines, *mishaps_of(simulator))
 
