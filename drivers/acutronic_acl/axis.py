@@ -9,11 +9,13 @@ from functools import partial
 from typing import Any, TypeVar
 
 from drivers.acutronic_acl import wire
-from drivers.acutronic_acl.description import AclLimits, AclOptions
-from drivers.acutronic_acl.turns import TurnCounter
-from drivers.acutronic_acl.wire import Interlock, Mode, Reply, State
+from drivers.acutronic_acl.description import AclOptions
+from drivers.acutronic_acl.wire import Dynamics, Interlock, Reply
 from drivers.description import Setup, check_identity, still_the_same
 from drivers.errors import InstrumentFault, Refused
+from drivers.table.axis import Drive, Mode, State
+from drivers.table.description import TableLimits
+from drivers.table.turns import LONGEST_LEG_DEG, TURN_DEG, TurnCounter
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Pace, Proof
 from drivers.values import Identity
@@ -22,18 +24,28 @@ T = TypeVar("T")
 
 ANSWER_S = 1.0  # 2 ms as a rule
 INTERLOCK_STEP_S = 0.25  # what start-up scripts of others leave between two steps
+SWINGING = Dynamics.AT_AMPLITUDE | Dynamics.AT_FREQUENCY
+_DRIVES = {Interlock.CLOSED: Drive.ON, Interlock.OPEN: Drive.OFF, Interlock.FAULT: Drive.FAULT}
+_INTERLOCKS = {drive: interlock.value for interlock, drive in _DRIVES.items()}
+_MODES = {
+    wire.Mode.OFF: Mode.OFF, wire.Mode.POSITION: Mode.POSITION, wire.Mode.RATE: Mode.RATE,
+    wire.Mode.SYNTHESIS: Mode.SYNTHESIS,
+}  # fmt: skip
+_OWN_MODES = {mode: own for own, mode in _MODES.items()}
 
 
 class AclAxis:
-    """One axis of a controller.
+    """One axis of a controller; a TableAxis.
 
     Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
     """
 
-    def __init__(self, setup: Setup[AclOptions, AclLimits, Any]) -> None:
+    longest_leg_deg = LONGEST_LEG_DEG
+
+    def __init__(self, setup: Setup[AclOptions, TableLimits, Any]) -> None:
         self._device, self._pin = setup.name, setup.identity
         self._number, self._byte_order = setup.options.axis, setup.options.byte_order
-        self._turns = TurnCounter(setup.limits.angle)
+        self._turns, self._endless = TurnCounter(setup.limits.angle), setup.limits.angle is None
         self._identity: Identity | None = None
         self._locked_out = False
         framing = partial(wire.whole_answer, order=self._byte_order)
@@ -60,12 +72,12 @@ class AclAxis:
 
     async def look(self) -> State:
         """What the axis does now, its angle over whole turns."""
-        state = await self._ask(wire.ask_state(self._number), wire.read_state)
+        state = _understood(await self._ask(wire.ask_state(self._number), wire.read_state))
         return self._turns.count(asyncio.get_running_loop().time(), state)
 
-    async def check_interlock(self, state: State, sent: str = "") -> None:
+    async def check_fault(self, state: State, sent: str = "") -> None:
         """Raises InstrumentFault when the interlock has a fault, with its reasons; `sent` met it."""
-        if state.interlock is not Interlock.FAULT:
+        if state.drive is not Drive.FAULT:
             return
         reasons = await self._ask(wire.ask_faults(self._number), wire.read_faults)
         raise InstrumentFault(
@@ -80,19 +92,19 @@ class AclAxis:
         the drive stays off.
         """
         state = await self.look()
-        await self.check_interlock(state)
+        await self.check_fault(state)
         self._locked_out = True
-        if wire.LOCKED_OUT not in state.supervisor:
-            await self.set(*wire.lock_out(True))
-        if state.interlock is not Interlock.CLOSED:
-            for command in (wire.enter(Mode.OFF, self._number), wire.energise(self._number)):
-                await self.order(command)
+        if not state.ours:
+            await self._set(*wire.lock_out(True))
+        if state.drive is not Drive.ON:
+            for command in (wire.enter(wire.Mode.OFF, self._number), wire.energise(self._number)):
+                await self._order(command)
                 await asyncio.sleep(INTERLOCK_STEP_S)
         state = await self.look()
-        if state.interlock is not Interlock.CLOSED:
+        if state.drive is not Drive.ON:
             raise Refused(
                 self._device, f"the drive of axis {self._number} stays off", sent=wire.energise(self._number),
-                received=f"interlock {state.interlock.value}",
+                received=f"interlock {_INTERLOCKS[state.drive]}",
                 remedy="Check the emergency stop, the doors and the amplifier, then run again.",
             )  # fmt: skip
         return state
@@ -101,14 +113,53 @@ class AclAxis:
         """Unlocks the front panel and other interfaces, if this session used the table."""
         if self._locked_out:
             self._locked_out = False
-            await self.set(*wire.lock_out(False))
+            await self._set(*wire.lock_out(False))
 
-    async def set(self, *commands: str) -> None:
+    async def prepare(self, mode: Mode, rate_dps: float, acceleration_dps2: float) -> None:
+        """Tells the limits of a mode."""
+        await self._set(*wire.limit(_OWN_MODES[mode], self._number, rate_dps, acceleration_dps2))
+
+    async def demand_here(self, mode: Mode, angle_deg: float) -> None:
+        """Makes the last demand of a mode the angle where the axis stands, or rate zero."""
+        at_rest = wire.demand_rate(self._number, 0.0)
+        await self._set(at_rest if mode is Mode.RATE else self._demand_position(angle_deg))
+
+    async def demand_sine(self, amplitude_deg: float, frequency_hz: float, run_up_s: float) -> None:
+        """Tells how SYNTHESIS is to swing."""
+        await self._set(
+            wire.configure_sine(self._number, amplitude_deg / run_up_s, frequency_hz / run_up_s),
+            wire.demand_sine(self._number, amplitude_deg, frequency_hz),
+        )
+
+    async def enter(self, mode: Mode) -> None:
+        """Lets the servo follow the demand of a mode."""
+        await self._order(wire.enter(_OWN_MODES[mode], self._number))
+
+    async def go(self, angle_deg: float) -> None:
+        """Demands an angle, within a turn of an axis without ends."""
+        await self._order(self._demand_position(angle_deg))
+
+    async def turn(self, rate_dps: float) -> None:
+        """Demands a rate."""
+        await self._order(wire.demand_rate(self._number, rate_dps))
+
+    async def stop(self) -> None:
+        """Lets the servo hold rate zero."""
+        await self._order(wire.enter(wire.Mode.OFF, self._number))
+
+    def stop_at_once(self) -> None:
+        """Holds rate zero, before anything else that is to be said; raises LinkLost."""
+        self._dialogue.line.cut_in(wire.enter(wire.Mode.OFF, self._number).encode())
+
+    def _demand_position(self, angle_deg: float) -> str:
+        return wire.demand_position(self._number, round(angle_deg, 6) % TURN_DEG if self._endless else angle_deg)
+
+    async def _set(self, *commands: str) -> None:
         """Sends what moves nothing by itself; raises Refused, and NoAnswer when nobody knows whether it holds."""
         for command in commands:
             await self._accepted(command, await self._dialogue.ask(command.encode(), self._read_reply))
 
-    async def order(self, command: str) -> None:
+    async def _order(self, command: str) -> None:
         """Sends what moves or energises, once; raises InstrumentFault or Refused when the answer is an error.
 
         Returns as well when the answer is missing or garbled: what the caller reads back decides.
@@ -116,10 +167,6 @@ class AclAxis:
         reply = await self._dialogue.order(command.encode(), self._read_reply)
         if reply is not None:
             await self._accepted(command, reply)
-
-    def stop_at_once(self) -> None:
-        """Holds rate zero, before anything else that is to be said; raises LinkLost."""
-        self._dialogue.line.cut_in(wire.enter(Mode.OFF, self._number).encode())
 
     async def _ask(self, question: str, read: Callable[[str], T]) -> T:
         """What `read` makes of an answer; raises Refused when it is an error."""
@@ -138,7 +185,7 @@ class AclAxis:
 
     async def _accepted(self, command: str, reply: Reply) -> None:
         if reply.code != wire.NO_ERROR:
-            await self.check_interlock(await self.look(), command)
+            await self.check_fault(await self.look(), command)
             raise self._refusal(command, reply)
 
     def _refusal(self, sent: str, reply: Reply) -> Refused:
@@ -155,3 +202,13 @@ class AclAxis:
         check_identity(self._device, self._pin, found)
         self._identity = still_the_same(self._device, self._identity, found, found.fingerprint)
         return found
+
+
+def _understood(told: wire.State) -> State:
+    """What the driver reads of what the controller tells; its words are its mode."""
+    mode = _MODES.get(told.mode, Mode.OTHER)
+    return State(
+        told.angle_deg, told.rate_dps, _DRIVES[told.interlock], mode,
+        held=mode is Mode.OFF or told.interlock is Interlock.OPEN, swinging=SWINGING in told.dynamics,
+        ours=wire.LOCKED_OUT in told.supervisor, words=f"mode {told.mode.value}",
+    )  # fmt: skip

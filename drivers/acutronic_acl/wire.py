@@ -110,9 +110,6 @@ class State(NamedTuple):
     dynamics: Dynamics
     supervisor: Supervisor
 
-    def __str__(self) -> str:
-        return f"{self.angle_deg:.5f}°, {self.rate_dps:.5f} °/s, mode {self.mode.value}"
-
 
 # What a driver sends
 

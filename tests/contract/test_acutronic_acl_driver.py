@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from drivers.acutronic_acl.description import DESCRIPTION, AclLimits, AclOptions
+from drivers.acutronic_acl.description import DESCRIPTION, AclOptions
 from drivers.acutronic_acl.driver import AcutronicAcl
 from drivers.axes import AxisUncertainty
 from drivers.capabilities import CAPABILITIES, Approach, Positioner, RateTable
 from drivers.description import IdentityPin, known_drivers
 from drivers.errors import BadAnswer, BeyondLimit, CannotConnect, NotSettled, Refused, WrongIdentity
+from drivers.table.description import TableLimits
 from tests.support.table import LIMITS, OPTIONS, WITH_ENDS, Table, framed, now_s, with_driver, with_table
 
 # The bench file
@@ -37,12 +38,12 @@ def test_it_is_installed_under_its_name() -> None:
         (AclOptions, OPTIONS | {"acceleration": "200 °/s"}, "°/s²"),
         (AclOptions, OPTIONS | {"byte_order": "middle"}, "expected 'little' or 'big'"),
         (
-            AclLimits,
+            TableLimits,
             LIMITS | {"angle": {"min": "0°", "max": "360°"}},
             "leave limits.angle out for an axis without ends",
         ),
-        (AclLimits, LIMITS | {"angle": {"min": "5°", "max": "-5°"}}, "min is not below max"),
-        (AclLimits, {"rate": LIMITS["rate"], "acceleration": LIMITS["acceleration"]}, "missing"),
+        (TableLimits, LIMITS | {"angle": {"min": "5°", "max": "-5°"}}, "min is not below max"),
+        (TableLimits, {"rate": LIMITS["rate"], "acceleration": LIMITS["acceleration"]}, "missing"),
     ],
 )
 def test_a_wrong_bench_file_is_told_what_is_wrong(model: Any, data: Any, problem: str) -> None:

@@ -5,9 +5,10 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.acutronic_acl.description import DESCRIPTION, AclLimits, AclOptions
+from drivers.acutronic_acl.description import DESCRIPTION, AclOptions
 from drivers.acutronic_acl.driver import AcutronicAcl
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
+from drivers.table.description import TableLimits
 from drivers.transport.address import Address
 from simulators.acutronic_acl import SimulatedAcutrol
 from simulators.faults import FaultPlan
@@ -41,7 +42,7 @@ class Table:
     def driver(self, pin: IdentityPin | None = None, **options: Any) -> AcutronicAcl:
         setup = Setup(
             name="table", address=Address.parse("tcp://127.0.0.1:9878"), wires=self.wire,
-            options=AclOptions.model_validate(OPTIONS | options), limits=AclLimits.model_validate(self.limits),
+            options=AclOptions.model_validate(OPTIONS | options), limits=TableLimits.model_validate(self.limits),
             safe=Nothing(), identity=pin or IdentityPin(model="Acutrol3000"),
         )  # fmt: skip
         driver = make_driver(DESCRIPTION, setup)

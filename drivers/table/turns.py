@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
-from drivers.acutronic_acl.description import AngleRange
-from drivers.acutronic_acl.wire import Mode, State
+from drivers.table.axis import Mode, State
+from drivers.table.description import AngleRange
 
 TURN_DEG = 360.0
+LONGEST_LEG_DEG = 120.0  # well below half a turn, so that there is no doubt which way is the shorter
 
 
 class TurnCounter:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from drivers.acutronic_acl.description import AclLimits
 from drivers.errors import BeyondLimit
+from drivers.table.description import TableLimits
 
 LARGEST_SINE_DEG = 170.0  # less than half a turn either way, so that turns can be counted
 
@@ -13,7 +13,7 @@ LARGEST_SINE_DEG = 170.0  # less than half a turn either way, so that turns can 
 class Bounds:
     """The limits of one table. Everything raises BeyondLimit with what is too much, and how much is allowed."""
 
-    def __init__(self, device: str, limits: AclLimits) -> None:
+    def __init__(self, device: str, limits: TableLimits) -> None:
         self._device, self._limits = device, limits
 
     @property
