@@ -59,12 +59,20 @@ class InstrumentProtocol(asyncio.Protocol):
             return
         self._say(self._session.feed(data))
 
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The client is gone: what was to be said later is not said."""
+        self._transport = None
+
     def _say(self, answer: bytes) -> None:
         if answer and self._transport is not None and not self._instrument.faults.active("silent"):
             self._transport.write(answer)
 
     def _say_later(self, delay_s: float, answer: Callable[[], bytes]) -> None:
-        asyncio.get_running_loop().call_later(delay_s, lambda: self._say(answer()))
+        asyncio.get_running_loop().call_later(delay_s, self._say_now, answer)
+
+    def _say_now(self, answer: Callable[[], bytes]) -> None:
+        if self._transport is not None:
+            self._say(answer())
 
 
 def protocol_factory(instrument: Instrument) -> Callable[[], InstrumentProtocol]:

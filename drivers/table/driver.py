@@ -20,6 +20,7 @@ ARCSEC_PER_DEG = 3600
 MODE_CHANGE_S = 0.5  # at rest before another mode, as drivers of others do
 RUN_UP_S, RUN_UP_PERIODS = 2.0, 4  # in which a sine grows, slowly enough to add little to its peak acceleration
 STOP_WITHIN_S = 3.5  # leaves time to prove it within what making safe may take
+FAR_AWAY_POLL_S = 0.5  # how often a motion is looked at while its end is far away
 ASTRAY_BANDS = 10  # this many bands off is no scatter: somebody or something has interfered
 RATE_RIPPLE = 1e-3  # of the rate: what a rate read at one instant may be off while its mean is right
 _SIDES: Mapping[Approach, int] = {"direct": 0, "from_below": -1, "from_above": 1}
@@ -210,18 +211,20 @@ class Table:
         await self._axis.go(target_deg)
         travel_s = abs(way_deg) / self._options.rate + self._options.rate / self._options.acceleration
         await self._until(
-            order, Mode.POSITION, stands, travel_s + hold_s, f"the table does not stand at {target_deg:g}°"
+            order, Mode.POSITION, stands, travel_s, f"the table does not stand at {target_deg:g}°", hold_s
         )
 
     async def _until(
-        self, order: int, mode: Mode, arrived: Callable[[State], bool], expected_s: float, problem: str
-    ) -> None:
-        """Returns when the axis has arrived; NotSettled when it takes `give_up` longer than expected."""
-        deadline_s = _now_s() + expected_s + self._options.settle.give_up
+        self, order: int, mode: Mode, arrived: Callable[[State], bool], expected_s: float, problem: str,
+        hold_s: float = 0.0,
+    ) -> None:  # fmt: skip
+        """Returns when the axis has arrived and held; NotSettled when it takes `give_up` longer than expected."""
+        near_s = _now_s() + expected_s
+        deadline_s = near_s + hold_s + self._options.settle.give_up
         while not arrived(state := await self._watch(order, mode)):
             if _now_s() >= deadline_s:
                 raise self._not_settled(problem, state)
-            await asyncio.sleep(self._options.poll)
+            await asyncio.sleep(max(self._options.poll, min((near_s - _now_s()) / 2, FAR_AWAY_POLL_S)))
 
     async def _watch(self, order: int, mode: Mode) -> State:
         """One look at a motion; raises Refused when it is no longer wanted, InstrumentFault when it cannot go on."""

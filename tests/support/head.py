@@ -1,22 +1,31 @@
 """A simulated indexing head behind a tapped wire, and what drivers for it are made from."""
 
 import asyncio
+import struct
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+from bench.config.load import load_file
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.aerotech_ensemble import description as ensemble
 from drivers.description import DriverDescription, IdentityPin, Nothing, Setup, make_driver
+from drivers.fields import DocumentFile
+from drivers.framed import description as framed
+from drivers.framed.profile import FrameProfile
+from drivers.framed.wire import NumberFormat
 from drivers.head.description import HeadLimits
 from drivers.newport_xps import description as xps
 from drivers.transport.address import Address
 from simulators.aerotech_ensemble import SimulatedEnsemble
 from simulators.faults import FaultPlan
+from simulators.framed import SimulatedFrames
 from simulators.newport_xps import SimulatedXps
 from simulators.settings import WorldSettings
 from simulators.world import World
 from tests.support.lines import TappedWire
+from tests.support.runs import ROOT
 
 OPTIONS = {"axis": "X", "rate": "20 °/s", "settle": {"band": "1 arcsec", "hold": "1 s"}}
 XPS_OPTIONS = {"group": "HEAD", "rate": "20 °/s", "settle": {"band": "1 arcsec", "hold": "1 s"}}
@@ -25,26 +34,50 @@ LIMITS = {"angle": {"min": "-5°", "max": "365°"}, "rate": {"max": "30 °/s"}}
 
 @dataclass(frozen=True)
 class Dialect:
-    """A driver and its simulator; `move` is how another program sends the axis to an angle.
+    """A driver and its simulator; `move` is what another program sends to have the axis go to an angle.
 
-    `word`, `home` and `angle` are in what is sent to move, to home and to ask for the angle.
+    `word`, `home` and `angle` are in what is sent to move, to home and to ask for the angle; `target` reads a move.
     """
 
     description: DriverDescription
     controller: Callable[..., Any]
     options: dict[str, Any]
-    move: str
+    move: Callable[[float], bytes]
     word: bytes
     home: bytes
     angle: bytes
+    target: Callable[[bytes], str]
+    serial: str = "SIM-HEAD-01"
+
+
+def first_word(rest: bytes) -> str:
+    return rest.decode().split()[0].removesuffix(")")
 
 
 ENSEMBLE = Dialect(
-    ensemble.DESCRIPTION, SimulatedEnsemble, OPTIONS, "ENABLE X\nMOVEABS X {} F20\n", b"MOVEABS X ", b"HOME", b"PFBK"
-)
+    ensemble.DESCRIPTION, SimulatedEnsemble, OPTIONS, lambda angle: f"ENABLE X\nMOVEABS X {angle} F20\n".encode(),
+    b"MOVEABS X ", b"HOME", b"PFBK", first_word,
+)  # fmt: skip
 XPS = Dialect(
-    xps.DESCRIPTION, SimulatedXps, XPS_OPTIONS, "GroupMoveAbsolute(HEAD.Pos,{})", b"GroupMoveAbsolute(HEAD.Pos,",
-    b"GroupHomeSearch", b"GroupPositionCurrentGet",
+    xps.DESCRIPTION, SimulatedXps, XPS_OPTIONS, lambda angle: f"GroupMoveAbsolute(HEAD.Pos,{angle})".encode(),
+    b"GroupMoveAbsolute(HEAD.Pos,", b"GroupHomeSearch", b"GroupPositionCurrentGet", first_word,
+)  # fmt: skip
+FRAMES = load_file(ROOT / "config/tables/fictional.yaml", FrameProfile)
+
+
+def framed_move(angle_deg: float) -> bytes:
+    """Energises, then goes at 20 °/s and 40 °/s²."""
+    told = struct.pack("<iiI", round(angle_deg * 1e4), 200_000, 40_000)
+    numbers = [(NumberFormat(at, "u8"), byte) for at, byte in enumerate(told, start=3)]
+    return FRAMES.format("enable").build([]) + FRAMES.format("move").build(numbers)
+
+
+FRAMED = Dialect(
+    framed.HEAD, partial(SimulatedFrames, profile=FRAMES),
+    {"profile": DocumentFile(ROOT / "config/tables/fictional.yaml", FRAMES), "answer_timeout": "2 s",
+     "rate": "20 °/s", "settle": {"band": "1 arcsec", "hold": "1 s"}},
+    framed_move, bytes.fromhex("AA 55 24"), bytes.fromhex("AA 55 21"), bytes.fromhex("AA 55 10"),
+    lambda rest: str(int.from_bytes(rest[:4], "little", signed=True) / 1e4), serial="1001",
 )  # fmt: skip
 
 
@@ -67,7 +100,7 @@ class Head:
         setup = Setup(
             name="head", address=Address.parse(self.address), wires=self.wire,
             options=description.options.model_validate(self.dialect.options | options),
-            limits=HeadLimits.model_validate(limits), safe=Nothing(), identity=IdentityPin(serial="SIM-HEAD-01"),
+            limits=HeadLimits.model_validate(limits), safe=Nothing(), identity=IdentityPin(serial=self.dialect.serial),
             note=self.notes.append,
         )  # fmt: skip
         return make_driver(description, setup)
@@ -79,7 +112,7 @@ class Head:
 
     def move(self, angle_deg: float) -> None:
         """Another program moves the axis."""
-        self.call(self.dialect.move.format(angle_deg))
+        self.controller.session().feed(self.dialect.move(angle_deg))
 
     def heard(self) -> int:
         """How many requests have reached it."""
@@ -95,8 +128,9 @@ class Head:
 
     def moves(self) -> list[str]:
         word = self.dialect.word
-        moves = [line.removeprefix(word).decode() for line in self.wire.requests if line.startswith(word)]
-        return [move.split()[0].removesuffix(")") for move in moves]
+        return [
+            self.dialect.target(line.removeprefix(word)) for line in self.wire.requests if line.startswith(word)
+        ]  # fmt: skip
 
 
 def with_head(use: Callable[[Head], Awaitable[None]], dialect: Dialect = ENSEMBLE, **settings: Any) -> None:

@@ -1,0 +1,1 @@
+"""Heads and rate tables that speak in frames of fixed length, as a file describes them."""

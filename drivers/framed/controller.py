@@ -1,0 +1,138 @@
+"""The conversation about one axis with a controller that speaks in frames, whatever it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from drivers.description import Setup, check_identity, still_the_same
+from drivers.errors import CannotConnect, InstrumentFault, Refused
+from drivers.framed.description import FramedOptions
+from drivers.framed.line import FramedLine
+from drivers.framed.parts import Number
+from drivers.framed.status import Status
+from drivers.framed.wire import NumberFormat, Raw
+from drivers.values import Identity
+
+
+class FramedController:
+    """Looks and commands; a command is proved by the status after it.
+
+    Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
+    """
+
+    def __init__(self, setup: Setup[Any, Any, Any], options: FramedOptions) -> None:
+        profile = options.profile.content
+        if profile is None:
+            raise CannotConnect(
+                setup.name, f"the profile {options.profile.path} of its controller is gone",
+                remedy="Put the file back beside the bench file.",
+            )  # fmt: skip
+        self.device, self.profile, self._pin = setup.name, profile, setup.identity
+        self._identity: Identity | None = None
+        self._last: Status | None = None
+        self.line = FramedLine(
+            setup.name, setup.wires, setup.address, profile, answer_s=options.answer_timeout, check=self._take,
+            note=setup.note,
+        )  # fmt: skip
+
+    async def identify(self) -> Identity:
+        """Who is there; names are stated, and what the status tells of them is compared. Raises WrongIdentity."""
+        return self._recognise(await self.look())
+
+    async def look(self) -> Status:
+        """What the axis does now; raises WrongIdentity when the status is another controller's."""
+        status = await self.line.status()
+        self._take(status)
+        return status
+
+    def check_faults(self, status: Status, sent: str = "") -> None:
+        """Raises InstrumentFault with the names of the faults there are, which `sent` met; clears nothing."""
+        if status.faults:
+            raise self.fault(", ".join(status.faults), sent, str(status))
+
+    def fault(self, names: str, sent: str, received: str) -> InstrumentFault:
+        """The error of a fault that the controller tells of."""
+        return InstrumentFault(
+            self.device, f"the controller tells of a fault: {names}", sent=sent, received=received,
+            remedy="Remove the cause, clear the fault at the controller, then run again.",
+        )  # fmt: skip
+
+    async def enable(self) -> Status:
+        """Energises the motor, where that is a command; Refused unless the status says so afterwards."""
+        if self.profile.commands.enable is not None:
+            await self.line.order("enable")
+        status = await self.look()
+        self.check_faults(status, "enable")
+        if not status.enabled:
+            raise Refused(
+                self.device, "the motor stays off", sent="enable", received=str(status),
+                remedy="Check the emergency stop and the amplifier, then run again.",
+            )  # fmt: skip
+        return status
+
+    async def order(self, name: str, **values: float) -> None:
+        """Sends a command once, with those of the values that its frame has a place for.
+
+        Where the status tells what the controller is to do, it must not be something else than was sent; a command that
+        seems not to have come is not repeated: the axis decides. Raises Refused, InstrumentFault.
+        """
+        told = self._raw(name, values)
+        echo = {"move": ("angle", "target_angle"), "rate": ("rate", "target_rate")}.get(name)
+        before = self._last  # asking here would let a stop be sent before the command
+        await self.line.order(name, told.values())
+        if before is None or echo is None:
+            return
+        after = await self.look()
+        self.check_faults(after, name)
+        self._check_taken(name, told[echo[0]], echo[1], before, after)
+
+    def _raw(self, name: str, values: Mapping[str, float]) -> dict[str, tuple[NumberFormat, Raw]]:
+        """Each value in the units of the wire; Refused when its place does not hold it."""
+        found = {}
+        for key, value in values.items():
+            number = getattr(self.profile.shape(name), key, None)
+            if isinstance(number, Number):
+                form = self.profile.number(number)
+                try:
+                    found[key] = (form, form.raw(value))
+                except OverflowError as problem:
+                    raise Refused(
+                        self.device, f"no frame holds this {key}: {problem}; nothing was sent", sent=name,
+                        remedy="Correct the sequence, or type and scale in the profile if they are wrong.",
+                    ) from problem  # fmt: skip
+        return found
+
+    def _check_taken(
+        self, name: str, told: tuple[NumberFormat, Raw], key: str, before: Status, after: Status
+    ) -> None:  # fmt: skip
+        """Raises Refused when the controller is to do something else than what it was told, or was to do before."""
+        number: Number | None = getattr(self.profile.status, key)
+        if number is None:
+            return
+        form, (sent_form, sent) = self.profile.number(number), told
+        wanted, kept = form.raw(sent_form.value(sent)), getattr(after, key)
+        if kept not in (wanted, getattr(before, key)):
+            raise Refused(
+                self.device, f"the controller took another {key.replace('_', ' ')} than it was told",
+                sent=f"{name} {sent_form.value(sent):g} ({wanted})", received=f"{form.value(kept):g} ({kept})",
+                remedy="Look for a limit of the controller, or for who else commands it.",
+            )  # fmt: skip
+
+    def _take(self, status: Status) -> None:
+        self._recognise(status)
+        self._last = status
+
+    def _recognise(self, status: Status) -> Identity:
+        """Who sent a status, compared with the bench file and with who was there before."""
+        serial, firmware = status.serial_number, status.firmware
+        pin, profile = self._pin, self.profile
+        found = Identity(
+            maker=pin.maker or profile.maker, model=pin.model or profile.model,
+            serial=pin.serial or "" if serial is None else str(serial),
+            firmware=pin.firmware or "" if firmware is None else str(firmware),
+            verified=serial is not None, fingerprint=profile.fingerprint(),
+        )  # fmt: skip
+        check_identity(self.device, pin, found)
+        self._identity = still_the_same(self.device, self._identity, found, f"{found.serial} {found.firmware}".strip())
+        return found

@@ -1,0 +1,239 @@
+"""Frames of fixed length ⇄ numbers: how numbers and checksums are written, and where a frame begins.
+
+Nothing here knows of an instrument: a profile says what stands where.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+NumberType = Literal["u8", "i8", "u16", "i16", "u32", "i32", "i64", "f32", "f64"]
+ByteOrder = Literal["little", "big"]
+ChecksumKind = Literal["sum8", "xor8", "sum16", "crc16", "crc32"]
+Raw = int | float
+"""A number as it stands on the wire."""
+
+_CODES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "i64": "q", "f32": "f", "f64": "d"}
+_CHECKSUM_BYTES = {"sum8": 1, "xor8": 1, "sum16": 2, "crc16": 2, "crc32": 4}
+
+_DIGITS = 9  # after the point; what a scale leaves behind them is no part of a value
+
+
+@dataclass(frozen=True, slots=True)
+class NumberFormat:
+    """How one number is written, and where in a frame: a value is its raw number times `scale`, plus `offset`."""
+
+    at: int
+    type: NumberType
+    byte_order: ByteOrder = "little"
+    scale: float = 1.0
+    offset: float = 0.0
+
+    @property
+    def end(self) -> int:
+        """Where the next byte is."""
+        return self.at + struct.calcsize(self._code)
+
+    def raw(self, value: float) -> Raw:
+        """A value in the units of the wire, rounded to what can be written; OverflowError when it does not fit."""
+        raw: Raw = (value - self.offset) / self.scale
+        try:
+            kept: Raw = struct.unpack(self._code, struct.pack(self._code, raw if self._is_float else round(raw)))[0]
+        except (struct.error, ValueError) as problem:
+            raise OverflowError(f"{value:g} does not fit {self.type}") from problem
+        return kept
+
+    def value(self, raw: Raw) -> float:
+        """What a raw number means."""
+        return round(raw * self.scale + self.offset, _DIGITS)
+
+    def write(self, frame: bytearray, raw: Raw) -> None:
+        """Puts a raw number into its place."""
+        struct.pack_into(self._code, frame, self.at, raw)
+
+    def read(self, frame: bytes) -> Raw:
+        """The raw number in its place; ValueError for a float that is not finite."""
+        raw: Raw = struct.unpack_from(self._code, frame, self.at)[0]
+        if not math.isfinite(raw):
+            raise ValueError(f"{raw} at {self.at}")
+        return raw
+
+    @property
+    def _is_float(self) -> bool:
+        return self.type in ("f32", "f64")
+
+    @property
+    def _code(self) -> str:
+        return ("<" if self.byte_order == "little" else ">") + _CODES[self.type]
+
+
+@dataclass(frozen=True, slots=True)
+class Checksum:
+    """The last bytes of a frame but for its trailer.
+
+    It covers what stands from `first` on up to it. Sums are of bytes; crc16 has the parameters of the CRC catalogue
+    (reveng), `reflected` meaning input and output; crc32 is that of Ethernet and zip.
+    """
+
+    kind: ChecksumKind
+    first: int = 0
+    byte_order: ByteOrder = "little"
+    polynomial: int = 0
+    initial: int = 0
+    reflected: bool = False
+    xor_out: int = 0
+
+    @property
+    def count(self) -> int:
+        """How many bytes it has."""
+        return _CHECKSUM_BYTES[self.kind]
+
+    def of(self, data: bytes) -> int:
+        """The checksum of bytes."""
+        match self.kind:
+            case "sum8":
+                return sum(data) & 0xFF
+            case "sum16":
+                return sum(data) & 0xFFFF
+            case "xor8":
+                found = 0
+                for byte in data:
+                    found ^= byte
+                return found
+            case "crc32":
+                return zlib.crc32(data)
+        return self._crc16(data)
+
+    def written(self, frame: bytes | bytearray, end: int) -> bytes:
+        """The checksum of a frame as its bytes from `end` on are."""
+        return self.of(bytes(frame[self.first : end])).to_bytes(self.count, self.byte_order)
+
+    def _crc16(self, data: bytes) -> int:
+        table = _crc16_table(self.polynomial, self.reflected)
+        if self.reflected:
+            crc = _mirrored(self.initial, 16)
+            for byte in data:
+                crc = crc >> 8 ^ table[(crc ^ byte) & 0xFF]
+        else:
+            crc = self.initial
+            for byte in data:
+                crc = crc << 8 & 0xFFFF ^ table[crc >> 8 ^ byte]
+        return crc ^ self.xor_out
+
+
+@dataclass(frozen=True, slots=True)
+class FrameFormat:
+    """A kind of frame: `fixed` are bytes that are always the same, each with its place; the others are numbers or 0."""
+
+    name: str
+    length: int
+    fixed: tuple[tuple[int, bytes], ...]
+    checksum: Checksum
+    trailer: bytes = b""
+
+    @property
+    def checksum_at(self) -> int:
+        """Where the checksum begins."""
+        return self.length - len(self.trailer) - self.checksum.count
+
+    def build(self, numbers: Iterable[tuple[NumberFormat, Raw]]) -> bytes:
+        """A frame with these numbers in it."""
+        frame = bytearray(self.length)
+        for form, raw in numbers:
+            form.write(frame, raw)
+        for at, data in self.fixed:
+            frame[at : at + len(data)] = data
+        end = self.checksum_at
+        frame[end:] = self.checksum.written(frame, end) + self.trailer
+        return bytes(frame)
+
+    def may_begin(self, received: bytes | bytearray, at: int) -> bool:
+        """Whether what was received from `at` on, be it whole or not, has the bytes that are always the same."""
+        return all(
+            received[at + place : at + place + len(data)] == data[: max(0, len(received) - at - place)]
+            for place, data in self.fixed
+        )
+
+    def fits(self, received: bytes | bytearray, at: int) -> bool:
+        """Whether a whole frame of this kind begins at `at`, its checksum and its trailer right."""
+        if len(received) < at + self.length or not self.may_begin(received, at):
+            return False
+        frame, end = received[at : at + self.length], self.checksum_at
+        return bytes(frame[end:]) == self.checksum.written(frame, end) + self.trailer
+
+
+class Splitter:
+    """Finds frames in what is received, in any portions, whatever comes between them.
+
+    A frame begins only where one fits as a whole. What belongs to none is dropped: `dropped` counts its bytes, and
+    `last_dropped` are some of them.
+    """
+
+    def __init__(self, formats: Sequence[FrameFormat]) -> None:
+        self._formats = formats
+        self._rest = bytearray()
+        self.dropped = 0
+        self.last_dropped = b""
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether something is kept that may be the beginning of a frame."""
+        return bool(self._rest)
+
+    def feed(self, data: bytes) -> list[tuple[FrameFormat, bytes]]:
+        """The frames that these bytes complete, in order."""
+        self._rest += data
+        found = []
+        while (frame := self._next()) is not None:
+            found.append(frame)
+        return found
+
+    def forget(self) -> None:
+        """Drops what was kept."""
+        self._drop(len(self._rest))
+
+    def _next(self) -> tuple[FrameFormat, bytes] | None:
+        begins = len(self._rest)  # where a frame may begin that is not whole yet
+        for at in range(len(self._rest)):
+            for form in self._formats:
+                if form.fits(self._rest, at):
+                    self._drop(at)
+                    frame = bytes(self._rest[: form.length])
+                    del self._rest[: form.length]
+                    return form, frame
+                if at < begins and len(self._rest) < at + form.length and form.may_begin(self._rest, at):
+                    begins = at
+        self._drop(begins)
+        return None
+
+    def _drop(self, count: int) -> None:
+        if count:
+            self.last_dropped = bytes(self._rest[:count])
+            self.dropped += count
+            del self._rest[:count]
+
+
+@lru_cache(maxsize=8)
+def _crc16_table(polynomial: int, reflected: bool) -> tuple[int, ...]:
+    table = []
+    for byte in range(256):
+        if reflected:
+            crc, mirrored = byte, _mirrored(polynomial, 16)
+            for _ in range(8):
+                crc = crc >> 1 ^ (mirrored if crc & 1 else 0)
+        else:
+            crc = byte << 8
+            for _ in range(8):
+                crc = crc << 1 & 0xFFFF ^ (polynomial if crc & 0x8000 else 0)
+        table.append(crc)
+    return tuple(table)
+
+
+def _mirrored(value: int, bits: int) -> int:
+    return int(f"{value:0{bits}b}"[::-1], 2)
