@@ -36,7 +36,7 @@ from bench.store.writer import RunWriter
 from drivers.can_counter.description import CounterOptions
 from drivers.can_options import text_of
 from drivers.can_telemetry.description import TelemetryOptions
-from drivers.modbus_chamber.description import ModbusChamberOptions
+from drivers.fields import DocumentFile
 
 SCENARIO_COPY = "scenario.yaml"
 CALLED = "called"  # the folder of sequences that the one of a run calls
@@ -176,11 +176,12 @@ def _keep_inputs(prepared: PreparedRun, folder: Path) -> dict[str, str]:
     if prepared.scenario is not None:
         copies[SCENARIO_COPY] = prepared.scenario.text
     copies |= {f"{CALLED}/{document.path.name}": document.text for document in called}
-    for entry in prepared.loaded.bench.devices.values():
+    for role, entry in prepared.loaded.bench.devices.items():
         if isinstance(entry.options, CounterOptions | TelemetryOptions):
             copies[entry.options.dbc.name] = text_of(entry.options.dbc)
-        elif isinstance(entry.options, ModbusChamberOptions):
-            copies[entry.options.profile.path.name] = entry.options.profile.path.read_text("utf-8")
+        for document in (each for each in vars(entry.options).values() if isinstance(each, DocumentFile)):
+            name, text = document.path.name, document.path.read_text("utf-8")
+            copies[name if copies.get(name, text) == text else f"{role}_{name}"] = text
     if called:
         (folder / CALLED).mkdir()
     for name, text in copies.items():

@@ -55,6 +55,14 @@ def schema_of_scenarios() -> None:
     _print(scenario_schema())
 
 
+@schemas.command("table-profile")
+def schema_of_table_profiles() -> None:
+    """Print the JSON Schema of the files that describe the frames of a rate table or a head."""
+    from bench.config.schema import table_profile_schema
+
+    _print(table_profile_schema())
+
+
 def _print(schema: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(schema, ensure_ascii=False, indent=2) + "\n")
 

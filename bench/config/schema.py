@@ -20,6 +20,7 @@ from bench.config.models import BenchFile
 from bench.config.scenario import ScenarioFile
 from drivers.description import DriverDescription, known_drivers
 from drivers.fields import UNIT_KEYWORD
+from drivers.framed.profile import FrameProfile
 from drivers.modbus_chamber.profile import ChamberProfile
 
 Schema = dict[str, Any]
@@ -42,9 +43,9 @@ def chamber_profile_schema() -> Schema:
     return schema_of(ChamberProfile, ())[0]
 
 
-def scenario_schema() -> Schema:
-    """The schema of the files of faults that are played on simulated instruments."""
-    return schema_of(ScenarioFile, ())[0]
+def table_profile_schema() -> Schema:
+    """The schema of the files that describe the frames of a table or a head."""
+    return schema_of(FrameProfile, ())[0]
 
 
 def schema_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
@@ -26,7 +27,7 @@ from drivers.framed.parts import (
     Place,
     RateNumber,
 )
-from drivers.framed.wire import ByteOrder, Checksum, FrameFormat, NumberFormat
+from drivers.framed.wire import ByteOrder, FrameFormat, NumberFormat
 from drivers.wording import problem_at
 
 Meaning = Annotated[str, Field(min_length=1, max_length=80)]
@@ -159,15 +160,13 @@ class FrameProfile(StrictModel):
         """How a number is written."""
         return number.form(self.byte_order)
 
-    def format(self, name: str) -> FrameFormat:
-        """How a frame is written, by its place in the file."""
-        shape = self.shape(name)
-        fixed = [(0, shape.header or self.header), *((each.at, each.bytes) for each in shape.constants)]
-        return FrameFormat(name, shape.length, tuple(fixed), self._sum(), self.trailer)
-
     def shape(self, name: str) -> FrameShape:
         """A frame by its place in the file: `status`, `request` or the name of a command."""
-        return self._shapes()[name]
+        return self._shapes[name]
+
+    def format(self, name: str) -> FrameFormat:
+        """How it is written."""
+        return self._formats[name]
 
     def command_names(self) -> list[str]:
         """The commands that it has."""
@@ -179,9 +178,15 @@ class FrameProfile(StrictModel):
         fixed = ", ".join(f"{data.hex(' ').upper()} at {at}" for at, data in status.fixed)
         return f"frames of {status.length} bytes with {fixed}, {self.checksum.kind}"
 
-    def _sum(self) -> Checksum:
-        return self.checksum.of(self.byte_order)
+    @cached_property
+    def _formats(self) -> dict[str, FrameFormat]:
+        checksum, found = self.checksum.of(self.byte_order), {}
+        for name, shape in self._shapes.items():
+            fixed = [(0, shape.header or self.header), *((each.at, each.bytes) for each in shape.constants)]
+            found[name] = FrameFormat(name, shape.length, tuple(fixed), checksum, self.trailer)
+        return found
 
+    @cached_property
     def _shapes(self) -> dict[str, FrameShape]:
         shapes = {name: getattr(self.commands, name) for name in self.command_names()}
         return shapes | {"status": self.status} | ({"request": self.request} if self.request is not None else {})
@@ -204,7 +209,7 @@ class FrameProfile(StrictModel):
 
     def _misplaced(self) -> Iterator[InitErrorDetails]:
         """What stands where something else does, or beyond the end of its frame."""
-        for name, shape in self._shapes().items():
+        for name, shape in self._shapes.items():
             at: Where = (name,) if name in ("status", "request") else ("commands", name)
             form = self.format(name)
             end, header = form.checksum_at, shape.header or self.header
@@ -218,7 +223,7 @@ class FrameProfile(StrictModel):
     def _alike(self) -> Iterator[InitErrorDetails]:
         """Frames that are sent to the controller and that nothing tells apart."""
         told: dict[tuple[int, frozenset[tuple[int, int]]], str] = {}
-        for name in (each for each in self._shapes() if each != "status"):
+        for name in (each for each in self._shapes if each != "status"):
             form = self.format(name)
             bytes_at = frozenset((at + index, byte) for at, data in form.fixed for index, byte in enumerate(data))
             if before := told.get((form.length, bytes_at)):

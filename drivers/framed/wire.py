@@ -45,7 +45,7 @@ class NumberFormat:
         raw: Raw = (value - self.offset) / self.scale
         try:
             kept: Raw = struct.unpack(self._code, struct.pack(self._code, raw if self._is_float else round(raw)))[0]
-        except (struct.error, ValueError) as problem:
+        except (struct.error, ValueError, OverflowError) as problem:
             raise OverflowError(f"{value:g} does not fit {self.type}") from problem
         return kept
 
