@@ -129,7 +129,7 @@ class SimulatedFrames:
         moving, swings = self._axis.moving(now), self.mode == "sine"
         holds = {
             "enabled": self.enabled, "homed": self.homed, "moving": moving, "remote": self.remote,
-            "in_position": not moving, "at_sine": swings and self._axis.done(now),
+            "in_position": not moving, "at_sine": swings and moving and self._axis.done(now),
             "emergency_stop": self.emergency_stop,
         }  # fmt: skip
         found: dict[int, int] = {}
@@ -175,18 +175,18 @@ class SimulatedFrames:
     def _move(self, frame: bytes) -> None:
         if not self._ready():
             return
-        self.mode, self.target_deg = "position", self._value("move", "angle", frame, 0.0)
+        self.mode, self.target_deg = "position", self._value("move", "angle", frame)
         here_deg, target_deg = self._axis.encoder_deg(self._world.now()), self.target_deg
         if self.profile.angle_wraps:
             target_deg = here_deg + math.remainder(target_deg - here_deg, TURN_DEG)
         if not self.faults.active("stuck"):
-            rate_dps = self._value("move", "rate", frame, RATE_DPS)
+            rate_dps = abs(self._value("move", "rate", frame)) or RATE_DPS
             self._world.move(target_deg, rate_dps, self._acceleration("move", frame), self._role)
 
     def _turn(self, frame: bytes) -> None:
         if not self._ready():
             return
-        self.mode, self.target_dps = "rate", self._value("rate", "rate", frame, 0.0)
+        self.mode, self.target_dps = "rate", self._value("rate", "rate", frame)
         if not self.faults.active("stuck"):
             self._world.turn(self.target_dps, self._acceleration("rate", frame), self._role)
 
@@ -194,9 +194,9 @@ class SimulatedFrames:
         if not self._ready():
             return
         self.mode = "sine"
-        amplitude_deg = self._value("sine", "amplitude", frame, 0.0)
-        frequency_hz = self._value("sine", "frequency", frame, 0.0)
-        if not self.faults.active("stuck"):
+        amplitude_deg = self._value("sine", "amplitude", frame)
+        frequency_hz = self._value("sine", "frequency", frame)
+        if not self.faults.active("stuck") and amplitude_deg > 0 and frequency_hz > 0:
             self._world.swing(
                 Slew(0.0, amplitude_deg, amplitude_deg / RUN_UP_S), Slew(0.0, frequency_hz, frequency_hz / RUN_UP_S),
                 0.0, self._role,
@@ -206,13 +206,13 @@ class SimulatedFrames:
         return self.enabled and self.homed and not self._latched and not self.emergency_stop
 
     def _acceleration(self, name: str, frame: bytes) -> float:
-        return self._value(name, "acceleration", frame, ACCELERATION_DPS2)
+        return abs(self._value(name, "acceleration", frame)) or ACCELERATION_DPS2
 
-    def _value(self, name: str, key: str, frame: bytes, otherwise: float) -> float:
-        """A value of a command, where its frame has a place for it."""
+    def _value(self, name: str, key: str, frame: bytes) -> float:
+        """A value of a command; 0 where its frame has no place for it."""
         number: Number | None = getattr(self.profile.shape(name), key)
         if number is None:
-            return otherwise
+            return 0.0
         form = self.profile.number(number)
         return form.value(form.read(frame))
 

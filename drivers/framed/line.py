@@ -166,7 +166,7 @@ class FramedLine:
         except TimeoutError:
             self._silences += 1
             if self._silences >= SILENCES and not self._at_a_port:
-                stream.close()
+                stream.close("nobody answered any more")
             raise self._silence(stream, sent, dropped, repeated) from None
         except ConnectionError as problem:
             raise LinkLost(self._device, str(problem), sent=sent) from problem
@@ -213,8 +213,10 @@ class FramedLine:
     # The life of the wire
 
     async def _connect(self) -> None:
+        why = ""
         if self._stream is not None:
             self._stream.close()
+            why = self._stream.lost
         try:
             self._stream = await self._wires.stream(self._device, self._address, self._new_stream)
             self._doubtful, self._silences, self._told = self._address.is_serial_line, 0, (0, 0)
@@ -226,6 +228,8 @@ class FramedLine:
             self._failures, self._next_attempt_s = self._failures + 1, _now_s() + pause_s
             raise
         self._failures, self._next_attempt_s = 0, -math.inf
+        if why:
+            self._note(f"connected and identified again at {self._address}: {why}")
 
     async def _revive(self) -> None:
         """Connects again, unless it is not time yet."""
@@ -234,9 +238,7 @@ class FramedLine:
             raise LinkLost(self._device, "is not connected")
         if wait_s > 0:
             raise LinkLost(self._device, f"is not connected; the next attempt is in {wait_s:.1f} s")
-        why = self._opened().lost
         await self._connect()
-        self._note(f"connected and identified again at {self._address}: {why}")
 
     def _new_stream(self) -> StatusStream:
         return StatusStream(self._device, self._profile.format("status"), self._reader, self._period_s)

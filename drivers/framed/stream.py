@@ -82,9 +82,9 @@ class StatusStream(asyncio.Protocol):
         self.strays = 0
         self._splitter.forget()
 
-    def close(self) -> None:
+    def close(self, why: str = "the connection was closed by this program") -> None:
         """Closes the connection; closing twice is harmless."""
-        self.lost = self.lost or "the connection was closed by this program"
+        self.lost = self.lost or why
         if self._transport is not None:
             self._transport.close()
 

@@ -16,12 +16,14 @@ from bench.config.load import load_file
 from bench.config.models import BenchFile
 from drivers.description import IdentityPin, known_drivers
 from drivers.fields import DocumentFile
+from drivers.framed.profile import FrameProfile
 from drivers.modbus_chamber.profile import ChamberProfile
 from drivers.transport.address import Address
 from simulators.faults import FaultPlan
 from tests.support.runs import ROOT
 
 PROFILE = ROOT / "config/chambers/fictional.yaml"
+FRAMES = ROOT / "config/tables/fictional.yaml"
 Vary = Callable[[Laboratory, Any, Any, int], Awaitable[object]]
 """Given the laboratory, a second driver of the instrument on a good line, the one that is tried, and which trial."""
 
@@ -69,8 +71,7 @@ class Case:
         update: dict[str, Any] = {"connection": Address.parse(self.connection)} if self.connection else {}
         if self.driver:
             options = known_drivers()[self.driver].options.model_validate(dict(self.options))
-            identity = IdentityPin(serial=entry.identity.serial)
-            update |= {"driver": self.driver, "options": options, "identity": identity}
+            update |= {"driver": self.driver, "options": options, "identity": IdentityPin()}
         return entry.model_copy(update=update)
 
     @cached_property
@@ -144,6 +145,17 @@ def _chamber(
     )  # fmt: skip
 
 
+def _framed(connection: str) -> Case:
+    """A rate table that speaks in frames in the place of the one of the demonstration bench."""
+    options = {
+        "profile": DocumentFile(FRAMES, load_file(FRAMES, FrameProfile)), "answer_timeout": "0.5 s", "rate": "20 °/s",
+        "acceleration": "1000 °/s²", "settle": {"band": "1 arcsec", "hold": "1 s"},
+    }  # fmt: skip
+    return Case(
+        "gyro", "table", _angle, 0.5, 5.0, checked=True, connection=connection, driver="framed_table", options=options
+    )
+
+
 _PORT = "sim+serial:///dev/ttyS0?baud=9600"
 _THERMOMETERS = {
     "channels": {"air": {"channel": 101, "sensor": "rtd"}, "wall": {"channel": 102, "sensor": "tc", "type": "K"}}
@@ -190,4 +202,6 @@ CASES = {
     "keithley_6220": Case("simulated", "source", _current, 2.0, 6.0),
     "fluke_5700a": Case("channel", "source", _current, 5.0, 10.0, moving=frozenset({"on_time"})),
     "acutronic_acl": Case("gyro", "table", _angle, 1.0, 4.0),
+    "framed_table, TCP": _framed("sim+tcp://127.0.0.1:9000"),
+    "framed_table, serial": _framed("sim+serial:///dev/ttyS0?baud=115200"),
 }

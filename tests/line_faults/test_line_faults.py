@@ -11,6 +11,7 @@ from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME, BenchLoop, run
 from drivers.acutronic_acl import wire as acl
 from drivers.description import known_drivers
 from drivers.errors import NoAnswer
+from drivers.framed.wire import FrameFormat
 from drivers.transport.exchange import LineExchange
 from drivers.transport.memory import Line
 from drivers.transport.modbus import ModbusLink
@@ -126,6 +127,15 @@ def test_a_client_that_writes_registers_again_is_caught(monkeypatch: pytest.Monk
     monkeypatch.setattr(ModbusLink, "write", stubborn)
     tally = play_orders("watlow_f4t, RTU", 24, 1, [LineFault.SILENCE])
     assert any("was sent 2 times" in sentence for sentence in tally.unexpected)
+
+
+def test_a_client_that_takes_a_frame_by_its_header_alone_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fits(self: FrameFormat, received: bytes, at: int) -> bool:
+        return len(received) >= at + self.length and self.may_begin(received, at)
+
+    monkeypatch.setattr(FrameFormat, "fits", fits)
+    tally = play("table", CASES["framed_table, TCP"], 60, 1, [LineFault.FLIP])
+    assert tally.outcomes["wrong"] > 0
 
 
 # The line itself

@@ -1,0 +1,527 @@
+"""The driver of a described rate table against the simulated one, in virtual time; asked, and sending by itself."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import pytest
+
+from drivers.capabilities import CAPABILITIES, Approach, Positioner, RateTable
+from drivers.description import IdentityPin, known_drivers
+from drivers.errors import BadAnswer, BeyondLimit, InstrumentFault, NoAnswer, NotSettled, Refused, WrongIdentity
+from drivers.framed.description import HEAD, TABLE
+from drivers.framed.profile import FrameProfile
+from tests.support.framed import FICTIONAL, PLAIN, PLAIN_FILE, Framed, with_driver, with_framed
+from tests.support.table import now_s
+
+Motion = Callable[[Any], Awaitable[object]]
+MOVE: Motion = lambda driver: driver.move_to(100, approach="direct", settle_s=0)  # noqa: E731
+ROTATE: Motion = lambda driver: driver.rotate_at(50, acceleration_dps2=None)  # noqa: E731
+OSCILLATE: Motion = lambda driver: driver.oscillate(10, 0.5)  # noqa: E731
+both = pytest.mark.parametrize("profile", [FICTIONAL, PLAIN], ids=["asked", "cyclic"])
+motions = pytest.mark.parametrize("motion", [MOVE, ROTATE, OSCILLATE], ids=["move", "rotate", "oscillate"])
+
+
+def test_they_are_installed_under_their_names() -> None:
+    assert (known_drivers()["framed_head"], known_drivers()["framed_table"]) == (HEAD, TABLE)
+    assert HEAD.capabilities == {"positioner"}
+    assert TABLE.capabilities == {"positioner", "rate_table"} <= CAPABILITIES.keys()
+
+
+@both
+def test_looking_at_it_changes_nothing(profile: FrameProfile) -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        assert isinstance(driver, Positioner)
+        assert isinstance(driver, RateTable)
+        assert (await driver.poll()).keys() == {"angle", "rate"}
+        assert ((await driver.angle()).value, (await driver.rate()).value) == (0, 0)
+        assert [name for name in profile.command_names() if framed.sent(name)] == []
+
+    with_driver(use, profile)
+
+
+# Who is there
+
+
+def test_a_serial_number_that_the_status_tells_is_compared_and_one_that_it_does_not_is_stated() -> None:
+    async def told(framed: Framed) -> None:
+        async with framed.driver(IdentityPin(serial="1001")) as driver:
+            identity = await driver.identify()
+            assert (identity.maker, identity.model, identity.serial) == ("Fictional Instruments", "FT-3", "1001")
+            assert identity.verified
+            assert identity.fingerprint == "frames of 32 bytes with AA 55 at 0, 90 at 2, crc16"
+        with pytest.raises(WrongIdentity, match="serial is '1001', the bench file says '1002'"):
+            await framed.driver(IdentityPin(serial="1002")).__aenter__()
+
+    async def stated(framed: Framed) -> None:
+        async with framed.driver(IdentityPin(serial="A-7", maker="Somebody")) as driver:
+            identity = await driver.identify()
+            assert (identity.maker, identity.serial, identity.verified) == ("Somebody", "A-7", False)
+
+    with_framed(told)
+    with_framed(stated, PLAIN)
+
+
+def test_another_controller_in_its_place_is_refused_whatever_is_asked() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        framed.controller._serial_number = 1002
+        with pytest.raises(WrongIdentity, match="another instrument has taken its place; received 1002"):
+            await driver.rotate_at(10, acceleration_dps2=None)
+        assert framed.sent("enable") == framed.sent("rate") == 0
+
+    with_driver(use)
+
+
+def test_the_profile_says_how_the_line_is_set_unless_the_address_does() -> None:
+    async def use(framed: Framed) -> None:
+        opened: list[str] = []
+        stream = framed.wire.stream
+
+        async def noted(device: str, address: Any, factory: Any) -> Any:
+            opened.append(str(address))
+            return await stream(device, address, factory)
+
+        framed.wire.stream = noted  # type: ignore[method-assign] # a tap on a tap
+        for address in ("serial:///dev/ttyS0", "serial:///dev/ttyS0?baud=57600", "tcp://127.0.0.1:9000"):
+            async with framed.driver(address=address):
+                pass
+        assert opened == [
+            "serial:/dev/ttyS0?baud=115200&bytesize=8&parity=N&stopbits=1".replace(":/", ":///"),
+            "serial:///dev/ttyS0?baud=57600&bytesize=8&parity=N&stopbits=1",
+            "tcp://127.0.0.1:9000",
+        ]
+
+    with_framed(use)
+
+
+# Motions
+
+
+@both
+@pytest.mark.parametrize(
+    ("start_deg", "approach", "goal_deg"),
+    [(0, "direct", 270), (0, "from_below", 30), (0, "from_above", 30), (270, "direct", -30), (30, "from_below", 30)],
+)
+def test_it_goes_to_angles(profile: FrameProfile, start_deg: float, approach: Approach, goal_deg: float) -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        await driver.move_to(start_deg, approach="direct", settle_s=0)
+        assert (await driver.move_to(goal_deg, approach=approach, settle_s=1)).value == pytest.approx(
+            goal_deg, abs=1e-4
+        )
+        assert framed.angle_deg == pytest.approx(goal_deg, abs=1e-4)
+        await driver.poll()
+
+    with_driver(use, profile)
+
+
+@both
+@pytest.mark.parametrize("rate_dps", [90, -90, 0.02, 0])
+def test_it_turns_at_the_rate_it_is_told_and_counts_turns(profile: FrameProfile, rate_dps: float) -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        await driver.rotate_at(1, acceleration_dps2=None)
+        sent = framed.sent("stop")
+        await driver.rotate_at(rate_dps, acceleration_dps2=100)
+        assert framed.sent("stop") == sent  # from one rate to another it does not stop
+        assert framed.rate_dps == pytest.approx(rate_dps, abs=0.05)
+        for _ in range(6):
+            await asyncio.sleep(3.3)
+            assert (await driver.angle()).value == pytest.approx(framed.angle_deg, abs=0.5 + abs(rate_dps) * 0.05)
+        await driver.poll()
+        await driver.stop()
+        assert (framed.rate_dps, framed.moving) == (0, False)
+
+    with_driver(use, profile)
+
+
+def test_it_swings_where_the_controller_can_and_says_where_it_cannot() -> None:
+    async def swings(framed: Framed, driver: Any) -> None:
+        await driver.move_to(40, approach="direct", settle_s=0)
+        await driver.oscillate(10, 0.5)
+        assert framed.sent("sine") == 1
+        await driver.poll()
+        await asyncio.sleep(1.7)
+        assert framed.angle_deg == pytest.approx(40, abs=10)
+        await driver.stop()
+
+    async def cannot(framed: Framed, driver: Any) -> None:
+        with pytest.raises(Refused, match=r"does not swing by itself: its profile has no commands\.sine"):
+            await driver.oscillate(10, 0.5)
+        assert not framed.moving
+
+    with_driver(swings)
+    with_driver(cannot, PLAIN)
+
+
+def test_beyond_its_limits_nothing_is_sent() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        sent = len(framed.wire.requests)
+        for attempt in (driver.rotate_at(401, acceleration_dps2=None), driver.oscillate(100, 25)):
+            with pytest.raises(BeyondLimit, match="Nothing was moved"):
+                await attempt
+        assert len(framed.wire.requests) == sent
+
+    with_driver(use)
+
+
+def test_what_no_frame_holds_is_refused_before_it_is_sent() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        with pytest.raises(Refused, match=r"no frame holds this rate: 400 does not fit i16; nothing was sent"):
+            await driver.rotate_at(400, acceleration_dps2=None)
+        assert framed.sent("rate") == 1  # the zero with which RATE begins
+
+    with_driver(use, PLAIN)
+
+
+# What is read back
+
+
+@motions
+def test_a_stuck_table_is_not_settled_in_time(motion: Motion) -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        framed.faults.begin("stuck")
+        with pytest.raises(NotSettled):
+            await motion(driver)
+        assert 30 < now_s() < 45
+
+    with_driver(use)
+
+
+def test_a_controller_that_takes_another_target_than_it_was_told_is_refused() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        await driver.rotate_at(1, acceleration_dps2=None)
+        turn = framed.controller._handlers["rate"]
+
+        def limited(frame: bytes) -> None:
+            turn(frame)
+            framed.controller.target_dps = min(framed.controller.target_dps, 30.0)
+
+        framed.controller._handlers["rate"] = limited
+        words = r"took another target rate than it was told; sent rate 50 \(500000\); received 30 \(300000\)"
+        with pytest.raises(Refused, match=words):
+            await driver.rotate_at(50, acceleration_dps2=None)
+
+    with_driver(use)
+
+
+@both
+@pytest.mark.parametrize("name", ["move", "rate"])
+def test_a_command_that_never_arrived_is_not_repeated(profile: FrameProfile, name: str) -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        motion = MOVE if name == "move" else ROTATE
+        await motion(driver)
+        sent = framed.sent(name)
+        framed.wire.lose = framed.is_a(name)
+        with pytest.raises(NotSettled):
+            await (
+                driver.move_to(10, approach="direct", settle_s=0)
+                if name == "move"
+                else driver.rotate_at(20, acceleration_dps2=None)
+            )
+        assert framed.sent(name) == sent + 1
+
+    with_driver(use, profile)
+
+
+def test_a_motor_that_stays_off_is_refused() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        framed.wire.lose = framed.is_a("enable")
+        with pytest.raises(Refused, match="the motor stays off; sent enable; received disabled, at rest, mode off"):
+            await driver.rotate_at(50, acceleration_dps2=None)
+        assert (framed.sent("enable"), framed.sent("rate")) == (1, 0)
+
+    with_driver(use)
+
+
+def later(framed: Framed, name: str) -> None:
+    """From now on a command takes effect after 18 ms, within the `reaction` of the profile."""
+    act, loop = framed.controller._handlers[name], asyncio.get_running_loop()
+    framed.controller._handlers[name] = lambda frame: loop.call_later(0.018, act, frame)
+
+
+def test_a_status_of_before_a_command_is_not_taken_for_one_after_it() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        later(framed, "enable")
+        await driver.rotate_at(50, acceleration_dps2=None)
+        await driver.stop()
+        later(framed, "rate")
+        framed.wire.lose = framed.is_a("stop")
+        await driver._axis._controller.line.order("rate", [(FICTIONAL.number(FICTIONAL.commands.rate.rate), 500_000)])
+        with pytest.raises(NoAnswer, match="is not proved safe"):
+            await driver.make_safe()
+        assert framed.moving
+
+    with_driver(use)
+
+
+def test_a_command_that_waits_for_its_turn_is_not_sent_when_the_table_is_made_safe() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        line = driver._axis._controller.line
+        framed.faults.begin("silent")
+        looking = asyncio.create_task(line.status())
+        await asyncio.sleep(0.1)
+        waiting = asyncio.create_task(line.order("enable"))
+        await asyncio.sleep(0.1)
+        framed.faults._starts_s.clear()
+        await driver.make_safe()
+        with pytest.raises(Refused, match="not sent, the instrument is being made safe; sent enable aa 55 20 01"):
+            await waiting
+        with pytest.raises(Refused, match="cut short"):
+            await looking
+        assert framed.sent("enable") == 0
+
+    with_driver(use)
+
+
+# Faults, and other hands
+
+
+@motions
+def test_a_latched_fault_is_named_and_never_cleared(motion: Motion) -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        await motion(driver)
+        framed.controller.trip(1)
+        words = "tells of a fault: .*overspeed.*clear the fault at the controller"
+        for attempt in (driver.poll, lambda: motion(driver), driver.stop):
+            with pytest.raises(InstrumentFault, match=words):
+                await attempt()
+        await driver.make_safe()
+        assert framed.sent("clear_fault") == framed.sent("home") == framed.sent("disable") == 0
+
+    with_driver(use)
+
+
+@motions
+def test_an_emergency_stop_ends_a_motion(motion: Motion) -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        asyncio.get_running_loop().call_later(0.65, framed.controller.press_emergency_stop)
+        with pytest.raises(InstrumentFault, match="emergency stop"):
+            await motion(driver)
+        assert now_s() < 0.9
+        await asyncio.sleep(1)
+        assert not framed.moving
+
+    with_driver(use)
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value", "problem"),
+    [("enabled", False, "was switched off"), ("mode", "off", "is in mode Off, it was told Rate"),
+     ("mode", "sine", "is in mode Synthesis, it was told Rate"), ("remote", False, "somebody has taken control")],
+)  # fmt: skip
+def test_what_others_do_to_it_is_a_fault_within_one_poll(attribute: str, value: Any, problem: str) -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        await ROTATE(driver)
+        setattr(framed.controller, attribute, value)
+        with pytest.raises(InstrumentFault, match=problem):
+            await driver.poll()
+
+    with_driver(use)
+
+
+def test_another_rate_than_it_was_told_is_a_fault() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        await ROTATE(driver)
+        framed.elsewhere("rate", rate=60)
+        await asyncio.sleep(2)
+        with pytest.raises(InstrumentFault, match="does not turn at 50 °/s"):
+            await driver.poll()
+
+    with_driver(use, PLAIN)
+
+
+def test_an_axis_that_was_not_homed_does_not_move() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        with pytest.raises(InstrumentFault, match=r"has not been homed.*Home it at the controller"):
+            await MOVE(driver)
+        assert framed.sent("move") == framed.sent("home") == 0
+
+    with_driver(use, homed=False)
+
+
+# A line that loses, and one that is silent
+
+
+@both
+def test_the_same_status_again_and_again_is_a_silence(profile: FrameProfile) -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        await ROTATE(driver)
+        framed.controller.stale = True
+        await asyncio.sleep(1)
+        start_s = now_s()
+        with pytest.raises(NoAnswer, match=r"only the same status again and again for 0\.5 s"):
+            await driver.poll()
+        assert now_s() - start_s < 1.2
+        framed.controller.stale = False
+        await driver.poll()
+
+    with_driver(use, profile)
+
+
+def test_statuses_that_do_not_come_are_counted_and_told_once_a_minute() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        framed.controller.loses = 5
+        for _ in range(130):
+            await driver.poll()
+            await asyncio.sleep(1)
+        missing = [int(note.rpartition("; ")[2].split()[0]) for note in framed.notes]
+        assert len(missing) in (2, 3)
+        assert missing[1] - missing[0] == pytest.approx(60 / 0.02 / 5, rel=0.1)
+        assert all("0 bytes belonged to no frame" in note for note in framed.notes)
+
+    with_driver(use, PLAIN)
+
+
+@both
+def test_other_bytes_are_dropped_counted_and_told(profile: FrameProfile) -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        say = framed.wire.alter
+        framed.wire.alter = lambda request, answer: b"\x01\x02\x03" + say(request, answer) if answer else answer
+        await driver.poll()
+        await driver.poll()
+        assert len(framed.notes) == 1
+        assert "bytes belonged to no frame, the last 01 02 03" in framed.notes[0]
+
+    with_driver(use, profile)
+
+
+@both
+def test_bytes_that_make_no_frame_are_quoted(profile: FrameProfile) -> None:
+    async def use(framed: Framed) -> None:
+        framed.wire.alter = lambda _request, answer: b"\x01" * 9 if answer else answer
+        with pytest.raises(
+            NoAnswer, match=r"no status within 0\.5 s.*received \d+ bytes that belong to no frame, 01 01"
+        ):
+            await framed.driver().__aenter__()
+
+    with_framed(use, profile)
+
+
+@both
+def test_silence_is_reported_in_time_and_it_is_found_again(profile: FrameProfile) -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        await ROTATE(driver)
+        framed.faults.begin("silent")
+        start_s = now_s()
+        with pytest.raises(NoAnswer, match=r"no status within 0\.5 s"):
+            await driver.poll()
+        with pytest.raises(NoAnswer):
+            await driver.make_safe()
+        assert now_s() - start_s < 5.6
+        framed.faults._starts_s.clear()
+        await asyncio.sleep(2)
+        await driver.make_safe()
+        assert not framed.moving
+        assert any(note.startswith("connected and identified again") for note in framed.notes)
+
+    with_driver(use, profile)
+
+
+@both
+def test_a_lost_connection_is_opened_again_and_a_command_does_not_open_it(profile: FrameProfile) -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        await ROTATE(driver)
+        framed.wire.drop()
+        await asyncio.sleep(0.1)
+        await driver.poll()
+        assert len(framed.wire.connections) == 2
+        framed.wire.drop()
+        await asyncio.sleep(0.1)
+        await driver.make_safe()
+        assert not framed.moving
+
+    with_driver(use, profile)
+
+
+def test_a_profile_that_says_request_of_a_controller_that_sends_by_itself_is_told() -> None:
+    asked = FrameProfile.model_validate(
+        {key: value for key, value in PLAIN_FILE.items() if key != "cyclic"}
+        | {"request": {"length": 5, "constants": [{"at": 1, "bytes": "09"}]}}
+    )
+
+    async def use(framed: Framed) -> None:
+        framed.profile = asked
+        with pytest.raises(BadAnswer, match=r"does not stop talking within 5 s.*cyclic, not request"):
+            await framed.driver(address="socket://127.0.0.1:4001").__aenter__()
+
+    with_framed(use, PLAIN)
+
+
+# Where commands are answered
+
+ANSWERED = FICTIONAL.model_copy(update={"commands_answered": True})
+
+
+@motions
+def test_a_controller_that_answers_commands(motion: Motion) -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        await motion(driver)
+        await driver.stop()
+        await driver.make_safe()
+        assert not framed.moving
+
+    with_driver(use, ANSWERED)
+
+
+@pytest.mark.parametrize("answer", [b"", b"\xaa\x55\x90"], ids=["none", "cut"])
+def test_a_command_whose_answer_is_lost_is_sent_once_and_decided_by_what_is_read_back(answer: bytes) -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        is_turn = framed.is_a("rate")
+        framed.wire.alter = lambda request, good: answer if is_turn(request) else good
+        await ROTATE(driver)
+        assert framed.rate_dps == 50
+        assert framed.sent("rate") == 2
+
+    with_driver(use, ANSWERED)
+
+
+# The safe state
+
+
+@both
+def test_making_safe_stops_at_once_while_a_status_is_waited_for(profile: FrameProfile) -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        await ROTATE(driver)
+        framed.faults.begin("silent")
+        looking = asyncio.create_task(driver.poll())
+        await asyncio.sleep(0.2)
+        framed.faults._starts_s.clear()
+        start_s = now_s()
+        await driver.make_safe()
+        assert now_s() - start_s < 2
+        assert not framed.moving
+        with pytest.raises(Refused, match="cut short"):
+            await looking
+
+    with_driver(use, profile)
+
+
+def test_a_table_that_does_not_stop_is_not_proved_safe() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        await ROTATE(driver)
+        framed.wire.lose = framed.is_a("stop")
+        start_s = now_s()
+        with pytest.raises(NoAnswer, match="is not proved safe within 5 s"):
+            await driver.make_safe()
+        assert now_s() - start_s == pytest.approx(5)
+        with pytest.raises(NotSettled, match="still turns after a stop"):
+            await driver.stop()
+
+    with_driver(use)
+
+
+@both
+def test_a_motion_is_over_whenever_it_is_made_safe(profile: FrameProfile) -> None:
+    for after_s in (0.0, 0.001, 0.02, 0.03, 0.05, 0.3, 0.53, 0.57, 0.6, 0.65, 0.8, 0.9):
+
+        async def use(framed: Framed, driver: Any, after_s: float = after_s) -> None:
+            motion = asyncio.create_task(driver.rotate_at(90, acceleration_dps2=None))
+            await asyncio.sleep(after_s)
+            await driver.make_safe()
+            assert not framed.moving
+            turns = framed.sent("rate")
+            with pytest.raises(Refused):
+                await motion
+            await asyncio.sleep(5)
+            assert (framed.moving, framed.sent("rate")) == (False, turns)
+
+        with_driver(use, profile)
