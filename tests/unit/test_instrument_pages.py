@@ -9,10 +9,14 @@ from bench.config.devices import DeviceEntry
 from bench.config.document import parse_document
 from bench.config.load import load_file
 from drivers.description import known_drivers
+from drivers.framed.profile import FrameProfile
+from drivers.modbus_chamber.profile import ChamberProfile
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs/instruments"
-PROFILE = ROOT / "config/chambers/fictional.yaml"  # stands for the one that a page names
+PROFILES = {  # each stands for the one that a page names
+    ChamberProfile: ROOT / "config/chambers/fictional.yaml", FrameProfile: ROOT / "config/tables/fictional.yaml",
+}  # fmt: skip
 PAGES = sorted(page for page in FOLDER.glob("*.md") if page.stem in known_drivers())
 EXPECTED = (
     "acutronic_acl",
@@ -38,7 +42,7 @@ def test_every_driver_has_a_page_and_a_line_in_the_index() -> None:
 def test_every_example_is_a_device_of_this_driver(page: Path) -> None:
     examples = EXAMPLE.findall(page.read_text("utf-8"))
     assert examples
-    context = {"folder": FOLDER, "files_needed": False, "load": lambda _path, model: load_file(PROFILE, model)}
+    context = {"folder": FOLDER, "files_needed": False, "load": lambda _path, model: load_file(PROFILES[model], model)}
     for example in examples:
         for device in parse_document(example, page).value.values():
             assert DeviceEntry.model_validate(device, context=context).driver == page.stem
