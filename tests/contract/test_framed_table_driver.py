@@ -2,13 +2,25 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from drivers.capabilities import CAPABILITIES, Approach, Positioner, RateTable
 from drivers.description import IdentityPin, known_drivers
-from drivers.errors import BadAnswer, BeyondLimit, InstrumentFault, NoAnswer, NotSettled, Refused, WrongIdentity
+from drivers.errors import (
+    BadAnswer,
+    BeyondLimit,
+    CannotConnect,
+    InstrumentFault,
+    LinkLost,
+    NoAnswer,
+    NotSettled,
+    Refused,
+    WrongIdentity,
+)
+from drivers.fields import DocumentFile
 from drivers.framed.description import HEAD, TABLE
 from drivers.framed.profile import FrameProfile
 from tests.support.framed import FICTIONAL, PLAIN, PLAIN_FILE, Framed, with_driver, with_framed
@@ -125,7 +137,7 @@ def test_it_turns_at_the_rate_it_is_told_and_counts_turns(profile: FrameProfile,
         assert framed.rate_dps == pytest.approx(rate_dps, abs=0.05)
         for _ in range(6):
             await asyncio.sleep(3.3)
-            assert (await driver.angle()).value == pytest.approx(framed.angle_deg, abs=0.5 + abs(rate_dps) * 0.05)
+            assert (await driver.angle()).value == pytest.approx(framed.angle_deg, abs=0.5 + abs(rate_dps) * 0.1)
         await driver.poll()
         await driver.stop()
         assert (framed.rate_dps, framed.moving) == (0, False)
@@ -338,6 +350,24 @@ def test_an_axis_that_was_not_homed_does_not_move() -> None:
     with_driver(use, homed=False)
 
 
+def test_a_head_that_does_not_obey_the_line_is_a_fault() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        await driver.move_to(10, approach="from_below", settle_s=0)
+        framed.controller.remote = False
+        with pytest.raises(InstrumentFault, match=r"does not obey this line.*Switch it to remote"):
+            await driver.poll()
+
+    with_driver(use, FICTIONAL, HEAD)
+
+
+def test_a_profile_that_is_gone_is_told() -> None:
+    async def use(framed: Framed) -> None:
+        with pytest.raises(CannotConnect, match=r"the profile gone\.yaml of its controller is gone"):
+            framed.driver(profile=DocumentFile(Path("gone.yaml"), None))
+
+    with_framed(use)
+
+
 # A line that loses, and one that is silent
 
 
@@ -365,7 +395,7 @@ def test_statuses_that_do_not_come_are_counted_and_told_once_a_minute() -> None:
             await asyncio.sleep(1)
         missing = [int(note.rpartition("; ")[2].split()[0]) for note in framed.notes]
         assert len(missing) in (2, 3)
-        assert missing[1] - missing[0] == pytest.approx(60 / 0.02 / 5, rel=0.1)
+        assert missing[1] - missing[0] == pytest.approx(60 / 0.05 / 5, rel=0.1)
         assert all("0 bytes belonged to no frame" in note for note in framed.notes)
 
     with_driver(use, PLAIN)
@@ -444,6 +474,69 @@ def test_a_profile_that_says_request_of_a_controller_that_sends_by_itself_is_tol
             await framed.driver(address="socket://127.0.0.1:4001").__aenter__()
 
     with_framed(use, PLAIN)
+
+
+def test_after_failures_it_is_connected_again_with_growing_pauses() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        framed.wire.drop()
+        framed.wire.broken = True
+        await asyncio.sleep(0.1)
+        with pytest.raises(CannotConnect):
+            await driver.poll()
+        for pause_s in (1, 2, 4):
+            with pytest.raises(LinkLost, match=rf"is not connected; the next attempt is in {pause_s}\.0 s"):
+                await driver.poll()
+            await asyncio.sleep(pause_s)
+            with pytest.raises(CannotConnect):
+                await driver.poll()
+        framed.wire.broken = False
+        await asyncio.sleep(8)
+        await driver.poll()
+
+    async def left(framed: Framed) -> None:
+        async with framed.driver() as driver:
+            pass
+        with pytest.raises(LinkLost, match="is not connected"):
+            await driver.poll()
+        with pytest.raises(LinkLost, match="is not connected"):
+            await framed.driver().poll()
+
+    with_driver(use)
+    with_framed(left)
+
+
+def test_a_connection_that_is_lost_while_a_status_is_waited_for_is_told() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        framed.faults.begin("silent")
+        looking = asyncio.create_task(driver.poll())
+        await asyncio.sleep(0.2)
+        framed.wire.drop()
+        with pytest.raises(LinkLost, match=r"the connection was closed .*; sent request aa 55 10"):
+            await looking
+        with pytest.raises(LinkLost, match=r"the connection was closed .*; sent stop aa 55 23"):
+            await driver.stop()
+
+    with_driver(use)
+
+
+FLOATS = FrameProfile.model_validate(
+    PLAIN_FILE | {"gap": "5 ms", "status": PLAIN_FILE["status"] | {"angle": {"at": 2, "type": "f32", "scale": "1°"}}}
+)
+
+
+def test_an_angle_that_is_no_number_is_an_error_and_frames_keep_their_distance() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        line, heard_at_s = driver._axis._controller.line, list[float]()
+        framed.wire.lose = lambda _request: heard_at_s.append(now_s()) is not None
+        await line.order("stop")
+        await line.order("stop")
+        assert heard_at_s[1] - heard_at_s[0] == pytest.approx(0.005)
+        framed.controller._read = lambda: (float("nan"), 0.0)
+        await asyncio.sleep(0.1)
+        with pytest.raises(BadAnswer, match=r"a status with a number that is none: nan at 2; received fa"):
+            await driver.poll()
+
+    with_driver(use, FLOATS)
 
 
 # Where commands are answered

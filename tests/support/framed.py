@@ -21,7 +21,7 @@ from tests.support.table import LIMITS
 FICTIONAL = FRAMES
 PLAIN_FILE: dict[str, Any] = {
     "schema": "itb-table/1", "maker": "Nobody", "model": "Plain", "source": "made up", "byte_order": "big",
-    "header": "FA", "trailer": "0D", "checksum": {"kind": "sum8", "from": 1}, "cyclic": {"period": "20 ms"},
+    "header": "FA", "trailer": "0D", "checksum": {"kind": "sum8", "from": 1}, "cyclic": {"period": "50 ms"},
     "reaction": "30 ms", "angle_wraps": True,
     "status": {
         "length": 12, "counter": {"at": 1}, "angle": {"at": 2, "type": "i32", "scale": "0.36 arcsec"},

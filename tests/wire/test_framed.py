@@ -4,7 +4,7 @@ import struct
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.framed.status import StatusReader
@@ -97,6 +97,7 @@ def test_a_number_that_is_none_is_not_read(data: bytes) -> None:
         NumberFormat(0, "f32").read(data)
 
 
+@settings(max_examples=40)
 @given(st.integers(-(2**31), 2**31 - 1), st.sampled_from([0.0001, 0.36 / 3600, 1e-6, 360 / 2**24]))
 def test_what_was_read_is_written_as_it_was(raw: int, scale: float) -> None:
     form = NumberFormat(0, "i32", scale=scale)
@@ -207,6 +208,7 @@ def test_what_was_begun_can_be_forgotten() -> None:
     assert splitter.feed(GOOD[4:] + GOOD) == [(FORM, GOOD)]
 
 
+@settings(max_examples=40)
 @given(st.lists(st.one_of(st.binary(max_size=20), st.integers(0, 2**32 - 1)), max_size=12), st.integers(1, 40))
 def test_every_frame_is_found_among_other_bytes_and_none_that_was_not_sent(
     pieces: list[bytes | int], portion: int
