@@ -72,7 +72,9 @@ class InstrumentProtocol(asyncio.Protocol):
 
     def _say_now(self, answer: Callable[[], bytes]) -> None:
         if self._transport is not None:
-            self._say(answer())
+            said = answer()
+            if not self._transport.get_write_buffer_size():  # what nobody reads is not kept for whoever comes
+                self._say(said)
 
 
 def protocol_factory(instrument: Instrument) -> Callable[[], InstrumentProtocol]:

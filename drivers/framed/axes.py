@@ -99,7 +99,7 @@ class FramedHeadAxis(_FramedAxis):
 
 
 class FramedTableAxis(_FramedAxis):
-    """A TableAxis. Where the status tells no mode, it is what the axis was last told, and OFF at first."""
+    """A TableAxis. Where the status tells no mode, it is what the axis was last told; at first, whether it moves."""
 
     def __init__(self, setup: Setup[FramedTableOptions, TableLimits, Any]) -> None:
         super().__init__(FramedController(setup, setup.options))
@@ -188,6 +188,8 @@ class FramedTableAxis(_FramedAxis):
 
     def _understood(self, status: Status) -> State:
         mode = _MODES.get(status.mode, Mode.OTHER) if status.mode else self._told
+        if not status.mode and status.moving and mode is Mode.OFF:
+            mode = Mode.OTHER
         drive = Drive.FAULT if status.faults else Drive.ON if status.enabled else Drive.OFF
         state = State(
             status.angle_deg, status.rate_dps or 0.0, drive, mode, held=not status.moving, swinging=status.at_sine,

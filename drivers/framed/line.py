@@ -220,6 +220,7 @@ class FramedLine:
         try:
             self._stream = await self._wires.stream(self._device, self._address, self._new_stream)
             self._doubtful, self._silences, self._told = self._address.is_serial_line, 0, (0, 0)
+            self._sent_at_s = _now_s()  # something on the way may hold what was sent before
             self._check(await self._look(self._stream))
         except BaseException:
             if self._stream is not None:

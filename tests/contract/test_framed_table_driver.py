@@ -330,6 +330,20 @@ def test_what_others_do_to_it_is_a_fault_within_one_poll(attribute: str, value: 
     with_driver(use)
 
 
+@both
+def test_a_table_left_turning_by_others_is_stopped_before_it_is_used(profile: FrameProfile) -> None:
+    async def use(framed: Framed) -> None:
+        framed.controller.enabled = True
+        framed.elsewhere("rate", rate=80)
+        await asyncio.sleep(3)
+        async with framed.driver() as driver:
+            await driver.poll()
+            assert (await driver.move_to(0, approach="direct", settle_s=0)).value == pytest.approx(0, abs=1e-4)
+        assert framed.sent("stop") == 1
+
+    with_framed(use, profile)
+
+
 def test_another_rate_than_it_was_told_is_a_fault() -> None:
     async def use(framed: Framed, driver: Any) -> None:
         await ROTATE(driver)
@@ -424,6 +438,30 @@ def test_bytes_that_make_no_frame_are_quoted(profile: FrameProfile) -> None:
             await framed.driver().__aenter__()
 
     with_framed(use, profile)
+
+
+def test_what_the_way_still_held_of_before_it_was_connected_is_not_looked_at() -> None:
+    async def use(framed: Framed) -> None:
+        old, stream = [framed.controller.status() for _ in range(4)], framed.wire.stream
+        framed.elsewhere("rate", rate=80)
+        await asyncio.sleep(3)
+
+        async def held(device: str, address: Any, factory: Any) -> Any:
+            client = await stream(device, address, factory)
+            transport = framed.wire.connections[-1].transport
+            assert transport is not None
+            for number, frame in enumerate(old):
+                asyncio.get_running_loop().call_later(0.003 * number, transport.write, frame)
+            return client
+
+        framed.wire.stream = held  # type: ignore[method-assign] # something that buffers on the way
+        async with framed.driver() as driver:
+            assert (await driver.rate()).value == 80
+            framed.wire.drop()
+            await asyncio.sleep(0.1)
+            assert (await driver.rate()).value == 80
+
+    with_framed(use, PLAIN)
 
 
 @both
