@@ -211,4 +211,5 @@ def _understood(told: wire.State) -> State:
         told.angle_deg, told.rate_dps, _DRIVES[told.interlock], mode,
         held=mode is Mode.OFF or told.interlock is Interlock.OPEN, swinging=SWINGING in told.dynamics,
         ours=wire.LOCKED_OUT in told.supervisor, words=f"mode {told.mode.value}",
+        stale=told.interlock is Interlock.FAULT,
     )  # fmt: skip

@@ -30,7 +30,8 @@ class State(NamedTuple):
     """One look at an axis: °, over whole turns, °/s, and what it is doing.
 
     `held` is whether nothing turns it any more: it may still be slowing down. `swinging` is whether a sine has its full
-    amplitude and frequency. `ours` is whether nobody else can command it; `words` are the controller's own.
+    amplitude and frequency. `ours` is whether nobody else can command it; `words` are the controller's own. `stale` is
+    whether a fault has frozen what is told.
     """
 
     angle_deg: float
@@ -39,12 +40,12 @@ class State(NamedTuple):
     mode: Mode
     held: bool
     swinging: bool
-    ours: bool = True
-    words: str = ""
+    ours: bool
+    words: str
+    stale: bool = False
 
     def __str__(self) -> str:
-        told = self.words or f"mode {self.mode.value}"
-        return f"{self.angle_deg:.5f}°, {self.rate_dps:.5f} °/s, {told}"
+        return f"{self.angle_deg:.5f}°, {self.rate_dps:.5f} °/s, {self.words}"
 
 
 class TableAxis(Protocol):

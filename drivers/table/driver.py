@@ -239,12 +239,12 @@ class Table:
         return state
 
     async def _come_to_rest(self) -> State:
-        """What the axis does when nothing turns it any more; NotSettled. A tripped one may tell a rate of before."""
+        """What the axis does when nothing turns it any more; NotSettled. A tripped one may tell of before for ever."""
         deadline_s = _now_s() + STOP_WITHIN_S + self._options.settle.give_up
         while True:
             state = await self._axis.look()
             at_rest = state.held and abs(state.rate_dps) <= self._options.rate_band
-            if at_rest or state.drive is Drive.FAULT:
+            if at_rest or state.stale:
                 return state
             if _now_s() >= deadline_s:
                 raise NotSettled(

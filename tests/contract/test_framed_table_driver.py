@@ -640,6 +640,17 @@ def test_a_table_that_does_not_stop_is_not_proved_safe() -> None:
     with_driver(use)
 
 
+def test_a_fault_that_leaves_the_motor_on_proves_no_rest() -> None:
+    async def use(framed: Framed, driver: Any) -> None:
+        await ROTATE(driver)
+        framed.controller._latched.add(1)
+        framed.wire.lose = framed.is_a("stop")
+        with pytest.raises(NoAnswer, match="is not proved safe within 5 s"):
+            await driver.make_safe()
+
+    with_driver(use)
+
+
 @both
 def test_a_motion_is_over_whenever_it_is_made_safe(profile: FrameProfile) -> None:
     for after_s in (0.0, 0.001, 0.02, 0.03, 0.05, 0.3, 0.53, 0.57, 0.6, 0.65, 0.8, 0.9):

@@ -16,7 +16,7 @@ from simulators.settings import WorldSettings
 from simulators.world import World
 from tests.support.head import FRAMES
 from tests.support.lines import TappedWire
-from tests.support.table import LIMITS
+from tests.support.table import LIMITS, Turned
 
 FICTIONAL = FRAMES
 PLAIN_FILE: dict[str, Any] = {
@@ -50,7 +50,7 @@ HEAD_OPTIONS = {"rate": "20 °/s", "settle": {"band": "1 arcsec", "hold": "1 s"}
 HEAD_LIMITS = {"angle": {"min": "-5°", "max": "365°"}, "rate": {"max": "30 °/s"}}
 
 
-class Framed:
+class Framed(Turned):
     """A simulated controller behind a tapped wire, and what drivers for it are made from."""
 
     def __init__(
@@ -74,18 +74,6 @@ class Framed:
             identity=pin or IdentityPin(), note=self.notes.append,
         )  # fmt: skip
         return make_driver(self.description, setup)
-
-    @property
-    def angle_deg(self) -> float:
-        return self.world.axis.encoder_deg(self.world.now())
-
-    @property
-    def rate_dps(self) -> float:
-        return self.world.axis.rate_dps(self.world.now())
-
-    @property
-    def moving(self) -> bool:
-        return self.world.axis.moving(self.world.now())
 
     def sent(self, name: str) -> int:
         """How often a frame was sent to the controller."""

@@ -28,7 +28,26 @@ def framed(text: bytes, code: int = 0) -> bytes:
     return code.to_bytes(4, "little", signed=True) + len(text).to_bytes(4, "little") + text
 
 
-class Table:
+class Turned:
+    """What is in front of the axis of a world."""
+
+    world: World
+
+    @property
+    def angle_deg(self) -> float:
+        """Where it is, turns counted."""
+        return self.world.axis.encoder_deg(self.world.now())
+
+    @property
+    def rate_dps(self) -> float:
+        return self.world.axis.rate_dps(self.world.now())
+
+    @property
+    def moving(self) -> bool:
+        return self.world.axis.moving(self.world.now())
+
+
+class Table(Turned):
     """A simulated table behind a tapped wire, and what drivers for it are made from."""
 
     def __init__(self, limits: Any = LIMITS, **settings: Any) -> None:
@@ -48,19 +67,6 @@ class Table:
         driver = make_driver(DESCRIPTION, setup)
         assert isinstance(driver, AcutronicAcl)
         return driver
-
-    @property
-    def angle_deg(self) -> float:
-        """Where it is, turns counted."""
-        return self.world.axis.encoder_deg(self.world.now())
-
-    @property
-    def rate_dps(self) -> float:
-        return self.world.axis.rate_dps(self.world.now())
-
-    @property
-    def moving(self) -> bool:
-        return self.world.axis.moving(self.world.now())
 
     def commands(self, *words: str) -> list[str]:
         """What was sent that begins with one of the words, in order; all but questions without any."""
