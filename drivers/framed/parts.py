@@ -51,10 +51,10 @@ Offset = Annotated[WholeNumber, Field(ge=0, le=255)]
 class LineSettings(StrictModel):
     """A serial line, in the words of its address."""
 
-    baud: Annotated[WholeNumber, Field(ge=300, le=4_000_000)] | None = None
-    bytesize: Literal[7, 8] = 8
-    parity: Literal["N", "E", "O"] = "N"
-    stopbits: Literal[1, 2] = 1
+    baud: Annotated[WholeNumber, Field(ge=300, le=4_000_000)] | None = Field(None, description="bits in a second")
+    bytesize: Literal[7, 8] = Field(8, description="data bits of a byte")
+    parity: Literal["N", "E", "O"] = Field("N", description="none, even or odd")
+    stopbits: Literal[1, 2] = Field(1, description="at the end of a byte")
 
     @property
     def bits_per_byte(self) -> int:
@@ -69,7 +69,7 @@ class LineSettings(StrictModel):
 class ChecksumSettings(StrictModel):
     """The checksum of every frame, at its end but for the trailer."""
 
-    kind: ChecksumKind
+    kind: ChecksumKind = Field(description="how it is worked out")
     from_: Offset = Field(0, alias="from", description="the first byte that it covers; the last is that before it")
     byte_order: ByteOrder | None = Field(None, description="where it is not that of the profile")
     polynomial: Word | None = Field(None, description="of crc16, such as 0x1021")
@@ -97,7 +97,7 @@ class ChecksumSettings(StrictModel):
 class Place(StrictModel):
     """Something at a place of a frame, whose first byte is 0."""
 
-    at: Offset
+    at: Offset = Field(description="the byte where it begins")
 
     @property
     def count(self) -> int:
@@ -113,7 +113,7 @@ class Place(StrictModel):
 class Constant(Place):
     """Bytes that are always the same."""
 
-    bytes: HexBytes
+    bytes: HexBytes = Field(description="in hexadecimal")
 
     @property
     def count(self) -> int:
@@ -124,7 +124,7 @@ class Constant(Place):
 class Count(Place):
     """A whole number without a unit."""
 
-    type: CountType = "u8"
+    type: CountType = Field("u8", description="how it is written")
     byte_order: ByteOrder | None = Field(None, description="where it is not that of the profile")
 
     @property
@@ -141,9 +141,9 @@ class Code(Count):
     """A number that stands for what the servo follows; one that is not listed is something else."""
 
     off: WholeNumber = Field(description="it holds")
-    position: WholeNumber
-    rate: WholeNumber | None = None
-    sine: WholeNumber | None = None
+    position: WholeNumber = Field(description="an angle")
+    rate: WholeNumber | None = Field(None, description="a rate")
+    sine: WholeNumber | None = Field(None, description="a sine")
 
     @model_validator(mode="after")
     def _numbers_mean_one_thing(self) -> Self:
@@ -156,10 +156,10 @@ class Code(Count):
 class Number(Place):
     """A number with a unit; it is what stands there times `scale`, plus `offset`."""
 
-    type: NumberType
+    type: NumberType = Field(description="how it is written: unsigned, signed or floating, and its bits")
     byte_order: ByteOrder | None = Field(None, description="where it is not that of the profile")
-    scale: float
-    offset: float = 0.0
+    scale: float = Field(description="what one count means")
+    offset: float = Field(0.0, description="what 0 means")
 
     @model_validator(mode="after")
     def _scale_is_not_zero(self) -> Self:
