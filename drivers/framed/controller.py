@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from drivers.description import Setup, check_identity, still_the_same
-from drivers.errors import CannotConnect, InstrumentFault, Refused
+from drivers.errors import BeyondLimit, CannotConnect, InstrumentFault, Refused
 from drivers.framed.description import FramedOptions
 from drivers.framed.line import FramedLine
 from drivers.framed.parts import Number
@@ -75,8 +75,9 @@ class FramedController:
         """Sends a command once, with those of the values that its frame has a place for.
 
         Where the status tells what the controller is to do, it must not be something else than was sent; a command that
-        seems not to have come is not repeated: the axis decides. Raises Refused, InstrumentFault.
+        seems not to have come is not repeated: the axis decides. Raises BeyondLimit, Refused, InstrumentFault.
         """
+        self._check_limits(values)
         told = self._raw(name, values)
         echo = {"move": ("angle", "target_angle"), "rate": ("rate", "target_rate")}.get(name)
         before = self._last  # asking here would let a stop be sent before the command
@@ -86,6 +87,20 @@ class FramedController:
         after = await self.look()
         self.check_faults(after, name)
         self._check_taken(name, told[echo[0]], echo[1], before, after)
+
+    def _check_limits(self, values: Mapping[str, float]) -> None:
+        """Raises BeyondLimit when a motion is more than the profile says that the controller bears."""
+        allowed, rate_dps, angle_deg = self.profile.limits, values.get("rate"), values.get("angle")
+        problem = ""
+        if allowed.rate is not None and rate_dps is not None and abs(rate_dps) > allowed.rate.max:
+            problem = f"the rate {rate_dps:g} °/s is above the {allowed.rate.max:g} °/s of the profile"
+        angles = allowed.angle
+        if angles is not None and angle_deg is not None and not angles.min <= angle_deg <= angles.max:
+            problem = f"the angle {angle_deg:g}° is outside the {angles.min:g}° to {angles.max:g}° of the profile"
+        if problem:
+            raise BeyondLimit(
+                self.device, problem, remedy="No motion was sent. Correct the sequence, or limits in the profile."
+            )  # fmt: skip
 
     def _raw(self, name: str, values: Mapping[str, float]) -> dict[str, tuple[NumberFormat, Raw]]:
         """Each value in the units of the wire; Refused when its place does not hold it."""

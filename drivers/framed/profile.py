@@ -9,6 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
+from drivers.axes import RateRange
 from drivers.fields import Flag, InUnit, StrictModel, WholeNumber
 from drivers.framed.parts import (
     AccelerationNumber,
@@ -28,6 +29,7 @@ from drivers.framed.parts import (
     RateNumber,
 )
 from drivers.framed.wire import ByteOrder, FrameFormat, NumberFormat
+from drivers.head.description import AngleRange
 from drivers.wording import problem_at
 
 Meaning = Annotated[str, Field(min_length=1, max_length=80)]
@@ -123,6 +125,13 @@ class Cycle(StrictModel):
     period: Annotated[float, InUnit("s", above=0, at_most=1)] = Field(description="from one status to the next")
 
 
+class ControllerLimits(StrictModel):
+    """What the axis and its controller bear; those of the bench file hold as well."""
+
+    angle: AngleRange | None = Field(None, description="of moves, as their frame tells them")
+    rate: RateRange | None = Field(None, description="of moves and of turning")
+
+
 class FrameProfile(StrictModel):
     """One kind of controller."""
 
@@ -147,6 +156,7 @@ class FrameProfile(StrictModel):
     angle_wraps: Flag = Field(
         False, description="angles begin again after a turn, and moves take the shorter way; for rate tables only"
     )
+    limits: ControllerLimits = Field(ControllerLimits(), description="beyond them no motion is sent")
     status: StatusFrame
     commands: Commands
 

@@ -22,7 +22,7 @@ from drivers.errors import (
 )
 from drivers.fields import DocumentFile
 from drivers.framed.description import HEAD, TABLE
-from drivers.framed.profile import FrameProfile
+from drivers.framed.profile import ControllerLimits, FrameProfile
 from tests.support.framed import FICTIONAL, PLAIN, PLAIN_FILE, Framed, with_driver, with_framed
 from tests.support.table import now_s
 
@@ -173,6 +173,23 @@ def test_beyond_its_limits_nothing_is_sent() -> None:
         assert len(framed.wire.requests) == sent
 
     with_driver(use)
+
+
+@pytest.mark.parametrize(
+    ("motion", "problem"),
+    [(MOVE, "the angle 100° is outside the -90° to 90° of the profile"),
+     (ROTATE, "the rate 50 °/s is above the 40 °/s of the profile")],
+)  # fmt: skip
+def test_the_limits_of_the_profile_hold_as_well(motion: Motion, problem: str) -> None:
+    limits = {"angle": {"min": "-90°", "max": "90°"}, "rate": {"max": "40 °/s"}}
+
+    async def use(framed: Framed) -> None:
+        async with framed.driver(rate="20 °/s") as driver:
+            with pytest.raises(BeyondLimit, match=f"{problem}.*No motion was sent"):
+                await motion(driver)
+            assert not framed.moving
+
+    with_framed(use, FICTIONAL.model_copy(update={"limits": ControllerLimits.model_validate(limits)}))
 
 
 def test_what_no_frame_holds_is_refused_before_it_is_sent() -> None:

@@ -62,7 +62,7 @@ def test_the_shipped_example_is_a_profile_and_says_that_it_is_made_up() -> None:
         ("type: i32, scale: 0.0001°}", "type: i24, scale: 0.0001°}", "type: i24", "expected 'u8', 'i8'"),
         ("type: i32, scale: 0.0001°}", "type: i32, scale: 0.0001}", "scale: 0.0001}", "0.0001 has no unit"),
         ("type: i32, scale: 0.0001°}", "type: i32, scale: 0.0001 °/s}", "scale: 0.0001 °/s}", "°"),
-        ("type: i32, scale: 0.0001°}", "type: i32, scale: 0°}", "angle", "scale is 0"),
+        ("type: i32, scale: 0.0001°}", "type: i32, scale: 0°}", "angle: {at: 10", "scale is 0"),
         ("answers: {at: 3, type: u8}", "answers: {at: 3, type: i8}", "type: i8", "expected 'u8', 'u16' or 'u32'"),
         ("kind: crc16", "kind: crc8", "kind: crc8", "expected 'sum8', 'xor8'"),
         ("kind: crc16", "kind: xor8", "checksum", "initial, polynomial: only crc16 has this, not xor8"),
