@@ -48,6 +48,11 @@ def table_profile_schema() -> Schema:
     return schema_of(FrameProfile, ())[0]
 
 
+def scenario_schema() -> Schema:
+    """The schema of the files of faults that are played on simulated instruments."""
+    return schema_of(ScenarioFile, ())[0]
+
+
 def schema_of(
     document: type[BaseModel], parts: Iterable[type[BaseModel]]
 ) -> tuple[Schema, Mapping[type[BaseModel], Schema]]:
