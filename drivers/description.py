@@ -19,6 +19,7 @@ from drivers.capabilities import Device
 from drivers.errors import WrongIdentity
 from drivers.fields import Spelled, StrictModel
 from drivers.person import NOBODY, Person
+from drivers.recognition import Recognition
 
 if TYPE_CHECKING:  # a bench file is checked without what only an opened device needs
     from drivers.transport.address import Address
@@ -52,7 +53,8 @@ class DriverDescription:
     `channels` are the readings that `poll` gives, with their units, or a function of the options that tells them.
     `options`, `limits`, `safe`, `uncertainty` and `corrections` are the models of those blocks of a device entry
     (`calibration.U` and `calibration.corrections` for the last two). `target` is "module:Class"; so is `simulator`,
-    which is known by name only and may be missing.
+    which is known by name only and may be missing. `recognition` is how an instrument is known that no bench file names
+    yet; without it a scan does not find it.
     """
 
     name: str
@@ -66,6 +68,7 @@ class DriverDescription:
     uncertainty: type[BaseModel] = Nothing
     corrections: type[BaseModel] = Nothing
     simulator: str = ""
+    recognition: Recognition | None = None
     reports_every_s: float = 0.0
     channels: Mapping[str, str] | Callable[[Any], Mapping[str, str]] = field(default_factory=dict)
 

@@ -1,4 +1,4 @@
-"""devices, simulate: what is done with the instruments of a bench."""
+"""devices, simulate, trace: what is done with the instruments of a bench."""
 
 from __future__ import annotations
 
@@ -38,6 +38,37 @@ def list_devices(bench: BenchOption = None, simulate: Simulate = False) -> None:
         sys.stdout.write(look.line() + "\n")
     if any(look.problem for look in looks):
         raise typer.Exit(BENCH_ERROR)
+
+
+@group.command("scan")
+def scan_for_devices(
+    addresses: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="ADDRESS...", help="As in a bench file, or HOST:PORT, or the path of a serial port."),
+    ] = None,
+    serial: Annotated[
+        bool | None,
+        typer.Option("--serial/--no-serial", help="Look at all serial ports; without an address that is so."),
+    ] = None,
+    baud: Annotated[int, typer.Option(min=0, help="The only baud rate to try; 0 for those that drivers name.")] = 0,
+    unit: Annotated[
+        list[int] | None, typer.Option(min=1, max=247, help="A number on a line, of Modbus or CTS; again for each.")
+    ] = None,
+    driver: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="The only driver to try; again for each.")
+    ] = None,
+) -> None:
+    """Find instruments by questions that change nothing, and propose their entries in a bench file (on stdout)."""
+    from bench.app.proposals import proposal
+    from bench.app.scan import scan_here
+
+    places = scan_here(addresses or (), serial=serial, drivers=driver or (), units=unit or (1,), baud=baud)
+    for place in places:
+        sys.stderr.write(place.line() + "\n")
+    if not places:
+        sys.stderr.write("there is no serial port; give the addresses to look at\n")
+    if any(place.candidates for place in places):
+        sys.stdout.write(proposal(places))
 
 
 def simulate(

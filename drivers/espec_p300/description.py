@@ -8,6 +8,7 @@ from pydantic import Field
 
 from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions
 from drivers.description import DriverDescription
+from drivers.espec_p300.recognition import RECOGNITION
 from drivers.fields import WholeNumber
 
 
@@ -26,6 +27,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"serial", "socket", "tcp"}),
     target="drivers.espec_p300.driver:EspecP300",
     simulator="simulators.espec_p300:SimulatedP300",
+    recognition=RECOGNITION,
     options=P300Options,
     limits=ChamberLimits,
     safe=ChamberSafe,

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, StrictModel
+from drivers.scpi_supply.recognition import RECOGNITION
 
 Answer = Literal["maximum", "over_voltage", "over_current"]
 
@@ -48,6 +49,7 @@ DESCRIPTION = DriverDescription(
     target="drivers.scpi_supply.driver:ScpiSupply",
     simulator="simulators.scpi_supply:SimulatedSupply",
     options=SupplyOptions,
+    recognition=RECOGNITION,
     limits=SupplyLimits,
     channels={"voltage": "V", "current": "A"},
 )

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberOptions, ChamberSafe
 from drivers.description import DriverDescription
+from drivers.simserv.recognition import RECOGNITION
 from drivers.simserv.wire import Reads
 
 
@@ -24,6 +25,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"tcp"}),
     target="drivers.simserv.driver:Simserv",
     simulator="simulators.simserv:SimulatedSimserv",
+    recognition=RECOGNITION,
     options=SimservOptions,
     limits=ChamberLimits,
     safe=ChamberSafe,

@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import os
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import Protocol, TypeVar
+from pathlib import Path
+from typing import NamedTuple, Protocol, TypeVar
 
 import serial
+from serial.tools import list_ports
 
 from drivers.errors import CannotConnect
 from drivers.transport.address import Address
 
 P = TypeVar("P", bound=asyncio.Protocol)
+STABLE_NAMES = Path("/dev/serial/by-id")
+_REFUSED = {
+    errno.EACCES: "you may not use it; whoever administers this computer can add you to its group, mostly dialout",
+    errno.EPERM: "you may not use it; whoever administers this computer can add you to its group, mostly dialout",
+    errno.EAGAIN: "another program has it",
+    errno.EBUSY: "another program has it",
+    errno.ENOENT: "there is no such port",
+}
 
 
 class CharacterDevice(Protocol):
@@ -24,6 +35,20 @@ class CharacterDevice(Protocol):
 
     def close(self) -> None:
         """Closes it."""
+
+
+class SerialPort(NamedTuple):
+    """A port of this machine: its path, by a name that stays with its adapter where there is one, and what it is."""
+
+    path: str
+    title: str
+
+
+def serial_ports(stable_names: Path = STABLE_NAMES) -> list[SerialPort]:
+    """The ports that there are, by path."""
+    links = {os.path.realpath(link): str(link) for link in sorted(stable_names.glob("*"))}
+    ports = list_ports.comports()
+    return sorted(SerialPort(links.get(os.path.realpath(port.device), port.device), port.description) for port in ports)
 
 
 async def open_serial(device: str, address: Address, factory: Callable[[], P]) -> P:
@@ -47,7 +72,7 @@ async def open_serial(device: str, address: Address, factory: Callable[[], P]) -
         )
     except (OSError, ValueError, serial.SerialException) as problem:
         raise CannotConnect(
-            device, f"cannot open {address}: {problem}",
+            device, f"cannot open {address}: {_REFUSED.get(getattr(problem, 'errno', None) or 0, problem)}",
             remedy="Check the path (ls -l /dev/serial/by-id), the cable, and that no other program has the port.",
         ) from problem  # fmt: skip
     protocol = factory()

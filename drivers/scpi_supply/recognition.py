@@ -1,0 +1,25 @@
+"""How a power supply is known whose make no driver names: it answers *IDN?, and has a level, a limit and a switch."""
+
+from __future__ import annotations
+
+from drivers import scpi
+from drivers.recognition import IDN, SCPI, Found, Port, Recognition, forget_errors, text_of
+
+SETTINGS_QUERY = b":VOLT?;:CURR?;:OUTP?\n"
+ERROR_QUERY = b":SYST:ERR?\n"
+
+
+async def ask(port: Port) -> Found:
+    """A supply, or a ValueError and an error queue without what another instrument made of the question."""
+    identity = scpi.identity(text_of(await port.ask(IDN)).encode())
+    try:
+        level, limit, output = scpi.answers(text_of(await port.ask(SETTINGS_QUERY)).encode(), 3)
+        scpi.number(level), scpi.number(limit), scpi.boolean(output)
+    finally:
+        await forget_errors(port, ERROR_QUERY)
+    return Found(identity)
+
+
+RECOGNITION = Recognition(
+    SCPI, ask, starter={"limits": {"voltage": {"max": "5 V"}, "current": {"max": "100 mA"}}}, generic=True
+)
