@@ -31,6 +31,12 @@ class WindowError(BenchError):
     code = "window"
 
 
+class InUseError(BenchError):
+    """Another program of this user talks to an instrument; nothing was sent to it."""
+
+    code = "in-use"
+
+
 class StoreError(BenchError):
     """The run store cannot keep what it was given, or cannot be read."""
 

@@ -29,6 +29,7 @@ from bench.report.calibration import calibration_files
 from bench.report.findings import Results
 from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, StoredRun, released_copy
 from bench.runner import manifest
+from bench.runner.held import holding, real_addresses
 from bench.runner.run import run_plan
 from bench.store.reader import RunReader
 from bench.store.runs import RunDirectory
@@ -62,7 +63,15 @@ class RunResult:
 
 
 def execute(prepared: PreparedRun, observer: RunObserver) -> RunResult:
-    """Runs it; raises StoreError when there is no directory to run in. Everything else is in the result."""
+    """Runs it; everything that goes wrong is in the result.
+
+    But StoreError when there is no directory to run in, and InUseError when another program uses the bench.
+    """
+    with holding(real_addresses(prepared.loaded.bench).values(), f"a run of {prepared.plan.name}"):
+        return _execute(prepared, observer)
+
+
+def _execute(prepared: PreparedRun, observer: RunObserver) -> RunResult:
     bench = prepared.loaded.bench
     units = unit_files(bench, prepared.request.uut_model) if bench.needs_simulators else {}
     started, watch = wall_utc(), Stopwatch()

@@ -9,9 +9,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
-from bench.errors import InputError
+from bench.errors import InputError, InUseError
 from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
+from bench.runner.held import holding
 from drivers.description import DriverDescription, known_drivers
 from drivers.errors import CannotConnect
 from drivers.recognition import Found, Language, Recognition
@@ -102,20 +103,23 @@ def scan_here(
         ports = [port.path for port in serial_ports() if os.path.realpath(port.path) not in given]
         addresses += [address_of(port) for port in ports]
 
+    async def look(address: Address) -> Place:
+        try:
+            with holding([address], "a scan"):
+                return await scan(address, RealWires(), known, units=units, baud=baud)
+        except InUseError as problem:
+            return Place(address, words=str(problem))
+
     async def main() -> list[Place]:
-        return await scan(addresses, RealWires(), known, units=units, baud=baud)
+        return await asyncio.gather(*(look(address) for address in addresses))
 
     return run_loop(main(), REAL_TIME)
 
 
 async def scan(
-    addresses: Sequence[Address], wires: Wires, drivers: Sequence[Known], *, units: Sequence[int] = (1,), baud: int = 0
-) -> list[Place]:
-    """Looks at every address, all at the same time; each takes a minute at most."""
-    return list(await asyncio.gather(*(_scan_one(each, wires, drivers, units, baud) for each in addresses)))
-
-
-async def _scan_one(address: Address, wires: Wires, drivers: Sequence[Known], units: Sequence[int], baud: int) -> Place:
+    address: Address, wires: Wires, drivers: Sequence[Known], *, units: Sequence[int] = (1,), baud: int = 0
+) -> Place:
+    """Looks who is at an address; takes a minute at most."""
     usable = [known for known in drivers if address.scheme in known[0].schemes]
     if not usable:
         return Place(address, words="no driver that knows its instrument by questions is reached in this way")

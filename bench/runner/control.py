@@ -40,7 +40,7 @@ def control_socket(folder: Path, handlers: Handlers) -> Iterator[None]:
     socket or `runner.json` cannot be made.
     """
     try:
-        address = _own_folder() / f"{os.getpid()}-{folder.name[:40]}.sock"
+        address = own_folder() / f"{os.getpid()}-{folder.name[:40]}.sock"
         address.unlink(missing_ok=True)
         server = _Server(str(address), asyncio.get_running_loop(), handlers)
     except OSError as problem:
@@ -76,7 +76,7 @@ def tell(run: Path, command: str, **arguments: str) -> str:
     return str(answer["done"])
 
 
-def _own_folder() -> Path:
+def own_folder() -> Path:
     """A folder that only this user can look into; Unix socket paths are limited to 107 bytes."""
     base = os.environ.get("XDG_RUNTIME_DIR")
     folder = Path(base) / "inertial-test-bench" if base else Path(tempfile.gettempdir()) / f"itb-{os.getuid()}"

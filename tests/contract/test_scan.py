@@ -32,7 +32,7 @@ def scanned(case: Case, drivers: Sequence[str] = ()) -> tuple[Place, float, dict
         instrument = simulated(case)
         wire = wire_to(case, instrument)
         before, began_s = remembered(instrument), asyncio.get_running_loop().time()
-        (place,) = await scan([case.address], wire, recognising(drivers))
+        place = await scan(case.address, wire, recognising(drivers))
         took_s, after = asyncio.get_running_loop().time() - began_s, remembered(instrument)
         changed = {key: (before[key], after[key]) for key in before.keys() & after.keys() if before[key] != after[key]}
         outcome.append((place, took_s, changed, wire))
@@ -148,11 +148,11 @@ def test_nobody_there_is_told_within_the_time_for_a_place() -> None:
         wire.lose = lambda _data: True
         loop = asyncio.get_running_loop()
         began_s = loop.time()
-        places = await scan([Address.parse("serial:///dev/ttyUSB0")] * 3, wire, recognising())
+        place = await scan(Address.parse("serial:///dev/ttyUSB0"), wire, recognising())
         assert loop.time() - began_s < 15.0 < PLACE_LIMIT_S
-        assert [place.words for place in places] == ["nobody answers"] * 3
+        assert place.words == "nobody answers"
         wire.broken = True
-        (place,) = await scan([Address.parse("tcp://127.0.0.1:1")], wire, recognising())
+        place = await scan(Address.parse("tcp://127.0.0.1:1"), wire, recognising())
         assert place.words == "nobody answers at tcp://127.0.0.1:1"
 
     run(main(), AS_FAST_AS_POSSIBLE)
@@ -170,7 +170,7 @@ def test_somebody_who_never_stops_talking_does_not_hold_a_scan_up() -> None:
                         tap.transport.write(b"25.0 C\r\n")
 
         talking = asyncio.create_task(talk())
-        (place,) = await scan([Address.parse("serial:///dev/ttyUSB0?baud=9600")], wire, recognising())
+        place = await scan(Address.parse("serial:///dev/ttyUSB0?baud=9600"), wire, recognising())
         talking.cancel()
         assert place.words == f"not through within {PLACE_LIMIT_S:g} s"
 
@@ -180,8 +180,8 @@ def test_somebody_who_never_stops_talking_does_not_hold_a_scan_up() -> None:
 def test_several_units_on_one_line_are_all_found() -> None:
     async def main() -> None:
         case = Case("watlow_f4", "serial", {"unit_id": 3})
-        places = await scan([case.address], wire_to(case, simulated(case)), recognising(), units=(1, 2, 3))
-        assert entries(places)["chamber"]["options"] == {"unit_id": 3}
+        place = await scan(case.address, wire_to(case, simulated(case)), recognising(), units=(1, 2, 3))
+        assert entries([place])["chamber"]["options"] == {"unit_id": 3}
 
     run(main(), AS_FAST_AS_POSSIBLE)
 
@@ -194,7 +194,7 @@ def test_several_drivers_that_know_one_instrument_are_all_told(monkeypatch: pyte
         case = Case("keithley_6220", "tcp")
         (first, known), *_ = recognising(["keithley_6220"])
         other = (known_drivers()["yokogawa_gs200"], Recognition(SCPI, ask, starter=known.starter))
-        (place,) = await scan([case.address], wire_to(case, simulated(case)), [(first, known), other])
+        place = await scan(case.address, wire_to(case, simulated(case)), [(first, known), other])
         assert place.line() == (
             "tcp://127.0.0.1:4000: keithley_6220 (KEITHLEY INSTRUMENTS INC. MODEL 6220 SIM-6220-01 D04  /700x) "
             r'or yokogawa_gs200 (A on x"}: {\ 1.10)'

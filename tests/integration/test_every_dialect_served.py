@@ -21,8 +21,8 @@ from pymodbus.framer import FramerType
 
 from bench.config.bench import load_bench
 from drivers.transport.address import Address
-from tests.integration.test_wires import free_port, simulating
 from tests.support.runs import ROOT
+from tests.support.served import free_port, simulating
 
 pytestmark = pytest.mark.integration
 

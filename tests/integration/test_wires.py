@@ -3,57 +3,25 @@
 from __future__ import annotations
 
 import os
-import signal
-import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from bench.store.reader import RunReader
-from tests.support.runs import ROOT, copy_bench
+from tests.support.runs import ROOT
+from tests.support.served import on_real_wires, simulating
 
 pytestmark = pytest.mark.integration
 QUICK = ("--set", "soak=2 s", "--set", "gate=2 s")
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 @pytest.fixture
 def wired_bench(tmp_path) -> Path:
     """The demonstration bench over real wires, on free ports and in a temporary folder, its head a little faster."""
-    edits = [(f"127.0.0.1:{port}", f"127.0.0.1:{free_port()}") for port in (1502, 8000, 5025)]
-    edits += [("sim+", ""), ("/tmp/itb", str(tmp_path / "itb")), ("rate: 20 °/s", "rate: 30 °/s")]
-    return copy_bench(tmp_path / "config", *edits)
-
-
-@contextmanager
-def simulating(bench: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
-    """`bench simulate` until the block ends."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "bench", "simulate", "--bench", str(bench), *options],
-        stderr=subprocess.PIPE, text=True, cwd=ROOT,
-    )  # fmt: skip
-    try:
-        assert process.stderr is not None
-        lines = []
-        for line in process.stderr:
-            lines.append(line)
-            if line == "ready\n":
-                break
-        assert lines[-1:] == ["ready\n"], lines
-        yield process
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.communicate(timeout=10)
+    return on_real_wires(tmp_path)
 
 
 def test_a_scenario_is_played_while_instruments_are_served(wired_bench, tmp_path):

@@ -1,0 +1,139 @@
+"""`bench devices scan` over real sockets and pseudo-terminals, from nothing to a bench file that a check accepts."""
+
+import asyncio
+import errno
+import re
+from pathlib import Path
+
+import pytest
+from ruamel.yaml import YAML
+from typer.testing import CliRunner
+
+from bench.app.scan import address_of, scan_here
+from bench.cli.main import app
+from bench.errors import InputError
+from bench.loop import run
+from bench.runner.held import holding
+from drivers.transport import serial
+from drivers.transport.address import Address
+from simulators.pty import serve_pty
+from tests.support.served import on_real_wires, simulating
+
+pytestmark = pytest.mark.integration
+
+SEQUENCE = """\
+schema: itb-sequence/1
+title: Switches the supply off
+needs: {supply: power_supply}
+steps:
+  - {set: supply, output: off}
+"""
+
+
+def found_by(*arguments: str) -> tuple[str, str]:
+    done = CliRunner().invoke(app, ["devices", "scan", *arguments])
+    assert done.exit_code == 0, done.output
+    return done.stdout, done.stderr
+
+
+def test_what_a_scan_proposes_is_a_bench_that_a_check_accepts_and_that_answers(tmp_path: Path) -> None:
+    bench = on_real_wires(tmp_path)
+    yaml = YAML(typ="safe", pure=True)
+    content = yaml.load(bench)
+    devices = content["devices"]
+    addresses = [devices[role]["connection"] for role in ("chamber", "head", "supply", "source")]
+    with simulating(bench):
+        proposed, told = found_by(*(address.partition("?")[0].removeprefix("tcp://") for address in addresses))
+        assert "keithley_6220 (KEITHLEY INSTRUMENTS INC. MODEL 6220 SIM-6220-01" in told
+        found = yaml.load(proposed)["devices"]
+        assert {role: entry["driver"] for role, entry in found.items()} == {
+            role: devices[role]["driver"] for role in ("chamber", "head", "supply", "source")
+        }
+        content["devices"] = {**devices, **found}
+        del content["places"]["a"]["nominal"]  # asks for more current than the proposed limits allow
+        with bench.open("w", encoding="utf-8") as file:
+            yaml.dump(content, file)
+        (tmp_path / "off.yaml").write_text(SEQUENCE, "utf-8")
+        checked = CliRunner().invoke(app, ["check", str(tmp_path / "off.yaml"), "--bench", str(bench)])
+        assert checked.exit_code == 0, checked.output
+        looked = CliRunner().invoke(app, ["devices", "--bench", str(bench)])
+        assert looked.exit_code == 0, looked.output
+        with holding([Address.parse(addresses[0])], "a run of smoke"):
+            (place,) = scan_here([addresses[0]])
+            refused = CliRunner().invoke(
+                app, ["run", str(tmp_path / "off.yaml"), "--bench", str(bench), "--attended", "--uut", "A1",
+                      "--runs", str(tmp_path / "runs")],
+            )  # fmt: skip
+        assert re.match(r"tcp://\S+ is in use by a run of smoke, process \d+. Wait until it has ended", place.words)
+        assert str(refused.exception) == place.words
+        assert not (tmp_path / "runs").exists()
+
+
+def test_ports_that_cannot_be_had_are_told_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def main() -> list[str]:
+        loop = asyncio.get_running_loop()
+        async with serve_pty(tmp_path / "taken", asyncio.Protocol) as taken:
+            other = await serial.open_serial("other", address_of(str(taken)), asyncio.Protocol)
+            words = [
+                (await loop.run_in_executor(None, scan_here, [text]))[0].words
+                for text in (str(taken), str(tmp_path / "missing"), "127.0.0.1:9")
+            ]
+            del other
+            return words
+
+    taken, missing, nobody = run(main())
+    assert taken.endswith("another program has it")
+    assert missing.endswith("there is no such port")
+    assert nobody.startswith("nobody answers at tcp://127.0.0.1:9")
+
+
+def test_a_port_without_permission_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: str, **_settings: object) -> None:
+        raise serial.serial.SerialException(errno.EACCES, f"could not open port {path}")
+
+    monkeypatch.setattr(serial.serial, "Serial", refuse)
+    (place,) = scan_here(["/dev/ttyUSB0"])
+    assert "you may not use it; whoever administers this computer can add you to its group" in place.words
+
+
+def test_ports_go_by_the_names_that_stay_with_their_adapters(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Port:
+        def __init__(self, device: str) -> None:
+            self.device, self.description = device, "an adapter"
+
+    for name in ("ttyUSB0", "ttyUSB1"):
+        (tmp_path / name).touch()
+    (tmp_path / "by-id").mkdir()
+    link = tmp_path / "by-id" / "usb-FTDI_A1B2C3-if00-port0"
+    link.symlink_to("../ttyUSB1")
+    ports = [Port(str(tmp_path / name)) for name in ("ttyUSB0", "ttyUSB1")]
+    monkeypatch.setattr(serial.list_ports, "comports", lambda: ports)
+    assert [port.path for port in serial.serial_ports(tmp_path / "by-id")] == [str(link), str(tmp_path / "ttyUSB0")]
+
+
+@pytest.mark.parametrize(
+    ("text", "address"),
+    [
+        ("192.168.1.10:502", "tcp://192.168.1.10:502"),
+        ("/dev/ttyUSB0", "serial:///dev/ttyUSB0"),
+        ("/dev/ttyUSB0?baud=19200&parity=O", "serial:///dev/ttyUSB0?baud=19200&parity=O"),
+        ("socket://serial-server:4001", "socket://serial-server:4001"),
+    ],
+)
+def test_an_address_may_be_short(text: str, address: str) -> None:
+    assert str(address_of(text)) == address
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (["192.168.1.10"], "is not a tcp address"),
+        (["sim+tcp://127.0.0.1:502"], "there is nothing at a simulated address"),
+        (["127.0.0.1:9", "--driver", "wattlow_f4"], "there is no driver 'wattlow_f4'; did you mean 'watlow_f4'?"),
+        (["127.0.0.1:9", "--driver", "can_counter"], "does not know its instrument by questions"),
+    ],
+)
+def test_what_cannot_be_scanned_is_refused(arguments: list[str], problem: str) -> None:
+    done = CliRunner().invoke(app, ["devices", "scan", *arguments])
+    assert isinstance(done.exception, InputError)
+    assert problem in str(done.exception)
