@@ -10,7 +10,7 @@ from bench.app.laboratory import BenchWires, Laboratory
 from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from drivers.capabilities import Device
-from drivers.description import Setup, make_driver
+from drivers.description import Setup, make_driver, unheard
 from drivers.person import NOBODY, Person
 from drivers.transport.trace import Passed, TracedWires
 from drivers.transport.wires import Wires
@@ -28,13 +28,14 @@ def open_devices(
     wires: Wires = BenchWires(bench, laboratory)
     if keep is not None:
         wires = TracedWires(wires, keep)
-    return {
-        role: make_driver(entry.description, _setup(role, entry, wires, partial(note, role), person))
-        for role, entry in bench.devices.items()
-    }
+    return {role: device_of(role, entry, wires, partial(note, role), person) for role, entry in bench.devices.items()}
 
 
-def _setup(
-    role: str, entry: DeviceEntry, wires: Wires, note: Callable[[str], object], person: Person
-) -> Setup[Any, Any, Any]:
-    return Setup(role, entry.connection, wires, entry.options, entry.limits, entry.safe, entry.identity, note, person)
+def device_of(
+    role: str, entry: DeviceEntry, wires: Wires, note: Callable[[str], object] = unheard, person: Person = NOBODY
+) -> Device:
+    """The driver of one device on these wires, not yet connected."""
+    setup: Setup[Any, Any, Any] = Setup(
+        role, entry.connection, wires, entry.options, entry.limits, entry.safe, entry.identity, note, person
+    )
+    return make_driver(entry.description, setup)

@@ -1,4 +1,4 @@
-"""devices, simulate, trace: what is done with the instruments of a bench."""
+"""devices, simulate, trace, console: what is done with the instruments of a bench."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ def register(app: typer.Typer) -> None:
     app.add_typer(group, name="devices")
     app.command()(simulate)
     app.command()(trace)
+    app.command()(console)
 
 
 @group.callback()
@@ -99,4 +100,24 @@ def trace(
     for problem in dict.fromkeys(problems):
         sys.stderr.write(f"{problem}\n")
     if problems:
+        raise typer.Exit(BENCH_ERROR)
+
+
+def console(
+    device: Annotated[str, typer.Argument(metavar="DEVICE", help="The name of a device in the bench file.")],
+    bench: BenchOption = None,
+    simulate: Simulate = False,
+    write: Annotated[
+        bool, typer.Option("--write/--read-only", help="Send what is typed, also where it may do something.")
+    ] = False,
+) -> None:
+    """Talk to one instrument by hand: in its own language, and through its driver (:help)."""
+    from bench.app.console import talk
+    from bench.runner.terminal import typed_lines
+
+    def say(text: str) -> None:
+        sys.stdout.write(text + "\n")
+        sys.stdout.flush()
+
+    if talk(device, bench, typed_lines, say, simulate=simulate, write=write):
         raise typer.Exit(BENCH_ERROR)

@@ -1,16 +1,18 @@
-"""Answers typed where a run was started."""
+"""What is typed where this program was started."""
 
 from __future__ import annotations
 
 import asyncio
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager
 
 from bench.engine.engine import Observer
 from bench.engine.questions import Desk
 from bench.errors import InputError
+
+READ_AT_ONCE_BYTES = 4096
 
 
 @contextmanager
@@ -36,3 +38,26 @@ def answers_from_terminal(desk: Desk, observer: Observer, *, can_wait: bool) -> 
         yield
     finally:
         loop.remove_reader(sys.stdin)
+
+
+async def typed_lines() -> AsyncIterator[str]:
+    """The lines of the standard input until its end, each as it is typed."""
+    loop = asyncio.get_running_loop()
+    news: asyncio.Queue[bytes] = asyncio.Queue()
+    try:
+        descriptor = sys.stdin.fileno()
+        loop.add_reader(descriptor, lambda: news.put_nowait(os.read(descriptor, READ_AT_ONCE_BYTES)))
+    except (OSError, ValueError):  # a file, which has no news, or no descriptor at all
+        for line in sys.stdin:
+            yield line.rstrip("\n")
+        return
+    rest = b""
+    try:
+        while data := await news.get():
+            *lines, rest = (rest + data).split(b"\n")
+            for line in lines:
+                yield line.decode(errors="replace")
+        if rest:
+            yield rest.decode(errors="replace")
+    finally:
+        loop.remove_reader(descriptor)

@@ -1,0 +1,151 @@
+"""What a person may type to an instrument, and how it goes over the driver's own connection."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Sequence
+from typing import Protocol
+
+from bench.config.devices import DeviceEntry
+from drivers.errors import BadAnswer, NoAnswer
+from drivers.recognition import MODBUS
+from drivers.transport.byhand import SharedWires
+from drivers.transport.exchange import LineExchange
+from drivers.transport.modbus_frames import Framing, Pdu, ReadFunction, frames_of, read_request, write_request
+
+QUESTION_S, COMMAND_S, MODBUS_S = 5.0, 1.0, 3.0  # how long an answer is waited for
+_SMALL, _LARGE = 1e-6, 1e9  # a float32 beyond is none, or its words are in the other order
+_LARGEST, _WORDS_AT_MOST = 0xFFFF, 100
+_NUMBER = r"\s+(?:0x[0-9a-f]{1,4}|0|[1-9]\d{0,4})"
+_READ = re.compile(rf"(?:read|input){_NUMBER}(?:{_NUMBER})?", re.IGNORECASE | re.ASCII)
+_WRITE = re.compile(rf"write{_NUMBER}(?:{_NUMBER}){{1,{_WORDS_AT_MOST}}}", re.IGNORECASE | re.ASCII)
+
+
+class Unspoken(Exception):
+    """A line that is not sent, and why."""
+
+
+class Spoken(Protocol):
+    """How lines are sent. `twice` is whether what is no question must be typed twice."""
+
+    help: str
+    twice: bool
+
+    def asks(self, line: str) -> bool | None:
+        """Whether a line only asks; None where nothing tells. Raises Unspoken for what is no line of the language."""
+
+    async def say(self, line: str, *, is_question: bool) -> Sequence[str]:
+        """Sends it; what to tell besides the bytes. Raises a DriverError."""
+
+
+def spoken_by(role: str, entry: DeviceEntry, wires: SharedWires) -> Spoken:
+    """How the instrument of an entry is spoken to."""
+    recognition = entry.description.recognition
+    if recognition is not None and recognition.language is MODBUS:
+        return ModbusLines(role, entry, wires)
+    return TextLines(role, entry, wires)
+
+
+class TextLines:
+    """Lines of text, framed as the driver frames its own."""
+
+    help = "A line is sent in the instrument's own language, with the line end that its driver uses."
+    twice = False
+
+    def __init__(self, role: str, entry: DeviceEntry, wires: SharedWires) -> None:
+        self._role, self._wires = role, wires
+        recognition = entry.description.recognition
+        self._asks = recognition.language.asks if recognition is not None else None
+
+    def asks(self, line: str) -> bool | None:
+        """See Spoken."""
+        return None if self._asks is None else self._asks(line)
+
+    async def say(self, line: str, *, is_question: bool) -> Sequence[str]:
+        """One exchange in its turn; what has no answer is no error of a command."""
+        exchange = self._wires.line(self._role).inner
+        if not isinstance(exchange, LineExchange):
+            raise Unspoken("nothing can be typed to this instrument; its driver can be asked, see :help")
+        try:
+            data = line.encode("latin-1")
+        except UnicodeEncodeError:
+            raise Unspoken("not sent: the instrument knows no such character") from None
+        try:
+            await exchange.ask(data, bytes, answer_s=QUESTION_S if is_question else COMMAND_S)
+        except NoAnswer:
+            if is_question:
+                raise
+            return [f"no answer within {COMMAND_S:g} s, as is usual for a command"]
+        return []
+
+
+class ModbusLines:
+    """Requests for registers in words, on the driver's connection."""
+
+    help = (
+        "read ADDRESS [COUNT]      holding registers, by their address on the wire, such as 2782 or 0x0ade\n"
+        "input ADDRESS [COUNT]     input registers\n"
+        "write ADDRESS WORD...     with --write; typed twice"
+    )
+    twice = True
+
+    def __init__(self, role: str, entry: DeviceEntry, wires: SharedWires) -> None:
+        self._role, self._wires = role, wires
+        self._unit_id: int = getattr(entry.options, "unit_id", 1)
+        self._framing: Framing = "rtu" if entry.connection.is_serial_line else "tcp"
+
+    def asks(self, line: str) -> bool:
+        """See Spoken."""
+        verb, _ = _parsed(line)
+        return verb != "write"
+
+    async def say(self, line: str, *, is_question: bool) -> Sequence[str]:
+        """One request; its registers in words."""
+        verb, numbers = _parsed(line)
+        frames = frames_of(self._framing, self._unit_id)
+        sent = frames.request(_request(verb, numbers))
+        received = await self._wires.line(self._role).speak(sent, MODBUS_S)
+        if not received:
+            raise NoAnswer(self._role, f"no answer within {MODBUS_S:g} s", sent=line)
+        try:
+            answer = frames.answer(bytearray(received))
+        except ValueError as problem:
+            raise BadAnswer(self._role, f"not an answer: {problem}", sent=line) from problem
+        if answer is None:
+            raise BadAnswer(self._role, "not a whole answer", sent=line)
+        if answer.isError():
+            return [f"refused, exception {answer.exception_code}"]
+        return [_words(numbers[0], answer.registers)] if is_question else ["acknowledged"]
+
+
+def _parsed(line: str) -> tuple[str, list[int]]:
+    """The verb, and the numbers behind it."""
+    match = _READ.fullmatch(line) or _WRITE.fullmatch(line)
+    if match is None:
+        raise Unspoken("expected read ADDRESS [COUNT], input ADDRESS [COUNT] or write ADDRESS WORD...; see :help")
+    verb, *texts = line.lower().split()
+    numbers = [int(text, 0) for text in texts]
+    if max(numbers) > _LARGEST:
+        raise Unspoken(f"an address or a word is more than {_LARGEST}")
+    if verb != "write" and len(numbers) == 2 and not 1 <= numbers[1] <= _WORDS_AT_MOST:
+        raise Unspoken(f"from 1 to {_WORDS_AT_MOST} registers can be asked for at once")
+    return verb, numbers
+
+
+def _request(verb: str, numbers: Sequence[int]) -> Pdu:
+    if verb == "write":
+        return write_request(numbers[0], numbers[1:], many=len(numbers) > 2)
+    function: ReadFunction = 3 if verb == "read" else 4
+    return read_request(numbers[0], numbers[1] if len(numbers) > 1 else 1, function)
+
+
+def _words(address: int, registers: Sequence[int]) -> str:
+    """Registers as numbers; two of them as a float32 as well, if they could be one."""
+    told = f"{address}: {' '.join(map(str, registers))} (hexadecimal {' '.join(f'{word:04x}' for word in registers)})"
+    if len(registers) != 2:
+        return told
+    pairs = {"low word first": registers[::-1], "high word first": registers}
+    values = {name: struct.unpack(">f", struct.pack(">HH", *pair))[0] for name, pair in pairs.items()}
+    floats = [f"{value:.7g} {name}" for name, value in values.items() if value == 0 or _SMALL < abs(value) < _LARGE]
+    return f"{told}; as float32 {' or '.join(floats)}" if floats else told

@@ -1,0 +1,177 @@
+"""`bench console`: one instrument by hand, in its own language and through its driver, with every byte that passes."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from dataclasses import asdict
+
+from bench.app.byhand_frames import decoded_frames
+from bench.app.byhand_lines import Spoken, Unspoken, spoken_by
+from bench.app.devices import device_of
+from bench.app.laboratory import BenchWires, laboratory_of
+from bench.app.request import load_bench_named
+from bench.config.devices import DeviceEntry
+from bench.errors import InputError
+from bench.loop import REAL_TIME
+from bench.loop import run as run_loop
+from bench.runner.held import holding
+from drivers.capabilities import Device, FrameSource, Positioner, RateTable, Source, ThermalChamber
+from drivers.errors import DriverError
+from drivers.suggest import did_you_mean
+from drivers.transport.byhand import SharedWires
+from drivers.transport.trace import RECEIVED, Passed, TracedWires
+from drivers.values import ChamberState, Identity, SourceReading
+
+Say = Callable[[str], object]
+FRAMES_S = 2.0  # how long frames are shown
+BY_HAND = (
+    "What you type goes to the instrument as it is: it may move, heat or energise something. Look at the bench first. "
+    "At the end the instrument is made safe if anything but questions was sent."
+)
+QUESTIONS_ONLY = "Only what is known to be a question is sent; --write allows the rest. :help tells what can be typed."
+HELP = """\
+:read      the readings of the driver
+:status    what the driver sees the instrument do
+:identify  who is there
+:frames    the frames of two seconds, decoded (of what sends frames)
+:safe      bring the instrument into its safe state
+:help      this
+:quit      end; so does the end of what is typed"""
+
+
+def talk(
+    role: str, name: str | None, lines: Callable[[], AsyncIterator[str]], say: Say, *, simulate: bool, write: bool
+) -> int:
+    """Opens one device of a bench and does what the lines say; how many of them went wrong.
+
+    Raises InputError for a device that the bench does not have, InUseError while another program uses it, DriverError
+    when it cannot be opened or made safe.
+    """
+    bench = load_bench_named(name, simulate=simulate).bench
+    entry = bench.devices.get(role)
+    if entry is None:
+        raise InputError(f"the bench has no device '{role}'{did_you_mean(role, bench.devices)}")
+
+    sends_frames = entry.connection.scheme in ("can", "slcan")  # all the time, and :frames shows them decoded
+
+    def keep(passed: Passed) -> None:
+        if passed.sign != RECEIVED or not sends_frames:
+            say(shown(passed))
+
+    async def main() -> int:
+        wires = SharedWires(TracedWires(BenchWires(bench, laboratory_of(bench)), keep))
+        async with device_of(role, entry, wires, say) as device:
+            console = Console(device, entry, spoken_by(role, entry, wires), say, write=write)
+            try:
+                async for line in lines():
+                    if not await console.obey(line):
+                        break
+            finally:
+                if console.wrote:
+                    await device.make_safe()
+                    say(f"{role} is in its safe state.")
+        return console.problems
+
+    say(BY_HAND if write else QUESTIONS_ONLY)
+    with holding([entry.connection], f"a console of {role}"):
+        return run_loop(main(), REAL_TIME)
+
+
+def shown(passed: Passed) -> str:
+    """What passed on the wire, with its time."""
+    return f"{passed.at_s:10.3f} {passed.sign} {passed.text}".rstrip()
+
+
+class Console:
+    """What a person does with an opened device.
+
+    `wrote` is whether anything was sent that may be more than a question; `problems` counts the lines that went wrong.
+    """
+
+    def __init__(self, device: Device, entry: DeviceEntry, spoken: Spoken, say: Say, *, write: bool) -> None:
+        self.wrote = False
+        self.problems = 0
+        self._device, self._entry, self._spoken, self._say, self._write = device, entry, spoken, say, write
+        self._unsure = ""  # what was typed and must be typed again
+        self._commands: Mapping[str, Callable[[], Awaitable[None]]] = {
+            ":read": self._read, ":status": self._status, ":identify": self._identify, ":frames": self._frames,
+            ":safe": self._safe, ":help": self._help,
+        }  # fmt: skip
+
+    async def obey(self, typed: str) -> bool:
+        """Does what one line says, and tells what came of it; False when it ends the console."""
+        line = typed.strip()
+        try:
+            if line in (":quit", ":q"):
+                return False
+            if line.startswith(":") and line.split()[0].islower():
+                await self._command(line)
+            elif line:
+                await self._type(line)
+        except (DriverError, Unspoken) as problem:
+            self.problems += 1
+            self._say(str(problem))
+        return True
+
+    async def _command(self, line: str) -> None:
+        if line not in self._commands:
+            raise Unspoken(f"there is no command {line}{did_you_mean(line, self._commands)}")
+        await self._commands[line]()
+
+    async def _type(self, line: str) -> None:
+        """Sends a line of the instrument's own language; what may do something only with leave, some of it twice."""
+        asks = self._spoken.asks(line)
+        if asks is not True and not self._write:
+            known = "this is more than a question" if asks is False else "nothing in this language tells what only asks"
+            raise Unspoken(f"not sent: {known}; --write allows it")
+        if self._spoken.twice and not asks and line != self._unsure:
+            self._unsure = line
+            self._say("not sent yet: type the same line again to send it")
+            return
+        self._unsure = ""
+        self.wrote = self.wrote or not asks
+        for told in await self._spoken.say(line, is_question=asks is True):
+            self._say(told)
+
+    async def _read(self) -> None:
+        units = self._entry.channels
+        found = await self._device.poll()
+        if not any(found.values()):
+            self._say(f"nothing new yet; a reading may be on its way for {self._entry.description.reports_every_s:g} s")
+        for channel, readings in found.items():
+            for reading in readings[-1:]:
+                self._say(f"{channel} {reading.value:.8g} {units.get(channel, '')}".rstrip())
+
+    async def _identify(self) -> None:
+        self._say(_told(await self._device.identify()))
+
+    async def _status(self) -> None:
+        match device := self._device:
+            case ThermalChamber():
+                self._say(_told(await device.state()))
+            case RateTable():
+                self._say(f"angle_deg {(await device.angle()).value:.8g}, rate_dps {(await device.rate()).value:.8g}")
+            case Positioner():
+                self._say(f"angle_deg {(await device.angle()).value:.8g}")
+            case Source():
+                self._say(_told(await device.read()))
+            case _:
+                await self._read()
+
+    async def _frames(self) -> None:
+        if not isinstance(self._device, FrameSource):
+            raise Unspoken(f"{self._device.name} sends no frames")
+        async for line in decoded_frames(self._device, self._entry.options, FRAMES_S):
+            self._say(line)
+
+    async def _safe(self) -> None:
+        await self._device.make_safe()
+        self._say(f"{self._device.name} is in its safe state.")
+
+    async def _help(self) -> None:
+        self._say(f"{self._spoken.help}\n{HELP}")
+
+
+def _told(state: ChamberState | SourceReading | Identity) -> str:
+    """The fields of a state with their values, without those that say nothing."""
+    return ", ".join(f"{name} {value}" for name, value in asdict(state).items() if value not in ("", None))

@@ -1,0 +1,79 @@
+"""Wires on which somebody else may speak between the exchanges of a driver: a person at a console."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import TypeVar
+
+from drivers.errors import LinkLost
+from drivers.transport.address import Address
+from drivers.transport.frames import FrameLink
+from drivers.transport.questions import Listener
+from drivers.transport.tap import Tap
+from drivers.transport.wires import Wires
+
+P = TypeVar("P", bound=asyncio.Protocol)
+
+
+class SharedLine(Tap):
+    """A driver's connection; while somebody else speaks, what arrives is his."""
+
+    def __init__(self, inner: asyncio.Protocol) -> None:
+        super().__init__(inner)
+        self.lost = False
+        self._listener: Listener | None = None
+
+    async def speak(self, data: bytes, answer_s: float) -> bytes:
+        """Sends bytes as they are; all that comes back until the line is quiet."""
+        self._listener = Listener()
+        try:
+            self.line.write(data)
+            return await self._listener.until_quiet(answer_s)
+        finally:
+            self._listener = None
+
+    def received(self, data: bytes) -> None:
+        """Bytes for whoever speaks."""
+        if self._listener is not None:
+            self._listener.data_received(data)
+        else:
+            super().received(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The connection is closed."""
+        self.lost = True
+        if self._listener is not None:
+            self._listener.connection_lost(exc)
+        super().connection_lost(exc)
+
+
+class SharedWires:
+    """Wires that remember the connections of one device."""
+
+    def __init__(self, wires: Wires) -> None:
+        self._wires = wires
+        self._lines: list[SharedLine] = []
+
+    def line(self, device: str) -> SharedLine:
+        """The oldest connection that is open: of several it is the one for questions. Raises LinkLost."""
+        for line in self._lines:
+            if not line.lost:
+                return line
+        raise LinkLost(device, "is not connected")
+
+    async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
+        """Joins `factory()` to the other end, so that its connection can be shared."""
+        made: list[P] = []
+
+        def shared() -> SharedLine:
+            made.append(factory())
+            self._lines.append(SharedLine(made[-1]))
+            return self._lines[-1]
+
+        await self._wires.stream(device, address, shared)
+        return made[-1]
+
+    async def frames(self, device: str, address: Address) -> FrameLink:
+        """An open CAN channel, on which nothing is said."""
+        return await self._wires.frames(device, address)

@@ -1,0 +1,174 @@
+"""`bench console`: an instrument by hand, in its own language and through its driver."""
+
+import os
+import re
+import select
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from bench.app.byhand_lines import Unspoken, _parsed
+from bench.cli.main import app
+from bench.errors import InputError, InUseError
+from bench.runner.held import holding
+from drivers.errors import CannotConnect
+from drivers.recognition import scpi_asks
+from drivers.transport.address import Address
+from tests.support.runs import ROOT, copy_bench
+from tests.support.served import on_real_wires, simulating
+
+
+def console(*arguments: str, typed: str) -> tuple[int, list[str]]:
+    """What a console of a simulated device says, without the times."""
+    done = CliRunner().invoke(app, ["console", *arguments], input=typed)
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    return done.exit_code, [re.sub(r"^ +\d+\.\d{3} ", "", line) for line in done.stdout.splitlines()]
+
+
+def test_modbus_is_read_in_words_beside_the_bytes_and_the_driver_is_asked_on_the_same_connection() -> None:
+    wrong = "hello\n:raed\n:frames\nread 70000\nwrite 2782 0 16880\n\n:help\nread 60000\n"
+    code, told = console("chamber", typed=f"{wrong}read 2782 2\n:status\n:identify\n:read\n")
+    assert code == 3
+    assert "there is no command :raed; did you mean ':read'?" in told
+    assert "chamber sends no frames" in told
+    assert sum(line.startswith("expected read ADDRESS") for line in told) == 1
+    assert "an address or a word is more than 65535" in told
+    assert "not sent: this is more than a question; --write allows it" in told
+    assert "read ADDRESS [COUNT]      holding registers, by their address on the wire, such as 2782 or 0x0ade" in told
+    assert "refused, exception 2" in told
+    assert told[0].startswith("Only what is known to be a question is sent")
+    at = told.index("> 00 01 00 00 00 06 01 03 0a de 00 02")  # its own numbers, which the driver does not see
+    assert told[at + 1 : at + 3] == [
+        "< 00 01 00 00 00 07 01 03 04 00 00 41 a0",
+        "2782: 0 16800 (hexadecimal 0000 41a0); as float32 20 low word first",
+    ]
+    assert sum(line.startswith("+ ") for line in told) == 1
+    assert any(re.fullmatch(r"process_value_c 20\.\d+, set_point_c 20\.0, target_c 20\.0", line) for line in told)
+    assert any(line.startswith("maker Watlow, model F4T, serial SIM-F4T-01") for line in told)
+    assert "set_point 20 °C" in told
+    assert not any("06 01 06" in line or "01 10" in line for line in told), "nothing was written"
+
+
+def test_a_write_needs_leave_and_a_second_time_and_leaves_the_chamber_safe() -> None:
+    write = "write 2782 0 16880\n"
+    code, told = console("chamber", "--write", typed=f"{write}read 2782 2\n:status\n{write}{write}:status\n")
+    assert code == 0
+    assert told.count("not sent yet: type the same line again to send it") == 2, "a question in between forgets it"
+    assert told.count("acknowledged") == 1
+    assert any("target_c 20.0" in line for line in told[: told.index("acknowledged")])
+    assert any("target_c 30.0" in line for line in told)
+    assert told[-2:] == ["chamber is in its safe state.", "-"]
+    assert any(" 10 0a de 00 02 04 00 00 41 c8" in line for line in told), "25 °C"
+
+
+def test_questions_go_to_a_scpi_instrument_and_nothing_else_without_leave() -> None:
+    typed = "*IDN?\nOUTP ON\n*IDN?;OUTP ON\n*TST?\n:SOUR:CURR?\n"
+    code, told = console("source", typed=typed)
+    assert code == 3
+    assert told.count("not sent: this is more than a question; --write allows it") == 3
+    assert r'> ":SOUR:CURR?\r\n"' in told
+    assert not any("OUTP ON" in line or "*TST" in line for line in told if line.startswith(">"))
+    assert "source is in its safe state." not in told
+
+
+def test_a_source_that_was_switched_on_by_hand_is_off_at_the_end() -> None:
+    typed = "CURR 0.001\nOUTP ON;*IDN?\n:status\nSYST:ERR?\n:quit\nnever read\n"
+    code, told = console("source", "--write", typed=typed)
+    assert code == 0
+    assert told[0].startswith("What you type goes to the instrument as it is: it may move, heat or energise something.")
+    assert "no answer within 1 s, as is usual for a command" in told
+    assert "current_a 0.001, output True" in told
+    assert r'> ":SOUR:CURR 0;:OUTP OFF\r\n"' in told
+    assert told[-2] == "source is in its safe state."
+
+
+def test_a_head_is_asked_and_told_by_hand() -> None:
+    code, told = console("head", "--write", typed="PFBK X\n:status\n:safe\n")
+    assert code == 0
+    assert "angle_deg 0" in told
+    assert told.count("head is in its safe state.") == 2
+    at = told.index(r'> "PFBK X\n"')
+    assert told[at + 1] == r'< "%0.000000\n"'
+
+
+def test_frames_are_shown_decoded() -> None:
+    code, told = console("counter", typed=":frames\nhello\n:read\n")
+    assert code == 3
+    shown = [line for line in told if line.startswith("100#")]
+    assert 15 <= len(shown) <= 25
+    assert re.fullmatch(r"100#[0-9A-F]{16} Latch: Tick \S+ us, Sequence \d+, Status 0, BootCount \d+", shown[0])
+    assert "not sent: nothing in this language tells what only asks; --write allows it" in told
+    assert any(line.startswith(("Temperatures.Unit ", "nothing new yet; ")) for line in told)
+
+
+def test_a_device_that_is_not_there_is_not_opened(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="the bench has no device 'chambr'; did you mean 'chamber'"):
+        console("chambr", typed="")
+    bench = copy_bench(tmp_path, ("sim+tcp://127.0.0.1:5025", "tcp://127.0.0.1:9"))
+    with (
+        holding([Address.parse("tcp://127.0.0.1:9")], "a run of tumble_static"),
+        pytest.raises(InUseError, match=r"tcp://127\.0\.0\.1:9 is in use by a run of tumble_static, process \d+"),
+    ):
+        console("supply", "--bench", str(bench), typed=":read\n")
+    with pytest.raises(CannotConnect, match="supply: nobody answers"):
+        console("supply", "--bench", str(bench), typed=":read\n")
+
+
+@pytest.mark.parametrize(
+    ("line", "asks"),
+    [
+        ("*IDN?", True), (":VOLT?;:CURR?", True), ("MEAS:VOLT?", False), (":READ?", False), ("*TST?", False),
+        ("OUTP ON", False), ("*IDN?;*RST", False), ("*IDN?;VOLT 5", False), ("", False), (";", False),
+        ('DISP:TEXT "who?"', False), ("SOUR:CURR?", True), ("CALibration:DATE?", False),
+    ],
+)  # fmt: skip
+def test_a_question_is_told_from_what_does_something(line: str, asks: bool) -> None:
+    assert scpi_asks(line) is asks
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["read", "read x", "read 1 2 3", "read 1 0", "read 1 101", "write 1", "write 1 65536", "read 010", "read -1"],
+)
+def test_what_is_no_request_for_registers_is_not_sent(line: str) -> None:
+    with pytest.raises(Unspoken):
+        _parsed(line)
+
+
+@pytest.mark.integration
+def test_it_talks_at_a_terminal_over_real_wires(tmp_path: Path) -> None:
+    bench = on_real_wires(tmp_path)
+    near, far = os.openpty()
+    with simulating(bench):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "bench", "console", "source", "--bench", str(bench)],
+            stdin=far, stdout=far, stderr=far, cwd=ROOT,
+        )  # fmt: skip
+        os.close(far)
+        try:
+            assert "--write allows the rest" in heard(near, "SYST:ERR")
+            os.write(near, b"*IDN?\n")
+            assert "SIM-6220-01" in heard(near, "MODEL 6220")
+            os.write(near, b":status\n")
+            heard(near, "current_a 0.0")
+            os.write(near, b"\x04")  # the end of what is typed
+            assert process.wait(20) == 0
+        finally:
+            process.kill()
+            process.wait()
+            os.close(near)
+
+
+def heard(descriptor: int, expected: str) -> str:
+    """All that a terminal shows until something expected is there."""
+    said, end_s = "", time.monotonic() + 30.0
+    while expected not in said:
+        assert time.monotonic() < end_s, said
+        if select.select([descriptor], [], [], 1.0)[0]:
+            said += os.read(descriptor, 4096).decode()
+    return said
