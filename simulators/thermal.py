@@ -184,8 +184,10 @@ def _power(doublings: list[Matrix], ticks: int) -> Matrix:
 
 @lru_cache(maxsize=32)
 def _one_step(chamber: ChamberPhysics, units: tuple[UnitPhysics, ...]) -> Matrix:
-    """What takes a state z over the shortest interval."""
-    return np.asarray(expm(_system(chamber, units) / _STEPS_PER_S), np.float64)
+    """What takes a state over one step; nobody writes into it."""
+    step = np.asarray(expm(_system(chamber, units) / _STEPS_PER_S), np.float64)
+    step.setflags(write=False)
+    return step
 
 
 def _system(chamber: ChamberPhysics, units: tuple[UnitPhysics, ...]) -> Matrix:
