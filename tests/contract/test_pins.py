@@ -6,8 +6,8 @@ from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import IdentityPin
 from drivers.errors import WrongIdentity
 from drivers.transport.address import Address
-from tests.swaps.campaign import Panel
 from tests.swaps.kinds import KINDS, Kind
+from tests.swaps.panel import Panel
 
 OTHER = "other"
 
