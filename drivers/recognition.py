@@ -56,8 +56,9 @@ def scpi_asks(line: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Language:
-    """What instruments speak. `rank` is when it is tried: what could confuse others more comes later.
+    """What instruments speak.
 
+    `rank` is when it is tried: what has no line end comes after text, which it would garble on a serial line.
     `asks` tells whether a line that a person types only asks; None where nothing in a line tells. Of a `numbered` one
     there may be several instruments on a line.
     """

@@ -36,5 +36,5 @@ def asks(line: str) -> bool:
 
 
 RECOGNITION = Recognition(
-    Language("cts", asks=asks, numbered=True), ask, starter=CHAMBER_STARTER, lines=("baud=19200&parity=O",)
+    Language("cts", 2, asks, numbered=True), ask, starter=CHAMBER_STARTER, lines=("baud=19200&parity=O",)
 )

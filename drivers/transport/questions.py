@@ -14,6 +14,7 @@ from drivers.transport.wires import Wires
 ANSWER_S = 1.0
 QUIET_S = 0.3  # after which an answer is over; the slowest instrument needs as much before the next question
 ANSWER_LIMIT_BYTES = 65_536
+LINE_ENDS = (b"\r", b"\n")
 
 
 class Listener(asyncio.Protocol):
@@ -84,16 +85,25 @@ class QuestionPort:
             self._listener.transport.close()
 
     async def ask(self, question: bytes, *, again: bool = False) -> bytes:
-        """See Port."""
-        listener = self._listener
+        """See Port.
+
+        On a serial line half a message may stand, such as one that was tried at another baud rate. The first line of
+        text ends it and has no answer then; so it is sent once more.
+        """
         if question in self.said and not again:
             return self.said[question]
+        is_first = not self.said and self.is_serial_line and question.endswith(LINE_ENDS)
+        answer = await self._exchange(question)
+        self.said[question] = answer or (await self._exchange(question) if is_first else b"")
+        return self.said[question]
+
+    async def _exchange(self, question: bytes) -> bytes:
+        listener = self._listener
         if listener is None or listener.transport is None or listener.lost:
             return b""
         listener.received.clear()
         listener.transport.write(question)
-        self.said[question] = answer = await listener.until_quiet(ANSWER_S)
-        return answer
+        return await listener.until_quiet(ANSWER_S)
 
     async def registers(self, address: int, count: int, function: Literal[3, 4] = 3) -> Sequence[int]:
         """See Port; whoever did not answer the first request is not asked for other registers."""

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 
@@ -53,7 +54,7 @@ def test_the_shipped_drivers_whose_instruments_can_be_asked_take_part() -> None:
 def test_an_instrument_is_found_by_its_own_driver_alone_in_time_and_is_as_it_was(case: Case) -> None:
     place, took_s, changed, _ = scanned(case)
     assert [candidate.driver.name for candidate in place.candidates] == [case.driver]
-    assert took_s < 12.0
+    assert took_s < 15.0
     if case.driver == "keysight_3458a":
         assert changed.pop(".codes")[1].startswith("{'TARM': 4,")  # waits for a trigger, as its page says
     assert changed == {}
@@ -90,6 +91,18 @@ def test_what_is_proposed_is_an_entry_that_a_check_accepts(case: Case) -> None:
     assert entry.driver == case.driver
     assert entry.connection.scheme == case.scheme
     assert entry.identity.model_dump(exclude_none=True) == pinned(place.candidates[0].found.identity)
+
+
+@pytest.mark.parametrize("case", [case for case in ALL if case.address.is_serial_line], ids=str)
+def test_half_a_message_on_a_line_does_not_hide_an_instrument(case: Case) -> None:
+    async def main() -> Place:
+        instrument = simulated(case)
+        wire = wire_to(case, instrument)
+        wire.instrument.session().feed(b"\xf8\x80*I\xfe")  # as *IDN? looks at another baud rate
+        settings = {"baud": "9600"}  # given, so that there is no second try by another setting
+        return await scan(replace(case.address, options=settings), wire, recognising())
+
+    assert [candidate.driver.name for candidate in run(main(), AS_FAST_AS_POSSIBLE).candidates] == [case.driver]
 
 
 # What scans must not do, and what they say
@@ -149,7 +162,7 @@ def test_nobody_there_is_told_within_the_time_for_a_place() -> None:
         loop = asyncio.get_running_loop()
         began_s = loop.time()
         place = await scan(Address.parse("serial:///dev/ttyUSB0"), wire, recognising())
-        assert loop.time() - began_s < 15.0 < PLACE_LIMIT_S
+        assert loop.time() - began_s < 20.0 < PLACE_LIMIT_S
         assert place.words == "nobody answers"
         wire.broken = True
         place = await scan(Address.parse("tcp://127.0.0.1:1"), wire, recognising())

@@ -88,9 +88,22 @@ def simulated(case: Case) -> Any:
     return make_instrument(description.simulator, setup)
 
 
+class BehindALine:
+    """An instrument at a serial line: it does not notice who opens the other end, and keeps half a message."""
+
+    def __init__(self, instrument: Any) -> None:
+        self.faults = instrument.faults
+        self._session = instrument.session()
+
+    def session(self) -> Any:
+        return self._session
+
+
 def wire_to(case: Case, instrument: Any) -> TappedWire:
     """A wire to it, as fast as its kind is."""
-    return TappedWire(instrument, Line.serial(9600, 0.004) if case.scheme == "serial" else Line(latency_s=0.002))
+    if case.address.is_serial_line:
+        return TappedWire(BehindALine(instrument), Line.serial(9600, 0.004))
+    return TappedWire(instrument, Line(latency_s=0.002))
 
 
 def standing(instrument: Any, ignored: Callable[[str], bool] = lambda _key: False) -> dict[str, str]:
