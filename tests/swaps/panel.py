@@ -14,6 +14,7 @@ from drivers.transport.memory import Line, join
 from simulators.serve import InstrumentProtocol
 
 P = TypeVar("P", bound=asyncio.Protocol)
+BETWEEN_EXCHANGES_S = 1.1  # more than any driver leaves between two of one command
 
 
 class Heard(NamedTuple):
@@ -42,6 +43,13 @@ class Panel:
         ends, self._open = self._open, []
         for end in ends:
             end.hang_up()
+
+    async def quiet(self) -> None:
+        """Returns when nobody is in the middle of several exchanges: what comes then is seen, not overwritten."""
+        said = -1
+        while said != len(self.heard):
+            said = len(self.heard)
+            await asyncio.sleep(BETWEEN_EXCHANGES_S)
 
     async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
         owner = self.patched[str(address)]
