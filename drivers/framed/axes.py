@@ -15,6 +15,7 @@ from drivers.head.axis import AxisState, OwnLimits
 from drivers.table.axis import Drive, Mode, State
 from drivers.table.description import TableLimits
 from drivers.table.turns import LONGEST_LEG_DEG, TURN_DEG, TurnCounter
+from drivers.transport.takes import Takes
 from drivers.values import Identity, Reading
 
 _MODES = {"off": Mode.OFF, "position": Mode.POSITION, "rate": Mode.RATE, "sine": Mode.SYNTHESIS}
@@ -53,6 +54,7 @@ class FramedHeadAxis(_FramedAxis):
 
     def __init__(self, setup: Setup[FramedHeadOptions, Any, Any]) -> None:
         super().__init__(FramedController(setup, setup.options))
+        self.takes = Takes(setup.name, setup.note, checked=True)  # every frame has a checksum
         self._acceleration_dps2 = setup.options.acceleration
 
     async def angle(self) -> Reading:
