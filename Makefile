@@ -50,9 +50,11 @@ truth: $(VENV)/.dev
 # Bad lines: 20,000 readings over all dialects, each fault reported or borne, and none that makes a value wrong where the
 # line has a checksum; 2,000 orders, none of them sent twice; and what asking twice gains where it has none. Five minutes.
 # Then instruments that exchange their ports, and second masters: 2000 of each, none told what was meant for another.
+# Then 10,000 acquisitions of counters on bad buses: every gap is told, and no count is wrong without a word.
 faults: $(VENV)/.dev
 	$(BIN)/python -m tests.line_faults --trials 20000
 	$(BIN)/python -m tests.swaps --trials 2000
+	$(BIN)/python -m tests.can_faults --cases 10000
 
 # 100,000 mutated and hostile documents: each is read, or refused in our own words, within 100 ms.
 hostile: $(VENV)/.dev

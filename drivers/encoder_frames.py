@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.dbc import Dbc, Field
-from drivers.sequence_numbers import Integers, shortest
+from drivers.sequence_numbers import MOST_LATE, Integers, ascending, shortest
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,13 +47,23 @@ def position_formats(dbc: Dbc, positions: Mapping[str, Mapping[str, Any]]) -> di
     }
 
 
-def unwrapped_beside(
+def numbered_beside(
     rows: NDArray[np.intp], raw: Integers, bits: int, known_rows: NDArray[np.intp], known: Integers
-) -> Integers:
-    """Numbers that wrap, in rows of a block, as those nearest to the number of the last `known` row that came before.
+) -> tuple[Integers, NDArray[np.bool_]]:
+    """Numbers that wrap, in rows of a block, unwrapped; and which of them are above all before them.
 
-    `known` (M,) are unwrapped, in the rows `known_rows` (M,).
+    `known` (M,) are unwrapped, in the rows `known_rows` (M,). A number is the nearest one to that of the known row
+    before it, or to that of the one after it where that is nearer, as after a gap. One that is far ahead of both is of
+    nobody known, and not among those above.
     """
-    before = np.searchsorted(known_rows, rows) - 1
-    near = known[np.maximum(before, 0)] if len(known_rows) else np.zeros_like(raw)
-    return near + shortest(raw - near, bits)
+    if not len(known):
+        return raw, ascending(raw)
+    after = np.searchsorted(known_rows, rows)
+    before = np.maximum(after - 1, 0)
+    steps = [shortest(raw - known[near], bits) for near in (before, np.minimum(after, len(known) - 1))]
+    is_after = np.abs(steps[1]) < np.abs(steps[0])
+    step = np.where(is_after, steps[1], steps[0])
+    numbers = step + np.where(is_after, known[np.minimum(after, len(known) - 1)], known[before])
+    fresh = step <= MOST_LATE
+    fresh[fresh] = ascending(numbers[fresh])
+    return numbers, fresh

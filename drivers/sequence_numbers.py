@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Integers = NDArray[np.int64]
+MOST_LATE = 64  # numbers that a frame may come behind the newest; one further back is of a sender that began anew
+CLOCK_SLACK = 0.5  # of the usual time from one number to the next
 
 
 def shortest(steps: Integers, bits: int) -> Integers:
@@ -20,16 +22,20 @@ def unwrapped(raw: Integers, bits: int) -> Integers:
 
 
 def unwrapped_by_clock(raw: Integers, bits: int, ticks: Integers, tick_bits: int) -> Integers:
-    """The same of numbers that come with a clock, which tells of a gap how often the number has gone round in it.
+    """The same of numbers that come with a clock, which tells how often the number has gone round in between.
 
-    Up to half the range of the clock; what goes back by its number, and does not fit the clock, stays a step back.
+    Up to half the range of the clock, forward over a gap and back to what comes late; a step that does not fit the
+    clock is the shortest.
     """
-    steps, clock = shortest(np.diff(raw), bits), np.diff(ticks) % (1 << tick_bits)
-    forward = steps > 0
+    steps, clock = shortest(np.diff(raw), bits), shortest(np.diff(ticks), tick_bits)
+    if (steps == 1).all() and 0 < clock.max(initial=1) < 2 * clock.min(initial=1):
+        return raw[:1] + np.arange(len(raw))  # it cannot have gone round between any two
+    forward = (steps > 0) & (clock != 0)
     if not forward.any():
         return unwrapped(raw, bits)
-    told = np.rint(clock / np.median(clock[forward] / steps[forward])).astype(np.int64)
-    fits = ((told - steps) % (1 << bits) == 0) & (told > 0) & (clock < 1 << (tick_bits - 1))
+    each = np.median((clock[forward] % (1 << tick_bits)) / steps[forward])
+    told = np.rint(clock / each).astype(np.int64)
+    fits = (told - steps) % (1 << bits) == 0
     return np.concatenate([raw[:1], raw[:1] + np.cumsum(np.where(fits, told, steps))])
 
 
@@ -38,3 +44,31 @@ def ascending(numbers: Integers) -> NDArray[np.bool_]:
     fresh = np.ones(len(numbers), dtype=bool)
     fresh[1:] = numbers[1:] > np.maximum.accumulate(numbers)[:-1]
     return fresh
+
+
+def begun_anew(numbers: Integers, ticks: Integers, tick_bits: int) -> int:
+    """How often a sender began anew: its unwrapped numbers go back further than a late frame does, or not by its clock.
+
+    A sender that loses its power begins with other numbers, or at another time of its clock. What goes forward then is
+    not looked for here: its clock and its numbers do not go together.
+    """
+    fresh = ascending(numbers)
+    if fresh.all():
+        return 0
+    last = np.maximum.accumulate(np.where(fresh, np.arange(len(numbers)), 0))
+    behind, anew = numbers[last] - numbers, ~fresh
+    clock = np.diff(ticks[fresh]) % (1 << tick_bits)
+    away = np.zeros(len(numbers), dtype=bool)
+    if (goes := clock > 0).any():
+        each = np.median(clock[goes] / np.diff(numbers[fresh])[goes])
+        due = np.rint(behind * each).astype(np.int64)
+        away = np.abs(shortest(ticks[last] - ticks - due, tick_bits)) >= CLOCK_SLACK * each
+    anew &= (behind > MOST_LATE) | away
+    return int(np.count_nonzero(anew[1:] & ~anew[:-1]))
+
+
+def gaps_in(numbers: Integers, first: int, last: int) -> Integers:
+    """The first and the last of each row of numbers from `first` to `last` that ascending `numbers` lack, (G, 2)."""
+    around = np.concatenate(([first - 1], numbers, [last + 1])).astype(np.int64)
+    before = np.flatnonzero(np.diff(around) > 1)
+    return np.stack([around[before] + 1, around[before + 1] - 1], axis=1)

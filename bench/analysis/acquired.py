@@ -114,7 +114,8 @@ class Codes:
     `values` are codes, or what they are decoded to, in steps of `step`. `sequence`, `tick`, `host_s` and `lost` are as
     in Counts, by the clock of the unit; `dropped` came twice or late, `invalid` the unit marked itself. `stuck_after`
     samples with one value are more than its noise lets be; None where nobody says. With `averaged` a sample is the mean
-    over the time from the one before, else the output at its tick.
+    over the time from the one before, else the output at its tick. `restarts` is how often the unit was seen to begin
+    anew with lower numbers.
     """
 
     sequence: Integers
@@ -129,6 +130,7 @@ class Codes:
     invalid: int
     stuck_after: int | None = None
     averaged: bool = True
+    restarts: int = 0
 
     def part(self, first: int) -> Codes:
         """From row `first` on; what did not come is not known of a part."""

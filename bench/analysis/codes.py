@@ -71,7 +71,9 @@ def mean_between(codes: Codes, from_s: float, to_s: float) -> MeanCode:
 
 
 def begins_anew(codes: Codes) -> bool:
-    """Whether the unit's clock and the numbers of its samples do not go together."""
+    """Whether the unit's clock and the numbers of its samples do not go together, or these have gone back."""
+    if codes.restarts:
+        return True
     if len(codes.tick) < 2:
         return False
     return is_irregular(_device_steps_s(codes) / np.diff(codes.sequence))

@@ -71,7 +71,8 @@ def _rate(counts: Counts, clock: _Clock) -> Rate:
         problems.append("irregular_clock")
     if seconds.max() * counts.max_rate_pps >= 1 << counts.counter_bits:
         problems.append("ambiguous_gap")
-    if (np.maximum(positive, negative) > RATE_MARGIN * counts.max_rate_pps * seconds + 1).any():
+    most, least = np.maximum(positive, negative), np.minimum(positive, negative)
+    if (most > RATE_MARGIN * counts.max_rate_pps * seconds + 1).any() or (least < 0).any():
         problems.append("impossible_rate")
     net = int(positive.sum()) - int(negative.sum())
     net_pps = net / span_s if span_s else float("nan")
@@ -99,7 +100,8 @@ def mean_rates(channels: Mapping[str, Counts]) -> dict[str, Rate]:
 
 def steps_of(cumulative: Integers, bits: int) -> Integers:
     """Differences of a counter that wraps."""
-    return np.diff(cumulative) & ((1 << bits) - 1)
+    steps = np.diff(cumulative)  # which of 64 bits wrap by themselves, and are below 0 where they go half round
+    return steps & ((1 << bits) - 1) if bits < 64 else steps
 
 
 def is_irregular(latch_s: Array) -> bool:

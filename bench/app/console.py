@@ -8,7 +8,8 @@ from dataclasses import asdict
 from bench.app.byhand_frames import decoded_frames
 from bench.app.byhand_lines import Spoken, Unspoken, spoken_by
 from bench.app.devices import device_of
-from bench.app.laboratory import BenchWires, laboratory_of
+from bench.app.faults import laboratory_of
+from bench.app.laboratory import BenchWires
 from bench.app.request import load_bench_named
 from bench.config.devices import DeviceEntry
 from bench.errors import InputError

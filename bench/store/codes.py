@@ -40,6 +40,7 @@ class CodeDecoder:
                 invalid=raw.invalid,
                 stuck_after=sample.stuck_after,
                 averaged=sample.sample == "mean",
+                restarts=raw.restarts,
             )
         return found
 

@@ -67,10 +67,35 @@ class CounterOptions(StrictModel):
         for channel, signals in self.channels.items():
             named.update({("channels", channel, key): name for key, name in signals})
         named |= encoder_signals(self.positions)
-        problems = list(unknown_signals(self.dbc, named)) or list(self._ambiguous())
+        problems = list(unknown_signals(self.dbc, named)) or [*self._scattered(), *self._ambiguous()]
         if problems:
             raise ValidationError.from_exception_data(type(self).__name__, problems)
         return self
+
+    def _scattered(self) -> Iterator[InitErrorDetails]:
+        """What belongs together and is not in one frame, and counters that do not come round alike."""
+        groups: dict[tuple[str, ...], tuple[str, dict[str, str | None]]] = {
+            ("latch",): (self.latch.sequence, {"tick": self.latch.tick, "boot_count": self.latch.boot_count})
+        }
+        for channel, signals in self.channels.items():
+            own = {"positive": signals.positive, "negative": signals.negative}
+            groups["channels", channel] = signals.sequence, dict(own)
+        for device, encoder in self.positions.items():
+            groups["positions", device] = encoder.sequence, {"position": encoder.position}
+        for place, (sequence, others) in groups.items():
+            message = sequence.partition(".")[0]
+            for key, name in others.items():
+                if name is not None and name.partition(".")[0] != message:
+                    problem = f"'{name}' is not in {message}, where the sequence is"
+                    yield problem_at((*place, key), problem)
+        bits_of = lengths_bits(text_of(self.dbc))
+        for channel, signals in self.channels.items():
+            positive, negative = bits_of.get(signals.positive), bits_of.get(signals.negative)
+            if None not in (positive, negative) and positive != negative:
+                problem = (
+                    f"'{signals.negative}' has {negative} bits, '{signals.positive}' {positive}: both must be alike"
+                )
+                yield problem_at(("channels", channel, "negative"), problem)
 
     def _ambiguous(self) -> Iterator[InitErrorDetails]:
         """Counters that may come round between two latches, so that their difference tells nothing: methods.md 1.7."""

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.dbc import Dbc, Field, readings_of
-from drivers.encoder_frames import PositionFormat, Positions, position_formats, unwrapped_beside
+from drivers.encoder_frames import PositionFormat, Positions, numbered_beside, position_formats
 from drivers.frame_block import FrameBlock
-from drivers.sequence_numbers import Integers, ascending, unwrapped
+from drivers.sequence_numbers import Integers, ascending, begun_anew, gaps_in, unwrapped_by_clock
 
 NEWEST_FRAMES = 64  # of a block, among which the newest of each message are as a rule
 
@@ -49,7 +49,9 @@ class Counts:
 
     `sequence` (N,) is unwrapped, so a step above 1 is a gap; `tick`, `positive`, `negative` (N,) are raw and wrap at
     `2**bits` of their field; `host_s` (N,) is the arrival of the latch. `lost` counts latches that did not come whole,
-    `dropped` frames that came twice or late, `restarts` changes of the boot counter.
+    `gaps` (G, 2) are the numbers of the first and of the last of each row of them, in the numbers of `sequence`, which
+    begin with that of the `first` latch. `dropped` counts frames that came twice or late, `restarts` how often the
+    counter began anew.
     """
 
     sequence: Integers
@@ -59,6 +61,8 @@ class Counts:
     host_s: NDArray[np.float64]
     tick_bits: int
     counter_bits: int
+    first: int
+    gaps: Integers
     lost: int
     dropped: int
     restarts: int
@@ -111,9 +115,10 @@ class Latches:
 def latches_of(form: CounterFormat, block: FrameBlock) -> Latches:
     """The latches of a block, which all channels are paired with."""
     rows, data, raw = _numbered(form.sequence, block)
-    numbers = unwrapped(raw, form.sequence.signal.length)
+    ticks, tick_bits = form.tick.signal.raw(data), form.tick.signal.length
+    numbers = unwrapped_by_clock(raw, form.sequence.signal.length, ticks, tick_bits)
     boots = form.boot_count.signal.raw(data) if form.boot_count else np.empty(0, np.int64)
-    ticks, restarts = form.tick.signal.raw(data), int(np.count_nonzero(np.diff(boots)))
+    restarts = int(np.count_nonzero(np.diff(boots))) or begun_anew(numbers, ticks, tick_bits)
     return Latches(rows, block.at_s[rows], ticks, raw, numbers, ascending(numbers), restarts)
 
 
@@ -125,6 +130,8 @@ class _Paired:
     tick: Integers
     other: NDArray[np.uint8]
     host_s: NDArray[np.float64]
+    first: int
+    last: int
     lost: int
     dropped: int
     restarts: int
@@ -142,6 +149,8 @@ def decode_counts(form: CounterFormat, channel: str, block: FrameBlock, latches:
         host_s=found.host_s,
         tick_bits=form.tick.signal.length,
         counter_bits=pair.positive.signal.length,
+        first=found.first,
+        gaps=gaps_in(found.sequence, found.first, found.last),
         lost=found.lost,
         dropped=found.dropped,
         restarts=found.restarts,
@@ -169,21 +178,24 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
     rows, data, raw = _numbered(other, block)
     sequence, tick, host_s, stale = latches.numbers, latches.tick, latches.host_s, 0
     if other.signal.length != form.sequence.signal.length or not _in_step(latches, rows, raw):
-        numbers = unwrapped_beside(rows, raw, other.signal.length, latches.rows, latches.numbers)
-        fresh = ascending(numbers)
+        bits = min(other.signal.length, form.sequence.signal.length)  # of a longer one the rest is not known of latches
+        numbers, fresh = numbered_beside(rows, raw, bits, latches.rows, latches.numbers)
         sequence, latch_places, other_places = np.intersect1d(
             latches.numbers[latches.fresh], numbers[fresh], assume_unique=True, return_indices=True
         )
         of_latch = np.flatnonzero(latches.fresh)[latch_places]
         tick, host_s, data = tick[of_latch], host_s[of_latch], data[np.flatnonzero(fresh)[other_places]]
         stale = int(np.count_nonzero(~latches.fresh) + np.count_nonzero(~fresh))
-    expected = int(latches.numbers.max() - latches.numbers[0]) + 1 if len(latches.rows) else 0
+    first = int(latches.numbers[0]) if len(latches.rows) else 0
+    last = int(latches.numbers.max()) if len(latches.rows) else -1
     return _Paired(
         sequence=sequence,
         tick=tick,
         other=data,
         host_s=host_s,
-        lost=expected - len(sequence),
+        first=first,
+        last=last,
+        lost=last - first + 1 - len(sequence),
         dropped=stale,
         restarts=latches.restarts,
     )

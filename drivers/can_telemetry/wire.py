@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.dbc import Dbc, DbcError, Field
-from drivers.encoder_frames import PositionFormat, Positions, unwrapped_beside
+from drivers.encoder_frames import PositionFormat, Positions, numbered_beside
 from drivers.frame_block import FrameBlock
-from drivers.sequence_numbers import Integers, ascending, unwrapped_by_clock
+from drivers.sequence_numbers import Integers, ascending, begun_anew, gaps_in, unwrapped_by_clock
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,9 @@ class Samples:
 
     `sequence` (N,) is unwrapped, so a step above 1 is a gap; `tick` (N,) is raw and wraps at `2**tick_bits`; `values`
     (N,) are codes, or what they are decoded to; `host_s` (N,) is the arrival. `lost` counts samples that did not come,
-    `dropped` those that came twice or late, `invalid` those that the unit marked.
+    `gaps` (G, 2) are the numbers of the first and of the last of each row of them, in the numbers of `sequence`, which
+    begin with that of the `first` sample. `dropped` counts those that came twice or late, `invalid` those that the unit
+    marked, `restarts` how often it began anew.
     """
 
     sequence: Integers
@@ -55,9 +57,12 @@ class Samples:
     values: NDArray[np.float64]
     host_s: NDArray[np.float64]
     tick_bits: int
+    first: int
+    gaps: Integers
     lost: int
     dropped: int
     invalid: int
+    restarts: int
 
 
 def sample_formats(dbc: Dbc, channels: Mapping[str, Mapping[str, Any]]) -> dict[str, SampleFormat]:
@@ -86,7 +91,9 @@ def decode_samples(form: SampleFormat, block: FrameBlock) -> Samples:
     rows = form.value.message.rows(block)
     data = block.data[rows]
     number, tick = form.sequence.signal, form.tick.signal
-    numbers = unwrapped_by_clock(number.raw(data), number.length, tick.raw(data), tick.length)
+    ticks = tick.raw(data)
+    numbers = unwrapped_by_clock(number.raw(data), number.length, ticks, tick.length)
+    first, last = (int(numbers[0]), int(numbers.max())) if len(rows) else (0, -1)
     fresh = ascending(numbers)
     usable = fresh & _valid(form, data)
     signal, kept = form.value.signal, data[usable]
@@ -96,9 +103,12 @@ def decode_samples(form: SampleFormat, block: FrameBlock) -> Samples:
         values=signal.physical(kept) if form.decoded else signal.raw(kept).astype(np.float64),
         host_s=block.at_s[rows[usable]],
         tick_bits=tick.length,
-        lost=int(numbers.max() - numbers[0]) + 1 - int(np.count_nonzero(fresh)) if len(rows) else 0,
+        first=first,
+        gaps=gaps_in(numbers[fresh], first, last),
+        lost=last - first + 1 - int(np.count_nonzero(fresh)),
         dropped=int(np.count_nonzero(~fresh)),
         invalid=int(np.count_nonzero(fresh & ~usable)),
+        restarts=begun_anew(numbers, ticks, tick.length),
     )
 
 
@@ -110,8 +120,7 @@ def decode_positions(form: SampleFormat, encoder: PositionFormat, block: FrameBl
     known = unwrapped_by_clock(number.raw(data), number.length, tick.raw(data), tick.length)
     data, own = block.data[rows], encoder.sequence.signal
     bits = min(own.length, number.length)  # of a longer one the rest is not known of the samples
-    numbers = unwrapped_beside(rows, own.raw(data), bits, of_samples, known)
-    fresh = ascending(numbers)
+    numbers, fresh = numbered_beside(rows, own.raw(data), bits, of_samples, known)
     sequence, of_sample, of_encoder = np.intersect1d(
         samples.sequence, numbers[fresh], assume_unique=True, return_indices=True
     )

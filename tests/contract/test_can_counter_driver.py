@@ -76,6 +76,20 @@ def test_signals_that_the_dbc_does_not_have_are_told_with_the_bench_file(tmp_pat
     assert outlived.dbc == tmp_path / "if_counter.dbc"
 
 
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"latch": {**OPTIONS["latch"], "tick": "AxisX.Sequence"}}, "'AxisX.Sequence' is not in Latch, where the sequ"),
+        ({"channels": {"x": {**CHANNELS["x"], "negative": "AxisY.Negative"}}}, "'AxisY.Negative' is not in AxisX, whe"),
+        ({"channels": {"x": {**CHANNELS["x"], "sequence": "Latch.Sequence"}}}, "'AxisX.Positive' is not in Latch, whe"),
+        ({"channels": {"x": {**CHANNELS["x"], "negative": "AxisX.Sequence"}}}, "'AxisX.Sequence' has 16 bits, 'AxisX"),
+    ],
+)
+def test_signals_that_belong_together_are_in_one_frame_and_come_round_alike(changes: dict, problem: str) -> None:
+    with pytest.raises(ValidationError, match=problem):
+        options(**changes)
+
+
 def test_it_is_identified_by_its_frames_and_what_the_bench_file_states() -> None:
     async def use(bench: Bench, driver: CanCounter) -> None:
         assert isinstance(driver, PulseCounter)

@@ -173,6 +173,32 @@ def test_a_counter_without_a_boot_counter_has_no_restarts() -> None:
     assert decode_counts(form, "x", frames(*pair(1), *pair(2, boot=4))).restarts == 0
 
 
+@pytest.mark.parametrize(
+    ("lines", "restarts"),
+    [
+        ((latch(900, 900), latch(901, 901), latch(0, 77), latch(1, 78)), 1),  # at another time of its clock
+        ((latch(900, 900), latch(901, 901), latch(0, 0), latch(1, 1)), 1),  # as at its last power-on, much earlier
+        ((latch(900, 900), latch(902, 902), latch(901, 901), latch(903, 903)), 0),  # late
+        ((latch(900, 900), latch(901, 901), latch(901, 901), latch(902, 902)), 0),  # twice
+        ((latch(900, 900), latch(901, 901), latch(836, 836), latch(902, 902)), 1),  # later than any frame comes
+    ],
+)
+def test_a_restart_that_no_boot_counter_tells_is_one_where_the_sequence_goes_back(
+    lines: tuple[str, ...], restarts: int
+) -> None:
+    form = counter_form(boot_count=False)
+    assert decode_counts(form, "x", frames(*lines)).restarts == restarts
+
+
+def test_gaps_are_told_by_their_first_and_last_latch() -> None:
+    lines = (*pair(0xFFFD), latch(0xFFFE), *pair(1), axis(2, 2), *pair(3), latch(4), latch(5))
+    counts = decode_counts(FORM, "x", frames(*lines))
+    assert counts.first == 0xFFFD
+    assert counts.gaps.tolist() == [[0xFFFE, 0x10000], [0x10002, 0x10002], [0x10004, 0x10005]]
+    assert counts.lost == 6
+    assert decode_counts(FORM, "x", FrameBlock.empty()).gaps.shape == (0, 2)
+
+
 # Another laboratory's counter: Motorola, its axis numbered with 8 bits and its latch with 16
 
 OTHER = Dbc("""VERSION ""
