@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from drivers.dbc import Dbc, Field
 from drivers.sequence_numbers import MOST_LATE, Integers, ascending, shortest
 
+MOST_AHEAD = 8  # numbers that a frame may be ahead of the next known one
+
 
 @dataclass(frozen=True, slots=True)
 class PositionFormat:
@@ -53,17 +55,16 @@ def numbered_beside(
     """Numbers that wrap, in rows of a block, unwrapped; and which of them are above all before them.
 
     `known` (M,) are unwrapped, in the rows `known_rows` (M,). A number is the nearest one to that of the known row
-    before it, or to that of the one after it where that is nearer, as after a gap. One that is far ahead of both is of
+    before it, or to that of the one after it where that is nearer, as after a gap. One that is ahead even of that is of
     nobody known, and not among those above.
     """
     if not len(known):
         return raw, ascending(raw)
-    after = np.searchsorted(known_rows, rows)
-    before = np.maximum(after - 1, 0)
-    steps = [shortest(raw - known[near], bits) for near in (before, np.minimum(after, len(known) - 1))]
-    is_after = np.abs(steps[1]) < np.abs(steps[0])
-    step = np.where(is_after, steps[1], steps[0])
-    numbers = step + np.where(is_after, known[np.minimum(after, len(known) - 1)], known[before])
-    fresh = step <= MOST_LATE
+    place = np.searchsorted(known_rows, rows)
+    before, after = known[np.maximum(place - 1, 0)], known[np.minimum(place, len(known) - 1)]
+    from_before, from_after = shortest(raw - before, bits), shortest(raw - after, bits)
+    is_nearer = np.abs(from_after) < np.abs(from_before)
+    numbers = np.where(is_nearer, after + from_after, before + from_before)
+    fresh = numbers - after <= np.where(place < len(known), MOST_AHEAD, MOST_LATE)
     fresh[fresh] = ascending(numbers[fresh])
     return numbers, fresh

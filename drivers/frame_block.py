@@ -9,14 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 EXTENDED = 1 << 31  # set in the id of a frame with a 29-bit identifier, as SocketCAN does
+ERROR = 1 << 29  # set in that of an error frame, whose other bits are its classes, as SocketCAN does
 
 
 @dataclass(frozen=True, slots=True)
 class FrameBlock:
-    """CAN frames in order of arrival.
+    """CAN frames in order of arrival, error frames among them.
 
-    `ids` (N,) uint32 (29-bit ones with EXTENDED set), `at_s` (N,) float64 loop time of arrival, `dlc` (N,) uint8,
-    `data` (N, 8) uint8, zero past dlc.
+    `ids` (N,) uint32 (29-bit ones with EXTENDED set, those of error frames with ERROR), `at_s` (N,) float64 loop time
+    of arrival, `dlc` (N,) uint8, `data` (N, 8) uint8, zero past dlc.
     """
 
     ids: NDArray[np.uint32]

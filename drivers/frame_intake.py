@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import math
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 from typing import Generic, TypeVar
 
+from drivers.bus_errors import BUS_OFF, RESTARTED, error_classes, in_words
 from drivers.can_options import IDLE_BLOCK_S, text_of
 from drivers.dbc import Dbc, DbcError, Field, readings_of
 from drivers.description import Nothing, OptionsT, Setup
-from drivers.errors import BadAnswer, DriverError, InstrumentFault
-from drivers.frame_block import EXTENDED, FrameBlock
+from drivers.errors import BadAnswer, DriverError, InstrumentFault, LinkLost
+from drivers.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.transport.frames import FrameLink
 from drivers.values import Heard, Identity, Reading
 
 SILENT_PERIODS = 25
 STANDING_FRAMES = 3  # as many with one sequence number mean that who sends them stands still
+ERRORS_TOLD_EVERY_S = 60.0
 MOST_NAMED = 8  # of the frames that came instead of others
 
 FormatT = TypeVar("FormatT")
@@ -28,11 +31,15 @@ class FrameIntake:
     """Takes frames from a link from time to time, more often while somebody acquires.
 
     Every block is shown to `look`; what that raises, or the link, ends the intake and the acquisition under way, and is
-    raised by `check` from then on. Lifetime: from `begin` to `end` a task of its own takes the frames in.
+    raised by `check` from then on. So does a bus that is off, or was; of other error frames `note` is told, seldom.
+    Lifetime: from `begin` to `end` a task of its own takes the frames in.
     """
 
-    def __init__(self, name: str, link: FrameLink, look: Callable[[FrameBlock], None]) -> None:
-        self._name, self._link, self._look = name, link, look
+    def __init__(
+        self, name: str, link: FrameLink, look: Callable[[FrameBlock], None], note: Callable[[str], object]
+    ) -> None:
+        self._name, self._link, self._look, self._note = name, link, look, note
+        self._errors, self._told_s = 0, -math.inf  # error frames that are not told yet, and when some last were
         self._acquisition: _Blocks | None = None
         self._wake = asyncio.Event()
         self._news = asyncio.Event()
@@ -112,12 +119,29 @@ class FrameIntake:
             block = self._link.take()
             if self._acquisition is not None:
                 self._acquisition.put(block)
+            self._look_at_errors(block)
             self._look(block)
         except DriverError as problem:
             self._failure = problem
             self._link.close()  # or frames would go on piling up
             if self._acquisition is not None:
                 self._acquisition.end(problem)
+
+    def _look_at_errors(self, block: FrameBlock) -> None:
+        """Tells of error frames; raises LinkLost where the adapter is off the bus, or was meanwhile."""
+        classes = error_classes(block)
+        if not len(classes):
+            return
+        if (classes & (BUS_OFF | RESTARTED)).any():
+            raise LinkLost(
+                self._name, f"the bus is off, or was: the adapter has left it ({in_words(classes.tolist())})",
+                remedy="Check the wiring, the termination and the bit rate; restart the adapter, then run again.",
+            )  # fmt: skip
+        self._errors += len(classes)
+        now_s = asyncio.get_running_loop().time()
+        if now_s - self._told_s >= ERRORS_TOLD_EVERY_S:
+            self._note(f"error frames on the bus: {self._errors}, {in_words(classes.tolist())}")
+            self._errors, self._told_s = 0, now_s
 
 
 class _Blocks(AsyncIterator[FrameBlock]):
@@ -201,7 +225,7 @@ class FrameDriver(Generic[OptionsT]):
         return self._intake.acquire(block_s)
 
     def _begin(self, link: FrameLink, look: Callable[[FrameBlock], None]) -> None:
-        self._intake = FrameIntake(self.name, link, look)
+        self._intake = FrameIntake(self.name, link, look, self._setup.note)
         self._intake.begin()
 
     def _keep_readings(self, fields: Mapping[str, Field], block: FrameBlock) -> None:
@@ -221,4 +245,7 @@ def bound_format(name: str, dbc: Path, bind: Callable[[Dbc], FormatT]) -> tuple[
 
 def frames_named(ids: Iterable[int]) -> str:
     """Frames that came, for a message; not all, where there are many."""
-    return ", ".join(f"0x{frame_id & ~EXTENDED:x}" for frame_id in sorted(ids)[:MOST_NAMED])
+    frames = {frame_id for frame_id in ids if not frame_id & ERROR}
+    errors = [frame_id & (ERROR - 1) for frame_id in ids if frame_id & ERROR]
+    named = [f"0x{frame_id & ~EXTENDED:x}" for frame_id in sorted(frames)[:MOST_NAMED]]
+    return ", ".join([*named, *([f"error frames ({in_words(errors)})"] if errors else [])])

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 Integers = NDArray[np.int64]
 MOST_LATE = 64  # numbers that a frame may come behind the newest; one further back is of a sender that began anew
 CLOCK_SLACK = 0.5  # of the usual time from one number to the next
+CLOCK_ROUNDING = 0.1  # of a gap: that time is a whole number of ticks only in the mean
 
 
 def shortest(steps: Integers, bits: int) -> Integers:
@@ -47,24 +50,26 @@ def ascending(numbers: Integers) -> NDArray[np.bool_]:
 
 
 def begun_anew(numbers: Integers, ticks: Integers, tick_bits: int) -> int:
-    """How often a sender began anew: its unwrapped numbers go back further than a late frame does, or not by its clock.
+    """How often a sender began anew: its unwrapped numbers jump, and not by its clock, or go back too far.
 
-    A sender that loses its power begins with other numbers, or at another time of its clock. What goes forward then is
-    not looked for here: its clock and its numbers do not go together.
+    A sender that loses its power begins with other numbers, or at another time of its clock. A frame that is late, or
+    comes twice, goes back by the clock as well, and not far.
     """
     fresh = ascending(numbers)
-    if fresh.all():
+    steps, clock = np.diff(numbers[fresh]), np.diff(ticks[fresh]) % (1 << tick_bits)
+    if fresh.all() and (steps == 1).all():
         return 0
+    each = float(np.median(clock[clock > 0] / steps[clock > 0])) if clock.any() else math.inf
+    jumps = (steps > 1) & (np.abs(clock / each - steps) >= CLOCK_SLACK + CLOCK_ROUNDING * steps)
     last = np.maximum.accumulate(np.where(fresh, np.arange(len(numbers)), 0))
     behind, anew = numbers[last] - numbers, ~fresh
-    clock = np.diff(ticks[fresh]) % (1 << tick_bits)
-    away = np.zeros(len(numbers), dtype=bool)
-    if (goes := clock > 0).any():
-        each = np.median(clock[goes] / np.diff(numbers[fresh])[goes])
+    if clock.any():
         due = np.rint(behind * each).astype(np.int64)
         away = np.abs(shortest(ticks[last] - ticks - due, tick_bits)) >= CLOCK_SLACK * each
-    anew &= (behind > MOST_LATE) | away
-    return int(np.count_nonzero(anew[1:] & ~anew[:-1]))
+        anew &= (behind > MOST_LATE) | away
+    else:
+        anew, jumps = anew & (behind > MOST_LATE), np.zeros(0, dtype=bool)
+    return int(np.count_nonzero(anew[1:] & ~anew[:-1]) + np.count_nonzero(jumps))
 
 
 def gaps_in(numbers: Integers, first: int, last: int) -> Integers:

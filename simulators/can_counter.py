@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from drivers.dbc import Dbc, Field, encode_frames
 from drivers.frame_block import FrameBlock
 from simulators.accelerometer_unit import SimulatedUnit
 from simulators.can_node import TEMPERATURE_PERIOD_S, CanNode, in_order, temperature_frames
-from simulators.faults import FaultPlan
+from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
 from simulators.gyro_unit import SimulatedGyro
 from simulators.imu import ImuChannel
 from simulators.unit_file import stream
@@ -69,6 +70,10 @@ class SimulatedCounter(CanNode):
     A channel with a place counts what that unit's converter fires; one without counts nothing.
     """
 
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **CanNode.MISHAPS, "stuck_count": LOOKED_FOR, "cleared_count": LOOKED_FOR,
+    }  # fmt: skip
+
     def __init__(self, world: World, settings: CounterSettings, faults: FaultPlan) -> None:
         super().__init__(settings.name, world, faults)
         self._settings = settings
@@ -90,6 +95,9 @@ class SimulatedCounter(CanNode):
         self._converters = self._made(np.array(began, np.float64).reshape(-1, 3))
         self._owed = dict.fromkeys(self._units, 0.0)  # pulses of the latch under way, from before a stimulus changed
         self._warmth_latches = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
+        self.may_swap = frozenset(channel.sequence.message.id for channel in settings.form.channels.values())
+        self._held: dict[str, int] = {}  # where counts have got stuck
+        self._cleared: dict[str, int] = {}  # where they were when they were cleared
         world.integrate_with(self._before_change)
 
     def _made(self, began: Array) -> list[_Converters]:
@@ -152,6 +160,7 @@ class SimulatedCounter(CanNode):
             put(form.boot_count, np.full_like(numbers, self._boots))
         for name, positive, negative in self._counts(edges_s, frozen):
             channel = form.channels[name]
+            positive, negative = self._spoilt(name, at_s, positive), self._spoilt(f"-{name}", at_s, negative)
             if (unit := self._units.get(name)) is not None and unit.faults.active("silent"):
                 continue
             put(channel.positive, positive)
@@ -162,6 +171,20 @@ class SimulatedCounter(CanNode):
             put(encoder.sequence, self._sequence0 + shown)
         host_s = self._world.host_time(at_s)
         return in_order([encode_frames(self._settings.dbc, host_s, values), self._warmth(numbers, at_s)])
+
+    def _spoilt(self, name: str, at_s: Array, counts: Counts) -> Counts:
+        """Counts of one sign at the times, that get stuck or are cleared on the way."""
+        for begin_s, _ in self.faults.spans_s("cleared_count"):
+            since = at_s >= begin_s
+            if since.any():
+                cleared = self._cleared.setdefault(name, int(counts[np.argmax(since)]))
+                counts = np.where(since, counts - cleared, counts)
+        if name.removeprefix("-") == next(iter(self._settings.form.channels)):
+            for begin_s, end_s in self.faults.spans_s("stuck_count"):
+                during = (at_s >= begin_s) & (at_s < end_s)
+                if during.any():
+                    counts = np.where(during, self._held.setdefault(name, int(counts[np.argmax(during)])), counts)
+        return counts
 
     def _counts(self, edges_s: Array, frozen: bool) -> Iterator[tuple[str, Counts, Counts]]:
         """Every channel with its + and - counts at the latches."""

@@ -9,15 +9,20 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.bus_errors import BUS_OFF
 from drivers.dbc import Dbc, Field, encode_frames
 from drivers.errors import LinkLost
-from drivers.frame_block import FrameBlock
+from drivers.frame_block import ERROR, FrameBlock
 from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
+from simulators.frame_faults import FrameFault, carry
+from simulators.unit_file import stream
 from simulators.world import World
 
 Array = NDArray[np.float64]
 TEMPERATURE_PERIOD_S = 1.0
 BLOCK_S = 30.0  # what a power cut costs a rehearsal is done again, and a block costs more than its frames
+BAD_SHARE = 0.02  # of the frames on a bad bus suffers
+PROTOCOL_ERROR = 0x008
 
 
 class CanNode(ABC):
@@ -26,12 +31,19 @@ class CanNode(ABC):
     A block of frames comes into being when somebody takes it, or just before a stimulus changes.
     """
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {"frozen": LOOKED_FOR, "restart": LOOKED_FOR}
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        "frozen": LOOKED_FOR, "restart": LOOKED_FOR, "lost_frames": LOOKED_FOR, "lost_bursts": LOOKED_FOR,
+        "doubled_frames": LOOKED_FOR, "late_frames": LOOKED_FOR, "foreign_frames": LOOKED_FOR,
+        "short_frames": LOOKED_FOR, "swapped_frames": LOOKED_FOR, "error_frames": LOOKED_FOR, "bus_off": LOOKED_FOR,
+    }  # fmt: skip
 
     def __init__(self, name: str, world: World, faults: FaultPlan) -> None:
         self.faults = faults
         self._name, self._world = name, world
         self._sent: list[FrameBlock] = []
+        self._draws = stream(world.settings.seed, "bus", name)
+        self._told_off = False
+        self.may_swap: frozenset[int] = frozenset()  # the identifiers of frames that are alike
 
     @property
     def block_s(self) -> float:
@@ -45,7 +57,20 @@ class CanNode(ABC):
         sent, self._sent = self._sent, []
         if self.faults.active("cut"):
             raise LinkLost(self._name, "the connection was cut", remedy="Check the cable, then run again.")
-        return self._heard(FrameBlock.joined(sent))
+        return self._carried(self._heard(FrameBlock.joined(sent)))
+
+    def _carried(self, frames: FrameBlock) -> FrameBlock:
+        """What a bad bus makes of frames."""
+        if self.faults.active("bus_off"):
+            off_s = float(self._world.host_time(np.array(self.faults.since_s("bus_off"))))
+            told, self._told_off = self._told_off, True
+            return FrameBlock.joined([_before(frames, off_s), *([] if told else [_error_frame(BUS_OFF, off_s)])])
+        for fault in FrameFault:
+            if self.faults.active(fault.value):
+                frames = carry(fault, frames, self._draws, BAD_SHARE, self.may_swap).block
+        if len(frames) and self.faults.active("error_frames"):
+            frames = FrameBlock.joined([frames, _error_frame(PROTOCOL_ERROR, float(frames.at_s[-1]))])
+        return frames
 
     def close(self) -> None:  # noqa: B027  nothing is to be done
         """Nobody listens any more; the node does not care."""
@@ -66,6 +91,17 @@ def in_order(blocks: list[FrameBlock]) -> FrameBlock:
     """Frames of several blocks in the order of their times."""
     frames = FrameBlock.joined(blocks)
     return _rows(frames, np.argsort(frames.at_s, kind="stable"))
+
+
+def _before(frames: FrameBlock, at_s: float) -> FrameBlock:
+    """What was sent before a time of the host's clock."""
+    return _rows(frames, np.flatnonzero(frames.at_s < at_s))
+
+
+def _error_frame(classes: int, at_s: float) -> FrameBlock:
+    return FrameBlock(
+        np.array([ERROR | classes], np.uint32), np.array([at_s]), np.array([8], np.uint8), np.zeros((1, 8), np.uint8)
+    )
 
 
 def _rows(frames: FrameBlock, rows: NDArray[np.intp]) -> FrameBlock:

@@ -18,6 +18,8 @@ FaultKind = Literal[
     "silent", "cut", "delay", "late", "duplicate", "garbage", "cut_short", "split", "flip", "echo", "half_open",
     "slow_close", "frozen", "stuck", "restart", "door_open", "emergency_stop", "front_panel", "program", "interlock",
     "compliance", "tripped", "alarm", "open_sensor", "dead", "open_thermometer", "current",
+    "lost_frames", "lost_bursts", "doubled_frames", "late_frames", "foreign_frames", "short_frames", "swapped_frames",
+    "error_frames", "bus_off", "stuck_count", "cleared_count",
 ]  # fmt: skip
 LINE_FAULTS: Mapping[FaultKind, LineFault] = {
     "delay": LineFault.DELAY, "late": LineFault.LATE, "duplicate": LineFault.DUPLICATE, "garbage": LineFault.GARBAGE,
@@ -79,6 +81,10 @@ class FaultPlan:
     accepted and not carried out. `restart`: once, an instrument loses its power for a moment and begins anew. Of a unit
     `silent` stops the frames of its channel and `dead` its pulses; `open_thermometer` opens that at it, and with
     `current` it draws more than it should. The others are told in docs/how-to/rehearse_a_bad_night.md.
+
+    Of what sends frames the bus is bad as in `simulators.frame_faults`, has `error_frames` now and then, or is off: one
+    error frame says so, and then nothing comes. Of a counter the first channel's counts stand (`stuck_count`), or all
+    counts are cleared, once, and nothing else (`cleared_count`).
     """
 
     def __init__(self, starts_s: Mapping[str, float] | None = None, now_s: Callable[[], float] = lambda: 0.0) -> None:

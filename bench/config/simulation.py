@@ -29,6 +29,8 @@ DeviceFault = Literal[
     "silent", "cut", "delay", "late", "duplicate", "garbage", "cut_short", "split", "flip", "echo", "half_open",
     "slow_close", "frozen", "stuck", "restart", "door_open", "emergency_stop", "front_panel", "program", "interlock",
     "compliance", "tripped", "alarm", "open_sensor",
+    "lost_frames", "lost_bursts", "doubled_frames", "late_frames", "foreign_frames", "short_frames", "swapped_frames",
+    "error_frames", "bus_off", "stuck_count", "cleared_count",
 ]  # fmt: skip
 UnitFault = Literal["silent", "dead", "open_thermometer", "current"]
 AnyFault = Literal[DeviceFault, UnitFault]

@@ -13,7 +13,7 @@ import can
 import numpy as np
 
 from drivers.errors import CannotConnect, InstrumentFault, LinkLost
-from drivers.frame_block import EXTENDED, FrameBlock
+from drivers.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.transport import slcan
 from drivers.transport.address import Address
 from drivers.transport.frames import DURABLE_BLOCK_S, FrameLink
@@ -117,6 +117,18 @@ class Slcan(asyncio.Protocol):
             self._transport.close()
 
 
+def frame_of(message: can.Message) -> tuple[int, int, bytes] | None:
+    """Identifier, length and data of a message of python-can as a FrameBlock has them; None where it has no data."""
+    if message.is_remote_frame or message.is_fd:
+        return None
+    if message.is_error_frame:
+        frame_id = ERROR | message.arbitration_id & (ERROR - 1)
+    else:
+        frame_id = message.arbitration_id | (EXTENDED if message.is_extended_id else 0)
+    data = bytes(message.data[:8])
+    return frame_id, len(data), data
+
+
 class PythonCan:
     """Any adapter that python-can knows (`can:socketcan/can0?bitrate=500000`) as a frame link.
 
@@ -152,10 +164,10 @@ class PythonCan:
             self._thread.start()
 
     def take(self) -> FrameBlock:
-        """Every frame since the last call; LinkLost after a bus error."""
-        if self._failure:
-            raise LinkLost(self._device, self._failure, remedy="Check the bus, its termination and the adapter.")
+        """Every frame since the last call; LinkLost when there is none and none can come any more."""
         count = len(self._frames)
+        if self._failure and not count:
+            raise LinkLost(self._device, self._failure, remedy="Check the bus, its termination and the adapter.")
         if count == COLLECT_LIMIT_FRAMES:
             raise InstrumentFault(self._device, "frames arrived faster than anybody took them, and some are lost")
         taken = [self._frames.popleft() for _ in range(count)]
@@ -195,10 +207,8 @@ class PythonCan:
             return None
 
     def _keep(self, message: can.Message) -> None:
-        if message.is_error_frame or message.is_remote_frame:  # neither carries data
-            return
-        frame_id = message.arbitration_id | (EXTENDED if message.is_extended_id else 0)
-        self._frames.append((self._loop.time(), frame_id, message.dlc, bytes(message.data[:8])))
+        if (frame := frame_of(message)) is not None:
+            self._frames.append((self._loop.time(), *frame))
 
     def _fail(self, problem: str) -> None:
         if self._descriptor >= 0:

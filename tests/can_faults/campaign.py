@@ -262,7 +262,7 @@ def _misread(truth: Truth, counts: wire.Counts) -> list[str]:
         problems.append(f"gaps {gaps} were told, {truth.gaps} are true")
     if (counts.sequence + ahead).tolist() != truth.latches:
         problems.append("other latches were paired than came whole")
-    if counts.lost != truth.lost or not 0 <= counts.dropped - truth.dropped <= truth.strays:
+    if counts.lost != truth.lost or abs(counts.dropped - truth.dropped) > truth.strays:
         told, true = (counts.lost, counts.dropped), (truth.lost, truth.dropped)
         problems.append(f"lost and dropped are told as {told}, {true} are true")
     return problems

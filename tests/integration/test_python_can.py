@@ -7,8 +7,9 @@ import can
 import numpy as np
 import pytest
 
+from drivers.bus_errors import BUS_OFF, error_classes, in_words
 from drivers.errors import CannotConnect, LinkLost
-from drivers.frame_block import EXTENDED, FrameBlock
+from drivers.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.transport.address import Address
 from drivers.transport.can import open_can
 from drivers.transport.frames import FrameLink
@@ -67,14 +68,16 @@ def test_frames_arrive_in_order_with_their_times(adapter: tuple[str, str]) -> No
     asyncio.run(main())
 
 
-def test_frames_without_data_of_their_own_are_passed_over() -> None:
+def test_remote_frames_are_passed_over_and_error_frames_say_that_they_are() -> None:
     async def main() -> None:
         link = await open_can("counter", Address.parse("can:virtual/itb-remote"))
         with can.Bus(interface="virtual", channel="itb-remote") as sender:
             sender.send(can.Message(arbitration_id=0x100, is_remote_frame=True, is_extended_id=False))
-            sender.send(can.Message(arbitration_id=0x101, is_error_frame=True, is_extended_id=False))
+            sender.send(can.Message(arbitration_id=0x40, is_error_frame=True, is_extended_id=False))
             sender.send(FRAMES[0])
-            assert (await taken(link, 1)).ids.tolist() == [0x100]
+            block = await taken(link, 2)
+        assert block.ids.tolist() == [ERROR | BUS_OFF, 0x100]
+        assert in_words(error_classes(block).tolist()) == "bus off"
         link.close()
 
     asyncio.run(main())

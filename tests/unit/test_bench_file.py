@@ -381,12 +381,14 @@ def test_a_wrong_value_elsewhere_is_told_under_its_key(folder, old, new, problem
         ("seed: 1", "faults: [{device: head, kind: broken, at: 5 s}]", "kind: broken",
          "kind: is 'broken', expected 'silent', 'cut', 'delay', 'late', 'duplicate', 'garbage', 'cut_short', 'split', "
          "'flip', 'echo', 'half_open', 'slow_close', 'frozen', 'stuck', 'restart', 'door_open', 'emergency_stop', "
-         "'front_panel', 'program', 'interlock', 'compliance', 'tripped', 'alarm', 'open_sensor', 'dead', "
-         "'open_thermometer' or 'current'"),
+         "'front_panel', 'program', 'interlock', 'compliance', 'tripped', 'alarm', 'open_sensor', 'lost_frames', "
+         "'lost_bursts', 'doubled_frames', 'late_frames', 'foreign_frames', 'short_frames', 'swapped_frames', "
+         "'error_frames', 'bus_off', 'stuck_count', 'cleared_count', 'dead', 'open_thermometer' or 'current'"),
         ("seed: 1", "faults: [{device: head, kind: dead, at: 5 s}]", "{device: head",
          "kind is 'dead', a device can be silent, cut, delay, late, duplicate, garbage, cut_short, split, flip, echo, "
          "half_open, slow_close, frozen, stuck, restart, door_open, emergency_stop, front_panel, program, interlock, "
-         "compliance, tripped, alarm, open_sensor"),
+         "compliance, tripped, alarm, open_sensor, lost_frames, lost_bursts, doubled_frames, late_frames, "
+         "foreign_frames, short_frames, swapped_frames, error_frames, bus_off, stuck_count, cleared_count"),
         ("seed: 1", "faults: [{unit: a, device: head, kind: silent, at: 5 s}]", "{unit: a",
          "give device or unit, one of them"),
         ("seed: 1", "faults: [{unit: x, kind: dead, at: 5 s}]", "unit: x", "there is no place 'x'; expected a"),
