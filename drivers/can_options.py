@@ -14,6 +14,7 @@ from drivers.fields import InUnit, Ratio, Seconds, StrictModel, TextLike
 from drivers.suggest import did_you_mean
 from drivers.wording import problem_at
 
+FRAME_SCHEMES = frozenset({"slcan", "can", "socketcand", "log"})
 IDLE_BLOCK_S = 10.0  # how long frames are left together while nobody acquires
 
 SignalName = Annotated[str, TextLike(r"\w+\.\w+", "Message.Signal, a name of the DBC")]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import math
+from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from drivers.dbc import Dbc, DbcError, Field, readings_of
 from drivers.description import Nothing, OptionsT, Setup
 from drivers.errors import BadAnswer, DriverError, InstrumentFault, LinkLost
 from drivers.frame_block import ERROR, EXTENDED, FrameBlock
+from drivers.transport.dialogue import Pauses
 from drivers.transport.frames import FrameLink
 from drivers.values import Heard, Identity, Reading
 
@@ -61,6 +63,11 @@ class FrameIntake:
         """Returns when somebody has looked for frames since it last did, or none can come any more."""
         await self._news.wait()
         self._news.clear()
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the link is gone, and nobody acquires who would have to be told first."""
+        return isinstance(self._failure, LinkLost) and self._acquisition is None
 
     def check(self) -> None:
         """Raises what has gone wrong with the frames."""
@@ -168,11 +175,14 @@ class _Blocks(AsyncIterator[FrameBlock]):
         raise item
 
 
-class FrameDriver(Generic[OptionsT]):
+class FrameDriver(ABC, Generic[OptionsT]):
     """What all drivers are alike in to whose devices nothing is ever sent.
 
-    An heir opens its link, begins with `_begin`, and looks at every block: it keeps `_readings`, new ones by channel,
-    and `_heard`, and raises what is wrong with a block.
+    An heir opens its link with `_open`, begins with `_begin`, and looks at every block with `_look`: it keeps
+    `_readings`, new ones by channel, and `_heard`, and raises what is wrong with a block.
+
+    A poll connects again when the link was lost: at once, then after longer and longer pauses. An acquisition does not,
+    and the one under way when the link is lost fails: no block goes over the gap.
     """
 
     def __init__(self, setup: Setup[OptionsT, Nothing, Nothing]) -> None:
@@ -183,6 +193,7 @@ class FrameDriver(Generic[OptionsT]):
         self._heard: dict[str, Heard] = {}
         self._fingerprint = ""
         self._intake: FrameIntake
+        self._pauses = Pauses()
 
     async def __aexit__(self, *exc: object) -> None:
         """Closes the channel."""
@@ -198,6 +209,8 @@ class FrameDriver(Generic[OptionsT]):
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """Temperatures in the frames until now since the last poll; raises what has gone wrong with the frames."""
+        if self._intake.is_lost and self._pauses.left_s() <= 0:
+            await self._connect_again()
         self._intake.look_now()
         readings, self._readings = self._readings, {}
         return readings
@@ -224,9 +237,30 @@ class FrameDriver(Generic[OptionsT]):
         """
         return self._intake.acquire(block_s)
 
-    def _begin(self, link: FrameLink, look: Callable[[FrameBlock], None]) -> None:
-        self._intake = FrameIntake(self.name, link, look, self._setup.note)
+    @abstractmethod
+    async def _open(self) -> FrameLink:
+        """A link from which frames come; raises CannotConnect, NoAnswer, LinkLost."""
+
+    @abstractmethod
+    def _look(self, block: FrameBlock) -> None:
+        """Takes in what a block says; raises when something is wrong with it."""
+
+    def _begin(self, link: FrameLink) -> None:
+        self._intake = FrameIntake(self.name, link, self._look, self._setup.note)
         self._intake.begin()
+
+    async def _connect_again(self) -> None:
+        """Opens the link anew; where that fails, what was lost stays lost."""
+        try:
+            link = await self._open()
+            link.take()  # what has come by now belongs to nothing; raises where the link is gone again
+        except DriverError:
+            self._pauses.failed()
+            return
+        self._pauses = Pauses()
+        await self._intake.end()
+        self._begin(link)
+        self._setup.note(f"connected again at {self._setup.address}")
 
     def _keep_readings(self, fields: Mapping[str, Field], block: FrameBlock) -> None:
         for name, (at_s, values) in readings_of(fields, block).items():

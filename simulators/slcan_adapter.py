@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import asyncio
 
+import numpy as np
+
+from drivers.frame_block import ERROR, FrameBlock
 from drivers.transport import slcan
 from simulators.can_node import CanNode
 
@@ -61,7 +64,13 @@ class SimulatedAdapter(asyncio.Protocol):
             if self._node.faults.active("cut"):
                 self._transport.abort()
                 return
-            text = slcan.render(self._node.take())
+            text = slcan.render(_without_errors(self._node.take()))
             if text and self._transport.get_write_buffer_size() < UNREAD_LIMIT_BYTES:
                 self._transport.write(text)
             await asyncio.sleep(SEND_EVERY_S)
+
+
+def _without_errors(block: FrameBlock) -> FrameBlock:
+    """What an adapter tells: its language has no error frames."""
+    rows = np.flatnonzero((block.ids & np.uint32(ERROR)) == 0)
+    return FrameBlock(block.ids[rows], block.at_s[rows], block.dlc[rows], block.payloads(rows))

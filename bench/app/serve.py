@@ -6,6 +6,7 @@ import asyncio
 import signal
 from collections.abc import Callable
 from contextlib import AsyncExitStack
+from functools import partial
 from pathlib import Path
 
 from bench.app.faults import BEGINS, FaultPlayer
@@ -22,6 +23,7 @@ from drivers.transport.address import Address
 from simulators.pty import serve_pty
 from simulators.replay import ReplayedInstrument
 from simulators.slcan_adapter import SimulatedAdapter
+from simulators.socketcand_server import SimulatedServer
 
 
 def serve_bench(
@@ -82,13 +84,18 @@ async def open_servers(bench: BenchFile, laboratory: Laboratory, stack: AsyncExi
 
 
 async def _serve(role: str, address: Address, laboratory: Laboratory, stack: AsyncExitStack) -> None:
+    loop = asyncio.get_running_loop()
     if role in laboratory.nodes:
         node = laboratory.nodes[role]
+        if address.scheme == "socketcand":
+            made = partial(SimulatedServer, node, address.path)
+            await stack.enter_async_context(await loop.create_server(made, address.host, address.port))
+            return
         await stack.enter_async_context(serve_pty(Path(address.path), lambda: SimulatedAdapter(node)))
         return
     factory = laboratory.end_of_line(role)
     if address.scheme == "serial":
         await stack.enter_async_context(serve_pty(Path(address.path), factory))
         return
-    server = await asyncio.get_running_loop().create_server(factory, address.host, address.port)
+    server = await loop.create_server(factory, address.host, address.port)
     await stack.enter_async_context(server)

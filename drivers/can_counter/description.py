@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
 from drivers.can_options import (
+    FRAME_SCHEMES,
     IDLE_BLOCK_S,
     ClockUncertainty,
     PositionOptions,
@@ -129,7 +130,7 @@ DESCRIPTION = DriverDescription(
     name="can_counter",
     title="pulse counters over CAN, described by a DBC",
     capabilities=frozenset({"pulse_counter"}),
-    schemes=frozenset({"slcan", "can"}),
+    schemes=FRAME_SCHEMES,
     target="drivers.can_counter.driver:CanCounter",
     options=CounterOptions,
     uncertainty=ClockUncertainty,

@@ -40,28 +40,30 @@ class CanCounter(FrameDriver[CounterOptions]):
         self._last_latch_s = 0.0
         self._last_numbers = np.empty(0, np.int64)  # of the last latches
         self._newest: dict[str, tuple[int, int]] = {}  # counts by channel
-        self._link: FrameLink
         self._format: wire.CounterFormat
 
     async def __aenter__(self) -> Self:
         """Opens the channel and waits for a first latch; raises CannotConnect, NoAnswer, BadAnswer."""
         bind = partial(format_of, self._options)
         self._format, self._fingerprint = bound_format(self.name, self._options.dbc, bind)
-        self._link = await self._setup.wires.frames(self.name, self._setup.address)
-        try:
-            await self._first_latch()
-            check_identity(self.name, self._setup.identity, await self.identify())
-        except BaseException:
-            self._link.close()
-            raise
-        self._begin(self._link, self._look)
+        self._begin(await self._open())
         return self
 
-    async def _first_latch(self) -> None:
+    async def _open(self) -> FrameLink:
+        link = await self._setup.wires.frames(self.name, self._setup.address)
+        try:
+            await self._first_latch(link)
+            check_identity(self.name, self._setup.identity, await self.identify())
+        except BaseException:
+            link.close()
+            raise
+        return link
+
+    async def _first_latch(self, link: FrameLink) -> None:
         loop = asyncio.get_running_loop()
         deadline = loop.time() + FIRST_FRAME_S
         heard: set[int] = set()
-        while not len(wire.latches(self._format, block := self._link.take())[0]):
+        while not len(wire.latches(self._format, block := link.take())[0]):
             heard.update(block.ids.tolist())
             if loop.time() >= deadline:
                 raise self._no_latch(heard)

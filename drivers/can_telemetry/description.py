@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
 from drivers.can_options import (
+    FRAME_SCHEMES,
     IDLE_BLOCK_S,
     ClockUncertainty,
     PositionOptions,
@@ -155,7 +156,7 @@ DESCRIPTION = DriverDescription(
     name="can_telemetry",
     title="units that send samples of their output over CAN, described by a DBC",
     capabilities=frozenset({"telemetry"}),
-    schemes=frozenset({"slcan", "can"}),
+    schemes=FRAME_SCHEMES,
     target="drivers.can_telemetry.driver:CanTelemetry",
     options=TelemetryOptions,
     uncertainty=ClockUncertainty,

@@ -26,6 +26,7 @@ from drivers.frame_intake import (
     frames_named,
 )
 from drivers.sequence_numbers import Integers
+from drivers.transport.frames import FrameLink
 from drivers.values import Heard
 
 
@@ -50,14 +51,17 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
     async def __aenter__(self) -> Self:
         """Opens the channel; raises CannotConnect, BadAnswer."""
         self._formats, self._fingerprint = bound_format(self.name, self._options.dbc, self._bind)
+        self._begin(await self._open())
+        return self
+
+    async def _open(self) -> FrameLink:
         link = await self._setup.wires.frames(self.name, self._setup.address)
         try:
             check_identity(self.name, self._setup.identity, await self.identify())
         except BaseException:
             link.close()
             raise
-        self._begin(link, self._look)
-        return self
+        return link
 
     def _bind(self, dbc: Dbc) -> Mapping[str, wire.SampleFormat]:
         self._temperatures, self._encoders = dbc.fields_in("°C"), encoders_of(self._options, dbc)

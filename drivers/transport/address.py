@@ -1,7 +1,8 @@
 """Where an instrument is: `tcp://host:port`, `serial:///dev/ttyUSB0?baud=9600`, `slcan:///dev/ttyACM0?bitrate=500000`.
 
-`socket://host:port` is a serial line behind a TCP serial server; `person:operator` is no wire, but somebody who is
-asked.
+`socket://host:port` is a serial line behind a TCP serial server, `socketcand://host:port/can0` a CAN bus behind one,
+`log:bus.blf` the frames that a file has recorded; its path is from the folder of the bench file. `person:operator` is no
+wire, but somebody who is asked.
 
 `sim+` before an address puts the simulator at its other end, inside the same process.
 """
@@ -21,6 +22,8 @@ _TCP = re.compile(r"//(?:(?P<host>\w(?:[\w.-]{0,252}\w)?)|\[(?P<v6>[0-9a-fA-F:.]
 _DEVICE_FILE = re.compile(r"//(?P<path>/[^\x00-\x1f\x7f#]+)")
 _INTERFACE = re.compile(r"(?P<path>\w+/[^\x00-\x1f\x7f#/]+)", re.ASCII)
 _PERSON = re.compile(r"(?P<path>\w+)", re.ASCII)
+_TCP_BUS = re.compile(rf"{_TCP.pattern}/(?P<path>[\w.-]{{1,15}})", re.ASCII)
+_FILE = re.compile(r"(?://)?(?P<path>(?<=//)/[^\x00-\x1f\x7f#]+|(?<!/)[^/\x00-\x1f\x7f#][^\x00-\x1f\x7f#]*)")
 _NUMBER = re.compile("[1-9][0-9]{0,7}")
 _ANY_NUMBER: tuple[str, ...] = ()
 _SERIAL_OPTIONS: Mapping[str, tuple[str, ...]] = {
@@ -47,6 +50,8 @@ SCHEMES: Mapping[str, Scheme] = {
     "slcan": Scheme(_DEVICE_FILE, {"bitrate": _ANY_NUMBER, "baud": _ANY_NUMBER}, "slcan:///dev/ttyACM0?bitrate=500000"),
     "can": Scheme(_INTERFACE, {"bitrate": _ANY_NUMBER}, "can:socketcan/can0?bitrate=500000"),
     "person": Scheme(_PERSON, {}, "person:operator"),
+    "socketcand": Scheme(_TCP_BUS, {"bitrate": _ANY_NUMBER}, "socketcand://192.168.1.30:29536/can0"),
+    "log": Scheme(_FILE, {}, "log:recorded/bus.blf"),
 }
 
 
@@ -56,7 +61,7 @@ class AddressError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """One end of a wire. TCP has `host` and `port`; a device file, `can:INTERFACE/CHANNEL` or a person has `path`."""
+    """One end of a wire. TCP has `host` and `port`; a file, `can:INTERFACE/CHANNEL`, a bus or a person has `path`."""
 
     scheme: str
     host: str = ""
@@ -77,7 +82,7 @@ class Address:
         found = form.fullmatch(where)
         parts = found.groupdict(default="") if found else {}
         port = int(parts.get("port", 0))
-        if not found or (form is _TCP) != (0 < port < 65536):
+        if not found or ("port" in form.groupindex) != (0 < port < 65536):
             raise AddressError(f"{quoted(text)} is not a {scheme} address; expected one like {example}")
         return cls(
             scheme,
@@ -110,14 +115,21 @@ class Address:
         return replace(self, simulated=True)
 
     @property
+    def is_recording(self) -> bool:
+        """Whether what comes was recorded earlier: it has no time of its own."""
+        return self.scheme == "log"
+
+    @property
     def is_local(self) -> bool:
         """Whether this machine itself could be the other end: loopback, or a file that is not in /dev."""
+        if self.is_recording:
+            return False
         is_file = self.path.startswith("/")
         return self.host in ("localhost", "127.0.0.1", "::1") or (is_file and not self.path.startswith("/dev/"))
 
     def __str__(self) -> str:
         host = f"[{self.host}]" if ":" in self.host else self.host
-        where = f"//{host}:{self.port}" if self.port else self.path
+        where = f"//{host}:{self.port}{'/' if self.path else ''}{self.path}" if self.port else self.path
         if self.path.startswith("/"):
             where = f"//{self.path}"
         query = "&".join(f"{key}={value}" for key, value in self.options.items())

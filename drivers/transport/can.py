@@ -18,6 +18,7 @@ from drivers.transport import slcan
 from drivers.transport.address import Address
 from drivers.transport.frames import DURABLE_BLOCK_S, FrameLink
 from drivers.transport.serial import open_serial
+from drivers.transport.text_frames import TextFrames
 
 P = TypeVar("P", bound=asyncio.Protocol)
 COLLECT_LIMIT_FRAMES = 2_000_000  # a minute of a full bus, should nobody take what arrives
@@ -49,39 +50,20 @@ async def open_slcan(
     return link
 
 
-class Slcan(asyncio.Protocol):
-    """A serial-line adapter as a frame link. What arrives is kept as bytes until `take` parses it in one go."""
-
-    block_s = DURABLE_BLOCK_S
+class Slcan(TextFrames):
+    """A serial-line adapter as a frame link."""
 
     def __init__(self, device: str) -> None:
-        self._device = device
-        self._chunks: list[tuple[float, bytes]] = []
-        self._rest = b""
-        self._lost = "not connected"
-        self._answer: asyncio.Future[bool] | None = None
-        self._transport: asyncio.Transport | None = None
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The serial line is open."""
-        if not isinstance(transport, asyncio.Transport):
-            raise TypeError("a stream transport is needed")
-        self._transport, self._lost = transport, ""
+        super().__init__(device, slcan.parse, "the CAN adapter", slcan.CLOSE + slcan.END)
 
     def data_received(self, data: bytes) -> None:
-        """Bytes from the adapter, stamped with their arrival."""
+        """Bytes from the adapter; while a command waits for its answer, nothing else is of interest."""
         if self._answer is not None and not self._answer.done():
             agreed, self._rest = slcan.answer(self._rest + data)
             if agreed is not None:
                 self._answer.set_result(agreed)
             return
-        self._chunks.append((asyncio.get_running_loop().time(), data))
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """The serial line is gone."""
-        self._lost = f"the CAN adapter is gone ({exc})" if exc else "the CAN adapter is gone"
-        if self._answer is not None and not self._answer.done():
-            self._answer.set_exception(LinkLost(self._device, self._lost))
+        super().data_received(data)
 
     async def command(self, text: bytes, *, may_refuse: bool = False) -> None:
         """Sends a command to the adapter itself; raises CannotConnect unless it agrees in time."""
@@ -98,23 +80,6 @@ class Slcan(asyncio.Protocol):
             self._answer = None
         if not agreed and not may_refuse:
             raise CannotConnect(self._device, "the CAN adapter refused", sent=repr(text)[1:])
-
-    def take(self) -> FrameBlock:
-        """Every frame since the last call; LinkLost when the adapter is gone."""
-        chunks, self._chunks = self._chunks, []
-        blocks = []
-        for at_s, data in chunks:
-            block, self._rest, _ = slcan.parse(self._rest + data, at_s)
-            blocks.append(block)
-        if self._lost and not blocks:
-            raise LinkLost(self._device, self._lost, remedy="Check the adapter's cable, then run again.")
-        return FrameBlock.joined(blocks)
-
-    def close(self) -> None:
-        """Closes the adapter's channel and the line; closing twice is harmless."""
-        if self._transport is not None and not self._transport.is_closing():
-            self._transport.write(slcan.CLOSE + slcan.END)
-            self._transport.close()
 
 
 def frame_of(message: can.Message) -> tuple[int, int, bytes] | None:

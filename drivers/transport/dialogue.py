@@ -22,6 +22,23 @@ SERIAL_GAP_S = 0.02  # some twenty bytes at 9600 baud
 SAFE_LIMIT_S = 5.0
 
 
+class Pauses:
+    """Between attempts to connect again: 1, 2, 4 … 30 s; the first is at once."""
+
+    def __init__(self) -> None:
+        self._failures, self._next_attempt_s = 0, -math.inf
+
+    def failed(self) -> None:
+        """An attempt has failed now."""
+        pause_s = min(FIRST_PAUSE_S * 2**self._failures, LONGEST_PAUSE_S)
+        self._failures += 1
+        self._next_attempt_s = asyncio.get_running_loop().time() + pause_s
+
+    def left_s(self) -> float:
+        """How long it still is to the next attempt; none is to wait for from 0 down."""
+        return self._next_attempt_s - asyncio.get_running_loop().time()
+
+
 class Dialogue:
     """One line after the other to the same instrument.
 
@@ -45,7 +62,7 @@ class Dialogue:
         self._note = note
         self._in_use = self._opening = False
         self._reviving = asyncio.Lock()
-        self._failures, self._next_attempt_s = 0, -math.inf
+        self._pauses = Pauses()
         self._serial = address.is_serial_line
         self.takes = Takes(device, note, checked=not self._serial)
         pace = pace or Pace()
@@ -80,13 +97,11 @@ class Dialogue:
                 await self._greet()
         except BaseException:
             self._drop()
-            pause_s = min(FIRST_PAUSE_S * 2**self._failures, LONGEST_PAUSE_S)
-            self._failures += 1
-            self._next_attempt_s = asyncio.get_running_loop().time() + pause_s
+            self._pauses.failed()
             raise
         finally:
             self._opening = False
-        self._failures, self._next_attempt_s = 0, -math.inf
+        self._pauses = Pauses()
 
     async def ask(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
         """One question, on a new line if the wire was lost; see LineExchange.ask, and `open`.
@@ -100,7 +115,7 @@ class Dialogue:
 
     async def _revive(self) -> None:
         """Connects again, unless somebody else just has, or it is not time yet."""
-        wait_s = self._next_attempt_s - asyncio.get_running_loop().time()
+        wait_s = self._pauses.left_s()
         if self.line.lost and wait_s > 0:
             raise LinkLost(self._device, f"is not connected; the next attempt is in {wait_s:.1f} s")
         await self.reopen()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Protocol, TypeVar
 
 from drivers.errors import CannotConnect
@@ -44,7 +44,14 @@ class RealWires:
         return protocol
 
     async def frames(self, device: str, address: Address) -> FrameLink:
-        """Opens the CAN adapter at `address`."""
+        """Opens the CAN adapter at `address`, joins its server, or plays its log."""
+        if address.scheme == "socketcand":
+            from drivers.transport.socketcand import Socketcand, open_socketcand
+
+            def join(factory: Callable[[], Socketcand]) -> Awaitable[Socketcand]:
+                return self.stream(device, address, factory)
+
+            return await open_socketcand(device, address, join)
         from drivers.transport.can import open_can
 
         return await open_can(device, address)

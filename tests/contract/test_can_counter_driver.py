@@ -18,7 +18,7 @@ from drivers.can_counter.driver import FIRST_FRAME_S, CanCounter
 from drivers.capabilities import PulseCounter
 from drivers.description import known_drivers
 from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, LinkLost, NoAnswer
-from drivers.frame_block import FrameBlock
+from drivers.frame_block import ERROR, FrameBlock
 from drivers.transport.can import PythonCan, Slcan
 from simulators.faults import FaultKind
 from tests.support.counters import OPTIONS, RATE_PPS, Bench, dbc_file, options, with_bench, with_driver
@@ -508,6 +508,82 @@ def test_a_restart_goes_on_and_is_in_the_counts() -> None:
         assert rate_pps(await acquired(driver, 10.0)) == (pytest.approx(RATE_PPS, abs=0.2), ())
 
     with_driver(use)
+
+
+# A lost link
+
+
+def test_a_poll_connects_again_when_the_link_was_lost_and_says_so() -> None:
+    async def use(bench: Bench) -> None:
+        async with bench.driver() as driver:
+            await asyncio.sleep(12)
+            bench.bus.gone = True
+            task = asyncio.create_task(acquired(driver, 10))
+            await asyncio.sleep(1)
+            with pytest.raises(LinkLost, match="the adapter is gone"):
+                await task
+            with pytest.raises(LinkLost, match="the adapter is gone"):
+                await driver.poll()
+            attempts = bench.bus.opened
+            with pytest.raises(LinkLost, match="the adapter is gone"):
+                await driver.poll()
+            assert bench.bus.opened == attempts, "it is not time yet"
+            bench.bus.gone = False
+            with pytest.raises(LinkLost, match="the adapter is gone"):
+                await acquired(driver, 10)
+            await asyncio.sleep(1)
+            await driver.poll()
+            assert bench.notes == ["connected again at slcan:///dev/ttyACM0?bitrate=500000"]
+            assert wire.decode_counts(FORM, "x", await acquired(driver, 5.0)).lost == 0
+
+    with_bench(use)
+
+
+@pytest.mark.parametrize(("classes", "said"), [(0x040, r"has left it \(bus off\)"), (0x100, "controller restarted")])
+def test_no_block_goes_over_a_bus_that_was_off(classes: int, said: str) -> None:
+    async def use(bench: Bench, driver: CanCounter) -> None:
+        bench.bus.alter = lambda block: with_error(block, classes) if now_s() > 5 else block
+        found: list[FrameBlock] = []
+
+        async def record() -> None:
+            async with driver.acquire() as blocks:
+                async for block in blocks:
+                    found.append(block)  # noqa: PERF401  nor at a fault
+
+        with pytest.raises(LinkLost, match=said):
+            await record()
+        assert (FrameBlock.joined(found).ids == (ERROR | classes)).sum() == 1, "it is recorded too"
+
+    with_driver(use)
+
+
+def test_other_error_frames_are_recorded_and_told_once_a_minute() -> None:
+    async def use(bench: Bench, driver: CanCounter) -> None:
+        bench.bus.alter = lambda block: with_error(block, 0x008)
+        block = await acquired(driver, 90.0)
+        assert (block.ids == (ERROR | 0x008)).sum() >= 89
+        assert rate_pps(block) == (pytest.approx(RATE_PPS, abs=1 / 89), ())
+        assert bench.notes[0] == "error frames on the bus: 1, violation of the protocol"
+        assert len(bench.notes) == 2
+
+    with_driver(use)
+
+
+def test_error_frames_are_told_where_no_latch_comes() -> None:
+    async def use(bench: Bench) -> None:
+        bench.bus.alter = lambda block: with_error(FrameBlock.empty(), 0x020)
+        with pytest.raises(NoAnswer, match=r"received error frames \(no acknowledgement\)"):
+            await bench.driver().__aenter__()
+
+    with_bench(use)
+
+
+def with_error(block: FrameBlock, classes: int) -> FrameBlock:
+    """A block with an error frame after it."""
+    error = FrameBlock(
+        np.array([ERROR | classes], np.uint32), np.array([now_s()]), np.array([8], np.uint8), np.zeros((1, 8), np.uint8)
+    )
+    return FrameBlock.joined([block, error])
 
 
 # Through a serial-line adapter

@@ -11,7 +11,7 @@ from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.can_counter.description import DESCRIPTION, CounterOptions
 from drivers.can_counter.driver import CanCounter
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
-from drivers.errors import CannotConnect
+from drivers.errors import CannotConnect, LinkLost
 from drivers.frame_block import FrameBlock
 from drivers.transport.address import Address
 from drivers.transport.can import open_slcan
@@ -49,13 +49,14 @@ class Bus:
         self._link: FrameLink = node
         self.by_adapter = False
         self.alter: Callable[[FrameBlock], FrameBlock] = lambda block: block
-        self.refuses = False
-        self.closed = 0
+        self.refuses = self.gone = False
+        self.opened = self.closed = 0
 
     async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
         raise CannotConnect(device, f"{address} carries no bytes")
 
     async def frames(self, device: str, address: Address) -> FrameLink:
+        self.opened += 1
         if self.refuses:
             raise CannotConnect(device, f"cannot open {address}")
         if self.by_adapter:
@@ -69,6 +70,8 @@ class Bus:
         return self
 
     def take(self) -> FrameBlock:
+        if self.gone:
+            raise LinkLost("counter", "the adapter is gone")
         return self.alter(self._link.take())
 
     def close(self) -> None:
@@ -88,11 +91,13 @@ class Bench:
         self.counter = SimulatedCounter(self.world, settings, self.faults)
         self.world.power("supply", True)
         self.bus = Bus(self.counter)
+        self.notes: list[str] = []
 
     def driver(self, folder: Path = ROOT / "config", **changes: Any) -> CanCounter:
         setup = Setup(
             name="counter", address=Address.parse("slcan:///dev/ttyACM0?bitrate=500000"), wires=self.bus,
             options=options(folder, **changes), limits=Nothing(), safe=Nothing(), identity=IdentityPin(serial="IFC-01"),
+            note=self.notes.append,
         )  # fmt: skip
         driver = make_driver(DESCRIPTION, setup)
         assert isinstance(driver, CanCounter)

@@ -11,6 +11,8 @@ from drivers.transport.address import Address, AddressError
 EXAMPLES = "expected one like tcp://192.168.1.10:502 or serial:///dev/ttyUSB0?baud=9600"
 A_TCP = "is not a tcp address; expected one like tcp://192.168.1.10:502"
 A_SERIAL = "is not a serial address; expected one like serial:///dev/ttyUSB0?baud=9600"
+A_SERVER = "is not a socketcand address; expected one like socketcand://192.168.1.30:29536/can0"
+A_LOG = "is not a log address; expected one like log:recorded/bus.blf"
 A_CAN = "is not a can address; expected one like can:socketcan/can0?bitrate=500000"
 
 
@@ -50,6 +52,14 @@ A_CAN = "is not a can address; expected one like can:socketcan/can0?bitrate=5000
         ("can:socketcan/can0", Address("can", path="socketcan/can0")),
         ("person:operator", Address("person", path="operator")),
         ("sim+person:night_shift", Address("person", path="night_shift", simulated=True)),
+        (
+            "socketcand://192.168.1.30:29536/can0?bitrate=500000",
+            Address("socketcand", "192.168.1.30", 29536, "can0", {"bitrate": "500000"}),
+        ),
+        ("sim+socketcand://[::1]:29536/vcan0.1", Address("socketcand", "::1", 29536, "vcan0.1", simulated=True)),
+        ("log:bus.blf", Address("log", path="bus.blf")),
+        ("log:recorded/day 1/bus.asc", Address("log", path="recorded/day 1/bus.asc")),
+        ("log:///data/bus.log", Address("log", path="/data/bus.log")),
         ("can:pcan/USBBUS1?bitrate=250000", Address("can", path="pcan/USBBUS1", options={"bitrate": "250000"})),
     ],
 )
@@ -102,6 +112,13 @@ def test_spellings_that_mean_the_same_are_spelled_alike():
         ("can:can0", f"'can:can0' {A_CAN}"),
         ("person:", "'person:' is not a person address; expected one like person:operator"),
         ("person:A. Turner", "'person:A. Turner' is not a person address; expected one like person:operator"),
+        ("socketcand://h:29536", f"'socketcand://h:29536' {A_SERVER}"),
+        ("socketcand://h/can0", f"'socketcand://h/can0' {A_SERVER}"),
+        ("socketcand://h:0/can0", f"'socketcand://h:0/can0' {A_SERVER}"),
+        ("socketcand://h:29536/can0/1", f"'socketcand://h:29536/can0/1' {A_SERVER}"),
+        ("log:", f"'log:' {A_LOG}"),
+        ("log:/data/bus.blf", f"'log:/data/bus.blf' {A_LOG}"),
+        ("log://data/bus.blf", f"'log://data/bus.blf' {A_LOG}"),
         ("can://socketcan/can0", f"'can://socketcan/can0' {A_CAN}"),
         ("can:socketcan/can0/1", f"'can:socketcan/can0/1' {A_CAN}"),
     ],

@@ -241,7 +241,7 @@ DRIVERS = f"{', '.join(OTHERS)} or {LAST}"
         (
             "connection: sim+slcan:///tmp/itb/can?bitrate=500000",
             "connection: tcp://h:5",
-            "can_counter is reached by can or slcan, not by tcp",
+            "can_counter is reached by can or log or slcan or socketcand, not by tcp",
         ),
         (
             "connection: sim+tcp://127.0.0.1:1502",

@@ -1,0 +1,150 @@
+"""CAN over TCP as socketcand serves it: texts like `< frame 123 1690000000.000100 0A0B >`, both directions.
+
+The server greets with `< hi >`; `< open can0 >` and `< rawmode >` are each answered by `< ok >`; then frames come as
+they are on the bus. Texts may be cut anywhere, and several may come together. What a server stamps is the time of its
+own clock; frames have that of their arrival.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Awaitable, Callable
+
+import numpy as np
+
+from drivers.errors import CannotConnect, LinkLost
+from drivers.frame_block import ERROR, EXTENDED, FrameBlock
+from drivers.transport.address import Address
+from drivers.transport.exchange import printable
+from drivers.transport.text_frames import TextFrames
+
+HI, OK, RAW_MODE = b"< hi >", b"< ok >", b"< rawmode >"
+ANSWER_S = 3.0
+TEXT_LIMIT_BYTES = 4096  # of one that has no end
+
+_TEXT = re.compile(rb"<[^<>]*>")
+_FRAME = re.compile(rb"< frame ([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8}) \d+\.\d+ +((?:[0-9A-Fa-f]{2} ?){0,8})>")
+_ERROR = re.compile(rb"< error ([0-9A-Fa-f]{1,8}) \d+\.\d+ [^<>]*>")
+_OTHERS = (b"< rtr ", b"< stat ", b"< echo >", b"< fdframe ", OK)  # neither frames nor errors
+_BITS_29 = EXTENDED // 4 - 1
+Rows = list[tuple[int, bytes]]
+
+
+def open_text(bus: str) -> bytes:
+    """Asks for a bus."""
+    return b"< open %s >" % bus.encode("ascii")
+
+
+def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:
+    """The frames in `data`, what is left of an unfinished text, and how many texts were of no known kind.
+
+    All frames get the arrival time `at_s`. Error frames have no data.
+    """
+    rows, junk, end = Rows(), 0, 0
+    for text in _TEXT.finditer(data):
+        end = text.end()
+        if frame := _FRAME.fullmatch(text[0]):
+            number = int(frame[1], 16)
+            frame_id = number if len(frame[1]) == 3 else number & _BITS_29 | EXTENDED
+            rows.append((frame_id, bytes.fromhex(frame[2].decode("ascii"))))
+        elif error := _ERROR.fullmatch(text[0]):
+            rows.append((ERROR | int(error[1], 16) & (ERROR - 1), b""))
+        else:
+            junk += not text[0].startswith(_OTHERS)
+    rest = data[end:]
+    return block_of(rows, at_s), rest if len(rest) <= TEXT_LIMIT_BYTES else b"", junk
+
+
+def block_of(rows: Rows, at_s: float) -> FrameBlock:
+    """Identifiers and data as frames of one time."""
+    data = b"".join(payload.ljust(8, b"\0") for _, payload in rows)
+    return FrameBlock(
+        np.array([frame_id for frame_id, _ in rows], np.uint32), np.full(len(rows), at_s),
+        np.array([len(payload) for _, payload in rows], np.uint8), np.frombuffer(data, np.uint8).reshape(-1, 8).copy(),
+    )  # fmt: skip
+
+
+def render(block: FrameBlock, since_s: float = 0.0) -> bytes:
+    """Texts as a server sends them; `since_s` is what its clock shows at time 0."""
+    texts = []
+    for frame_id, at_s, dlc, data in zip(
+        block.ids.tolist(), block.at_s.tolist(), block.dlc.tolist(), block.data, strict=True
+    ):
+        if frame_id & ERROR:
+            texts.append(f"< error {frame_id & (ERROR - 1):03X} {since_s + at_s:.6f} >")
+            continue
+        name = f"{frame_id & _BITS_29:08X}" if frame_id & EXTENDED else f"{frame_id:03X}"
+        texts.append(f"< frame {name} {since_s + at_s:.6f} {data[:dlc].tobytes().hex().upper()} >")
+    return "".join(texts).encode("ascii")
+
+
+async def open_socketcand(
+    device: str, address: Address, join: Callable[[Callable[[], Socketcand]], Awaitable[Socketcand]]
+) -> Socketcand:
+    """Opens a bus of a server; raises CannotConnect."""
+    link = await join(lambda: Socketcand(device))
+    try:
+        await link.open(address.path)
+    except BaseException:
+        link.close()
+        raise
+    return link
+
+
+class Socketcand(TextFrames):
+    """A bus of a server as a frame link."""
+
+    def __init__(self, device: str) -> None:
+        super().__init__(device, parse, "the socketcand server")
+        self._wanted = b""
+        self._is_open = False
+
+    def data_received(self, data: bytes) -> None:
+        """Bytes from the server; until the bus is open, the first whole text is the answer that is waited for."""
+        if self._is_open:
+            super().data_received(data)
+            return
+        self._rest += data
+        self._find_answer()
+
+    async def open(self, bus: str) -> None:
+        """Asks for a bus, and for all that comes on it; raises CannotConnect."""
+        await self.answered(b"", HI)
+        await self.answered(open_text(bus), OK)
+        await self.answered(RAW_MODE, OK)
+        self._is_open = True
+
+    async def answered(self, request: bytes, wanted: bytes) -> None:
+        """Sends a request; raises CannotConnect unless the next text is the one wanted, and in time."""
+        if self._transport is None or self._lost:
+            raise LinkLost(self._device, self._lost)
+        self._answer, self._wanted = asyncio.get_running_loop().create_future(), wanted
+        self._transport.write(request)
+        self._find_answer()
+        try:
+            async with asyncio.timeout(ANSWER_S):
+                await self._answer
+        except TimeoutError:
+            raise self._refused(f"no {wanted.decode()} within {ANSWER_S:g} s", request, self._rest) from None
+        except LinkLost as problem:
+            raise self._refused("it has closed the connection", request, self._rest) from problem
+        finally:
+            self._answer = None
+
+    def _find_answer(self) -> None:
+        text = _TEXT.search(self._rest)
+        if text is None or self._answer is None or self._answer.done():
+            return
+        if text[0] == self._wanted:
+            self._rest = self._rest[text.end() :]
+            self._answer.set_result(True)
+        else:
+            self._answer.set_exception(self._refused("it does not agree", b"", text[0]))
+
+    def _refused(self, problem: str, request: bytes, said: bytes) -> CannotConnect:
+        return CannotConnect(
+            self._device, f"the socketcand server does not open the bus: {problem}",
+            sent=printable(request) if request else "", received=printable(said) if said else "",
+            remedy="Check the address: the port of socketcand (29536), and the bus that it was started for (-i can0).",
+        )  # fmt: skip

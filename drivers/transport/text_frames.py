@@ -1,0 +1,61 @@
+"""Frames that come as text over a connection: kept as bytes until they are taken, and parsed in one go then."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from drivers.errors import LinkLost
+from drivers.frame_block import FrameBlock
+from drivers.transport.frames import DURABLE_BLOCK_S
+
+Parse = Callable[[bytes, float], tuple[FrameBlock, bytes, int]]
+"""Gives the frames in bytes that arrived at a time, what is left of an unfinished one, and how many were none."""
+
+
+class TextFrames(asyncio.Protocol):
+    """A connection as a frame link; `adapter` is what is at its other end, `farewell` is sent before it is closed."""
+
+    block_s = DURABLE_BLOCK_S
+
+    def __init__(self, device: str, parse: Parse, adapter: str, farewell: bytes = b"") -> None:
+        self._device, self._parse, self._adapter, self._farewell = device, parse, adapter, farewell
+        self._chunks: list[tuple[float, bytes]] = []
+        self._rest = b""
+        self._lost = "not connected"
+        self._answer: asyncio.Future[bool] | None = None  # to what was asked before frames come
+        self._transport: asyncio.Transport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The connection is open."""
+        if not isinstance(transport, asyncio.Transport):
+            raise TypeError("a stream transport is needed")
+        self._transport, self._lost = transport, ""
+
+    def data_received(self, data: bytes) -> None:
+        """Bytes from the adapter, stamped with their arrival."""
+        self._chunks.append((asyncio.get_running_loop().time(), data))
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The connection is gone."""
+        self._lost = f"{self._adapter} is gone ({exc})" if exc else f"{self._adapter} is gone"
+        if self._answer is not None and not self._answer.done():
+            self._answer.set_exception(LinkLost(self._device, self._lost))
+
+    def take(self) -> FrameBlock:
+        """Every frame since the last call; LinkLost when there is none and the connection is gone."""
+        chunks, self._chunks = self._chunks, []
+        blocks = []
+        for at_s, data in chunks:
+            block, self._rest, _ = self._parse(self._rest + data, at_s)
+            blocks.append(block)
+        if self._lost and not blocks:
+            raise LinkLost(self._device, self._lost, remedy="Check the adapter's cable, then run again.")
+        return FrameBlock.joined(blocks)
+
+    def close(self) -> None:
+        """Closes the connection; closing twice is harmless."""
+        if self._transport is not None and not self._transport.is_closing():
+            if self._farewell:
+                self._transport.write(self._farewell)
+            self._transport.close()

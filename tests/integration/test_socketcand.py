@@ -1,0 +1,120 @@
+"""CAN over real TCP: python-can's client at our server, and our client at a server that says what others recorded."""
+
+import asyncio
+from collections.abc import Callable
+from functools import partial
+from itertools import pairwise
+
+import can
+import pytest
+
+from bench.loop import REAL_TIME, run
+from drivers.errors import CannotConnect, LinkLost
+from drivers.frame_block import ERROR, EXTENDED, FrameBlock
+from drivers.transport.address import Address
+from drivers.transport.frames import FrameLink
+from drivers.transport.wires import RealWires
+from simulators.can_counter import CounterSettings, SimulatedCounter
+from simulators.faults import FaultPlan
+from simulators.settings import WorldSettings
+from simulators.socketcand_server import SimulatedServer
+from simulators.world import World
+from tests.support.laboratory import DBC, counter_form
+
+pytestmark = pytest.mark.integration
+
+
+async def served(factory: Callable[[], asyncio.Protocol]) -> tuple[asyncio.Server, int]:
+    server = await asyncio.get_running_loop().create_server(factory, "127.0.0.1", 0)
+    return server, server.sockets[0].getsockname()[1]
+
+
+def counter(period_s: float) -> SimulatedCounter:
+    world = World(WorldSettings(seed=1, gravity_mps2=9.8), asyncio.get_running_loop().time)
+    return SimulatedCounter(world, CounterSettings("counter", DBC, counter_form(), period_s), FaultPlan())
+
+
+async def taken(link: FrameLink, count: int) -> FrameBlock:
+    blocks: list[FrameBlock] = []
+    async with asyncio.timeout(5):
+        while sum(map(len, blocks)) < count:
+            blocks.append(link.take())
+            await asyncio.sleep(0.01)
+    return FrameBlock.joined(blocks)
+
+
+def test_the_client_of_python_can_reads_our_simulated_counter() -> None:
+    def read(port: int) -> list[can.Message]:
+        with can.Bus(interface="socketcand", host="127.0.0.1", port=port, channel="can0") as bus:
+            found = []
+            while len(found) < 60 and (message := bus.recv(5.0)) is not None:
+                found.append(message)
+            return found
+
+    async def main() -> None:
+        node = counter(0.01)
+        server, port = await served(partial(SimulatedServer, node, "can0"))
+        messages = await asyncio.to_thread(read, port)
+        assert len(messages) == 60
+        assert {message.arbitration_id for message in messages} <= {0x100, 0x101, 0x102, 0x103, 0x110}
+        numbers = [int.from_bytes(m.data[4:6], "little") for m in messages if m.arbitration_id == 0x100]
+        assert all((b - a) % 65536 == 1 for a, b in pairwise(numbers))
+        server.close()
+
+    run(main(), REAL_TIME)
+
+
+def test_our_client_reads_what_a_server_says_in_pieces() -> None:
+    class Server(asyncio.Protocol):
+        """Texts as they are published, typed by hand."""
+
+        def connection_made(self, transport: asyncio.BaseTransport) -> None:
+            assert isinstance(transport, asyncio.Transport)
+            self.transport = transport
+            transport.write(b"< hi >")
+
+        def data_received(self, data: bytes) -> None:
+            if data == b"< open can0 >":
+                self.transport.write(b"< ok >")
+            if data == b"< rawmode >":
+                asyncio.get_running_loop().create_task(self.talk())
+
+        async def talk(self) -> None:
+            said = (
+                b"< ok >< frame 123 1690000000.000100 0A0B >< frame 1ABCDEF0 1690000000.000200 FFEE >"
+                b"< frame 7FF 1690000000.000300  >< error 008 1690000000.000400 >"
+            )
+            for begin in range(0, len(said), 7):
+                self.transport.write(said[begin : begin + 7])
+                await asyncio.sleep(0.002)
+
+    async def main() -> None:
+        server, port = await served(Server)
+        link = await RealWires().frames("counter", Address.parse(f"socketcand://127.0.0.1:{port}/can0"))
+        block = await taken(link, 4)
+        assert block.ids.tolist() == [0x123, 0x1ABCDEF0 | EXTENDED, 0x7FF, ERROR | 0x008]
+        assert block.dlc.tolist() == [2, 2, 0, 0]
+        link.close()
+        server.close()
+
+    run(main(), REAL_TIME)
+
+
+def test_our_client_reads_our_server_until_that_is_gone() -> None:
+    async def main() -> None:
+        node = counter(0.001)
+        server, port = await served(partial(SimulatedServer, node, "can0"))
+        address = Address.parse(f"socketcand://127.0.0.1:{port}/can0")
+        link = await RealWires().frames("counter", address)
+        block = await taken(link, 1000)
+        latches = block.data[block.ids == 0x100, 4:6].view("<u2").ravel().astype(int)
+        assert ((latches[1:] - latches[:-1]) % 65536 == 1).all()
+        node.faults.begin("cut")
+        with pytest.raises(LinkLost, match="the socketcand server is gone"):
+            await taken(link, 1_000_000)
+        server.close()
+        await server.wait_closed()
+        with pytest.raises(CannotConnect, match=r"nobody answers at socketcand://127\.0\.0\.1"):
+            await RealWires().frames("counter", address)
+
+    run(main(), REAL_TIME)
