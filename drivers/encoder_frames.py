@@ -54,9 +54,9 @@ def numbered_beside(
 ) -> tuple[Integers, NDArray[np.bool_]]:
     """Numbers that wrap, in rows of a block, unwrapped; and which of them are above all before them.
 
-    `known` (M,) are unwrapped, in the rows `known_rows` (M,). A number is the nearest one to that of the known row
-    before it, or to that of the one after it where that is nearer, as after a gap. One that is ahead even of that is of
-    nobody known, and not among those above.
+    `known` (M,) are unwrapped and ascend, in the rows `known_rows` (M,). A number is the nearest one to that of the
+    known row before it, or to that of the one after it where that is nearer, as after a gap. One that is ahead even of
+    that is of nobody known, and not among those above.
     """
     if not len(known):
         return raw, ascending(raw)

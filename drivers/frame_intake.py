@@ -15,7 +15,7 @@ from drivers.bus_errors import BUS_OFF, RESTARTED, error_classes, in_words
 from drivers.can_options import IDLE_BLOCK_S, text_of
 from drivers.dbc import Dbc, DbcError, Field, readings_of
 from drivers.description import Nothing, OptionsT, Setup
-from drivers.errors import BadAnswer, DriverError, InstrumentFault, LinkLost
+from drivers.errors import BadAnswer, DriverError, InstrumentFault, LinkLost, NoAnswer
 from drivers.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.transport.dialogue import Pauses
 from drivers.transport.frames import FrameLink
@@ -129,10 +129,19 @@ class FrameIntake:
             self._look_at_errors(block)
             self._look(block)
         except DriverError as problem:
-            self._failure = problem
+            self._failure = self._better(problem)
             self._link.close()  # or frames would go on piling up
             if self._acquisition is not None:
-                self._acquisition.end(problem)
+                self._acquisition.end(self._failure)
+
+    def _better(self, problem: DriverError) -> DriverError:
+        """The problem, or why no frame comes where the link knows that."""
+        if isinstance(problem, NoAnswer):
+            try:
+                self._link.take()
+            except DriverError as known:
+                return known
+        return problem
 
     def _look_at_errors(self, block: FrameBlock) -> None:
         """Tells of error frames; raises LinkLost where the adapter is off the bus, or was meanwhile."""

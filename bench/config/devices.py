@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import (
@@ -59,13 +61,16 @@ def _known_driver(name: str) -> str:
     return name
 
 
-def _address(raw: object) -> Address:
+def _address(raw: object, info: ValidationInfo) -> Address:
     if not isinstance(raw, str):
         raise expected("an address like tcp://192.168.1.10:502", raw)
     try:
-        return Address.parse(raw)
+        address = Address.parse(raw)
     except AddressError as problem:
         raise telling(str(problem)) from None
+    if address.is_recording and isinstance(folder := (info.context or {}).get("folder"), Path):
+        return replace(address, path=str(folder / address.path))  # as every file that a bench file names
+    return address
 
 
 class DeviceEntry(StrictModel):

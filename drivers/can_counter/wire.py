@@ -179,7 +179,8 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
     sequence, tick, host_s, stale = latches.numbers, latches.tick, latches.host_s, 0
     if other.signal.length != form.sequence.signal.length or not _in_step(latches, rows, raw):
         bits = min(other.signal.length, form.sequence.signal.length)  # of a longer one the rest is not known of latches
-        numbers, fresh = numbered_beside(rows, raw, bits, latches.rows, latches.numbers)
+        ahead = latches.fresh
+        numbers, fresh = numbered_beside(rows, raw, bits, latches.rows[ahead], latches.numbers[ahead])
         sequence, latch_places, other_places = np.intersect1d(
             latches.numbers[latches.fresh], numbers[fresh], assume_unique=True, return_indices=True
         )

@@ -120,7 +120,8 @@ def decode_positions(form: SampleFormat, encoder: PositionFormat, block: FrameBl
     known = unwrapped_by_clock(number.raw(data), number.length, tick.raw(data), tick.length)
     data, own = block.data[rows], encoder.sequence.signal
     bits = min(own.length, number.length)  # of a longer one the rest is not known of the samples
-    numbers, fresh = numbered_beside(rows, own.raw(data), bits, of_samples, known)
+    ahead = ascending(known)
+    numbers, fresh = numbered_beside(rows, own.raw(data), bits, of_samples[ahead], known[ahead])
     sequence, of_sample, of_encoder = np.intersect1d(
         samples.sequence, numbers[fresh], assume_unique=True, return_indices=True
     )

@@ -95,7 +95,9 @@ class Address:
 
     def option(self, name: str, default: int) -> int:
         """A whole-number option; AddressError when it is something else."""
-        text = self.options.get(name, str(default))
+        if name not in self.options:
+            return default
+        text = self.options[name]
         if _NUMBER.fullmatch(text) is None:
             raise AddressError(f"{self}: '{name}={text}' is not a whole number")
         return int(text)

@@ -1,4 +1,4 @@
-"""CAN adapters of this machine as frame links: our own reader for slcan, python-can for every other."""
+"""CAN adapters and logs as frame links: our own reader for slcan, python-can for every other and for files."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import asyncio
 import contextlib
 import threading
 from collections import deque
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
+from pathlib import Path
 from typing import TypeVar
 
 import can
@@ -17,6 +18,7 @@ from drivers.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.transport import slcan
 from drivers.transport.address import Address
 from drivers.transport.frames import DURABLE_BLOCK_S, FrameLink
+from drivers.transport.log import LoggedFrames
 from drivers.transport.serial import open_serial
 from drivers.transport.text_frames import TextFrames
 
@@ -26,9 +28,11 @@ _ANSWER_S = 1.0
 
 
 async def open_can(device: str, address: Address) -> FrameLink:
-    """Opens the adapter at `address`; raises CannotConnect."""
+    """Opens the adapter, or the log, at `address`; raises CannotConnect."""
     if address.scheme == "slcan":
         return await open_slcan(device, address, lambda factory: open_serial(device, address, factory))
+    if address.is_recording:
+        return LoggedFrames(device, Path(address.path), read_log(device, Path(address.path)))
     return PythonCan(device, address)
 
 
@@ -94,6 +98,33 @@ def frame_of(message: can.Message) -> tuple[int, int, bytes] | None:
     return frame_id, len(data), data
 
 
+def read_log(device: str, path: Path) -> FrameBlock:
+    """The frames of a log, ASC, BLF, candump's or any other that python-can reads; raises CannotConnect.
+
+    Their times are those of the file, in seconds.
+    """
+    try:
+        with can.LogReader(path) as reader:
+            kept = [(message.timestamp, *frame) for message in reader if (frame := frame_of(message)) is not None]
+    except Exception as problem:  # the readers let errors of many kinds out
+        raise CannotConnect(
+            device, f"cannot read the log {path}: {str(problem) or type(problem).__name__}",
+            remedy="Check its path, which is from the folder of the bench file, and that its ending tells its format.",
+        ) from problem  # fmt: skip
+    if not kept:
+        raise CannotConnect(device, f"the log {path} has no frame", remedy="Record it again.")
+    return block_of(kept)
+
+
+def block_of(frames: Sequence[tuple[float, int, int, bytes]]) -> FrameBlock:
+    """Times, identifiers, lengths and data as a block."""
+    data = b"".join(payload.ljust(8, b"\0") for _, _, _, payload in frames)
+    return FrameBlock(
+        np.array([frame[1] for frame in frames], np.uint32), np.array([frame[0] for frame in frames], np.float64),
+        np.array([frame[2] for frame in frames], np.uint8), np.frombuffer(data, np.uint8).reshape(-1, 8).copy(),
+    )  # fmt: skip
+
+
 class PythonCan:
     """Any adapter that python-can knows (`can:socketcan/can0?bitrate=500000`) as a frame link.
 
@@ -135,12 +166,7 @@ class PythonCan:
             raise LinkLost(self._device, self._failure, remedy="Check the bus, its termination and the adapter.")
         if count == COLLECT_LIMIT_FRAMES:
             raise InstrumentFault(self._device, "frames arrived faster than anybody took them, and some are lost")
-        taken = [self._frames.popleft() for _ in range(count)]
-        data = b"".join(payload.ljust(8, b"\0") for _, _, _, payload in taken)
-        return FrameBlock(
-            np.array([frame[1] for frame in taken], np.uint32), np.array([frame[0] for frame in taken], np.float64),
-            np.array([frame[2] for frame in taken], np.uint8), np.frombuffer(data, np.uint8).reshape(count, 8),
-        )  # fmt: skip
+        return block_of([self._frames.popleft() for _ in range(count)])
 
     def close(self) -> None:
         """Closes the adapter; closing twice is harmless."""

@@ -44,6 +44,10 @@ def test_frames_that_fill_the_bus_are_refused(tmp_path, bitrate, period, share):
         ]
 
 
+def test_a_bus_whose_bit_rate_is_not_told_is_not_judged(tmp_path):
+    assert told(tmp_path, ("?bitrate=1000000", ""), ("period: 1 ms", "period: 400 µs")) == []
+
+
 def test_an_encoder_is_that_of_an_axis(tmp_path):
     (problem,) = told(tmp_path, ("        table: {position", "        tabel: {position"))
     assert problem == "'tabel' drives no axis of the fixture; did you mean 'table'?"

@@ -1,0 +1,43 @@
+"""A log of a CAN bus as a frame link: its frames come again, as far apart as they were recorded."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import numpy as np
+
+from drivers.errors import NoAnswer
+from drivers.frame_block import FrameBlock
+
+LOG_BLOCK_S = 10.0  # what is recorded already may be left together
+ENDED_AFTER_S = 1.0
+
+
+class LoggedFrames:
+    """Frames of a log (N,) whose first comes now."""
+
+    block_s = LOG_BLOCK_S
+
+    def __init__(self, device: str, path: Path, frames: FrameBlock) -> None:
+        self._device, self._path = device, path
+        since_s = np.maximum.accumulate(frames.at_s - frames.at_s[0])
+        began_s = asyncio.get_running_loop().time()
+        self._frames = FrameBlock(frames.ids, began_s + since_s, frames.dlc, frames.data)
+        self._next = 0
+
+    def take(self) -> FrameBlock:
+        """Every frame since the last call; NoAnswer when the log has ended."""
+        at_s, now_s = self._frames.at_s, asyncio.get_running_loop().time()
+        begin, end = self._next, int(np.searchsorted(at_s, now_s, side="right"))
+        if begin == len(at_s) and now_s > at_s[-1] + ENDED_AFTER_S:
+            raise NoAnswer(
+                self._device, f"the log {self._path.name} has ended, {at_s[-1] - at_s[0]:.6g} s after its first frame",
+                remedy="Record for longer than the sequence takes, or run a shorter one.",
+            )  # fmt: skip
+        self._next = end
+        rows = np.arange(begin, end)
+        return FrameBlock(self._frames.ids[rows], at_s[rows], self._frames.dlc[rows], self._frames.payloads(rows))
+
+    def close(self) -> None:
+        """Nothing is open."""
