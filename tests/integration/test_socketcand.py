@@ -1,13 +1,18 @@
 """CAN over real TCP: python-can's client at our server, and our client at a server that says what others recorded."""
 
 import asyncio
+import socket
 from collections.abc import Callable
+from contextlib import AsyncExitStack
 from functools import partial
 from itertools import pairwise
 
 import can
 import pytest
 
+from bench.app.laboratory import make_laboratory, unit_files
+from bench.app.request import load_bench_named
+from bench.app.serve import open_servers
 from bench.loop import REAL_TIME, run
 from drivers.errors import CannotConnect, LinkLost
 from drivers.frame_block import ERROR, EXTENDED, FrameBlock
@@ -116,5 +121,26 @@ def test_our_client_reads_our_server_until_that_is_gone() -> None:
         await server.wait_closed()
         with pytest.raises(CannotConnect, match=r"nobody answers at socketcand://127\.0\.0\.1"):
             await RealWires().frames("counter", address)
+
+    run(main(), REAL_TIME)
+
+
+def test_bench_simulate_serves_a_counter_at_the_address_of_its_server() -> None:
+    def read(port: int) -> int:
+        with can.Bus(interface="socketcand", host="127.0.0.1", port=port, channel="can0") as bus:
+            message = bus.recv(5.0)
+            return -1 if message is None else message.arbitration_id
+
+    async def main() -> None:
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            port = free.getsockname()[1]
+        bench = load_bench_named(None).bench
+        address = Address.parse(f"socketcand://127.0.0.1:{port}/can0")
+        counter_alone = {"counter": bench.devices["counter"].model_copy(update={"connection": address})}
+        laboratory = make_laboratory(bench, unit_files(bench, None), 1, asyncio.get_running_loop().time)
+        async with AsyncExitStack() as stack:
+            lines = await open_servers(bench.model_copy(update={"devices": counter_alone}), laboratory, stack)
+            assert lines == [f"counter    can_counter        {address}"]
+            assert await asyncio.to_thread(read, port) == 0x100
 
     run(main(), REAL_TIME)
