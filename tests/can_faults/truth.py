@@ -25,7 +25,7 @@ class Truth:
     """Of one axis: the latches that came whole, in order, what their frames say, and the first and last of each gap.
 
     `reasons` are why a mean must not be used without a word; `restarted` is that a latch of another power-on came, and
-    `strays` are frames of the axis from one of which no latch did.
+    `strays` are frames of the axis from one of which no latch did, or from before the first latch.
     """
 
     latches: list[int] = field(default_factory=list)
@@ -52,7 +52,7 @@ def truth_of(counter: Counter, axis: str, came: Sequence[Came]) -> Truth:
         return truth
     all_own = [sent for sent, _, seems in came if sent is not None and seems == axis]
     own = [sent for sent in all_own if sent.era == latches[0].era]
-    truth.strays = len(all_own) - len(own)
+    truth.strays = len(all_own) - len(own) + sum(sent.latch < latches[0].latch for sent in own)
     known, stale = _in_order(latches)
     with_counts, stale_counts = _in_order(own)
     truth.first, truth.dropped = latches[0].latch, stale + stale_counts
