@@ -61,8 +61,7 @@ def truth_of(counter: Counter, axis: str, came: Sequence[Came]) -> Truth:
     truth.lost = sum(last - first + 1 for first, last in truth.gaps)
     if _come_very_late(latches):
         truth.reasons.add("very late")
-    bits = min(counter.layout.axis_number_bits, counter.layout.number_bits)
-    if max((last - first for first, last in truth.gaps), default=0) >= 1 << (bits - 1):
+    if max((last - first for first, last in truth.gaps), default=0) >= MOST_LATE:
         truth.strays += len(all_own)  # of what comes late over such a gap nobody can tell whose it is
     truth.ticks = [known[latch].values["Tick"] for latch in truth.latches]
     truth.positive = [with_counts[latch].values["Positive"] for latch in truth.latches]
