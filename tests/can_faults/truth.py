@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
 
+from drivers.encoder_frames import MOST_AHEAD
 from drivers.sequence_numbers import MOST_LATE
 from tests.can_faults.story import Counter, Sent
 
@@ -61,7 +62,7 @@ def truth_of(counter: Counter, axis: str, came: Sequence[Came]) -> Truth:
     truth.lost = sum(last - first + 1 for first, last in truth.gaps)
     if _come_very_late(latches):
         truth.reasons.add("very late")
-    if max((last - first for first, last in truth.gaps), default=0) >= MOST_LATE:
+    if max((last - first for first, last in truth.gaps), default=0) >= MOST_AHEAD:
         truth.strays += len(all_own)  # of what comes late over such a gap nobody can tell whose it is
     truth.ticks = [known[latch].values["Tick"] for latch in truth.latches]
     truth.positive = [with_counts[latch].values["Positive"] for latch in truth.latches]
