@@ -50,9 +50,10 @@ def truth_of(counter: Counter, axis: str, came: Sequence[Came]) -> Truth:
     latches = [sent for sent, _, seems in came if sent is not None and seems == "latch"]
     truth.restarted = len({sent.era for sent in latches}) > 1
     if not latches:
+        truth.reasons.add("too few")
         return truth
     all_own = [sent for sent, _, seems in came if sent is not None and seems == axis]
-    own = [sent for sent in all_own if sent.era == latches[0].era]
+    own = [sent for sent in _tellable(counter, axis, came) if sent.era == latches[0].era]
     truth.strays = len(all_own) - len(own) + sum(sent.latch < latches[0].latch for sent in own)
     known, stale = _in_order(latches)
     with_counts, stale_counts = _in_order(own)
@@ -69,6 +70,18 @@ def truth_of(counter: Counter, axis: str, came: Sequence[Came]) -> Truth:
     truth.negative = [with_counts[latch].values["Negative"] for latch in truth.latches]
     _judge(counter, axis, truth)
     return truth
+
+
+def _tellable(counter: Counter, axis: str, came: Sequence[Came]) -> list[Sent]:
+    """The frames of an axis that do not come so late that half of the numbers have gone by."""
+    half = 1 << (min(counter.layout.axis_number_bits, counter.layout.number_bits) - 1)
+    newest, found = 0, []
+    for sent, _, seems in came:
+        if sent is not None and seems == "latch":
+            newest = max(newest, sent.latch)
+        elif sent is not None and seems == axis and newest - sent.latch < half:
+            found.append(sent)
+    return found
 
 
 def truth_of_samples(came: Sequence[Came]) -> Truth:
