@@ -1,8 +1,8 @@
 """Where an instrument is: `tcp://host:port`, `serial:///dev/ttyUSB0?baud=9600`, `slcan:///dev/ttyACM0?bitrate=500000`.
 
 `socket://host:port` is a serial line behind a TCP serial server, `socketcand://host:port/can0` a CAN bus behind one,
-`log:bus.blf` the frames that a file has recorded; its path is from the folder of the bench file. `person:operator` is no
-wire, but somebody who is asked.
+`log:bus.blf` the frames that a file has recorded; its path is from the folder of the bench file. `person:operator` is
+no wire, but somebody who is asked.
 
 `sim+` before an address puts the simulator at its other end, inside the same process.
 """
