@@ -96,6 +96,7 @@ class FrameIntake:
         try:
             yield blocks
             self._absorb()
+            self._absorb()  # a link that is gone says so behind its last frames
         finally:
             self._acquisition = self.acquiring_since_s = None
             blocks.end(self._failure)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 Integers = NDArray[np.int64]
 MOST_LATE = 64  # numbers that a frame may come behind the newest; one further back is of a sender that began anew
 CLOCK_SLACK = 0.5  # of the usual time from one number to the next
-CLOCK_ROUNDING = 0.1  # of a gap: that time is a whole number of ticks only in the mean
 
 
 def shortest(steps: Integers, bits: int) -> Integers:
@@ -59,8 +56,9 @@ def begun_anew(numbers: Integers, ticks: Integers, tick_bits: int) -> int:
     steps, clock = np.diff(numbers[fresh]), np.diff(ticks[fresh]) % (1 << tick_bits)
     if fresh.all() and (steps == 1).all():
         return 0
-    each = float(np.median(clock[clock > 0] / steps[clock > 0])) if clock.any() else math.inf
-    jumps = (steps > 1) & (np.abs(clock / each - steps) >= CLOCK_SLACK + CLOCK_ROUNDING * steps)
+    each = float(np.median(clock[clock > 0] / steps[clock > 0])) if clock.any() else 0.0
+    rounding = steps  # that time is a whole number of ticks only in the mean
+    jumps = (steps > 1) & (np.abs(clock - steps * each) >= CLOCK_SLACK * each + rounding)
     last = np.maximum.accumulate(np.where(fresh, np.arange(len(numbers)), 0))
     behind, anew = numbers[last] - numbers, ~fresh
     if clock.any():

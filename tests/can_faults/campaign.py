@@ -160,6 +160,8 @@ def judge(story: Story, options: CounterOptions, acquired: Acquired) -> tuple[li
     wanted = _rows(wanted, 0, len(handed))
     if not all(np.array_equal(getattr(handed, what), getattr(wanted, what)) for what in ("ids", "dlc", "data", "at_s")):
         problems.append("other frames were handed out than came")
+    if acquired.problem is None and story.off_at_s <= acquired.end_s:
+        problems.append("the bus went off, and the acquisition did not fail")
     if acquired.problem is not None:
         return _told(story, acquired, begin, problems)
     layout = story.counter.layout
