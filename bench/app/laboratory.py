@@ -110,6 +110,7 @@ def make_laboratory(
     beside = _beside(bench)
     for role, entry in bench.devices.items():
         faults = FaultPlan(now_s=world.now)
+        around = World(replace(world.settings, places={}, imus={}), host_s) if role in beside else world
         if isinstance(entry.options, CounterOptions):
             nodes[role] = SimulatedCounter(world, counter_settings(bench, role, entry.options), faults)
         elif isinstance(entry.options, TelemetryOptions):
@@ -117,7 +118,7 @@ def make_laboratory(
             settings = telemetry_settings(bench, role, entry.options, units, skew_s)
             nodes[role] = SimulatedTelemetry(world, settings, faults)
         elif entry.connection.is_person:
-            by_hand[role] = HandTurnedHead(world, faults, role if role in world.axes else None)
+            by_hand[role] = HandTurnedHead(around, faults, role if role in around.axes else None)
         elif entry.driver == "keysight_3458a":
             voltmeters[role] = voltmeter_settings(bench, role, seed)
             _check_current(voltmeters[role].place, units)
@@ -127,7 +128,6 @@ def make_laboratory(
             in_series = ammeter_input(bench, role, world, seed)
             instruments[role] = Simulated3458A(world, faults, in_series, name=role)
         else:
-            around = World(replace(world.settings, places={}, imus={}), host_s) if role in beside else world
             instruments[role] = made = _instrument(role, entry, around, faults)
             if isinstance(made, CurrentSource):
                 table = columns(corrections_of(bench).currents.get(role))

@@ -11,7 +11,7 @@ from drivers.description import known_drivers
 from drivers.errors import DriverError, NoAnswer, WrongIdentity
 from tests.support.every_driver import EVERY, Opened, calls_of
 
-NOT_HERE: frozenset[str] = frozenset()  # drivers without a simulated instrument at the end of a wire
+NOT_HERE = frozenset({"operator_head"})  # without an instrument at the end of a wire
 SILENT_S = 30.0  # the longest that a call may take on an instrument that says nothing
 PACING_S = 0.35  # the longest that a line has to be still before a question
 QUESTIONS = ("identify", "poll", "angle", "rate", "read", "state", "news")

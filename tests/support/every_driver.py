@@ -82,6 +82,11 @@ EVERY = {
     "cts": Member(**_line_case("cts"), tells="firmware", patience_s=3.0),
     "espec_p300": Member(**_line_case("espec_p300"), tells="model firmware", patience_s=3.0),
     "fluke_5700a": Member("channel", "source", "maker model serial firmware", patience_s=5.0),
+    "framed_head": Member(
+        "simulated", "head", "serial", patience_s=0.5, connection="sim+serial:///dev/ttyS0?baud=115200",
+        options=dict(CASES["framed_table, TCP"].options),
+    ),
+    "framed_table": Member(**_line_case("framed_table, TCP"), tells="serial", patience_s=0.5),
     "keithley_6220": Member("simulated", "source", "maker model serial firmware"),
     "keysight_3458a": Member("channel_volts", "dvm", "maker model firmware"),
     "keysight_3458a_ammeter": Member(
