@@ -20,7 +20,7 @@ from simulators.world import World
 
 Array = NDArray[np.float64]
 TEMPERATURE_PERIOD_S = 1.0
-BLOCK_S = 30.0  # what a power cut costs a rehearsal is done again, and a block costs more than its frames
+BLOCK_S = 10.0  # what a power cut costs a rehearsal is done again
 BAD_SHARE = 0.02  # of the frames on a bad bus suffers
 PROTOCOL_ERROR = 0x008
 

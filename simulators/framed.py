@@ -6,13 +6,13 @@ It does what the profile says, so a profile can be rehearsed; whether the contro
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Self
+from collections.abc import Callable, Mapping
+from typing import ClassVar, Self
 
 from drivers.framed.parts import Bit, Fault, Number
 from drivers.framed.profile import FrameProfile
 from drivers.framed.wire import NumberFormat, Raw, Splitter
-from simulators.faults import FaultPlan
+from simulators.faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
 from simulators.profiles import Slew
 from simulators.serve import Later
 from simulators.setup import InstrumentSetup
@@ -84,6 +84,12 @@ class SimulatedFrames:
         self.emergency_stop = pressed
         if pressed:
             self._drop()
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **MEASURES_AND_OBEYS,
+        "emergency_stop": Mishap(press_emergency_stop, lambda controller: controller.press_emergency_stop(False)),
+        "interlock": Mishap(trip),
+    }
 
     def carry_out(self, name: str, frame: bytes) -> None:
         """Takes a command."""

@@ -290,7 +290,7 @@ def test_a_command_that_waits_for_its_turn_is_not_sent_when_the_table_is_made_sa
         await asyncio.sleep(0.1)
         waiting = asyncio.create_task(line.order("enable"))
         await asyncio.sleep(0.1)
-        framed.faults._starts_s.clear()
+        framed.faults.end("silent")
         await driver.make_safe()
         with pytest.raises(Refused, match="not sent, the instrument is being made safe; sent enable aa 55 20 01"):
             await waiting
@@ -325,7 +325,7 @@ def test_an_emergency_stop_ends_a_motion(motion: Motion) -> None:
         asyncio.get_running_loop().call_later(0.65, framed.controller.press_emergency_stop)
         with pytest.raises(InstrumentFault, match="emergency stop"):
             await motion(driver)
-        assert now_s() < 0.9
+        assert now_s() < 0.65 + 0.5, "a far motion is looked at every half a second"
         await asyncio.sleep(1)
         assert not framed.moving
 
@@ -492,7 +492,7 @@ def test_silence_is_reported_in_time_and_it_is_found_again(profile: FrameProfile
         with pytest.raises(NoAnswer):
             await driver.make_safe()
         assert now_s() - start_s < 5.6
-        framed.faults._starts_s.clear()
+        framed.faults.end("silent")
         await asyncio.sleep(2)
         await driver.make_safe()
         assert not framed.moving
@@ -632,7 +632,7 @@ def test_making_safe_stops_at_once_while_a_status_is_waited_for(profile: FramePr
         framed.faults.begin("silent")
         looking = asyncio.create_task(driver.poll())
         await asyncio.sleep(0.2)
-        framed.faults._starts_s.clear()
+        framed.faults.end("silent")
         start_s = now_s()
         await driver.make_safe()
         assert now_s() - start_s < 2

@@ -140,7 +140,7 @@ async def one(stand: Stand, truth: dict[str, float], fault: LineFault, where: st
     tally.outcomes[outcome] += 1
     if outcome == "reported" and fault in HARMLESS:
         tally.unexpected.append(f"{where}: reported, though it is harmless")
-    if outcome == "borne" and fault in LOSING and spoilt(bad.injected[-1]):
+    if outcome == "borne" and fault in LOSING and case.tells_each and spoilt(bad.injected[-1]):
         tally.unexpected.append(f"{where}: nobody told of it; on the wire {bad.injected[-1]}")
 
 

@@ -49,7 +49,8 @@ class Case:
     `checked` says whether the dialect has a checksum in every answer. `call_s` is how long a reading may take
     at the most, whatever the line does; `patience_s` how long the driver waits for one answer. The channels `moving`
     are another value by the time they are compared. A `driver` with its `options` is another instrument in the place of
-    that of the bench. After `settles_s` nothing else moves any more.
+    that of the bench. After `settles_s` nothing else moves any more. Without `tells_each` what is dropped is told now
+    and then, and not each time.
     """
 
     bench: str
@@ -63,6 +64,7 @@ class Case:
     options: Mapping[str, Any] = field(default_factory=dict)
     moving: frozenset[str] = frozenset()
     settles_s: float = 2.0
+    tells_each: bool = True
 
     @property
     def entry(self) -> DeviceEntry:
@@ -152,7 +154,16 @@ def _framed(connection: str) -> Case:
         "acceleration": "1000 °/s²", "settle": {"band": "1 arcsec", "hold": "1 s"},
     }  # fmt: skip
     return Case(
-        "gyro", "table", _angle, 0.5, 5.0, checked=True, connection=connection, driver="framed_table", options=options
+        "gyro",
+        "table",
+        _angle,
+        0.5,
+        5.0,
+        checked=True,
+        connection=connection,
+        driver="framed_table",
+        options=options,
+        tells_each=False,
     )
 
 

@@ -49,6 +49,8 @@ ORDERS: Mapping[str, Order] = {
     "aerotech_ensemble, serial": Order(move, re.compile(rb"MOVEABS.*"), "angle"),
     "newport_xps": Order(move, re.compile(rb"GroupMoveAbsolute.*"), "angle"),
     "acutronic_acl": Order(move, re.compile(rb":DEM:POS.*"), "angle"),
+    "framed_table, TCP": Order(move, re.compile(rb"(?s)\xaa\x55\x24.{12}"), "angle"),
+    "framed_table, serial": Order(move, re.compile(rb"(?s)\xaa\x55\x24.{12}"), "angle"),
     "scpi_supply": Order(set_volts, _SET, "voltage"),
     "scpi_supply, serial": Order(set_volts, _SET, "voltage"),
     "keithley_6220": Order(set_amperes, _SET, "current"),

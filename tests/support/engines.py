@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench.app.devices import open_devices
+from bench.app.faults import FaultPlayer
 from bench.app.laboratory import make_laboratory, unit_files
 from bench.config.models import BenchFile
 from bench.engine.engine import Engine, Outcome
@@ -79,6 +80,7 @@ def run_plan(folder: Path, plan: Plan, bench: BenchFile, script: Script | None =
 
     async def main() -> None:
         laboratory = make_laboratory(bench, units, SEED, asyncio.get_running_loop().time)
+        FaultPlayer(laboratory, bench.simulation.faults, lambda _kind, _fault: None)
         writer, observer = RunWriter(folder), Quiet()
         try:
             people = People()

@@ -162,7 +162,7 @@ def test_turning_takes_what_the_plan_said(tmp_path):
 def test_a_short_tumble_takes_and_writes_what_the_plan_said(tmp_path):
     rehearsal = rehearsed(tmp_path, "tumble_static", settings=SHORT)
     assert rehearsal.result.bench_s == pytest.approx(rehearsal.expected.total_s, rel=0.01)
-    assert rehearsal.stored_bytes == pytest.approx(rehearsal.expected.size_bytes, rel=0.1)
+    assert rehearsal.stored_bytes == pytest.approx(rehearsal.expected.size_bytes, rel=0.13)
     assert [phase.name for phase in rehearsal.phases] == ["setup", "steps", "teardown"]
     assert all(phase.ratio == pytest.approx(1, abs=0.02) for phase in rehearsal.phases[1:])
 

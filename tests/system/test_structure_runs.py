@@ -390,7 +390,7 @@ def test_a_counter_that_fails_ends_the_steps_that_it_counts_during(tmp_path):
     run = ran(tmp_path, block, more=OFF, faults="[{device: counter, kind: silent, at: 1 min}]")
     assert run.outcome.how == "error"
     assert "counter: counter frames have stopped" in run.outcome.problems[0]
-    assert run.ended("teardown/set").at_s < 95, "a rehearsal looks at recorded frames every 30 s"
+    assert run.ended("teardown/set").at_s < 75, "a rehearsal looks at frames every 10 s"
     assert latches(run, "steps/acquire").sum() == pytest.approx(59 * LATCHES_PER_S, abs=20)
 
 

@@ -179,7 +179,7 @@ def test_a_misspelt_key_at_any_level_is_told_the_key_that_is_meant(folder, old, 
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [
-        ("limits:\n      voltage", "options: {zzz: 1}\n    limits:\n      voltage", "none is known here"),
+        ("limits:\n      voltage", "options: {zzz: 1}\n    limits:\n      voltage", "expected answers"),
         ("limits:\n      voltage", "safe: {zzz: 1}\n    limits:\n      voltage", "none is known here"),
         (
             "driver: watlow_f4t",
