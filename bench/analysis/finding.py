@@ -44,8 +44,9 @@ class BudgetLine:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """The range that holds what is true of a largest value, or of a standard deviation, in 95 of 100 runs at least.
+    """The range that holds what is true of a value that is no linear function of the readings.
 
+    That is a largest value, a standard deviation, a time to settle; it holds in 95 of 100 runs at least.
     `from_scatter` is what the scatter of the values would be expected to make of it if nothing else were there.
     """
 
@@ -62,8 +63,8 @@ class Interval:
 class Finding:
     """One result of one unit. `at` says under which conditions, `steps` from which steps of the run.
 
-    A largest value and a standard deviation are no linear function of the readings, so that they have an `interval`
-    beside their budget.
+    A largest value, a standard deviation and a time to settle are no linear function of the readings, so that they have
+    an `interval` beside their budget.
     """
 
     id: str

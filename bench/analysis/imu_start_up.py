@@ -16,7 +16,7 @@ import numpy as np
 
 from bench.analysis.attitude_errors import shared_by, table_errors
 from bench.analysis.attitudes import AXES, local_earth_rate_dps
-from bench.analysis.finding import LOWER_BOUND, BudgetLine, Finding, UnitResult
+from bench.analysis.finding import LOWER_BOUND, BudgetLine, Finding, Interval, UnitResult
 from bench.analysis.fit import Array, NotDetermined
 from bench.analysis.imu_budget import OwnErrors
 from bench.analysis.imu_start_up_readings import PowerOn, Readings
@@ -32,6 +32,7 @@ AT_POWER_ON = "left after compensation at power-on, told back from the readings"
 WARM = "left after compensation when the watch ended"
 SETTLING = "time from power-on until what is left after compensation stays within its limit"
 FROM_THE_START = "within_from_the_start"
+PERHAPS_TO_THE_END = "perhaps_to_the_end"
 SCATTER = "readings: scatter about the courses"
 MODEL = "readings: their courses with other time constants"
 OTHERWISE = math.sqrt(3)  # times the time constants, which are usually a factor of three apart
@@ -150,12 +151,26 @@ class _Watch:
         for name, index, told in (("power_on", 0, AT_POWER_ON), ("warm", -1, WARM)):
             lines = _lines(sources, index, 1.0)
             yield self._finding(f"{quantity}/{name}", axis, told, float(off[index]), UNITS[quantity], lines, steps)
+        yield self._settling(quantity, axis, found, sources, grid_s, u, steps)
+
+    def _settling(
+        self, quantity: str, axis: int, found: Settling, sources: Sequence[_Source], grid_s: Array, u: Array,
+        steps: tuple[str, ...],
+    ) -> Finding:  # fmt: skip
+        """The time until a course stays within its limit, with the shares of its sources at that time."""
         index = int(np.searchsorted(grid_s, found.at_s).clip(0, len(grid_s) - 1))
         begun_s, ended_s = self.power_on.between_s or (0.0, 0.0)
         lines = _lines(sources, index, found.u_s / float(u[index]))
         lines.append(BudgetLine("power-on: command to reading back", "B", (ended_s - begun_s) / math.sqrt(12)))
-        flags = (LOWER_BOUND,) if found.to_the_end else (FROM_THE_START,) if found.from_the_start else ()
-        yield self._finding(f"{quantity}/settling", axis, SETTLING, found.at_s, "s", lines, steps, flags)
+        marks = {
+            LOWER_BOUND: found.to_the_end,
+            PERHAPS_TO_THE_END: found.perhaps_to_the_end and not found.to_the_end,
+            FROM_THE_START: found.from_the_start,
+        }
+        flags = tuple(flag for flag, marked in marks.items() if marked)
+        aside_s, range_s = (ended_s - begun_s) / 2, found.interval_s
+        interval = Interval(max(range_s.low - aside_s, 0.0), range_s.high + aside_s, range_s.from_scatter)
+        return self._finding(f"{quantity}/settling", axis, SETTLING, found.at_s, "s", lines, steps, flags, interval)
 
     def _sources(self, quantity: str, axis: int, readings: Readings, courses: Courses) -> Iterator[_Source]:
         """What makes a course uncertain."""
@@ -187,11 +202,11 @@ class _Watch:
 
     def _finding(
         self, quantity: str, axis: int, name: str, value: float, unit: str, lines: Sequence[BudgetLine],
-        steps: tuple[str, ...], flags: tuple[str, ...] = (),
+        steps: tuple[str, ...], flags: tuple[str, ...] = (), interval: Interval | None = None,
     ) -> Finding:  # fmt: skip
         visit, subject = self.power_on.visit, self._subject.part(AXES[axis])
         at = {"visit": visit.number, "axis": AXES[axis], "temperature_set_c": visit.told_set_c}
-        return subject.finding(quantity, name, value, unit, lines, at, steps, visit.tail, flags)
+        return subject.finding(quantity, name, value, unit, lines, at, steps, visit.tail, flags, interval)
 
 
 def _lines(sources: Sequence[_Source], index: int, factor: float) -> list[BudgetLine]:

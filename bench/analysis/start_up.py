@@ -15,11 +15,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.special import ndtri
 
+from bench.analysis.finding import CONFIDENCE, Interval
 from bench.analysis.fit import Array, LinearFit, least_squares
 
 Part = Literal["zero", "scale"]
 GRID_S = 1.0  # how closely the courses are looked at
+DRAWS = 40  # of how far a course is off
 CONDITION_LIMIT = 1e6  # terms that are hardly told apart do no harm, for only their sum is used
 
 
@@ -74,22 +77,42 @@ def _terms(at_s: Array, time_constants_s: Sequence[float]) -> Array:
 class Settling:
     """From which time on a course stays within its limit, in s since power-on.
 
-    `u_s` is how far it moves, on the mean of both sides, when the course is off by its standard uncertainty.
-    `to_the_end` says that the course is outside at its end: it takes longer than the readings go; `from_the_start` that
-    it never is.
+    `u_s` is how far it moves, in the root mean square, when the course is off by what its standard uncertainties make
+    likely. It is no linear function of the course, least of all of a flat one, so that there is a range beside.
+    `to_the_end` says that the course is outside at its end: it takes longer than the readings go; `perhaps_to_the_end`
+    that it may be, so that the range ends with the readings alone; `from_the_start` that it never is outside.
     """
 
     at_s: float
     u_s: float
+    interval_s: Interval
     to_the_end: bool
+    perhaps_to_the_end: bool
     from_the_start: bool
 
 
 def settling(grid_s: Array, off: Array, u: Array, limit: float) -> Settling:
-    """Of a course that is `off` what it should be, with its standard uncertainties `u`; all (m,)."""
-    at_s = _last_exit_s(grid_s, np.abs(off), limit)
-    sooner_s, later_s = (_last_exit_s(grid_s, np.abs(off) + sign * u, limit) for sign in (-1, 1))
-    return Settling(at_s, (later_s - sooner_s) / 2, abs(off[-1]) > limit, at_s == 0)
+    """Of a course that is `off` what it should be, with its standard uncertainties `u`; all (m,).
+
+    Its distribution is propagated (JCGM 101), the course off everywhere by the same multiple of `u`. The range goes
+    from where the lower edge of the band about the size of the course stays within the limit to where the upper does.
+    """
+    size, wide = np.abs(off), float(ndtri((1 + CONFIDENCE) / 2))
+    at_s = _last_exit_s(grid_s, size, limit)
+    draws = _normal_draws()
+    moved_s = np.array([_last_exit_s(grid_s, np.abs(off + draw * u), limit) for draw in draws])
+    u_s = float(np.sqrt(np.mean((moved_s - at_s) ** 2)))
+    soonest_s, latest_s = (_last_exit_s(grid_s, size + sign * wide * u, limit) for sign in (-1, 1))
+    of_scatter_s = np.mean([_last_exit_s(grid_s, np.abs(draw) * u, limit) for draw in draws])
+    interval_s = Interval(soonest_s, latest_s, float(of_scatter_s))
+    ends_outside, may_end_outside = bool(size[-1] > limit), bool(size[-1] + wide * u[-1] > limit)
+    return Settling(at_s, u_s, interval_s, ends_outside, may_end_outside, at_s == 0)
+
+
+def _normal_draws() -> Array:
+    """Values that are each equally likely of a standard normal distribution, (n,), with a standard deviation of 1."""
+    draws = ndtri((np.arange(DRAWS) + 0.5) / DRAWS)
+    return np.asarray(draws / np.std(draws))
 
 
 def _last_exit_s(grid_s: Array, size: Array, limit: float) -> float:

@@ -1,8 +1,11 @@
 """Courses of zero and scale after power-on, and from when on they stay within a limit."""
 
+from unittest import mock
+
 import numpy as np
 import pytest
 
+from bench.analysis import start_up
 from bench.analysis.fit import NotDetermined
 from bench.analysis.start_up import fit_courses, settling
 
@@ -76,3 +79,44 @@ def test_what_is_hardly_within_may_be_outside_after_all():
     found = settling(GRID_S, 0.49 + 0.1 * np.exp(-GRID_S / 300), np.full_like(GRID_S, 0.02), 0.5)
     assert found.at_s == pytest.approx(300 * np.log(10), abs=1)
     assert found.u_s > 1000
+
+
+def settled(noise, limit, trials=200):
+    """Errors, uncertainties, and whether the range held the truth, of courses of 1200 s that start at 1.5 limits."""
+    rng, true_s, rows = np.random.default_rng(1), 1200 * np.log(1.5), []
+    for _ in range(trials):
+        values = 1.5 * limit * np.exp(-AT_S / 1200) + noise * rng.standard_normal(len(AT_S))
+        courses = fit_courses(AT_S, values, DRIVE, TAUS_S)
+        u = noise * np.linalg.norm(courses.weights("zero", courses.grid_s), axis=-1)
+        found = settling(courses.grid_s, courses.of("zero", courses.grid_s), u, limit)
+        if not found.to_the_end:
+            held = found.interval_s.low <= true_s <= found.interval_s.high
+            rows.append((found.at_s - true_s, found.u_s, held))
+    assert len(rows) > 0.9 * trials
+    errors_s, u_s, held = np.array(rows).T
+    return float(np.sqrt(np.mean((errors_s / u_s) ** 2))), float(np.mean(np.abs(errors_s) > 3 * u_s)), held.mean()
+
+
+@pytest.mark.parametrize(("noise", "least"), [(0.03, 0.9), (1.0, 0.5)])
+def test_where_the_readings_hardly_tell_it_neither_uncertainty_nor_range_are_too_small(noise, least):
+    """At a noise of 1 the course is known to half of its limit at its end."""
+    rms, far, held = settled(noise, 1.0)
+    assert least < rms < 1.2
+    assert far <= 0.025
+    assert held >= 0.93
+
+
+def test_an_uncertainty_by_the_slope_would_be_seen_where_the_course_is_flat():
+    with mock.patch.object(start_up, "_normal_draws", return_value=np.array([-1.0, 1.0])):
+        rms, _, _ = settled(1.0, 1.0)
+    assert rms > 1.35
+
+
+def test_the_range_goes_from_the_soonest_entry_to_the_latest_and_tells_when_the_readings_end_before():
+    falling, wide = 1 - GRID_S / 3600, np.full_like(GRID_S, 0.01)
+    found = settling(GRID_S, falling, wide, 0.5)
+    assert (found.interval_s.low, found.interval_s.high) == pytest.approx((1800 - 70.6, 1800 + 70.6), abs=0.1)
+    assert (found.interval_s.from_scatter, found.perhaps_to_the_end) == (0.0, False)
+    open_end = settling(GRID_S, falling, 30 * wide, 0.5)
+    assert (open_end.interval_s.high, open_end.perhaps_to_the_end, open_end.to_the_end) == (3600.0, True, False)
+    assert open_end.interval_s.from_scatter == pytest.approx(0.1 * 3600, rel=0.1)  # 0.5 is beyond 1.67 u
