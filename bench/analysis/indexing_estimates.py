@@ -109,16 +109,18 @@ class IndexingEstimates:
         """What makes all of it uncertain; during the clocking the head stands still, so that it adds no scatter.
 
         The scatter is that of both ends together: they are read in the same way, and a few repeats on one of them tell
-        a standard deviation badly.
+        a standard deviation badly. Nor is a reading believed to scatter less than what it alone tells: repeats that
+        come out near each other by chance would make results more certain than any reading is.
         """
         repeats = [fit.repeats for fit in self.fits.values()]
         dof = sum(each for _, each in repeats)
         pooled = float(np.sqrt(sum(sd**2 * each for sd, each in repeats) / dof)) if dof else 0.0
+        alone = float(np.sqrt(np.mean([each.alone_u**2 for each in self.rows]))) if self.rows else 0.0
         swept = sum(len(used) for used in self._used.values())
         scale = float(np.mean([fit.scale_v_per_g for fit in self.fits.values()])) if self.fits else 0.0
         come_back = scale * float(np.radians(self._data.bench.head.repeatability_u_deg))
         still = float(np.sqrt(max(pooled**2 - come_back**2, 0.0)))
-        sd = np.repeat([pooled, still], [swept, len(self._clocked)])
+        sd = np.repeat([max(pooled, alone), max(still, alone)], [swept, len(self._clocked)])
         return IndexingBudget(self._unit, self._data.bench, self.rows, sd, dof, scale)
 
     @property

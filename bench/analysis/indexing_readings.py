@@ -13,12 +13,12 @@ from typing import Literal
 
 import numpy as np
 
-from bench.analysis.acquired import Acquisition
+from bench.analysis.acquired import Acquisition, Counts
 from bench.analysis.bench_record import BenchRecord
 from bench.analysis.fit import Array
 from bench.analysis.indexing_sweep import SweepRecord
 from bench.analysis.orientation import unit_axes
-from bench.analysis.outputs import mean_output
+from bench.analysis.outputs import STABLE_PART_S, Output, mean_output, measured, steadiness
 from bench.analysis.rundata import RunData, UnitUnderTest
 
 CLOCKING, VERIFICATION = "clocking", "verification"
@@ -33,7 +33,8 @@ class IndexingReading:
 
     `angle_rad` is that of the input axis above the horizontal, by the angles of the table alone, `head_rad` that of the
     head; `turn` is by how much sin(angle) changes when the head turns by 1 rad. `end` is up or down. `number` counts
-    all readings of the run, `step_u` is what the steps of codes hide from it.
+    all readings of the run, `alone_u` is what one alone tells of its standard uncertainty, `step_u` what the steps of
+    codes hide from it.
     """
 
     number: int
@@ -49,6 +50,7 @@ class IndexingReading:
     output: float
     stable: bool
     temperature_c: float
+    alone_u: float = 0.0
     step_u: float = 0.0
 
 
@@ -76,10 +78,24 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
             output=output.value if usable else float("nan"),
             stable="unstable" not in output.problems,
             temperature_c=float(np.mean(temperature_c)) if len(temperature_c) else float("nan"),
+            alone_u=_alone_u(acquisition, unit, output) if usable else 0.0,
             step_u=output.step_u if usable else 0.0,
         )
         found.append(reading)
     return found, flags
+
+
+def _alone_u(acquisition: Acquisition, unit: UnitUnderTest, output: Output) -> float:
+    """What a reading alone tells of its standard uncertainty, also by the scatter of its parts of 10 s.
+
+    A zero that wanders within seconds scatters these more than samples would that were independent. Parts of a count
+    share what the count does not resolve, so that it tells its resolution only.
+    """
+    found, over_s = measured(acquisition, unit), acquisition.over_s
+    steady = None if over_s is None or isinstance(found, Counts) else steadiness(found, over_s)
+    if over_s is None or steady is None:
+        return output.alone_u
+    return float(max(output.alone_u, steady[0] / np.sqrt(round(over_s / STABLE_PART_S))))
 
 
 def _turned(acquisition: Acquisition, bench: BenchRecord) -> Acquisition:

@@ -6,6 +6,8 @@ from unittest import mock
 import pytest
 
 from bench.analysis import indexing_readings, indexing_static
+from bench.analysis.indexing_budget import SCATTER
+from bench.analysis.indexing_sweep import EndFit
 from bench.report.stored import open_run
 from bench.sequence.methods.indexing import INDEXING_STATIC
 from bench.store.reader import RunReader
@@ -61,6 +63,17 @@ def test_errors_stay_within_their_uncertainties(volts, pulses):
         comparisons = compare_indexing(run.path)
         assert {comparison.quantity for comparison in comparisons} == set(QUANTITIES)
         assert max(abs(comparison.ratio) for comparison in comparisons) < 3.5
+
+
+def test_repeats_that_are_equal_by_chance_make_no_result_more_certain_than_its_readings_are(data):
+    _, found = reduced(data)
+    with mock.patch.object(EndFit, "repeats", (0.0, 7)):
+        _, by_chance = reduced(data)
+    for quantity in ("K1", "misalignment", "Kip"):
+        (of_scatter, usual) = (
+            next(line.u for line in each[quantity].budget if line.source == SCATTER) for each in (by_chance, found)
+        )
+        assert 0.01 < of_scatter / usual <= 1, quantity
 
 
 def test_everything_is_found_in_the_unit_of_the_output(volts, pulses):
