@@ -32,6 +32,7 @@ _SERIAL_OPTIONS: Mapping[str, tuple[str, ...]] = {
     "parity": ("N", "E", "O", "M", "S"),
     "stopbits": ("1", "2"),
     "flow": ("none", "rtscts", "xonxoff"),
+    "rs485": ("adapter", "rts"),
 }
 
 

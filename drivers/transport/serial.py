@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple, Protocol, TypeVar
 
 import serial
+from serial.rs485 import RS485Settings
 from serial.tools import list_ports
 
 from drivers.errors import CannotConnect
@@ -54,7 +55,8 @@ def serial_ports(stable_names: Path = STABLE_NAMES) -> list[SerialPort]:
 async def open_serial(device: str, address: Address, factory: Callable[[], P]) -> P:
     """Opens the port for this process alone and joins `factory()` to it; raises CannotConnect.
 
-    Options: baud (9600), bytesize (8), parity (N), stopbits (1), flow (none, rtscts or xonxoff).
+    Options: baud (9600), bytesize (8), parity (N), stopbits (1), flow (none, rtscts or xonxoff). On RS-485 one end
+    speaks at a time: most adapters turn the line round by themselves (rs485: adapter), others want RTS for it (rts).
     """
     flow = address.options.get("flow", "none")
     await asyncio.sleep(0)  # a port that was just closed lets go of its lock in the next turn of the loop
@@ -70,6 +72,8 @@ async def open_serial(device: str, address: Address, factory: Callable[[], P]) -
             timeout=0,
             exclusive=True,
         )
+        if address.options.get("rs485") == "rts":
+            _turn_round_by_rts(port)
     except (OSError, ValueError, serial.SerialException) as problem:
         raise CannotConnect(
             device, f"cannot open {address}: {_REFUSED.get(getattr(problem, 'errno', None) or 0, problem)}",
@@ -78,6 +82,15 @@ async def open_serial(device: str, address: Address, factory: Callable[[], P]) -
     protocol = factory()
     await join_device(port, protocol)
     return protocol
+
+
+def _turn_round_by_rts(port: serial.Serial) -> None:
+    """The port holds RTS while it sends; ValueError, and the port is closed, where its driver cannot do that."""
+    try:
+        port.rs485_mode = RS485Settings()
+    except ValueError as problem:
+        port.close()
+        raise ValueError(f"this port does not turn an RS-485 line round by RTS ({problem})") from problem
 
 
 def _parity(address: Address) -> str:

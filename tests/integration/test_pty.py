@@ -8,6 +8,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
+import serial
 
 from bench.loop import run
 from drivers.description import IdentityPin, Nothing, Setup
@@ -287,3 +288,33 @@ def test_a_driver_notices_the_instrument_going_and_finds_it_again(tmp_path: Path
             await driver.__aexit__()
 
     run(main())
+
+
+def test_a_port_that_cannot_turn_the_line_round_is_refused_in_words() -> None:
+    async def main() -> None:
+        leader, follower = os.openpty()
+        address = Address.parse(f"serial://{os.ttyname(follower)}?rs485=rts")
+        with pytest.raises(CannotConnect, match=r"this port does not turn an RS-485 line round by RTS \(Failed to set"):
+            await open_serial("chamber", address, Echo)
+        again = Address.parse(f"serial://{os.ttyname(follower)}?rs485=adapter")
+        echo = await open_serial("chamber", again, Echo)  # it was let go
+        echo.transport.close()
+        os.close(leader)
+        os.close(follower)
+
+    run(main())
+
+
+def test_a_port_that_can_is_told_to_hold_rts_while_it_sends(monkeypatch: pytest.MonkeyPatch) -> None:
+    told = []
+    monkeypatch.setattr(serial.Serial, "_set_rs485_mode", lambda _port, settings: told.append(settings))
+
+    async def main() -> None:
+        leader, follower = os.openpty()
+        echo = await open_serial("chamber", Address.parse(f"serial://{os.ttyname(follower)}?rs485=rts"), Echo)
+        echo.transport.close()
+        os.close(leader)
+        os.close(follower)
+
+    run(main())
+    assert [(each.rts_level_for_tx, each.rts_level_for_rx) for each in told] == [(True, False)]

@@ -137,7 +137,7 @@ def test_what_is_not_an_address_is_refused_with_one_that_is(text, problem):
         ("can:a/b?baud=1", "'can:a/b?baud=1' has an unknown option 'baud'; expected bitrate"),
         (
             "serial:///dev/x?&",
-            "'serial:///dev/x?&' has an unknown option ''; expected baud, bytesize, parity, stopbits or flow",
+            "'serial:///dev/x?&' has an unknown option ''; expected baud, bytesize, parity, stopbits, flow or rs485",
         ),
         ("serial:///dev/x?baud=1&baud=2", "'serial:///dev/x?baud=1&baud=2' has the option 'baud' twice"),
         ("serial:///d?baud", "'serial:///d?baud': the option 'baud' cannot be ''; expected a whole number"),
