@@ -72,6 +72,8 @@ def begun_anew(numbers: Integers, ticks: Integers, tick_bits: int) -> int:
 
 def gaps_in(numbers: Integers, first: int, last: int) -> Integers:
     """The first and the last of each row of numbers from `first` to `last` that ascending `numbers` lack, (G, 2)."""
+    if len(numbers) == last - first + 1:
+        return np.empty((0, 2), np.int64)
     around = np.concatenate(([first - 1], numbers, [last + 1])).astype(np.int64)
     before = np.flatnonzero(np.diff(around) > 1)
     return np.stack([around[before] + 1, around[before + 1] - 1], axis=1)
