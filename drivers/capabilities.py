@@ -119,10 +119,10 @@ class FrameSource(Device, Protocol):
         """
 
     async def news(self) -> None:
-        """Returns when frames have been taken in since it last did, or a fault is known: `poll` then tells."""
+        """Returns when frames have been taken in since it last did, or a fault is known: `poll` then tells.
 
-    def reports_every_s(self) -> float:
-        """How often there is news at the latest: as old may a reading be for that alone."""
+        That is at the latest as often as a reading may be on its way (`reports_every_s`).
+        """
 
     def heard(self) -> Mapping[str, Heard]:
         """When each channel was last heard of, as far as its frames have been taken in."""

@@ -74,11 +74,6 @@ class FrameIntake:
         if self._failure is not None:
             raise self._failure
 
-    @property
-    def block_s(self) -> float:
-        """How often frames are taken in now."""
-        return IDLE_BLOCK_S if self._acquisition is None else self._acquisition.block_s
-
     @asynccontextmanager
     async def acquire(self, block_s: float | None) -> AsyncIterator[AsyncIterator[FrameBlock]]:
         """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one.
@@ -103,8 +98,9 @@ class FrameIntake:
 
     async def _take_in(self) -> None:
         while self._failure is None:
+            block_s = IDLE_BLOCK_S if self._acquisition is None else self._acquisition.block_s
             try:
-                async with asyncio.timeout(self.block_s):
+                async with asyncio.timeout(block_s):
                     await self._wake.wait()
                 self._wake.clear()
             except TimeoutError:
@@ -228,10 +224,6 @@ class FrameDriver(ABC, Generic[OptionsT]):
     async def news(self) -> None:
         """Returns when `poll` may tell more than it has: frames have been taken in, or something is wrong."""
         await self._intake.news()
-
-    def reports_every_s(self) -> float:
-        """How often there is news at the latest."""
-        return max(IDLE_BLOCK_S, self._intake.block_s)
 
     def heard(self) -> Mapping[str, Heard]:
         """When each channel was last heard of, as far as its frames have been taken in."""

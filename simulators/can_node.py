@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.bus_errors import BUS_OFF
+from drivers.can_options import IDLE_BLOCK_S
 from drivers.dbc import Dbc, Field, encode_frames
 from drivers.errors import LinkLost
 from drivers.frame_block import ERROR, FrameBlock
@@ -20,7 +21,6 @@ from simulators.world import World
 
 Array = NDArray[np.float64]
 TEMPERATURE_PERIOD_S = 1.0
-BLOCK_S = 10.0  # what a power cut costs a rehearsal is done again
 BAD_SHARE = 0.02  # of the frames on a bad bus suffers
 PROTOCOL_ERROR = 0x008
 
@@ -47,8 +47,8 @@ class CanNode(ABC):
 
     @property
     def block_s(self) -> float:
-        """How long its frames may be left with it."""
-        return BLOCK_S
+        """As long as frames are left together at all: what a power cut costs a rehearsal is done again."""
+        return IDLE_BLOCK_S
 
     def take(self) -> FrameBlock:
         """Every frame sent since the last call; LinkLost when the connection is cut."""

@@ -226,7 +226,7 @@ class Monitor:
             return None
         sends_itself = "telemetry" in self._bench.devices[role].description.capabilities
         heard = device.heard().get((unit.telemetry or "") if sends_itself else unit.channel)
-        now_s, late_s = asyncio.get_running_loop().time(), device.reports_every_s()
+        now_s, late_s = asyncio.get_running_loop().time(), self._bench.devices[role].description.reports_every_s
         text = self.units.silence(place, heard, on_since_s, now_s, late_s) if heard is not None else ""
         return ("silent", f"{text} Check the unit, its converter and their wiring.") if text else None
 
@@ -273,8 +273,7 @@ class Monitor:
     def _problem_with(self, name: str, entry: ReadingEntry) -> tuple[Kind, str] | None:
         newest = self.latest(name)
         now_s = asyncio.get_running_loop().time()
-        device = self._rig.devices[entry.device]
-        reports_every_s = device.reports_every_s() if isinstance(device, FrameSource) else 0.0
+        reports_every_s = self._bench.devices[entry.device].description.reports_every_s
         if newest is None:
             return None
         if now_s - newest.at_s > entry.stale_after + reports_every_s:

@@ -64,8 +64,7 @@ async def _take_in(role: str, rig: Rig, keepers: Sequence[Keeper], over: asyncio
     if isinstance(rig.devices[role], Meter):
         await _take_readings(rig.meter(role), keep_readings, over)
     else:
-        source = rig.frame_source(role)
-        await _take_frames(source.acquire() if block_s is None else source.acquire(block_s=block_s), keep_frames, over)
+        await _take_frames(rig.frame_source(role).acquire(block_s=block_s), keep_frames, over)
 
 
 async def _take_readings(meter: Meter, keep_readings: Callable[[Sequence[Reading]], None], over: asyncio.Event) -> None:
