@@ -34,6 +34,11 @@ class Identity:
     verified: bool = True
     fingerprint: str = ""
 
+    @property
+    def words(self) -> str:
+        """All that an instrument tells of itself, on one line; "" for nothing."""
+        return " ".join(filter(None, (self.maker, self.model, self.serial, self.firmware)))
+
 
 @dataclass(frozen=True, slots=True)
 class ChamberState:

@@ -92,16 +92,13 @@ def levels_of(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -
         grouped.setdefault(level.name, []).append((level, acquisition))
     gate_s = settings["gate_s"]
     levels = {name: _level_data(unit, members, gate_s) for name, members in grouped.items()}
-    return {
-        name: _as_metered(level, grouped[name], unit)
-        if level.metered is not None and believes_meter(unit, settings)
-        else level
-        for name, level in levels.items()
-    }
+    if not believes_meter(unit, settings):
+        return levels
+    return {name: _as_metered(level, grouped[name], unit) for name, level in levels.items()}
 
 
 def _as_metered(level: LevelData, members: list[tuple[InputLevel, Acquisition]], unit: UnitUnderTest) -> LevelData:
-    """A level as the ammeter has it; the output at its points is brought to the current of its ramps."""
+    """A level as the ammeter has it, where it read one; the output at its points is brought to the ramps' current."""
     if level.metered is None:
         return level
     fed_a = level.metered.mean_a

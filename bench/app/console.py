@@ -16,6 +16,7 @@ from bench.errors import InputError
 from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
 from bench.runner.held import holding
+from drivers.can_options import FRAME_SCHEMES
 from drivers.capabilities import Device, FrameSource, Positioner, RateTable, Source, ThermalChamber
 from drivers.errors import DriverError
 from drivers.suggest import did_you_mean
@@ -53,7 +54,7 @@ def talk(
     if entry is None:
         raise InputError(f"the bench has no device '{role}'{did_you_mean(role, bench.devices)}")
 
-    sends_frames = entry.connection.scheme in ("can", "slcan")  # all the time, and :frames shows them decoded
+    sends_frames = entry.connection.scheme in FRAME_SCHEMES  # all the time, and :frames shows them decoded
 
     def keep(passed: Passed) -> None:
         if passed.sign != RECEIVED or not sends_frames:

@@ -51,13 +51,12 @@ async def _look(bench: BenchFile, role: str, device: Device) -> Look:
             identity = await device.identify()
             await asyncio.sleep(1.5 * entry.description.reports_every_s)
             readings = await device.poll()
-        who = " ".join(filter(None, (identity.maker, identity.model, identity.serial, identity.firmware)))
         stated = "" if identity.verified else f" (serial stated, not verified; {identity.fingerprint})"
         units = entry.channels
         values = ", ".join(
             f"{key} {found[-1].value:.5g} {units.get(key, '')}".rstrip() for key, found in readings.items() if found
         )
-        said = f"{who}{stated}; {values}" if values else f"{who}{stated}"
+        said = f"{identity.words}{stated}; {values}" if values else f"{identity.words}{stated}"
     except DriverError as error:
         said, problem = str(error), True
     except TimeoutError:

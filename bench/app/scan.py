@@ -22,7 +22,6 @@ from drivers.transport.exchange import printable
 from drivers.transport.questions import QuestionPort
 from drivers.transport.serial import serial_ports
 from drivers.transport.wires import RealWires, Wires
-from drivers.values import Identity
 
 PLACE_LIMIT_S = 60.0
 BETWEEN_CONNECTIONS_S = 0.2  # what an instrument that takes one connection needs to let go of the last one
@@ -51,14 +50,10 @@ class Place:
 
     def line(self) -> str:
         """For a terminal."""
-        told = [f"{each.driver.name} ({named(each.found.identity)})" for each in self.candidates]
+        told = [
+            f"{each.driver.name} ({each.found.identity.words or 'tells nothing of itself'})" for each in self.candidates
+        ]
         return f"{self.address}: {' or '.join(told) or self.words}"
-
-
-def named(identity: Identity) -> str:
-    """All that an instrument tells of itself, on one line."""
-    told = (identity.maker, identity.model, identity.serial, identity.firmware)
-    return " ".join(filter(None, told)) or "tells nothing of itself"
 
 
 def address_of(text: str) -> Address:

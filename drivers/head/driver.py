@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Mapping, Sequence
 from typing import Self
 
+from drivers.axes import pause_s
 from drivers.capabilities import Approach
 from drivers.errors import BeyondLimit, InstrumentFault, NotSettled, Refused
 from drivers.head.axis import ANSWER_S, Axis
@@ -15,7 +16,6 @@ from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading
 
 ARCSEC_PER_DEG = 3600
-FAR_AWAY_POLL_S = 0.5  # how often a move is looked at while its end is far away
 ASTRAY_BANDS = 10  # a standing axis this many bands off its target was moved by somebody else
 _SIDES: Mapping[Approach, int] = {"direct": 0, "from_below": -1, "from_above": 1}
 
@@ -188,7 +188,7 @@ class Head:
             if reading.at_s >= deadline_s:
                 raise self._not_settled(target_deg, reading, "is at rest" if at_rest else "is not at rest")
             left_s = abs(reading.value - target_deg) / self._options.rate
-            await asyncio.sleep(max(self._options.poll, min(left_s / 2, FAR_AWAY_POLL_S)))
+            await asyncio.sleep(pause_s(self._options.poll, left_s))
 
     async def _come_to_rest(self) -> None:
         """Returns when the axis no longer moves; raises NotSettled."""

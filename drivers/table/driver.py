@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Self
 
+from drivers.axes import pause_s
 from drivers.capabilities import Approach
 from drivers.errors import DriverError, InstrumentFault, NotSettled, Refused
 from drivers.table.axis import Drive, Mode, State, TableAxis
@@ -20,7 +21,6 @@ ARCSEC_PER_DEG = 3600
 MODE_CHANGE_S = 0.5  # at rest before another mode, as drivers of others do
 RUN_UP_S, RUN_UP_PERIODS = 2.0, 4  # in which a sine grows, slowly enough to add little to its peak acceleration
 STOP_WITHIN_S = 3.5  # leaves time to prove it within what making safe may take
-FAR_AWAY_POLL_S = 0.5  # how often a motion is looked at while its end is far away
 ASTRAY_BANDS = 10  # this many bands off is no scatter: somebody or something has interfered
 RATE_RIPPLE = 1e-3  # of the rate: what a rate read at one instant may be off while its mean is right
 _SIDES: Mapping[Approach, int] = {"direct": 0, "from_below": -1, "from_above": 1}
@@ -224,7 +224,7 @@ class Table:
         while not arrived(state := await self._watch(order, mode)):
             if _now_s() >= deadline_s:
                 raise self._not_settled(problem, state)
-            await asyncio.sleep(max(self._options.poll, min((near_s - _now_s()) / 2, FAR_AWAY_POLL_S)))
+            await asyncio.sleep(pause_s(self._options.poll, near_s - _now_s()))
 
     async def _watch(self, order: int, mode: Mode) -> State:
         """One look at a motion; raises Refused when it is no longer wanted, InstrumentFault when it cannot go on."""

@@ -9,10 +9,10 @@ import pytest
 
 from drivers.bus_errors import BUS_OFF, error_classes, in_words
 from drivers.errors import CannotConnect, LinkLost
-from drivers.frame_block import ERROR, EXTENDED, FrameBlock
+from drivers.frame_block import ERROR, EXTENDED
 from drivers.transport.address import Address
 from drivers.transport.can import open_can
-from drivers.transport.frames import FrameLink
+from tests.support.frames import taken
 
 pytestmark = pytest.mark.integration
 
@@ -33,16 +33,6 @@ def adapter(request: pytest.FixtureRequest) -> tuple[str, str]:
     except OSError as problem:
         pytest.skip(f"no {interface} on this machine ({problem})")
     return interface, channel
-
-
-async def taken(link: FrameLink, count: int) -> FrameBlock:
-    """What has arrived once there are `count` frames; fails after two seconds."""
-    blocks: list[FrameBlock] = []
-    async with asyncio.timeout(2):
-        while sum(map(len, blocks)) < count:
-            blocks.append(link.take())
-            await asyncio.sleep(0.01)
-    return FrameBlock.joined(blocks)
 
 
 def test_frames_arrive_in_order_with_their_times(adapter: tuple[str, str]) -> None:

@@ -15,15 +15,15 @@ from bench.app.request import load_bench_named
 from bench.app.serve import open_servers
 from bench.loop import REAL_TIME, run
 from drivers.errors import CannotConnect, LinkLost
-from drivers.frame_block import ERROR, EXTENDED, FrameBlock
+from drivers.frame_block import ERROR, EXTENDED
 from drivers.transport.address import Address
-from drivers.transport.frames import FrameLink
 from drivers.transport.wires import RealWires
 from simulators.can_counter import CounterSettings, SimulatedCounter
 from simulators.faults import FaultPlan
 from simulators.settings import WorldSettings
 from simulators.socketcand_server import SimulatedServer
 from simulators.world import World
+from tests.support.frames import taken
 from tests.support.laboratory import DBC, counter_form
 
 pytestmark = pytest.mark.integration
@@ -37,15 +37,6 @@ async def served(factory: Callable[[], asyncio.Protocol]) -> tuple[asyncio.Serve
 def counter(period_s: float) -> SimulatedCounter:
     world = World(WorldSettings(seed=1, gravity_mps2=9.8), asyncio.get_running_loop().time)
     return SimulatedCounter(world, CounterSettings("counter", DBC, counter_form(), period_s), FaultPlan())
-
-
-async def taken(link: FrameLink, count: int) -> FrameBlock:
-    blocks: list[FrameBlock] = []
-    async with asyncio.timeout(5):
-        while sum(map(len, blocks)) < count:
-            blocks.append(link.take())
-            await asyncio.sleep(0.01)
-    return FrameBlock.joined(blocks)
 
 
 def test_the_client_of_python_can_reads_our_simulated_counter() -> None:
@@ -96,7 +87,7 @@ def test_our_client_reads_what_a_server_says_in_pieces() -> None:
     async def main() -> None:
         server, port = await served(Server)
         link = await RealWires().frames("counter", Address.parse(f"socketcand://127.0.0.1:{port}/can0"))
-        block = await taken(link, 4)
+        block = await taken(link, 4, 5.0)
         assert block.ids.tolist() == [0x123, 0x1ABCDEF0 | EXTENDED, 0x7FF, ERROR | 0x008]
         assert block.dlc.tolist() == [2, 2, 0, 0]
         link.close()
@@ -111,12 +102,12 @@ def test_our_client_reads_our_server_until_that_is_gone() -> None:
         server, port = await served(partial(SimulatedServer, node, "can0"))
         address = Address.parse(f"socketcand://127.0.0.1:{port}/can0")
         link = await RealWires().frames("counter", address)
-        block = await taken(link, 1000)
+        block = await taken(link, 1000, 5.0)
         latches = block.data[block.ids == 0x100, 4:6].view("<u2").ravel().astype(int)
         assert ((latches[1:] - latches[:-1]) % 65536 == 1).all()
         node.faults.begin("cut")
         with pytest.raises(LinkLost, match="the socketcand server is gone"):
-            await taken(link, 1_000_000)
+            await taken(link, 1_000_000, 5.0)
         server.close()
         await server.wait_closed()
         with pytest.raises(CannotConnect, match=r"nobody answers at socketcand://127\.0\.0\.1"):

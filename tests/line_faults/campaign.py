@@ -13,6 +13,7 @@ from bench.app.laboratory import BenchWires, Laboratory, make_laboratory, unit_f
 from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from bench.loop import AS_FAST_AS_POSSIBLE, run
+from drivers.can_options import FRAME_SCHEMES
 from drivers.capabilities import Device
 from drivers.description import Setup, make_driver, unheard
 from drivers.errors import DriverError
@@ -164,7 +165,7 @@ def a_stand(case: Case, seed: int) -> Stand:
 
 def asked(bench: BenchFile) -> dict[str, DeviceEntry]:
     """The devices that answer; to simulate those that send frames by themselves takes ten times as long."""
-    return {role: entry for role, entry in bench.devices.items() if entry.connection.scheme not in ("slcan", "can")}
+    return {role: entry for role, entry in bench.devices.items() if entry.connection.scheme not in FRAME_SCHEMES}
 
 
 def a_driver(

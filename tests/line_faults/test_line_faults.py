@@ -9,6 +9,7 @@ from pymodbus.framer.rtu import FramerRTU
 
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME, BenchLoop, run
 from drivers.acutronic_acl import wire as acl
+from drivers.can_options import FRAME_SCHEMES
 from drivers.description import known_drivers
 from drivers.errors import NoAnswer
 from drivers.framed.wire import FrameFormat
@@ -26,7 +27,7 @@ READINGS = 1300 // len(CASES) + 1  # on each
 ORDERS_EACH = 24
 
 
-NOT_ASKED = {"slcan", "can", "socketcand", "log", "person"}
+NOT_ASKED = FRAME_SCHEMES | {"person"}
 SAME_WIRE = {"framed_head", "keysight_3458a_ammeter"}  # as framed_table and keysight_3458a
 
 

@@ -1,9 +1,12 @@
-"""CAN frames typed by hand."""
+"""CAN frames typed by hand, and frames taken from a link in real time."""
 
 from __future__ import annotations
 
+import asyncio
+
 from drivers.frame_block import FrameBlock
 from drivers.transport import slcan
+from drivers.transport.frames import FrameLink
 
 
 def frames(*lines: str) -> FrameBlock:
@@ -13,4 +16,14 @@ def frames(*lines: str) -> FrameBlock:
         block, _, junk = slcan.parse(f"t{line.replace(' ', '')}\r".encode(), number / 100)
         assert (len(block), junk) == (1, 0), line
         blocks.append(block)
+    return FrameBlock.joined(blocks)
+
+
+async def taken(link: FrameLink, count: int, within_s: float = 2.0) -> FrameBlock:
+    """What has arrived once there are `count` frames; fails after `within_s`."""
+    blocks: list[FrameBlock] = []
+    async with asyncio.timeout(within_s):
+        while sum(map(len, blocks)) < count:
+            blocks.append(link.take())
+            await asyncio.sleep(0.01)
     return FrameBlock.joined(blocks)

@@ -14,29 +14,20 @@ from bench.config.schema import chamber_profile_schema
 from bench.errors import InputError
 from drivers.modbus_chamber.description import ModbusChamberOptions
 from drivers.modbus_chamber.profile import ChamberProfile
-from tests.support.runs import ROOT
+from tests.support.runs import ROOT, copy_bench
 
 SHIPPED = ROOT / "config/chambers/fictional.yaml"
 TEXT = SHIPPED.read_text("utf-8")
-SIMULATED = (ROOT / "config/simulated.yaml").read_text("utf-8")
 F4T = "    driver: watlow_f4t\n"
 OPTIONS = "options: {unit_id: 1, loop: 1, word_order: low_first}"
 
 
 def bench_with(folder: Path, profile: str | None, options: str = "{profile: chambers/mine.yaml}") -> Path:
     """The demonstration bench with a chamber that a profile describes; its other files are where they were."""
-    assert F4T in SIMULATED
-    assert OPTIONS in SIMULATED
-    for shipped in (ROOT / "config").rglob("*.*"):
-        copy = folder / shipped.relative_to(ROOT / "config")
-        copy.parent.mkdir(parents=True, exist_ok=True)
-        copy.write_bytes(shipped.read_bytes())
+    path = copy_bench(folder, (F4T, "    driver: modbus_chamber\n"), (OPTIONS, f"options: {options}"))
     if profile is not None:
         (folder / "chambers/mine.yaml").write_text(profile, "utf-8")
-    path = folder / "bench.yaml"
-    text = SIMULATED.replace(F4T, "    driver: modbus_chamber\n").replace(OPTIONS, f"options: {options}")
-    path.write_text(text, "utf-8")
-    return path
+    return path.rename(folder / "bench.yaml")
 
 
 def place_of(text: str, words: str) -> str:

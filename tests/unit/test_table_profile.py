@@ -14,8 +14,8 @@ from bench.config.schema import table_profile_schema
 from bench.errors import InputError
 from drivers.framed.profile import FrameProfile
 from tests.support.framed import PLAIN_FILE
-from tests.support.runs import ROOT, read_json, run_short
-from tests.unit.test_chamber_profile import SIMULATED, place_of
+from tests.support.runs import ROOT, copy_bench, read_json, run_short
+from tests.unit.test_chamber_profile import place_of
 
 SHIPPED = ROOT / "config/tables/fictional.yaml"
 TEXT = SHIPPED.read_text("utf-8")
@@ -25,25 +25,15 @@ OPTIONS = "options: {axis: X, rate: 20 °/s"
 
 def bench_with(folder: Path, profile: str, driver: str = "framed_head") -> Path:
     """The demonstration bench with a head that a profile describes; its other files are where they were."""
-    assert HEAD in SIMULATED
-    assert OPTIONS in SIMULATED
-    for shipped in (ROOT / "config").rglob("*.*"):
-        copy = folder / shipped.relative_to(ROOT / "config")
-        copy.parent.mkdir(parents=True, exist_ok=True)
-        copy.write_bytes(shipped.read_bytes())
-    (folder / "tables/mine.yaml").write_text(profile, "utf-8")
-    path = folder / "bench.yaml"
     options = "options: {profile: tables/mine.yaml, rate: 20 °/s"
-    text = SIMULATED.replace(HEAD, f"    driver: {driver}\n").replace(OPTIONS, options)
+    edits = [(HEAD, f"    driver: {driver}\n"), (OPTIONS, options), ("serial: SIM-HEAD-01", 'serial: "1001"')]
     if driver == "framed_table":
-        old = "angle: {min: -5°, max: 365°}\n      rate: {max: 30 °/s}"
-        assert old in text
-        text = text.replace(
-            old, "rate: {max: 30 °/s}\n      acceleration: {max: 40 °/s²}\n      frequency: {max: 1 Hz}"
-        )
-        text = text.replace(options, options + ", acceleration: 40 °/s²")
-    path.write_text(text.replace("serial: SIM-HEAD-01", 'serial: "1001"'), "utf-8")
-    return path
+        of_head = "angle: {min: -5°, max: 365°}\n      rate: {max: 30 °/s}"
+        of_table = "rate: {max: 30 °/s}\n      acceleration: {max: 40 °/s²}\n      frequency: {max: 1 Hz}"
+        edits += [(of_head, of_table), (options, options + ", acceleration: 40 °/s²")]
+    path = copy_bench(folder, *edits)
+    (folder / "tables/mine.yaml").write_text(profile, "utf-8")
+    return path.rename(folder / "bench.yaml")
 
 
 def test_the_shipped_example_is_a_profile_and_says_that_it_is_made_up() -> None:
