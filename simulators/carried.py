@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 EAST: Vector = (1.0, 0.0, 0.0)
 EARTH_DPS = math.degrees(7.292115e-5)  # methods.md 1.1
 NOWHERE: Vector = (0.0, 0.0, 0.0)
+Stands = tuple[float | None, ...]
+"""Where each axis really stands, °; None for one that moves."""
 
 
 def earth_dps(latitude_deg: float) -> Array:
@@ -60,17 +62,23 @@ class Carried:
         self._fixture, self._axes, self._table = fixture, list(axes.values()), table
         self._level_deg, self._gravity_mps2 = level_deg, gravity_mps2
         self.earth_dps = earth_dps(latitude_deg)
-        self._at_rest: tuple[tuple[float | None, ...], Array] = (), np.empty((1, 3, 3))
+        self._at_rest: tuple[Stands, Array] = (), np.empty((1, 3, 3))
+        self._sweep: tuple[Stands, Array] = (), np.empty((3, 3, 3))
+
+    def stands(self, at_s: float) -> Stands:
+        """Where each axis really stands."""
+        return tuple(axis.still_deg(at_s) for axis in self._axes)
 
     def at_rest(self, at_s: Array) -> bool:
         """Whether no axis moves."""
-        return all(axis.still_deg(float(at_s[0])) is not None for axis in self._axes)
+        return None not in self.stands(float(at_s[0]))
 
     def attitude(self, at_s: Array) -> Array:
         """Level frame to fixture, (n, 3, 3); (1, 3, 3) at rest."""
-        still_deg = tuple(axis.still_deg(float(at_s[0])) for axis in self._axes)
-        if still_deg.count(None) == 1 and not self._table.wobble_deg:
-            return self._swept(still_deg, self._axes[still_deg.index(None)].true_deg(at_s))
+        still_deg = self.stands(float(at_s[0]))
+        if self.sweeps(still_deg):
+            waves = waves_of(self._axes[still_deg.index(None)].true_deg(at_s))
+            return np.asarray((waves.T @ self.sweep(still_deg).reshape(3, 9)).reshape(-1, 3, 3))
         if None in still_deg:
             return self._turned([axis.true_deg(at_s) for axis in self._axes])
         if still_deg != self._at_rest[0]:
@@ -100,15 +108,18 @@ class Carried:
         angles_deg = [axis.true_deg(at_s) for axis in self._axes]
         return self._fixture.turning(angles_deg, [rate for rate, _ in rates], [change for _, change in rates])
 
-    def _swept(self, still_deg: tuple[float | None, ...], angle_deg: Array) -> Array:
-        """`_turned` while one axis, the one without an angle, turns: in its angle a constant, a cosine and a sine."""
-        quarters_deg = np.array([0.0, 90.0, 180.0])
-        ahead, aside, back = self._turned([quarters_deg if at is None else np.full(3, at) for at in still_deg])
-        middle = (ahead + back) / 2
-        parts = np.stack([middle, ahead - middle, aside - middle]).reshape(3, 9)
-        angle = np.radians(angle_deg)
-        waves = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=-1)
-        return np.asarray((waves @ parts).reshape(-1, 3, 3))
+    def sweeps(self, still_deg: Stands) -> bool:
+        """Whether one axis turns alone, and nothing comes and goes with it but its angle."""
+        return still_deg.count(None) == 1 and not self._table.wobble_deg
+
+    def sweep(self, still_deg: Stands) -> Array:
+        """The attitude while one axis turns alone: what `waves_of` its angle are multiplied with, (3, 3, 3)."""
+        if still_deg != self._sweep[0]:
+            quarters_deg = np.array([0.0, 90.0, 180.0])
+            ahead, aside, back = self._turned([quarters_deg if at is None else np.full(3, at) for at in still_deg])
+            middle = (ahead + back) / 2
+            self._sweep = still_deg, np.stack([middle, ahead - middle, aside - middle])
+        return self._sweep[1]
 
     def _turned(self, angles_deg: list[Array]) -> Array:
         """Level frame to fixture, with the tilts of the base and of the outer axis."""
@@ -117,3 +128,9 @@ class Carried:
             level_deg = level_deg + table.wobble_deg * np.cos(np.radians(angles_deg[0]) + table.wobble_phase_rad)
         turned = self._fixture.to_fixture(angles_deg, level_deg)
         return turned @ turn(EAST, np.array([-table.across_deg])) if table.across_deg else turned
+
+
+def waves_of(angle_deg: Array) -> Array:
+    """A constant, the cosine and the sine of angles (n,), (3, n): of these all is made that turns with an axis."""
+    angle = np.radians(angle_deg)
+    return np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)])

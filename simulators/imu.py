@@ -6,7 +6,7 @@ acts on them has a row for each axis. The accelerometers are taken to be where t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.attitude import to_unit
+from simulators.carried import Stands, waves_of
 from simulators.corrections import Table
 from simulators.faults import BROKEN_DRAWS, OPEN_C, FaultPlan
 from simulators.gyro import GyroNoise
@@ -29,6 +30,8 @@ if TYPE_CHECKING:  # which holds the units here
     from simulators.world import World
 
 Array = NDArray[np.float64]
+Seen = tuple[Array, Array, Array]
+"""What each axis sees of a vector: along itself, and along the two after it, (3, n) each."""
 
 SENSORS = ("accelerometers", "gyros")
 CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("acc", "gyro") for axis in NAMES)
@@ -88,7 +91,9 @@ class SimulatedImu:
         self._last_c = np.full(2, settings.chamber.start_c)
         self._asked: tuple[float, float, int] = (-1.0, -1.0, 0)
         self._told: Array = np.empty((len(CHANNELS), 0))
-        self._at_rest: tuple[Any, Array] = None, np.empty((3, 3))
+        self._still_key: Any = None  # what the next two are for
+        self._at_rest: tuple[Seen, Seen] | None = None
+        self._turning: tuple[Array, Array, Array] | None = None  # up, the rate of the earth, about what it turns
         self.faults = FaultPlan(now_s=world.now)
         self.powered_at_s: float | None = None
         self.history: list[ImuState] = []
@@ -159,7 +164,7 @@ class SimulatedImu:
 
     def _sensed(self, edges_s: Array) -> tuple[Array | None, Array]:
         """Mean currents of the accelerometers and mean pulse rates of the gyros, (3, n); no current without power."""
-        middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, np.diff(edges_s)
+        middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
         now_c = np.array([self._world.thermal.sensor_c(index) for index in self._sensors])
         passed = (middle - edges_s[0]) / (edges_s[-1] - edges_s[0])
         accelerometer_c, gyro_c = (
@@ -177,8 +182,8 @@ class SimulatedImu:
         drifting_g = drifting_g + np.stack([noise.mean_g(interval) for noise in self._noise])
         drifting_dps = np.array(state.gyros_dps)[:, np.newaxis]
         drifting_dps = drifting_dps + np.stack([noise.mean_dps(interval) for noise in self._gyro_noise])
-        current_a = self._accelerometers.current_a(_along(force_g), accelerometer_c, drifting_g)
-        gyro_pps = self._gyros.output_pps(_along(rate_dps), _along(force_g), gyro_c, drifting_dps)
+        current_a = self._accelerometers.current_a(force_g, accelerometer_c, drifting_g)
+        gyro_pps = self._gyros.output_pps(rate_dps, force_g, gyro_c, drifting_dps)
         return current_a, self._gyros.clipped_pps(gyro_pps)
 
     def _state(self, true_s: float, hysteresis_g: Array, moving_g: Array | float, sensors_c: Array) -> ImuState:
@@ -193,32 +198,51 @@ class SimulatedImu:
         added = (tuple(np.ravel(each).tolist()) for each in (drifted_g, drifted_dps, moving_g, sensors_c))
         return ImuState(true_s, *added)
 
-    def _stimulus(self, edges_s: Array, middle_s: Array) -> tuple[Array, Array]:
-        """Specific force in g and rate in °/s along x, y and z, (3, n), or (3, 1) at rest."""
-        world = self._world
-        into_unit = to_unit(world.mount, self.settings.mount_angle_deg)
-        still_deg = tuple(axis.still_deg(float(edges_s[0])) for axis in world.axes.values())
+    def _stimulus(self, edges_s: Array, middle_s: Array) -> tuple[Seen, Seen]:
+        """Specific force in g and rate in °/s as its sensors see them, (3, n) each, or (3, 1) at rest."""
+        carried = self._world.carried
+        still_deg = carried.stands(float(edges_s[0]))
+        key = (still_deg, self._world.mount)
+        if key != self._still_key:
+            self._still_key, self._at_rest, self._turning = key, None, None
         if None not in still_deg:
-            key = (still_deg, world.mount)
-            if key != self._at_rest[0]:
-                self._at_rest = key, into_unit @ world.carried.attitude(middle_s[:1])[0]
-            lies = self._at_rest[1]
-            return lies[:, 2:], lies @ world.carried.earth_dps[:, np.newaxis]
-        attitude = world.carried.attitude(middle_s)
-        by_earth_dps = (attitude.reshape(-1, 3) @ world.carried.earth_dps).reshape(-1, 3).T
-        return into_unit @ attitude[:, :, 2].T, into_unit @ (by_earth_dps + self._turning_dps(edges_s, still_deg))
+            if self._at_rest is None:
+                lies = self._into_unit @ carried.attitude(middle_s[:1])[0]
+                self._at_rest = _along(lies[:, 2:]), _along(lies @ carried.earth_dps[:, np.newaxis])
+            return self._at_rest
+        if carried.sweeps(still_deg):
+            return self._while_one_turns(still_deg, edges_s, middle_s)
+        attitude = carried.attitude(middle_s)
+        by_earth_dps = (attitude.reshape(-1, 3) @ carried.earth_dps).reshape(-1, 3).T
+        turning_dps = by_earth_dps + self._turning_dps(edges_s)
+        return _along(self._into_unit @ attitude[:, :, 2].T), _along(self._into_unit @ turning_dps)
 
-    def _turning_dps(self, edges_s: Array, still_deg: Sequence[float | None]) -> Array:
-        """How fast the table turns its fixture in each interval, in the fixture's frame, (3, n)."""
-        axes, fixture = list(self._world.axes.values()), self._world.fixture
-        if still_deg.count(None) == 1:  # about a direction that stands still in the fixture
+    @property
+    def _into_unit(self) -> Array:
+        return to_unit(self._world.mount, self.settings.mount_angle_deg)
+
+    def _while_one_turns(self, still_deg: Stands, edges_s: Array, middle_s: Array) -> tuple[Seen, Seen]:
+        """The same while one axis turns, about a direction that stands still in the unit."""
+        world = self._world
+        if self._turning is None:
             angles_deg = [np.full(1, at or 0.0) for at in still_deg]
-            along = fixture.rate(angles_deg, [np.full(1, float(at is None)) for at in still_deg]).T
-            return along * (np.diff(axes[still_deg.index(None)].true_deg(edges_s)) / np.diff(edges_s))
-        angles_deg = [axis.true_deg(edges_s) for axis in axes]
-        rates_dps = [np.diff(angle_deg) / np.diff(edges_s) for angle_deg in angles_deg]
+            about = world.fixture.rate(angles_deg, [np.full(1, float(at is None)) for at in still_deg]).T
+            sweep = self._into_unit @ world.carried.sweep(still_deg)
+            self._turning = sweep[:, :, 2].T, (sweep @ world.carried.earth_dps).T, self._into_unit @ about
+        up, earth_dps, about = self._turning
+        axis = list(world.axes.values())[still_deg.index(None)]
+        angle_deg = axis.true_deg(np.concatenate([edges_s, middle_s]))
+        at_edges_deg, waves = angle_deg[: len(edges_s)], waves_of(angle_deg[len(edges_s) :])
+        rate_dps = (at_edges_deg[1:] - at_edges_deg[:-1]) / (edges_s[1:] - edges_s[:-1])
+        return _along(up @ waves), _along(earth_dps @ waves + about * rate_dps)
+
+    def _turning_dps(self, edges_s: Array) -> Array:
+        """How fast the table turns its fixture in each interval, in the fixture's frame, (3, n)."""
+        interval_s = edges_s[1:] - edges_s[:-1]
+        angles_deg = [axis.true_deg(edges_s) for axis in self._world.axes.values()]
+        rates_dps = [(angle_deg[1:] - angle_deg[:-1]) / interval_s for angle_deg in angles_deg]
         middle_deg = [(angle_deg[1:] + angle_deg[:-1]) / 2 for angle_deg in angles_deg]
-        return fixture.rate(middle_deg, rates_dps).T
+        return self._world.fixture.rate(middle_deg, rates_dps).T
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,6 +289,6 @@ class ImuChannel:
         return Sent(truth.clock, codes.zero_code, codes.noise_code)
 
 
-def _along(vectors: Array) -> tuple[Array, Array, Array]:
-    """Components along x, y and z (3, n) as what each axis and the two after it see, (3, n) each."""
+def _along(vectors: Array) -> Seen:
+    """Components along x, y and z (3, n) as the axes see them."""
     return vectors, vectors[[1, 2, 0]], vectors[[2, 0, 1]]

@@ -42,17 +42,21 @@ def imu_record(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, A
     return {
         "imus": {name: asdict(imu.truth) for name, imu in sorted(world.imus.items())},
         "latitude_deg": world.settings.latitude_deg,
-        "windows": {window.key: _drifted(world, window) for window in windows if window.place in world.imus},
+        "windows": _drifted(world, windows),
         **({"decodings": told} if told else {}),
     }
 
 
-def _drifted(world: World, window: WindowAsMeasured) -> dict[str, list[float]]:
-    history = world.imus[window.place].history
-    at_s = np.array([state.true_s for state in history])
-    nearest = history[int(np.argmin(np.abs(at_s - world.true_time(window.at_s))))]
+def _drifted(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, dict[str, list[float]]]:
     told = ("accelerometers_g", "gyros_dps", "moving_g", "sensors_c")
-    return {name: list(getattr(nearest, name)) for name in told}
+    found = {}
+    for place, imu in world.imus.items():
+        at_s = np.array([state.true_s for state in imu.history])
+        for window in windows:
+            if window.place == place:
+                nearest = imu.history[int(np.argmin(np.abs(at_s - world.true_time(window.at_s))))]
+                found[window.key] = {name: list(getattr(nearest, name)) for name in told}
+    return found
 
 
 def accelerometer_constants(
