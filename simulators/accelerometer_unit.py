@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from simulators.attitude import to_unit
 from simulators.dynamics import POINTS, Follower, look_at_s
 from simulators.faults import OPEN_C, FaultPlan
+from simulators.noise import Noise
 from simulators.unit_file import UnitFile, stream
-from simulators.uut import Hysteresis, Noise, Sent, UnitTruth, draw_unit
+from simulators.uut import Hysteresis, Sent, UnitTruth, draw_unit, noise_of
 from simulators.warmth import Board, Thermometer, Warmth
 
 if TYPE_CHECKING:  # it is the world that makes it
@@ -51,7 +52,7 @@ class SimulatedUnit:
         self.seats_deg: list[tuple[float, float]] = []  # true time of each fixing by hand, and how askew it is since
         self._turn_on = stream(settings.seed, "uut", place, "accelerometer", "turn_on")
         self._turned_on_g = 0.0
-        self._noise = Noise(self.truth, settings.seed, place)
+        self._noise = noise_of(self.truth, settings.seed, place)
         self._hysteresis = Hysteresis(self.truth, settings.chamber.start_c)
         start_c = settings.chamber.start_c
         self.warmth = Warmth(world.thermal, index, file, start_c, settings.thermometer_lag_s)
@@ -131,7 +132,7 @@ class SimulatedUnit:
         board_c = self.board.followed_c(edges_s, middle, self.history[-1].drifted_g)
         if self.powered_at_s is None:
             return np.zeros_like(middle), board_c
-        noise_g = self._noise.mean_g(interval)
+        noise_g = self._noise.mean(interval)
         if self._follower is None:
             current = self._current_a(middle, temperature, bias_g, noise_g)
         else:
@@ -174,14 +175,14 @@ class SimulatedUnit:
         since_s = middle - now_s
         temperature = self.warmth.sensor_c + since_s * self.warmth.sensor_rate_c_per_s
         bias_g = hysteresis_g + self._moving_g()
-        current_a = self._current_a(middle, temperature, bias_g, noise.mean_g(interval))
+        current_a = self._current_a(middle, temperature, bias_g, noise.mean(interval))
         if self.input == "source":
             current_a = self._world.source_a(self.settings.source, middle)
         return float(self.truth.volts(current_a.mean(), load_ohm, board_c))
 
     def own_noise(self, name: str) -> Noise:
         """Its noise as somebody else sees it, so that what others find does not depend on how often he looks."""
-        return Noise(self.truth, self._world.settings.seed, f"{self.place}/{name}")
+        return noise_of(self.truth, self._world.settings.seed, f"{self.place}/{name}")
 
     def _state(self, true_s: float, hysteresis_g: float) -> UnitState:
         drifted_g = hysteresis_g + float(self._slow_bias_g(np.array([true_s]))[0])

@@ -18,8 +18,8 @@ from pydantic import Field, model_validator
 from drivers.fields import Celsius, Hertz, InUnit, Seconds, StrictModel
 from drivers.wording import telling
 from simulators.dynamics import Dynamics
+from simulators.noise import Noise
 from simulators.unit_file import Draw, DrawIn, Ratio, stream
-from simulators.uut import Wander
 
 Array = NDArray[np.float64]
 Vectors = tuple[Array, Array, Array]
@@ -179,19 +179,7 @@ def draw_gyro(gyro: GyroModel, seed: int, *path: str, supply_a: float = 0.0) -> 
     )
 
 
-class GyroNoise:
-    """Angle random walk and a first-order Gauss-Markov wander of the bias, each from its own stream."""
-
-    def __init__(self, truth: GyroTruth, seed: int, *path: str) -> None:
-        self._random_walk = truth.random_walk
-        self._white = stream(seed, "noise", *path, "random walk")
-        self._wander = Wander(truth.instability_dps, stream(seed, "noise", *path, "instability"))
-
-    def mean_dps(self, interval_s: Array) -> Array:
-        """The noise as the mean of each of the consecutive intervals."""
-        white = self._white.standard_normal(len(interval_s)) * (self._random_walk / np.sqrt(interval_s))
-        return np.asarray(white + self._wander.at_ends(interval_s))
-
-    def pass_over(self, passed_s: float) -> None:
-        """Lets time pass in which nobody looks; the bias wanders on meanwhile."""
-        self._wander.pass_over(passed_s)
+def noise_of_gyro(truth: GyroTruth, seed: int, *path: str) -> Noise:
+    """Angle random walk and a slow wander of the bias, in °/s."""
+    streams = stream(seed, "noise", *path, "random walk"), stream(seed, "noise", *path, "instability")
+    return Noise(truth.random_walk, truth.instability_dps, streams)

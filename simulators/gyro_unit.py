@@ -14,7 +14,8 @@ from drivers.fields import StrictModel
 from simulators.attitude import to_unit
 from simulators.dynamics import POINTS, Follower, look_at_s, mean_input
 from simulators.faults import OPEN_C, FaultPlan
-from simulators.gyro import GyroModel, GyroNoise, GyroTruth, Vectors, draw_gyro
+from simulators.gyro import GyroModel, GyroTruth, Vectors, draw_gyro, noise_of_gyro
+from simulators.noise import Noise
 from simulators.unit_file import Draw, DrawIn, SupplyModel, TelemetryModel, ThermalModel, stream
 from simulators.uut import Sent
 from simulators.warmth import Thermometer
@@ -81,7 +82,7 @@ class SimulatedGyro:
         self.truth = draw_gyro_unit(file, settings.seed, place)
         self.faults = FaultPlan(now_s=world.now)
         self._index, self._world = index, world
-        self._noise = GyroNoise(self.truth, settings.seed, place)
+        self._noise = noise_of_gyro(self.truth, settings.seed, place)
         dynamics = self.truth.dynamics
         self._follower = Follower(dynamics) if dynamics is not None else None
         own = self.settings
@@ -109,11 +110,11 @@ class SimulatedGyro:
         """What its electronics make of the mean rate in each interval; not yet rounded."""
         return self.truth.codes(self._mean_pps(edges_s))
 
-    def own_noise(self, name: str) -> GyroNoise:
+    def own_noise(self, name: str) -> Noise:
         """Its noise as somebody else sees it, so that what others find does not depend on how often he looks."""
-        return GyroNoise(self.truth, self._world.settings.seed, f"{self.place}/{name}")
+        return noise_of_gyro(self.truth, self._world.settings.seed, f"{self.place}/{name}")
 
-    def mean_volts(self, begin_s: float, end_s: float, noise: GyroNoise, load_ohm: float) -> float:
+    def mean_volts(self, begin_s: float, end_s: float, noise: Noise, load_ohm: float) -> float:
         """What the current of its output makes of a load, as a mean from `begin_s` to `end_s`; 0 without power.
 
         It follows at once: a reading is many times as long as the gyro remembers.
@@ -121,7 +122,7 @@ class SimulatedGyro:
         if self.powered_at_s is None:
             return 0.0
         edges_s = np.linspace(begin_s, end_s, 1 + math.ceil((end_s - begin_s) / LOOK_S))
-        sensed_pps = self._output_pps((edges_s[1:] + edges_s[:-1]) / 2, noise.mean_dps(np.diff(edges_s)))
+        sensed_pps = self._output_pps((edges_s[1:] + edges_s[:-1]) / 2, noise.mean(np.diff(edges_s)))
         if self.faults.active("dead"):
             sensed_pps = np.zeros_like(sensed_pps)
         return load_ohm * float(self.truth.current_a(self.truth.clipped_pps(sensed_pps)).mean())
@@ -136,7 +137,7 @@ class SimulatedGyro:
         if self.powered_at_s is None:
             return np.zeros_like(interval_s)
         look_s = look_at_s(edges_s, self.truth.delay_s)
-        noise_dps = np.repeat(self._noise.mean_dps(interval_s), len(POINTS))
+        noise_dps = np.repeat(self._noise.mean(interval_s), len(POINTS))
         sensed_pps = self._output_pps(look_s.ravel(), noise_dps).reshape(look_s.shape)
         if self.faults.active("dead"):
             return np.zeros_like(interval_s)

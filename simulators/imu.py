@@ -17,12 +17,13 @@ from simulators.attitude import to_unit
 from simulators.carried import Stands, waves_of
 from simulators.corrections import Table
 from simulators.faults import BROKEN_DRAWS, OPEN_C, FaultPlan
-from simulators.gyro import GyroNoise
+from simulators.gyro import noise_of_gyro
 from simulators.imu_file import NAMES, ImuFile
 from simulators.imu_uut import draw_imu, stacked
+from simulators.noise import mean_noise
 from simulators.thermal import UnitPhysics
 from simulators.unit_file import stream
-from simulators.uut import Decoding, Hysteresis, Noise, Sent
+from simulators.uut import Decoding, Hysteresis, Sent, noise_of
 from simulators.warmth import Thermometer
 
 if TYPE_CHECKING:  # which holds the units here
@@ -76,8 +77,8 @@ class SimulatedImu:
         self._sensors = sensors
         self._accelerometers, self._gyros = stacked(self.truth.accelerometers), stacked(self.truth.gyros)
         named = list(zip(NAMES, self.truth.accelerometers, self.truth.gyros, strict=True))
-        self._noise = [Noise(truth, settings.seed, f"{place}/acc_{axis}") for axis, truth, _ in named]
-        self._gyro_noise = [GyroNoise(truth, settings.seed, place, f"gyro_{axis}") for axis, _, truth in named]
+        self._noise = [noise_of(truth, settings.seed, f"{place}/acc_{axis}") for axis, truth, _ in named]
+        self._noise += [noise_of_gyro(truth, settings.seed, place, f"gyro_{axis}") for axis, _, truth in named]
         self._gyro_drift = stacked(self.truth.gyro_drifts)
         self._gyros_send = stacked(self.truth.gyros_send) if self.truth.gyros_send else None
         self._hysteresis = [Hysteresis(truth, settings.chamber.start_c) for _, truth, _ in named]
@@ -178,10 +179,9 @@ class SimulatedImu:
         if self.powered_at_s is None or self.faults.active("dead"):
             return None, np.empty(0)
         force_g, rate_dps = self._stimulus(edges_s, middle)
-        drifting_g = np.array(state.accelerometers_g)[:, np.newaxis] + moving_g
-        drifting_g = drifting_g + np.stack([noise.mean_g(interval) for noise in self._noise])
-        drifting_dps = np.array(state.gyros_dps)[:, np.newaxis]
-        drifting_dps = drifting_dps + np.stack([noise.mean_dps(interval) for noise in self._gyro_noise])
+        noise = mean_noise(self._noise, interval)
+        drifting_g = np.array(state.accelerometers_g)[:, np.newaxis] + moving_g + noise[: len(NAMES)]
+        drifting_dps = np.array(state.gyros_dps)[:, np.newaxis] + noise[len(NAMES) :]
         current_a = self._accelerometers.current_a(force_g, accelerometer_c, drifting_g)
         gyro_pps = self._gyros.output_pps(rate_dps, force_g, gyro_c, drifting_dps)
         return current_a, self._gyros.clipped_pps(gyro_pps)

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from simulators.dynamics import Dynamics
+from simulators.noise import Noise
 from simulators.unit_file import Draw, Polynomial, UnitFile, stream
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
-INSTABILITY_S = 10.0  # correlation time of the slow wander of the bias
-WANDER_STEP_S = 1.0  # how closely it is drawn, however long a block is
 _CONVERTER_REFERENCE_C = 25.0
 
 
@@ -221,6 +219,12 @@ def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:
     )
 
 
+def noise_of(truth: UnitTruth, seed: int, place: str) -> Noise:
+    """The noise of an accelerometer, in g."""
+    streams = stream(seed, "noise", place, "white"), stream(seed, "noise", place, "instability")
+    return Noise(truth.noise_density * math.sqrt(0.5), truth.instability_g, streams)
+
+
 class Hysteresis:
     """Play operators on the sensor's temperature, and what their sum does to the bias; beside them the jumps."""
 
@@ -244,57 +248,6 @@ class Hysteresis:
         self._jumped_g += sum(size_g for _, size_g in passed)
         self._last_c = temperature_c
         return self._jumped_g
-
-
-class Wander:
-    """A first-order Gauss-Markov process, drawn at least every second; in between it changes evenly."""
-
-    def __init__(self, sd: float, draws: np.random.Generator) -> None:
-        self._sd, self._draws = sd, draws
-        self._value = sd * float(draws.standard_normal())
-
-    def at_ends(self, interval_s: Array) -> Array:
-        """What it has come to at the end of each of the consecutive intervals, which are about equal."""
-        over_s = float(interval_s.sum())
-        steps = math.ceil(over_s / WANDER_STEP_S)
-        return np.interp(*_even(len(interval_s), steps), [self._value, *self._passed(over_s / steps, steps)])
-
-    def pass_over(self, passed_s: float) -> float:
-        """What it has come to after a time."""
-        return self._passed(passed_s, 1)[0]
-
-    def _passed(self, step_s: float, steps: int) -> list[float]:
-        """What it comes to after each of so many steps."""
-        keep = math.exp(-step_s / INSTABILITY_S)
-        spread, found = math.sqrt(1 - keep * keep) * self._sd, []
-        for fresh in self._draws.standard_normal(steps).tolist():
-            self._value = keep * self._value + spread * fresh
-            found.append(self._value)
-        return found
-
-
-@lru_cache(maxsize=16)
-def _even(intervals: int, steps: int) -> tuple[Array, Array]:
-    """The ends of intervals, and of steps that share them out evenly, both counted in intervals."""
-    return np.arange(1.0, intervals + 1), np.linspace(0, intervals, steps + 1)
-
-
-class Noise:
-    """White noise and a first-order Gauss-Markov wander of the bias, each from its own stream."""
-
-    def __init__(self, truth: UnitTruth, seed: int, place: str) -> None:
-        self._density = truth.noise_density
-        self._white = stream(seed, "noise", place, "white")
-        self._wander = Wander(truth.instability_g, stream(seed, "noise", place, "instability"))
-
-    def mean_g(self, interval_s: Array) -> Array:
-        """The noise as the mean of each of the consecutive intervals."""
-        white = self._white.standard_normal(len(interval_s)) * (self._density * np.sqrt(0.5 / interval_s))
-        return np.asarray(white + self._wander.at_ends(interval_s))
-
-    def pass_over(self, passed_s: float) -> None:
-        """Lets time pass in which nobody looks; the bias wanders on meanwhile."""
-        self._wander.pass_over(passed_s)
 
 
 class Integrator:

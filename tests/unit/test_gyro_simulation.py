@@ -14,7 +14,7 @@ from simulators.attitude import EAST, UP, Fixture
 from simulators.can_counter import CounterSettings, SimulatedCounter
 from simulators.carried import EARTH_DPS, Carried, TableErrors
 from simulators.faults import FaultPlan
-from simulators.gyro import GyroModel, GyroNoise, draw_gyro
+from simulators.gyro import GyroModel, draw_gyro, noise_of_gyro
 from simulators.gyro_unit import GyroFile
 from simulators.motion import Axis, AxisErrors
 from simulators.profiles import Slew
@@ -71,11 +71,11 @@ def test_bandwidth_and_damping_go_together():
 
 def test_the_noise_of_a_mean_falls_with_the_root_of_its_time():
     truth = draw_gyro(gyro(noise={"random_walk": "0.6 °/h^0.5", "instability": "1 °/h"}), 1, "a")
-    noise = GyroNoise(truth, 3, "a")
-    means = np.array([noise.mean_dps(np.full(100, 0.04)) for _ in range(400)])
+    noise = noise_of_gyro(truth, 3, "a")
+    means = np.array([noise.mean(np.full(100, 0.04)) for _ in range(400)])
     assert np.std(np.diff(means, axis=1)) / np.sqrt(2) == pytest.approx(0.01 / np.sqrt(0.04), rel=0.03)
-    still = GyroNoise(replace(truth, random_walk=0.0), 3, "a")
-    wander = np.array([still.mean_dps(np.full(10, 1.0))[-1] for _ in range(2000)])
+    still = noise_of_gyro(replace(truth, random_walk=0.0), 3, "a")
+    wander = np.array([still.mean(np.full(10, 1.0))[-1] for _ in range(2000)])
     assert np.std(wander) == pytest.approx(1 / 3600, rel=0.1)
 
 

@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.analysis.tumble import solve_tumble
+from simulators.noise import Wander
 from simulators.unit_file import UnitFile
-from simulators.uut import Hysteresis, Integrator, Noise, UnitTruth, Wander, draw_unit
+from simulators.uut import Hysteresis, Integrator, UnitTruth, draw_unit, noise_of
 from tests.support.laboratory import Laboratory, place, unit
 
 PERFECT = draw_unit(unit(), 1, "a")
@@ -160,8 +161,8 @@ def test_a_unit_whose_temperature_moves_shows_its_rate() -> None:
 
 
 def test_noise_has_its_density_and_averages_as_white_noise_does() -> None:
-    noise = Noise(but(noise_density=2e-6), seed=3, place="a")
-    tenths = noise.mean_g(np.full(200_000, 0.1))
+    noise = noise_of(but(noise_density=2e-6), seed=3, place="a")
+    tenths = noise.mean(np.full(200_000, 0.1))
     assert tenths.std() == pytest.approx(2e-6 * math.sqrt(0.5 / 0.1), rel=0.01)
     assert tenths.reshape(-1, 100).mean(axis=1).std() == pytest.approx(2e-6 * math.sqrt(0.5 / 10), rel=0.05)
     assert tenths.mean() == pytest.approx(0, abs=5 * tenths.std() / math.sqrt(200_000))
@@ -169,18 +170,18 @@ def test_noise_has_its_density_and_averages_as_white_noise_does() -> None:
 
 @pytest.mark.parametrize("block_s", [0.1, 1.0, 10.0])
 def test_the_wander_has_its_size_and_forgets_in_ten_seconds(block_s: float) -> None:
-    noise = Noise(but(instability_g=0.5e-6), seed=3, place="a")
-    values = np.array([noise.mean_g(np.array([block_s]))[0] for _ in range(40_000)])
+    noise = noise_of(but(instability_g=0.5e-6), seed=3, place="a")
+    values = np.array([noise.mean(np.array([block_s]))[0] for _ in range(40_000)])
     assert values.std() == pytest.approx(0.5e-6, rel=0.1)
     after_ten_s = round(10 / block_s)
     assert np.corrcoef(values[:-after_ten_s], values[after_ten_s:])[0, 1] == pytest.approx(math.exp(-1), abs=0.1)
 
 
 def test_the_bias_wanders_on_while_nobody_looks() -> None:
-    noise, second = Noise(but(instability_g=0.5e-6), seed=3, place="a"), np.array([1.0])
+    noise, second = noise_of(but(instability_g=0.5e-6), seed=3, place="a"), np.array([1.0])
     looks = []
     for _ in range(4000):
-        looks.append(noise.mean_g(second)[0])
+        looks.append(noise.mean(second)[0])
         noise.pass_over(9.0)
     values = np.array(looks)
     assert values.std() == pytest.approx(0.5e-6, rel=0.1)
@@ -189,10 +190,10 @@ def test_the_bias_wanders_on_while_nobody_looks() -> None:
 
 def test_noise_belongs_to_seed_and_place() -> None:
     truth, interval_s = but(noise_density=2e-6, instability_g=1e-6), np.full(5, 0.1)
-    first = Noise(truth, 3, "a").mean_g(interval_s)
-    assert first.tolist() == Noise(truth, 3, "a").mean_g(interval_s).tolist()
-    assert first.tolist() != Noise(truth, 3, "b").mean_g(interval_s).tolist()
-    assert first.tolist() != Noise(truth, 4, "a").mean_g(interval_s).tolist()
+    first = noise_of(truth, 3, "a").mean(interval_s)
+    assert first.tolist() == noise_of(truth, 3, "a").mean(interval_s).tolist()
+    assert first.tolist() != noise_of(truth, 3, "b").mean(interval_s).tolist()
+    assert first.tolist() != noise_of(truth, 4, "a").mean(interval_s).tolist()
 
 
 # The converter

@@ -1,0 +1,89 @@
+"""Noise of sensors: white noise, and a slow wander of the zero (methods.md section 8.4)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+INSTABILITY_S = 10.0  # correlation time of the slow wander of the zero
+WANDER_STEP_S = 1.0  # how closely it is drawn, however long a block is
+
+
+class Wander:
+    """A first-order Gauss-Markov process, drawn at least every second; in between it changes evenly."""
+
+    def __init__(self, sd: float, draws: Generator) -> None:
+        self._sd, self._draws = sd, draws
+        self._value = sd * float(draws.standard_normal())
+
+    def at_ends(self, interval_s: Array) -> Array:
+        """What it has come to at the end of each of the consecutive intervals, which are about equal."""
+        return np.asarray(at_ends([self], interval_s)[0])
+
+    def pass_over(self, passed_s: float) -> float:
+        """What it has come to after a time."""
+        return self.passed(passed_s, 1)[1]
+
+    def passed(self, step_s: float, steps: int) -> list[float]:
+        """What it is now, and what it comes to after each of so many steps."""
+        keep = math.exp(-step_s / INSTABILITY_S)
+        spread, value = math.sqrt(1 - keep * keep) * self._sd, self._value
+        found = [value]
+        for fresh in self._draws.standard_normal(steps).tolist():
+            value = keep * value + spread * fresh
+            found.append(value)
+        self._value = value
+        return found
+
+
+def at_ends(wanders: Sequence[Wander], interval_s: Array) -> Array:
+    """What each has come to at the end of each of the consecutive intervals, which are about equal, (c, n)."""
+    over_s = float(interval_s.sum())
+    steps = math.ceil(over_s / WANDER_STEP_S)
+    drawn = np.array([wander.passed(over_s / steps, steps) for wander in wanders])
+    step, part = _even(len(interval_s), steps)
+    begin = drawn[:, step]
+    return np.asarray(begin + part * (drawn[:, step + 1] - begin))
+
+
+@lru_cache(maxsize=16)
+def _even(intervals: int, steps: int) -> tuple[NDArray[np.intp], Array]:
+    """In which of the steps that share intervals out evenly each of these ends, and how far on in it."""
+    passed = np.arange(1, intervals + 1) * (steps / intervals)
+    step: NDArray[np.intp] = np.minimum(passed.astype(np.intp), steps - 1)
+    return step, np.asarray(passed - step, np.float64)
+
+
+class Noise:
+    """White noise and a slow wander of the zero, each from its own stream; the mean of 1 s has `white_1s` of white."""
+
+    def __init__(
+        self, white_1s: float, wander: float, streams: tuple[np.random.Generator, np.random.Generator]
+    ) -> None:
+        self.white_1s, self.white = white_1s, streams[0]
+        self.wander = Wander(wander, streams[1])
+
+    def mean(self, interval_s: Array) -> Array:
+        """The noise as the mean of each of the consecutive intervals."""
+        return np.asarray(mean_noise([self], interval_s)[0])
+
+    def pass_over(self, passed_s: float) -> None:
+        """Lets time pass in which nobody looks; the zero wanders on meanwhile."""
+        self.wander.pass_over(passed_s)
+
+
+def mean_noise(channels: Sequence[Noise], interval_s: Array) -> Array:
+    """The noise of several channels as the mean of each of the consecutive intervals, (c, n)."""
+    white = np.empty((len(channels), len(interval_s)))
+    for row, channel in zip(white, channels, strict=True):
+        channel.white.standard_normal(out=row)
+        row *= channel.white_1s
+    white /= np.sqrt(interval_s)
+    white += at_ends([channel.wander for channel in channels], interval_s)
+    return white
