@@ -148,11 +148,11 @@ def readings_of(
     fields: Mapping[str, Field], block: FrameBlock
 ) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """What fields read in a block, by their names: arrival times and physical values; those that did not come lack."""
-    found = {}
+    found, sent = {}, {field.message.id: field.message for field in fields.values()}
+    rows = {of_message: message.rows(block) for of_message, message in sent.items()}
     for name, field in fields.items():
-        rows = field.message.rows(block)
-        if len(rows):
-            found[name] = (block.at_s[rows], field.signal.physical(block.payloads(rows)))
+        if len(at := rows[field.message.id]):
+            found[name] = (block.at_s[at], field.signal.physical(block.payloads(at)))
     return found
 
 

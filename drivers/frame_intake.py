@@ -46,6 +46,7 @@ class FrameIntake:
         self._wake = asyncio.Event()
         self._news = asyncio.Event()
         self._failure: DriverError | None = None
+        self._taken_s = -math.inf
         self._task: asyncio.Task[None]
         self.acquiring_since_s: float | None = None
 
@@ -108,7 +109,8 @@ class FrameIntake:
 
     def look_now(self) -> None:
         """Takes in what has arrived by now; raises what has gone wrong with the frames."""
-        self._take()
+        if asyncio.get_running_loop().time() > self._taken_s:
+            self._take()
         self.check()
 
     def _absorb(self) -> None:
@@ -119,6 +121,7 @@ class FrameIntake:
         """Takes what has arrived by now; a fault ends the intake and the acquisition."""
         if self._failure is not None:
             return
+        self._taken_s = asyncio.get_running_loop().time()
         try:
             block = self._link.take()
             if self._acquisition is not None:

@@ -158,9 +158,11 @@ class SimulatedCounter(CanNode):
         put(form.sequence, self._sequence0 + shown)
         if form.boot_count is not None:
             put(form.boot_count, np.full_like(numbers, self._boots))
+        spoils = self.faults.spans_s("cleared_count") or self.faults.spans_s("stuck_count")
         for name, positive, negative in self._counts(edges_s, frozen):
             channel = form.channels[name]
-            positive, negative = self._spoilt(name, at_s, positive), self._spoilt(f"-{name}", at_s, negative)
+            if spoils:
+                positive, negative = self._spoilt(name, at_s, positive), self._spoilt(f"-{name}", at_s, negative)
             if (unit := self._units.get(name)) is not None and unit.faults.active("silent"):
                 continue
             put(channel.positive, positive)
@@ -189,7 +191,7 @@ class SimulatedCounter(CanNode):
     def _counts(self, edges_s: Array, frozen: bool) -> Iterator[tuple[str, Counts, Counts]]:
         """Every channel with its + and - counts at the latches."""
         for converters in self._converters:
-            pulses = np.stack([self._pulses(channel, edges_s) for channel in converters.channels])
+            pulses = np.array([self._pulses(channel, edges_s) for channel in converters.channels])
             yield from zip(converters.channels, *converters.count(pulses, frozen), strict=True)
 
     def _pulses(self, channel: str, edges_s: Array) -> Array:

@@ -15,8 +15,10 @@ TURN_DEG = 360.0
 
 def read_of(right: Array, table: Table) -> Array:
     """What an instrument reads that is right once the table has been added; without a table it is right."""
+    if not table[0]:
+        return right
     readings, to_add = (np.array(column) for column in table)
-    return right - np.interp(right, readings + to_add, to_add) if len(readings) else right
+    return np.asarray(right - np.interp(right, readings + to_add, to_add))
 
 
 def lacking_deg(angle_deg: Array, table: Table) -> Array:

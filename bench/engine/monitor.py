@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import math
+from array import array
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,7 +28,6 @@ from drivers.errors import DriverError
 from drivers.values import Reading
 
 KEPT_S = 4 * 3600.0
-ROWS = 256  # of a channel to begin with
 WINDOW_GRACE_S = 2.0  # after switching a supply, before its current is judged
 
 Values = NDArray[np.float64]
@@ -47,29 +48,24 @@ class _Channel:
     def __init__(self, name: str, unit: str) -> None:
         self.name, self.unit = name, unit
         self.newest: Reading | None = None
-        self._table = np.empty((ROWS, 2))
-        self._rows = 0
+        self._at_s, self._values = array("d"), array("d")
 
     def extend(self, readings: Sequence[Reading]) -> None:
         """Takes values in, in the order of their times."""
         self.newest = readings[-1]
-        if self._rows + len(readings) > len(self._table):
-            self._make_room(len(readings))
-        self._table[self._rows : self._rows + len(readings)] = readings
-        self._rows += len(readings)
+        for at_s, value in readings:
+            self._at_s.append(at_s)
+            self._values.append(value)
+        if self._at_s[0] < self.newest.at_s - 2 * KEPT_S:
+            passed = bisect_left(self._at_s, self.newest.at_s - KEPT_S)
+            del self._at_s[:passed], self._values[:passed]
 
     def last(self, span_s: float) -> Values:
         """The values over the last `span_s` before the newest: (N, 2), time and value."""
         if self.newest is None:
             return np.empty((0, 2))
-        table = self._table[: self._rows]
-        return table[np.searchsorted(table[:, 0], self.newest.at_s - span_s - 1e-6) :].copy()
-
-    def _make_room(self, rows: int) -> None:
-        """For so many rows at least, and as many as are kept, so that it is seldom made."""
-        kept = self.last(KEPT_S)
-        self._table, self._rows = np.empty((2 * (len(kept) + rows), 2)), len(kept)
-        self._table[: self._rows] = kept
+        begin = bisect_left(self._at_s, self.newest.at_s - span_s - 1e-6)
+        return np.array([self._at_s[begin:], self._values[begin:]]).T
 
 
 class Monitor:

@@ -21,6 +21,7 @@ from bench.store import database
 from drivers.frame_block import FrameBlock
 
 BLOCKS_AHEAD = 8  # which are unpacked while one is looked at
+BATCH_ROWS = 10_000
 STEPS_AHEAD = 1  # whose blocks are
 _SEQS_OF_STEPS = "SELECT step, MIN(seq), MAX(seq) FROM block GROUP BY step ORDER BY MIN(seq)"
 _BLOCKS_OF_STEP = "SELECT stream, data, frames, crc FROM block WHERE step = ? AND seq BETWEEN ? AND ? ORDER BY seq"
@@ -70,6 +71,15 @@ class RunReader:
     def _rows(self, query: str, *values: object) -> Iterator[tuple[Any, ...]]:
         try:
             yield from self._database.execute(query, values)
+        except sqlite3.Error as problem:
+            raise self._unreadable(problem) from problem
+
+    def _batches(self, query: str, *values: object) -> Iterator[list[tuple[Any, ...]]]:
+        """The same by many rows at once, where there are hundreds of thousands."""
+        try:
+            cursor = self._database.execute(query, values)
+            while rows := cursor.fetchmany(BATCH_ROWS):
+                yield rows
         except sqlite3.Error as problem:
             raise self._unreadable(problem) from problem
 
@@ -148,11 +158,9 @@ class RunReader:
             "SELECT reading.at_s, value FROM reading JOIN channel ON channel.id = channel "
             "WHERE name = ? ORDER BY reading.seq"
         )
-        try:
-            table = np.array(self._database.execute(query, (name,)).fetchall(), np.float64).reshape(-1, 2)
-        except sqlite3.Error as problem:
-            raise self._unreadable(problem) from problem
-        return Series(name, self.channels().get(name, ""), table[:, 0].copy(), table[:, 1].copy())
+        batches = [np.array(rows, np.float64).T for rows in self._batches(query, name)]
+        at_s, values = np.concatenate(batches, axis=1) if batches else np.empty((2, 0))
+        return Series(name, self.channels().get(name, ""), at_s, values)
 
     def digest(self) -> str:
         """SHA-256 over the journal, the frames and all readings; equal for equal runs, however they were compressed."""
@@ -166,8 +174,8 @@ class RunReader:
         query = (
             "SELECT name, reading.at_s, value FROM reading JOIN channel ON channel.id = channel ORDER BY reading.seq"
         )
-        for row in self._rows(query):
-            total.update(repr(row).encode())
+        for rows in self._batches(query):
+            total.update("".join(map(repr, rows)).encode())
         for row in self._samples():
             total.update(repr(row).encode())
         return total.hexdigest()

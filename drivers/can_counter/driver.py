@@ -7,8 +7,6 @@ from collections.abc import Collection
 from functools import partial
 from typing import Self
 
-import numpy as np
-
 from drivers.can_counter import wire
 from drivers.can_counter.binding import format_of
 from drivers.can_counter.description import CounterOptions
@@ -38,7 +36,7 @@ class CanCounter(FrameDriver[CounterOptions]):
     def __init__(self, setup: Setup[CounterOptions, Nothing, Nothing]) -> None:
         super().__init__(setup)
         self._last_latch_s = 0.0
-        self._last_numbers = np.empty(0, np.int64)  # of the last latches
+        self._last_numbers: list[int] = []  # of the last latches
         self._newest: dict[str, tuple[int, int]] = {}  # counts by channel
         self._format: wire.CounterFormat
 
@@ -94,14 +92,14 @@ class CanCounter(FrameDriver[CounterOptions]):
         sequence, at_s = wire.latches(self._format, block)
         if len(sequence):
             self._last_latch_s = float(at_s[-1])
-        self._last_numbers = np.concatenate([self._last_numbers, sequence])[-STANDING_FRAMES:]
+            self._last_numbers = [*self._last_numbers, *sequence[-STANDING_FRAMES:].tolist()][-STANDING_FRAMES:]
         silent_s = SILENT_PERIODS * self._options.period
         if asyncio.get_running_loop().time() - self._last_latch_s > silent_s:
             raise NoAnswer(
                 self.name, f"counter frames have stopped: none for more than {silent_s:g} s",
                 remedy="Check the converter's power, the CAN cable and the adapter, then run again.",
             )  # fmt: skip
-        if len(self._last_numbers) == STANDING_FRAMES and not np.diff(self._last_numbers).any():
+        if len(self._last_numbers) == STANDING_FRAMES and len(set(self._last_numbers)) == 1:
             raise InstrumentFault(
                 self.name, f"the counter stands still: its latches have the sequence number {self._last_numbers[0]}",
                 remedy="Restart the converter; its frames repeat old counts.",

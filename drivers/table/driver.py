@@ -258,17 +258,16 @@ class Table:
         if self._steady is None:
             return ""
         mode, value = self._steady
-        astray = {
-            Mode.POSITION: abs(state.angle_deg - value) > ASTRAY_BANDS * self._band_deg,
-            Mode.RATE: abs(state.rate_dps - value) > ASTRAY_BANDS * self._rate_band_dps(value),
-            Mode.SYNTHESIS: not state.swinging,
-        }
-        told = {
-            Mode.POSITION: f"the table does not stand at {value:g}°, where it was sent",
-            Mode.RATE: f"the table does not turn at {value:g} °/s, as it was told",
-            Mode.SYNTHESIS: f"the table does not swing by ±{value:g}°, as it was told",
-        }
-        return _lost_control(state, mode) or (told[mode] if astray[mode] else "")
+        if problem := _lost_control(state, mode):
+            return problem
+        match mode:
+            case Mode.POSITION if abs(state.angle_deg - value) > ASTRAY_BANDS * self._band_deg:
+                return f"the table does not stand at {value:g}°, where it was sent"
+            case Mode.RATE if abs(state.rate_dps - value) > ASTRAY_BANDS * self._rate_band_dps(value):
+                return f"the table does not turn at {value:g} °/s, as it was told"
+            case Mode.SYNTHESIS if not state.swinging:
+                return f"the table does not swing by ±{value:g}°, as it was told"
+        return ""
 
     def _angle(self, state: State) -> Reading:
         return Reading(_now_s(), state.angle_deg)
