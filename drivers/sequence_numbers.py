@@ -28,7 +28,7 @@ def unwrapped_by_clock(raw: Integers, bits: int, ticks: Integers, tick_bits: int
     clock is the shortest.
     """
     steps, clock = shortest(np.diff(raw), bits), shortest(np.diff(ticks), tick_bits)
-    if (steps == 1).all() and 0 < clock.max(initial=1) < 2 * clock.min(initial=1):
+    if not len(steps) or ((steps == 1).all() and 0 < clock.max() < 2 * clock.min()):
         return raw[:1] + np.arange(len(raw))  # it cannot have gone round between any two
     forward = (steps > 0) & (clock != 0)
     if not forward.any():
@@ -52,10 +52,10 @@ def begun_anew(numbers: Integers, ticks: Integers, tick_bits: int) -> int:
     A sender that loses its power begins with other numbers, or at another time of its clock. A frame that is late, or
     comes twice, goes back by the clock as well, and not far.
     """
+    if (np.diff(numbers) == 1).all():
+        return 0
     fresh = ascending(numbers)
     steps, clock = np.diff(numbers[fresh]), np.diff(ticks[fresh]) % (1 << tick_bits)
-    if fresh.all() and (steps == 1).all():
-        return 0
     each = float(np.median(clock[clock > 0] / steps[clock > 0])) if clock.any() else 0.0
     rounding = steps  # that time is a whole number of ticks only in the mean
     jumps = (steps > 1) & (np.abs(clock - steps * each) >= CLOCK_SLACK * each + rounding)

@@ -71,8 +71,7 @@ def _rate(counts: Counts, clock: _Clock) -> Rate:
         problems.append("irregular_clock")
     if seconds.max() * counts.max_rate_pps >= 1 << counts.counter_bits:
         problems.append("ambiguous_gap")
-    most, least = np.maximum(positive, negative), np.minimum(positive, negative)
-    if (most > RATE_MARGIN * counts.max_rate_pps * seconds + 1).any() or (least < 0).any():
+    if not all(_possible(steps, RATE_MARGIN * counts.max_rate_pps, seconds) for steps in (positive, negative)):
         problems.append("impossible_rate")
     net = int(positive.sum()) - int(negative.sum())
     net_pps = net / span_s if span_s else float("nan")
@@ -112,9 +111,27 @@ def is_irregular(latch_s: Array) -> bool:
     return bool((np.abs(latch_s - usual_s) >= CLOCK_SLACK * usual_s).any())
 
 
+def _possible(steps: Integers, most_pps: float, seconds: Array) -> bool:
+    """Whether a converter can have fired so many pulses between the latches."""
+    if steps.min() < 0:
+        return False
+    if steps.max() <= most_pps * seconds.min() + 1:  # as a rule, and this is quickly seen
+        return True
+    return not (steps > most_pps * seconds + 1).any()
+
+
+def _fires_often(pulses: Integers, latches: float) -> bool:
+    """Whether it is quickly seen that no row of so many latches is without a pulse: none is in any half of one."""
+    part = int(min(latches, len(pulses)) // 2)
+    if part < 1:
+        return False
+    whole = len(pulses) // part * part
+    return bool(pulses[:whole].reshape(-1, part).any(axis=1).all())
+
+
 def _stands_still(seconds: Array, pulses: Integers, rate_pps: float) -> bool:
     """Whether no pulse came for much longer than the mean rate lets expect, and for at least three latches."""
-    if pulses.all():
+    if pulses.all() or _fires_often(pulses, STANDSTILL_PERIODS / rate_pps / seconds.max() if rate_pps else 0.0):
         return False
     fired = np.concatenate(([-1], np.flatnonzero(pulses), [len(pulses)]))
     begins, ends = fired[:-1] + 1, fired[1:]  # of the times without a pulse, most of which last nothing

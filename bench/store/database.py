@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ CREATE TABLE sample(seq INTEGER PRIMARY KEY, at_s REAL NOT NULL, stream TEXT NOT
   value REAL NOT NULL);
 """
 _NS = 1e9
+FRAME_BYTES = 21  # of a time, an identifier, a length and a payload
 
 
 def create(path: Path) -> sqlite3.Connection:
@@ -77,14 +79,31 @@ def pack(block: FrameBlock) -> tuple[bytes, int]:
 
 def unpack(data: bytes, frames: int, crc: int) -> FrameBlock:
     """The block that `pack` made; StoreError when it is damaged."""
+    return unpack_all([(data, frames, crc)])
+
+
+def unpack_all(packed: Sequence[tuple[bytes, int, int]]) -> FrameBlock:
+    """Blocks that `pack` made, each with its frames and its CRC, as one; StoreError when one is damaged."""
+    total = sum(frames for _, frames, _ in packed)
+    times, ids, dlc = np.empty(total, np.int64), np.empty(total, np.uint32), np.empty(total, np.uint8)
+    payloads = np.empty((total, 8), np.uint8)
+    begin = 0
+    for data, frames, crc in packed:
+        plain, block = _plain(data, frames, crc), slice(begin, begin + frames)
+        np.cumsum(np.frombuffer(plain, "<i8", frames), out=times[block])
+        ids[block] = np.frombuffer(plain, "<u4", frames, 8 * frames)
+        dlc[block] = np.frombuffer(plain, np.uint8, frames, 12 * frames)
+        for byte in range(8):
+            payloads[block, byte] = np.frombuffer(plain, np.uint8, frames, (13 + byte) * frames)
+        begin += frames
+    return FrameBlock(ids, times / _NS, dlc, payloads)
+
+
+def _plain(data: bytes, frames: int, crc: int) -> bytes:
     try:
-        plain = zlib.decompress(data)
+        plain = zlib.decompress(data, bufsize=FRAME_BYTES * frames)
     except zlib.error as problem:
         raise StoreError(f"a block of {frames} frames is damaged ({problem})") from problem
-    if zlib.crc32(plain) != crc or len(plain) != frames * 21:
+    if zlib.crc32(plain) != crc or len(plain) != FRAME_BYTES * frames:
         raise StoreError(f"a block of {frames} frames is damaged: its checksum is wrong")
-    steps = np.frombuffer(plain, "<i8", frames)
-    ids = np.frombuffer(plain, "<u4", frames, 8 * frames).astype(np.uint32)
-    dlc = np.frombuffer(plain, np.uint8, frames, 12 * frames).copy()
-    payload = np.frombuffer(plain, np.uint8, 8 * frames, 13 * frames).reshape(8, frames)
-    return FrameBlock(ids, np.cumsum(steps) / _NS, dlc, np.ascontiguousarray(payload.T))
+    return plain

@@ -188,7 +188,7 @@ def _done(unpacking: tuple[str, str, Future[FrameBlock]]) -> tuple[str, str, Fra
 
 def _unpacked(blocks: Iterable[tuple[str, bytes, int, int]]) -> dict[str, FrameBlock]:
     """Packed blocks with their streams as one block of each stream."""
-    collected: dict[str, list[FrameBlock]] = {}
+    collected: dict[str, list[tuple[bytes, int, int]]] = {}
     for stream, data, frames, crc in blocks:
-        collected.setdefault(stream, []).append(database.unpack(data, frames, crc))
-    return {stream: FrameBlock.joined(of_stream) for stream, of_stream in collected.items()}
+        collected.setdefault(stream, []).append((data, frames, crc))
+    return {stream: database.unpack_all(of_stream) for stream, of_stream in collected.items()}
