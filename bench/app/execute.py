@@ -73,7 +73,7 @@ def execute(prepared: PreparedRun, observer: RunObserver) -> RunResult:
 
 def _execute(prepared: PreparedRun, observer: RunObserver) -> RunResult:
     bench = prepared.loaded.bench
-    units = unit_files(bench, prepared.request.uut_model) if bench.needs_simulators else {}
+    units = unit_files(bench, prepared.request.uut_model, prepared.serials) if bench.needs_simulators else {}
     started, watch = wall_utc(), Stopwatch()
     directory = RunDirectory.create(
         prepared.request.runs, started, prepared.plan.name, "+".join(prepared.serials.values())

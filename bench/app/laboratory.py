@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -74,14 +74,17 @@ class Laboratory:
         return self.lines[role].in_front_of(factory) if role in self.lines else factory
 
 
-def unit_files(bench: BenchFile, override: Path | None) -> dict[str, AnyUnitFile]:
-    """The truth of the unit in each place; `override` takes the place of all of them. InputError."""
-    missing = [name for name in bench.places if name not in bench.simulation.units and override is None]
+def unit_files(
+    bench: BenchFile, override: Path | None, places: Collection[str] | None = None
+) -> dict[str, AnyUnitFile]:
+    """The truth of the unit in each place; `override` is that of the units in `places`, None for all. InputError."""
+    overridden = {} if override is None else dict.fromkeys(bench.places if places is None else places, override)
+    files = {**bench.simulation.units, **overridden}
+    missing = [name for name in bench.places if name not in files]
     if missing:
         raise InputError(f"no simulated unit for place '{missing[0]}': add it to simulation.units of the bench file")
     return {
-        name: _unit_file(override or bench.simulation.units[name], is_inertial=place.channels is not None)
-        for name, place in bench.places.items()
+        name: _unit_file(files[name], is_inertial=place.channels is not None) for name, place in bench.places.items()
     }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -17,10 +17,12 @@ from bench.app.released import remarks as of_calibrations
 from bench.config.bench import LoadedBench, load_bench
 from bench.config.document import Document
 from bench.config.load import find
+from bench.config.models import BenchFile
 from bench.errors import InputError
 from bench.report.shown import duration
 from bench.sequence.estimate import Estimate, estimate
 from bench.sequence.load import load_judged_plan
+from bench.sequence.occupied import occupied
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Remark
 from drivers.fields import Instant
@@ -66,11 +68,14 @@ class RunRequest:
 class CheckedRun:
     """A plan and the bench it fits, how long it takes there, and what a person should know of it before.
 
-    `released` are the calibrations of units, by their places.
+    `bench` is that which was loaded with the places that have a unit in the run. `serials` are those of the units that
+    were named, by their places, and `released` are the calibrations of units, by their places.
     """
 
     plan: Plan
     loaded: LoadedBench
+    bench: BenchFile
+    serials: Mapping[str, str]
     expected: Estimate
     warnings: tuple[Remark, ...]
     released: Mapping[str, Released] = field(default_factory=dict)
@@ -107,40 +112,42 @@ def load_checked(request: RunRequest) -> CheckedRun:
     found: list[str] = []
     loaded: LoadedBench | None = None
     judged: tuple[Plan, tuple[Remark, ...]] | None = None
+    serials: dict[str, str] = {}
     try:
         loaded = load_bench_named(request.bench, simulate=request.simulate)
+        serials = _named_units(request.units, loaded.bench)
     except InputError as error:
         found += error.problems
     try:
         judged = load_judged_plan(
             find(request.sequence, "sequences"), loaded.bench if loaded else None, preset=request.preset,
-            parameters=request.parameters, settings=request.settings,
+            parameters=request.parameters, settings=request.settings, places=serials,
         )  # fmt: skip
     except InputError as error:
         found += error.problems
-    if judged is None or loaded is None:
+    if judged is None or loaded is None or found:
         raise InputError(*found)
     plan, warnings = judged
-    released = read_released(request.calibrations, plan, loaded.bench)
-    expected = estimate(plan, loaded.bench)
+    bench = occupied(loaded.bench, plan.sequence, serials)
+    released = read_released(request.calibrations, plan, bench)
+    expected = estimate(plan, bench)
     circumstances = (
-        *_past_due(plan, loaded),
+        *_past_due(plan, bench, _begins(loaded)),
         *_little_disk_space(expected, request.runs),
         *_ends_too_late(expected, loaded, request.not_after),
-        *of_calibrations(released, plan, loaded.bench),
+        *of_calibrations(released, plan, bench),
     )
-    return CheckedRun(plan, loaded, expected, (*circumstances, *warnings), released)
+    return CheckedRun(plan, loaded, bench, serials, expected, (*circumstances, *warnings), released)
 
 
-def _past_due(plan: Plan, loaded: LoadedBench) -> Iterator[Remark]:
+def _past_due(plan: Plan, bench: BenchFile, begins: datetime) -> Iterator[Remark]:
     """A warning for each instrument that the run uses and whose calibration will not be valid any more."""
-    bench = loaded.bench
     used = {*plan.sequence.needs, *(place.temperature for place in bench.places.values())}
     for place in bench.places.values():
         used |= {meter for meter in (place.voltmeter, place.ammeter) if meter is not None}
     if any(place.is_counted for place in bench.places.values()):
         used |= set(bench.with_capability("pulse_counter"))
-    for name, due in bench.past_due(_begins(loaded).date()).items():
+    for name, due in bench.past_due(begins.date()).items():
         if name in used:
             yield Remark(
                 "warning",
@@ -214,7 +221,7 @@ def prepare(request: RunRequest) -> PreparedRun:
             raise InputError(f"{option}: expected up to 200 printable characters")
     loaded, scenario = with_scenario(loaded, request.scenario, plan)
     seed = loaded.bench.simulation.seed if request.seed is None else request.seed
-    serials, script = _serials(request, loaded), _script(request, plan, loaded, speed)
+    serials, script = _serials(checked), _script(request, plan, loaded, speed)
     of_units(checked.released, plan, serials)
     return PreparedRun(
         request, plan, loaded, checked.expected, speed, serials, seed, checked.warnings, script, checked.released,
@@ -255,11 +262,11 @@ def _speed(request: RunRequest, loaded: LoadedBench) -> float:
     return speed
 
 
-def _serials(request: RunRequest, loaded: LoadedBench) -> dict[str, str]:
-    """The serial number of the unit in each place: `--uut PLACE=SERIAL`, or `--uut SERIAL` with a single place."""
-    places = loaded.bench.places
+def _named_units(units: Iterable[str], bench: BenchFile) -> dict[str, str]:
+    """The units that are named, by their places: `--uut PLACE=SERIAL`, or `--uut SERIAL` with a single place."""
+    places = bench.places
     serials: dict[str, str] = {}
-    for given in request.units:
+    for given in units:
         place, equals, serial = given.partition("=")
         if not equals:
             if len(places) > 1:
@@ -270,8 +277,11 @@ def _serials(request: RunRequest, loaded: LoadedBench) -> dict[str, str]:
         if not serial.strip() or not serial.isprintable() or len(serial) > 64:
             raise InputError(f"--uut {given}: expected a serial number of up to 64 printable characters")
         serials[place] = serial.strip()
-    if serials:
-        return {place: serials[place] for place in places if place in serials}
-    if not loaded.bench.is_simulated:
+    return {place: serials[place] for place in places if place in serials}
+
+
+def _serials(checked: CheckedRun) -> Mapping[str, str]:
+    """The serial number of each unit in the run; on a simulated bench they have some where none is named."""
+    if not checked.serials and not checked.bench.is_simulated:
         raise InputError("a run with real connections needs to know its units: --uut PLACE=SERIAL")
-    return {place: f"SIM-{place.upper()}" for place in places}
+    return checked.serials or {place: f"SIM-{place.upper()}" for place in checked.bench.places}

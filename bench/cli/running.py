@@ -162,13 +162,13 @@ def plan(
     if picture is not None:
         from bench.report.picture import write_picture  # and matplotlib with it
 
-        write_picture(picture, checked.plan, expected, checked.loaded.bench)
+        write_picture(picture, checked.plan, expected, checked.bench)
     if as_json:
         sys.stdout.write(json.dumps(timeline_json(expected), ensure_ascii=False) + "\n")
         return
-    for line in plan_table(checked.plan, expected, checked.loaded.bench):
+    for line in plan_table(checked.plan, expected, checked.bench):
         sys.stdout.write(line + "\n")
-    for role, times in turned_by_hand(expected, checked.loaded.bench).items():
+    for role, times in turned_by_hand(expected, checked.bench).items():
         sys.stdout.write(f"{role}: turned by hand {times} times\n")
     sys.stdout.write(
         f"{len(checked.plan)} steps, about {duration(expected.total_s)}, about {megabytes(expected.size_bytes)}\n"

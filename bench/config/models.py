@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Annotated, Literal
 from zoneinfo import ZoneInfo
 
@@ -140,6 +140,19 @@ class BenchFile(StrictModel):
     def members(self, name: str) -> tuple[str, ...]:
         """The devices or readings that a name of a sequence stands for; mostly itself alone."""
         return self.together.get(name, (name,))
+
+    def with_units_in(self, places: Collection[str]) -> BenchFile:
+        """The same bench as it is for a run that has units in these of its places, and none in the others.
+
+        A name for several stands no longer for what belongs to the others alone.
+        """
+        kept = {name: entry for name, entry in self.places.items() if name in places}
+        ours = {each for entry in kept.values() for each in entry.belongings}
+        gone = {each for entry in self.places.values() for each in entry.belongings} - ours
+        left = {name: tuple(each for each in members if each not in gone) for name, members in self.together.items()}
+        return self.model_copy(
+            update={"places": kept, "together": {name: members for name, members in left.items() if members}}
+        )
 
     def all_simulated(self) -> BenchFile:
         """The same bench with the simulator at the other end of every wire."""

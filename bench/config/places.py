@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -12,6 +12,8 @@ from bench.config.devices import CoverageFactor, Text
 from bench.config.fixture import Vector
 from drivers.fields import NOT_EMPTY, Amperes, AnyQuantity, Degrees, InUnit, Name, PositiveSeconds, Range, StrictModel
 from drivers.wording import telling
+
+UnitKind = Literal["channel", "inertial unit"]
 
 
 class CurrentWindow(Range):
@@ -156,6 +158,17 @@ class PlaceEntry(StrictModel):
         if self.telemetry is not None:
             return {"telemetry": self.telemetry}
         return {"channel": self.channel} if self.voltmeter is None else {"voltmeter": self.voltmeter}
+
+    @property
+    def belongings(self) -> frozenset[str]:
+        """What is for the unit here: its thermometers, its supply and its source; another place may share them."""
+        readings = (self.temperature, self.gyro_temperature, self.converter_temperature)
+        return frozenset(name for name in (*readings, self.supply, self.source) if name is not None)
+
+    @property
+    def kind(self) -> UnitKind:
+        """What a method must be for that is to measure the unit here."""
+        return "channel" if self.channels is None else "inertial unit"
 
     @property
     def is_counted(self) -> bool:

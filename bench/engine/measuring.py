@@ -59,6 +59,7 @@ async def tare(step: Tare, step_id: str, bench: Bench) -> Mapping[str, Any]:
 
 async def _value(name: str, duration_s: float | None, step_id: str, bench: Bench) -> tuple[float, float | None, str]:
     """A reading's mean over a time or its newest value, its standard uncertainty where it is known, and its unit."""
+    name = bench.file.members(name)[0]
     if (place := measured_place(name, bench.file)) is not None:
         return *await _output_in_g(place, duration_s or 0.0, step_id, bench), BY_NOMINAL
     if is_pulse_rate(name, bench.file):

@@ -68,7 +68,7 @@ class Units:
 
     def at(self, name: str) -> list[str]:
         """The places, of all that the bench has, that a supply, a source or a thermometer belongs to."""
-        return [place for place, entry in self._bench.places.items() if name in _belonging(entry)]
+        return [place for place, entry in self._bench.places.items() if name in entry.belongings]
 
     def is_needed(self, name: str) -> bool:
         """Whether a supply, a source or a reading is for a unit that is still in, or for none in particular."""
@@ -121,7 +121,3 @@ class Units:
 def _input_g(turns: tuple[tuple[Vector, float], ...], x: Vector, z: Vector, mount: Mount, own_deg: float) -> float:
     """Gravity along the input axis, asked for again and again while a table stands."""
     return float(turned_axes(turns, x, z, mount, own_deg)[0, 2])
-
-
-def _belonging(entry: PlaceEntry) -> tuple[str | None, ...]:
-    return entry.temperature, entry.supply, entry.source

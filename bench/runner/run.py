@@ -54,7 +54,8 @@ async def run_plan(
                 writer.event("identified", device=role, **_facts(identity))
             interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
             monitor = Monitor(rig, bench, interlocks, writer, on_reading, places)
-            engine = Engine(plan, bench, rig, monitor, writer, observer)
+            in_use = bench.with_units_in(bench.places if places is None else places)
+            engine = Engine(plan, in_use, rig, monitor, writer, observer)
             if people is not None:
                 people.meet(engine.desk, engine.journal, observer.notice)
             if on_desk is not None:

@@ -53,13 +53,12 @@ def unsuited_unit(plan: Plan, bench: BenchFile) -> Iterator[Found]:
         method = known_methods()[entry.method]
         wanted = method.measures
         for name, place in bench.places.items():
-            found = "channel" if place.channels is None else "inertial unit"
-            if found != wanted:
+            if place.kind != wanted:
                 kinds = {"channel": "units with one channel", "inertial unit": "inertial units"}
                 one = "" if place.voltmeter is None else "; a voltmeter reads one channel, not six at once"
                 yield (
                     ("results", index, "method"),
-                    f"{entry.method} is for {kinds[wanted]}, place '{name}' is for {kinds[found]}{one}",
+                    f"{entry.method} is for {kinds[wanted]}, place '{name}' is for {kinds[place.kind]}{one}",
                     "Choose another method, or a bench with the units that it is for",
                 )
             elif "gyro_x" in bench.sent_units(place) and bench.site.host_clock is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from bench.sequence.check import check
 from bench.sequence.expand import expand
 from bench.sequence.expressions import Value, ValueProblem
 from bench.sequence.model import Outline, SequenceFile
+from bench.sequence.occupied import occupied
 from bench.sequence.outline import block_around, outline_of
 from bench.sequence.plan import Plan
 from bench.sequence.readings import example_of
@@ -44,11 +45,13 @@ def load_judged_plan(
     preset: str | None = None,
     parameters: Path | None = None,
     settings: Iterable[str] = (),
+    places: Collection[str] = (),
 ) -> tuple[Plan, tuple[Remark, ...]]:
     """The plan of a file, checked against a bench, and warnings; without a bench, checked as far as that goes.
 
     A parameter has its default, else what the preset wants, the file `parameters` (a mapping of names to values), or
-    one of `settings` (`name=value` as given to --set): the last of these that names it. InputError lists every problem,
+    one of `settings` (`name=value` as given to --set): the last of these that names it. Units are in `places` of the
+    bench, or where `occupied` puts them when none is named. InputError lists every problem,
     whichever of reading, choosing, unrolling and checking finds it: a step that is wrong in itself is left out, and the
     rest looked at. The rules on the whole plan are held against a plan that lacks nothing.
     """
@@ -58,6 +61,7 @@ def load_judged_plan(
     wishes, chosen = _choose(outline, preset, parameters, settings)
     found += _preset_problems(outline)
     plan, unrolling = expand(document, outline, chosen, preset, broken, lambda name: example_of(name, bench))
+    bench = occupied(bench, outline, places) if bench is not None else None
     found += [*unrolling, *check(plan, bench)]
     if wishes or found:
         raise InputError(*wishes, *document.told(found))

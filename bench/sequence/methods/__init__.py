@@ -13,6 +13,8 @@ from typing import Literal
 
 from pydantic import BaseModel
 
+from bench.config.places import UnitKind
+
 ENTRY_POINTS = "inertial_test_bench.methods"
 OUTPUT = "output"  # in the unit of a quantity: stands for the unit of the units' output
 OUTPUT_UNITS = ("pulse/s", "V", "code")
@@ -55,7 +57,7 @@ class MethodDescription:
     drawn_by: str = ""
     after: tuple[str, ...] = ()
     meaning: str = CHANNEL
-    measures: Literal["channel", "inertial unit"] = "channel"
+    measures: UnitKind = "channel"
     needs_calibration: bool = False
     closes: bool = False
 

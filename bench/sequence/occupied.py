@@ -1,0 +1,20 @@
+"""Which places of a bench have a unit in a run."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from bench.config.models import BenchFile
+from bench.sequence.methods import known_methods
+from bench.sequence.model import Outline
+
+
+def occupied(bench: BenchFile, sequence: Outline, named: Collection[str] = ()) -> BenchFile:
+    """The bench as it is for a run of a sequence: with units in the places that are named, and in no others.
+
+    Where none is named there is one in each place whose kind of unit the methods of the sequence measure; in all places
+    where it has no method, or no place is for its methods.
+    """
+    measured = {known_methods()[entry.method].measures for entry in sequence.results if entry.method in known_methods()}
+    suited = [name for name, place in bench.places.items() if measured <= {place.kind}]
+    return bench.with_units_in(named or suited or bench.places)
