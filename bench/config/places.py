@@ -14,6 +14,8 @@ from drivers.fields import NOT_EMPTY, Amperes, AnyQuantity, Degrees, InUnit, Nam
 from drivers.wording import telling
 
 UnitKind = Literal["channel", "inertial unit"]
+UNIT_KINDS: Mapping[UnitKind, str] = {"channel": "units with one channel", "inertial unit": "inertial units"}
+"""What messages call them."""
 
 
 class CurrentWindow(Range):

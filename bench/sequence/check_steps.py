@@ -225,7 +225,7 @@ def _output(step: SetOutput, role: str, bench: BenchFile) -> Found:
     if step.acceleration_g is not None and step.place is not None:
         place, key = bench.places.get(step.place), "acceleration"
         if place is None:
-            yield "place", f"the bench has no place '{step.place}'{did_you_mean(step.place, bench.places)}"
+            yield "place", f"the bench has no unit in place '{step.place}'{did_you_mean(step.place, bench.places)}"
             return
         if place.nominal is None or place.nominal.K1 is None:
             yield "place", f"places.{step.place} of the bench file has no nominal K1, which makes g a current"

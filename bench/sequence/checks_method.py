@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from bench.config.document import Place
 from bench.config.models import BenchFile
+from bench.config.places import UNIT_KINDS
 from bench.sequence.dwells import DwellNames
 from bench.sequence.measuring import Acquire
 from bench.sequence.methods import known_methods
@@ -54,11 +55,10 @@ def unsuited_unit(plan: Plan, bench: BenchFile) -> Iterator[Found]:
         wanted = method.measures
         for name, place in bench.places.items():
             if place.kind != wanted:
-                kinds = {"channel": "units with one channel", "inertial unit": "inertial units"}
                 one = "" if place.voltmeter is None else "; a voltmeter reads one channel, not six at once"
                 yield (
                     ("results", index, "method"),
-                    f"{entry.method} is for {kinds[wanted]}, place '{name}' is for {kinds[place.kind]}{one}",
+                    f"{entry.method} is for {UNIT_KINDS[wanted]}, place '{name}' is for {UNIT_KINDS[place.kind]}{one}",
                     "Choose another method, or a bench with the units that it is for",
                 )
             elif "gyro_x" in bench.sent_units(place) and bench.site.host_clock is None:

@@ -46,7 +46,7 @@ def _problem_with_unit(name: str, bench: BenchFile | None) -> str:
     if bench is None:
         return ""
     if place not in bench.places:
-        return f"the bench has no place '{place}'{did_you_mean(place, bench.places)}"
+        return f"the bench has no unit in place '{place}'{did_you_mean(place, bench.places)}"
     if bench.places[place].channels is not None:
         return f"the inertial unit in place '{place}' has several outputs; name a channel of its counter"
     if bench.nominal_per_g(place) is None:

@@ -27,13 +27,13 @@ from tests.support.served import free_port, simulating
 pytestmark = pytest.mark.integration
 
 OTHERWISE = {  # role: how else it is reached
-    "supply": "serial://PATH?baud=9600", "keithley": "tcp://127.0.0.1:PORT", "fluke": "tcp://127.0.0.1:PORT",
+    "converter_supply": "serial://PATH?baud=9600", "keithley": "tcp://127.0.0.1:PORT", "source": "tcp://127.0.0.1:PORT",
     "scanner": "tcp://127.0.0.1:PORT", "f4t": "serial://PATH?baud=38400", "f4": "socket://127.0.0.1:PORT",
     "binder": "serial://PATH?baud=9600", "described": "serial://PATH?baud=19200", "cts": "socket://127.0.0.1:PORT",
     "espec": "serial://PATH?baud=9600",
 }  # fmt: skip
 LINES = {  # role: how a line ends that it is sent on a serial line; lines, and what is answered to those that ask
-    "supply": ("\n", [
+    "converter_supply": ("\n", [
         ("*IDN?", r"INERTIAL TEST BENCH,SIM-PSU,SIM-PSU-01,.+"), ("VOLT 5;CURR 0.5", ""), ("OUTP ON", ""),
         ("VOLT?;CURR?;OUTP?", r"5\.0*;0\.50*;1"), ("OUTP OFF", ""), ("NONSENSE", ""), ("SYST:ERR?", r'-113,".+"'),
     ]),
@@ -47,7 +47,7 @@ LINES = {  # role: how a line ends that it is sent on a serial line; lines, and 
         (":SOUR:LEV 2E-3", ""), ("OUTP 1", ""), (":SOUR:LEV?;:OUTP?", r"\+?2\.0*E-03;1"), ("OUTP 0", ""),
         (":SYST:ERR?", "0,.+"),
     ]),
-    "fluke": ("\r", [
+    "source": ("\r", [
         ("*IDN?", r"FLUKE,5730A,SIM-5730A-01,.+"), ("REMOTE", ""), ("OUT 0.0012 A, 0 HZ", ""),
         ("OUT?", r"1\.20*E-03,A,0\.0*E\+00.*"), ("OUT 0 A", ""), ("FAULT?", "0"),
     ]),

@@ -4,6 +4,7 @@ import pytest
 
 from bench.config.bench import load_bench
 from bench.config.simulation import FaultSimulation
+from bench.errors import InputError
 from bench.store.reader import RunReader
 from tests.support.engines import run_plan
 from tests.support.runs import copy_bench, read_json, run_short
@@ -41,11 +42,11 @@ def ran(tmp_path, bench, *lines):
     return run_plan(tmp_path / "run", plan, bench)
 
 
-def run_three(folder, fault="", **wishes):
+def run_three(folder, fault="", sequence="smoke", **wishes):
     copy_bench(folder / "config")
     path = folder / "config" / "three_units.yaml"
     path.write_text(path.read_text("utf-8") + (f"  faults: [{fault}]\n" if fault else ""), "utf-8")
-    return run_short(folder / "runs", bench=path, sequence="smoke", **wishes)
+    return run_short(folder / "runs", bench=path, sequence=sequence, **wishes)
 
 
 def events(result, *kinds):
@@ -201,6 +202,20 @@ def test_an_empty_place_is_neither_fed_nor_waited_for(tmp_path):
     outputs = {event.step: event.data for event in events(result, "step_ended")}["setup/set"]["outputs"]
     assert set(outputs) == {"supply_a", "supply_c"}
     assert events(result, "unit_dropped") == []
+
+
+def test_one_of_several_is_meant_alone_where_it_is_the_only_one_in_the_run(tmp_path):
+    path, measure = tmp_path / "s.yaml", "{measure: unit_temperature, for: 5 s, as: t}"
+    path.write_text(steps(measure) + NEEDS, "utf-8")
+    with pytest.raises(InputError, match="this step is about one of them"):
+        run_three(tmp_path, sequence=str(path))
+    fault = "{unit: a, kind: open_thermometer, at: 0 s}"
+    result = run_three(tmp_path, fault, sequence=str(path), units=("b=QF-2",))
+    assert result.outcome.how == "completed", result.problems
+    (ended,) = events(result, "step_ended")
+    with RunReader(result.path) as reader:
+        of_b, of_c = (reader.series(name).values.mean() for name in ("temperature_b", "temperature_c"))
+    assert abs(ended.data["value"] - of_b) < 0.01 < abs(ended.data["value"] - of_c)
 
 
 def test_one_unit_alone_that_fails_ends_the_run(tmp_path):

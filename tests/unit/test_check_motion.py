@@ -52,7 +52,7 @@ def current(level):
         ("current: 2 mA", {"load": 5000.0}, "the unit in place 'a' needs 10 V for it"),
         ("current: 2 mA", {"max_current": 1e-3}, "0.002 A is more than the 0.001 A that the unit in place 'a' takes"),
         ("acceleration: 20 g, place: a", {}, "0.0226 A is above the 0.02 A that the bench file allows 'source'"),
-        ("acceleration: 1 g, place: b", {}, "the bench has no place 'b'"),
+        ("acceleration: 1 g, place: b", {}, "the bench has no unit in place 'b'"),
     ],
 )  # fmt: skip
 def test_a_current_is_held_against_the_unit_and_the_source(tmp_path, level, keys, problem):
