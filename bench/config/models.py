@@ -129,7 +129,7 @@ class BenchFile(StrictModel):
     together: Mapping[Name, Annotated[tuple[Name, ...], NOT_EMPTY]] = Field(
         {},
         description="one name for several supplies, current sources or readings, such as one for each unit: a sequence "
-        "that sets it sets each, and one that waits for it waits for all",
+        "that sets it sets each, and one that waits for it waits for all; in a run it is those of the units there",
     )
     interlocks: Mapping[Name, InterlockEntry] = {}
     fixture: FixtureEntry
