@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -47,6 +49,15 @@ def test_units_that_are_not_named_have_serial_numbers_where_they_are() -> None:
     assert prepare(wish("channel_full")).serials == {"a": "SIM-A"}
     assert prepare(wish("imu_24_position")).serials == {"b": "SIM-B"}
     assert prepare(wish("imu_24_position", "b=IMU-7")).serials == {"b": "IMU-7"}
+
+
+def test_a_run_on_real_instruments_names_its_units(tmp_path: Path) -> None:
+    shutil.copytree(PATH.parent, tmp_path / "config")
+    path = tmp_path / "config" / PATH.name
+    path.write_text(path.read_text("utf-8").replace("sim+tcp://127.0.0.1:2049", "tcp://127.0.0.1:2049"), "utf-8")
+    with pytest.raises(InputError, match="needs to know its units: --uut PLACE=SERIAL"):
+        prepare(replace(wish("imu_24_position", bench=path), attended=True))
+    assert prepare(replace(wish("imu_24_position", "b=IMU-7", bench=path), attended=True)).serials == {"b": "IMU-7"}
 
 
 MISPLACED = "place '{}' is for {}, the sequence measures {}; name one with --uut {}=SERIAL"
