@@ -56,10 +56,8 @@ class Signal:
 
     def bits(self, values: NDArray[np.int64]) -> NDArray[np.uint64]:
         """Integers (N,) in their place in the frames' 64-bit words, little-endian; bits beyond the field are cut."""
-        words = values.view(np.uint64)
-        if self.length < 64:
-            words = words & np.uint64((1 << self.length) - 1)
-        words = words << np.uint64(self.shift)
+        words = values.view(np.uint64) & np.uint64((1 << self.length) - 1)
+        words <<= np.uint64(self.shift)
         return words.byteswap() if self.big_endian else words
 
 
@@ -168,9 +166,7 @@ def encode_frames(
     for of_message, message in zip(words, messages, strict=True):
         for name, integers in values[message.name].items():
             of_message |= message.signal(name).bits(integers)
-    return FrameBlock(
-        ids=np.array([[message.id for message in messages]], np.uint32).repeat(len(at_s), axis=0).ravel(),
-        at_s=at_s.repeat(len(messages)),
-        dlc=np.array([[message.length for message in messages]], np.uint8).repeat(len(at_s), axis=0).ravel(),
-        data=np.ascontiguousarray(words.T, "<u8").view(np.uint8).reshape(-1, 8),
-    )
+    ids, dlc = np.empty(words.T.shape, np.uint32), np.empty(words.T.shape, np.uint8)
+    ids[:], dlc[:] = [message.id for message in messages], [message.length for message in messages]
+    data = np.ascontiguousarray(words.T, "<u8").view(np.uint8).reshape(-1, 8)
+    return FrameBlock(ids.ravel(), at_s.repeat(len(messages)), dlc.ravel(), data)

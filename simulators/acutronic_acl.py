@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntFlag
+from functools import lru_cache
 from typing import ClassVar, Self
 
 from drivers import scpi
@@ -77,7 +78,7 @@ class SimulatedAcutrol:
         self._slews = (10.0, 10.0)  # °/s, Hz/s
         self._tripped, self._inputs = SoftwareFault(0), InterlockInput(0)
         self._latched: Dynamics | None = None  # the status of before a fault
-        self._seen = (0.0, 0.0)
+        self._seen_deg = self._seen_dps = 0.0
         self._registers: dict[str, Callable[[], IntFlag]] = {
             f"A{axis}DYN": self._dynamics,
             f"A{axis}SWFAULT": lambda: self._tripped,
@@ -101,8 +102,8 @@ class SimulatedAcutrol:
             "DEMAND:RATE": self._rate,
             "DEMAND:OSCILLATOR": self._oscillator,
             "CONFIGURE:OSCILLATOR": self._configure,
-            "READ:POSITION?": self._on_axis(lambda: _spell(self._read()[0])),
-            "READ:RATE?": self._on_axis(lambda: _spell(self._read()[1])),
+            "READ:POSITION?": self._on_axis(lambda: _spell(self._angle_deg())),
+            "READ:RATE?": self._on_axis(lambda: _spell(self._rate_dps())),
             "STATUS:CSR?": self._register,
         }
 
@@ -138,7 +139,7 @@ class SimulatedAcutrol:
         answers: list[str] = []
         try:
             for command in scpi.commands(message):
-                answer = self._handler(command.header)([part.strip() for part in command.argument.split(",")])
+                answer = self._handler(command.header)(_words(command.argument))
                 answers += [] if answer is None else [answer]
         except Refusal as refusal:
             return refusal.reply
@@ -276,12 +277,17 @@ class SimulatedAcutrol:
 
     # Readings
 
-    def _read(self) -> tuple[float, float]:
-        """Angle and rate as they are told, ° and °/s."""
+    def _angle_deg(self) -> float:
+        """The angle as it is told."""
         if not self.faults.active("frozen"):
-            now, axis = self._world.now(), self._driven
-            self._seen = math.remainder(axis.encoder_deg(now), TURN_DEG), axis.rate_dps(now)
-        return self._seen
+            self._seen_deg = math.remainder(self._driven.encoder_deg(self._world.now()), TURN_DEG)
+        return self._seen_deg
+
+    def _rate_dps(self) -> float:
+        """The rate as it is told."""
+        if not self.faults.active("frozen"):
+            self._seen_dps = self._driven.rate_dps(self._world.now())
+        return self._seen_dps
 
     def _register(self, words: Sequence[str]) -> str:
         register = self._registers.get(words[0].upper())
@@ -324,6 +330,11 @@ class AclSession:
         if len(self._rest) > MESSAGE_LIMIT_BYTES:
             self._rest = b""
         return b"".join(self._controller.answer(line) for line in lines)
+
+
+@lru_cache(maxsize=256)
+def _words(argument: str) -> tuple[str, ...]:
+    return tuple(part.strip() for part in argument.split(","))
 
 
 def _positive(text: str) -> float:
