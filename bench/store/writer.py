@@ -8,6 +8,8 @@ import json
 import sqlite3
 import threading
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +23,8 @@ GROUP_S = 1.0  # what is given is durable at the latest so much real time later
 WAITING_LIMIT = 50_000  # rows that may wait for the disk; more means that it is too slow
 SLOW_DISK_S = 30.0
 
-_INSERT = {
-    "journal": "INSERT INTO journal VALUES (?, ?, ?, ?, ?)",
-    "block": "INSERT INTO block VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-    "channel": "INSERT INTO channel VALUES (?, ?, ?)",
-    "reading": "INSERT INTO reading VALUES (?, ?, ?, ?)",
-    "sample": "INSERT INTO sample VALUES (?, ?, ?, ?, ?)",
-}
+ROWS_AT_ONCE = 100  # go in with one statement, and keep the loop's thread from its work once and not so often
+_COLUMNS = {"journal": 5, "block": 8, "channel": 3, "reading": 4, "sample": 5}
 Row = tuple[Any, ...]
 
 
@@ -42,11 +39,12 @@ class RunWriter:
         self.folder = folder
         self._database = database.create(folder / database.FILE_NAME)
         self._changed = threading.Condition()
-        self._rows: list[tuple[str, Row | tuple[int, str, str, FrameBlock]]] = []
+        self._rows = _no_rows()
+        self._waiting = 0
         self._tickets: list[concurrent.futures.Future[None]] = []
         self._closing = False
         self._failure: StoreError | None = None
-        self._numbers = dict.fromkeys(_INSERT, 0)
+        self._numbers = dict.fromkeys(_COLUMNS, 0)
         self._channels: dict[str, int] = {}
         self._thread = threading.Thread(target=self._write_for_ever, name="run store", daemon=True)
         self._thread.start()
@@ -94,13 +92,14 @@ class RunWriter:
     def _put(self, table: str, *rows: tuple[Any, ...]) -> None:
         with self._changed:
             self._raise_failure()
-            if len(self._rows) > WAITING_LIMIT:
+            if self._waiting > WAITING_LIMIT:
                 self._changed.notify_all()
-                if not self._changed.wait_for(lambda: len(self._rows) <= WAITING_LIMIT, SLOW_DISK_S):
+                if not self._changed.wait_for(lambda: self._waiting <= WAITING_LIMIT, SLOW_DISK_S):
                     raise StoreError(f"the disk has not taken data for {SLOW_DISK_S:g} s; is it failing, or full?")
             first = self._numbers[table] + 1
-            self._rows += ((table, (number, *row)) for number, row in enumerate(rows, start=first))
+            self._rows[table] += [(number, *row) for number, row in enumerate(rows, start=first)]
             self._numbers[table] += len(rows)
+            self._waiting += len(rows)
 
     def _raise_failure(self) -> None:
         if self._failure is not None:
@@ -113,7 +112,7 @@ class RunWriter:
         while not closing:
             with self._changed:
                 self._changed.wait_for(lambda: bool(self._tickets) or self._closing or self._crowded(), GROUP_S)
-                rows, self._rows = self._rows, []
+                rows, self._rows, self._waiting = self._rows, _no_rows(), 0
                 tickets, self._tickets = self._tickets, []
                 closing = self._closing
                 self._changed.notify_all()
@@ -121,11 +120,11 @@ class RunWriter:
         self._close_database()
 
     def _crowded(self) -> bool:
-        return len(self._rows) > WAITING_LIMIT // 2
+        return self._waiting > WAITING_LIMIT // 2
 
-    def _write(self, rows: Sequence[tuple[str, Row]], tickets: Sequence[concurrent.futures.Future[None]]) -> None:
+    def _write(self, rows: Mapping[str, Sequence[Row]], tickets: Sequence[concurrent.futures.Future[None]]) -> None:
         """One transaction; the tickets are answered when it is durable, or with why it is not."""
-        if self._failure is None and rows:
+        if self._failure is None and any(rows.values()):
             try:
                 self._insert(rows)
             except (sqlite3.Error, OSError) as problem:
@@ -141,15 +140,15 @@ class RunWriter:
             else:
                 ticket.set_result(None)
 
-    def _insert(self, rows: Sequence[tuple[str, Row]]) -> None:
-        by_table: Mapping[str, list[Row]] = {table: [] for table in _INSERT}
-        for table, row in rows:
-            by_table[table].append(_packed(row) if table == "block" else row)
+    def _insert(self, rows: Mapping[str, Sequence[Row]]) -> None:
         self._database.execute("BEGIN IMMEDIATE")
         try:
-            for table, values in by_table.items():
-                if values:
-                    self._database.executemany(_INSERT[table], values)
+            for table, values in rows.items():
+                for begin in range(0, len(values), ROWS_AT_ONCE):
+                    part = values[begin : begin + ROWS_AT_ONCE]
+                    if table == "block":
+                        part = [_packed(each) for each in part]
+                    self._database.execute(_statement(table, len(part)), list(chain.from_iterable(part)))
             self._database.execute("COMMIT")
         except BaseException:
             if self._database.in_transaction:
@@ -163,6 +162,16 @@ class RunWriter:
             self._database.close()
         except sqlite3.Error as problem:
             self._failure = self._failure or StoreError(f"the run store cannot be closed ({problem})")
+
+
+def _no_rows() -> dict[str, list[Row]]:
+    return {table: [] for table in _COLUMNS}
+
+
+@lru_cache
+def _statement(table: str, rows: int) -> str:
+    row = f"({', '.join('?' * _COLUMNS[table])})"
+    return f"INSERT INTO {table} VALUES {', '.join([row] * rows)}"  # noqa: S608  the names are those above
 
 
 def _packed(row: Row) -> Row:
