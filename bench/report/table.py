@@ -68,8 +68,9 @@ class Table:
 
 
 def read_table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> Table:
-    """Reads `columns` of a CSV file in UTF-8; other columns and empty lines are passed over.
+    """Reads `columns` of a CSV file in UTF-8; other columns and blank lines are passed over.
 
+    A line of blank cells, one for each column, is a row.
     A column of `optional` that the file lacks is blank. Raises InputError, with the line, when the file is too large,
     not UTF-8, not a table or lacks another column.
     """
@@ -77,7 +78,7 @@ def read_table(path: Path, columns: Sequence[str], optional: Sequence[str] = ())
     reader = _reader(text)
     try:
         header = [name.strip() for name in next(reader, [])]
-        rows = [row for row in reader if row]
+        rows = [row for row in reader if len(row) == len(header) or not _is_blank(row)]
     except csv.Error as problem:
         raise InputError(f"{path.name}: line {reader.line_num}: {problem}") from None
     if set(map(len, rows)) - {len(header)}:
@@ -123,9 +124,13 @@ def _reader(text: str) -> Any:  # the standard library does not name the type
 def _line_of_row(text: str, row: int) -> int:
     """The line on which a row ends; rows are counted from 0 behind the header, without empty ones."""
     reader = _reader(text)
-    next(reader)
-    filled = (reader.line_num for cells in reader if cells)
+    width = len(next(reader))
+    filled = (reader.line_num for cells in reader if len(cells) == width or not _is_blank(cells))
     return int(next(islice(filled, row, None)))
+
+
+def _is_blank(cells: Sequence[str]) -> bool:
+    return not any(map(str.strip, cells))
 
 
 def _number(text: str) -> float:

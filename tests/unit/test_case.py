@@ -182,7 +182,16 @@ def test_positions_are_named_as_the_record_names_them(tmp_path):
     assert result["points"][0]["K1_V_per_g"] == pytest.approx(1, rel=1e-12)
 
 
-@pytest.mark.parametrize("encode", [lambda t: "\ufeff" + t, lambda t: t.replace("\n", "\r\n"), lambda t: t + "\n\n"])
+@pytest.mark.parametrize(
+    "encode",
+    [
+        lambda t: "\ufeff" + t,
+        lambda t: t.replace("\n", "\r\n"),
+        lambda t: t + "\n\n",
+        lambda t: t + "  \n",
+        lambda t: t.replace("\n", "\n\t\n, ,,,\n", 1),
+    ],
+)
 def test_bom_crlf_and_empty_lines_are_read(tmp_path, encode):
     expected = reduce_case(case(tmp_path))
     assert (
@@ -195,6 +204,8 @@ def test_bom_crlf_and_empty_lines_are_read(tmp_path, encode):
     [
         ("T_C,U_V\n20,0.1\n21,abc\n", "data.csv: line 3, column U_V: 'abc' is not a number; "),
         ("T_C,U_V\r\n\r\n20,1_0\r\n", "data.csv: line 3, column U_V: '1_0' is not a number; "),
+        ("T_C,U_V\n20,0.1\n ,,\n  \n21,abc\n", "data.csv: line 5, column U_V: 'abc' is not a number; "),
+        ("T_C,U_V\n20,0.1\n  \n20,0.1,7\n", "data.csv: line 4: 3 cells, but the header has 2"),
         ("T_C,U_V\n20,0.1,7\n", "data.csv: line 2: 3 cells, but the header has 2"),
         ("T_C,U_V\n20\n", "data.csv: line 2: 1 cells, but the header has 2"),
         ('T_C,U_V\n20,"0.1\n', "data.csv: line 2: unexpected end of data"),
