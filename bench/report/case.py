@@ -59,18 +59,17 @@ def reduce_case(path: Path) -> dict[str, Any]:
     Raises InputError, which names the file and the place in it, when the case cannot be read or reduced.
     """
     case = read_case(path)
-    reduce = REDUCTIONS.get((case.content.method, case.content.sub))
+    method, sub = case.content.method, case.content.sub
+    reduce = REDUCTIONS.get((method, sub)) or REDUCTIONS.get((method, ""))  # a method of one reduction has no sub
     if reduce is None:
-        known = ", ".join(f"{method} {sub}".rstrip() for method, sub in REDUCTIONS)
-        raise InputError(
-            f"{case.name}: there is no reduction of {case.content.method!r} {case.content.sub!r}; known: {known}"
-        )
+        known = ", ".join(" ".join(title).rstrip() for title in REDUCTIONS)
+        raise InputError(f"{case.name}: there is no reduction of {method!r} {sub!r}; known: {known}")
     try:
         result = reduce(case)
     except NotDetermined as problem:
         files = ", ".join(record.name for record in case.content.records.values())
         raise InputError(f"{case.name}: the record does not suffice ({files}): {problem}") from None
-    return {"method": case.content.method, "sub": case.content.sub, **_json(result)}
+    return {"method": method, "sub": sub, **_json(result)}
 
 
 def _static(case: Case) -> dict[str, Any]:

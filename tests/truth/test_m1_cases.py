@@ -257,6 +257,14 @@ def test_one_end_alone(tmp_path, rng, end):
     assert result["model"]["params"]["c1"] == pytest.approx(1.13, abs=2e-5)
 
 
+@pytest.mark.parametrize("sub", ["", "static", "sweep", None])
+def test_a_method_of_one_reduction_takes_any_sub(tmp_path, rng, sub):
+    path = write_case(tmp_path, {}, sweep=sweep(Unit(), rng))
+    expected = reduce_case(path)
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"sub": sub}))
+    assert reduce_case(path) == expected | {"sub": sub or ""}
+
+
 def test_what_one_end_cannot_tell_apart_is_named(tmp_path, rng):
     rows = sweep(Unit(), rng, ends=["up"], largest_deg=5, noise_v=NOISE_V)
     result = reduced(tmp_path, {"terms": ["c0", "c1", "delta"]}, sweep=rows)
