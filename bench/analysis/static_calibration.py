@@ -84,6 +84,7 @@ def calibrate(
         flags=tuple(flag for flag, raised in flags.items() if raised),
         notes=(
             *_notes_on_rows(excluded),
+            *(f"end {name}: none of its dwells can be used" for name in _swept(record) if ends[name] is None),
             *(note for name, end in ends.items() if end for note in _notes_on_end(f"end {name}: ", end)),
             *(f"end {name}: the temperature changed by {change_c:.2f} °C" for name, change_c in warmed_c.items()),
             *(f"model: {found}" for found in dict.fromkeys([str(model.doubt or ""), model.problem]) if found),
@@ -93,12 +94,19 @@ def calibrate(
 
 
 def _ends(record: SweepRecord, usable: SweepRecord, outlier_k: float, first: float) -> dict[str, EndSweep | None]:
-    """The line of each end. When the bias of one drifts, both are fitted with a drift, from the dwell `first`."""
-    swept = [name for name in ENDS if np.any(record.end == name)]
+    """The line of each end. When the bias of one drifts, both are fitted with a drift, from the dwell `first`.
+
+    An end none of whose dwells is usable is missing, unless that is so of both.
+    """
+    swept = [name for name in ENDS if np.any(usable.end == name)] or list(_swept(record))
     ends = {name: reduce_end(usable.rows(usable.end == name), outlier_k=outlier_k) for name in swept}
     if any(end.fit and bias_drifts(end.fit) for end in ends.values()):
         ends = {name: end.with_drift(first) for name, end in ends.items()}
     return {name: ends.get(name) for name in ENDS}
+
+
+def _swept(record: SweepRecord) -> Iterator[str]:
+    return (name for name in ENDS if np.any(record.end == name))
 
 
 def _model(ends: Mapping[str, EndSweep | None], settings: CalibrationSettings, first: float) -> SweepModel:

@@ -257,6 +257,18 @@ def test_one_end_alone(tmp_path, rng, end):
     assert result["model"]["params"]["c1"] == pytest.approx(1.13, abs=2e-5)
 
 
+def test_an_end_without_a_usable_dwell_is_missing(tmp_path, rng):
+    rows = sweep(Unit(), rng, noise_v=NOISE_V)
+    for row in rows:
+        row["stable"] = 0 if row["end"] == "down" else 1
+    result = reduced(tmp_path, {"terms": ["c0", "c1"]}, sweep=rows)
+    assert result["flags"] == ["end_down_missing"]
+    assert result["combined"] is None
+    assert result["ends"]["down"] is None
+    assert result["ends"]["up"]["G_V_per_g"] == pytest.approx(1.13, abs=2e-5)
+    assert result["notes"] == ["end down: none of its dwells can be used"]
+
+
 @pytest.mark.parametrize("sub", ["", "static", "sweep", None])
 def test_a_method_of_one_reduction_takes_any_sub(tmp_path, rng, sub):
     path = write_case(tmp_path, {}, sweep=sweep(Unit(), rng))
