@@ -195,7 +195,8 @@ def _tilt(case: Case) -> dict[str, Any]:
         "comp_span_deg": found.compensated_span_deg,
         "raw_mean_deg": found.raw_mean_deg,
         "comp_mean_deg": found.compensated_mean_deg,
-        "flags": found.flags,
+        "flags": [],
+        "notes": ["samples beyond ±90° are left out"] if "out_of_range" in found.flags else [],
         "rejected": found.excluded,
     }
 

@@ -19,6 +19,7 @@ from bench.analysis.two_sample import velocity_increments
 from bench.errors import InputError
 from bench.report.case_file import Case, Limit, Settings
 from bench.report.table import Table
+from bench.report.table_words import UNITS
 from drivers.wording import telling
 
 Positive = Annotated[float, Field(gt=0)]
@@ -150,8 +151,8 @@ def _range_result(
     return {
         "points": [point(each) for each in found.points],
         "passed": found.passed,
-        "flags": found.flags,
-        "notes": [*notes, *found.notes],
+        "flags": [flag for flag in found.flags if flag not in UNITS],
+        "notes": [*notes, *found.notes, *(UNITS[flag] for flag in found.flags if flag in UNITS)],
         "rejected": found.excluded,
     }
 
@@ -220,8 +221,8 @@ def _response(found: FrequencyResponse, notes: Iterable[str] = ()) -> dict[str, 
         "bandwidth_status": found.bandwidth.status,
         "bandwidth_crossings": found.bandwidth.crossings,
         "phase_at_bandwidth_deg": found.bandwidth.phase_deg,
-        "flags": found.flags,
-        "notes": [*notes, *found.notes],
+        "flags": [flag for flag in found.flags if flag not in UNITS],
+        "notes": [*notes, *found.notes, *(UNITS[flag] for flag in found.flags if flag in UNITS)],
         "rejected": found.excluded,
     }
 

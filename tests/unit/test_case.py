@@ -68,8 +68,14 @@ LEGS = [("up", 1), ("down", -1)]
 def test_result_has_the_keys_of_the_tilt_method(tmp_path):
     result = reduce_case(case(tmp_path))
     assert list(result) == [
-        "method", "sub", "raw_span_deg", "comp_span_deg", "raw_mean_deg", "comp_mean_deg", "flags", "rejected",
+        "method", "sub", "raw_span_deg", "comp_span_deg", "raw_mean_deg", "comp_mean_deg", "flags", "notes", "rejected",
     ]  # fmt: skip
+
+
+def test_what_lies_beyond_a_right_angle_is_among_the_notes(tmp_path):
+    result = reduce_case(case(tmp_path, csv="T_C,U_V\n20,0.1\n20,7\n"))
+    assert (result["flags"], result["notes"]) == ([], ["samples beyond ±90° are left out"])
+    assert result["rejected"]["out_of_range"] == 1
 
 
 def test_what_cannot_be_known_is_null(tmp_path):
