@@ -11,7 +11,7 @@ from unittest import mock
 import numpy as np
 
 from bench.analysis import counts as counting
-from bench.analysis.acquired import Acquisition, Counts
+from bench.analysis.acquired import Acquisition
 from bench.analysis.dwells import Dwell
 from bench.analysis.rundata import RunData
 from bench.report import rundata
@@ -19,6 +19,7 @@ from bench.report.stored import open_run
 from drivers.can_counter import wire
 from tests.truth.campaign import Comparison, compare_one
 
+ENDLESS_BITS = 62
 Plant = Callable[[], AbstractContextManager[object]]
 
 
@@ -49,30 +50,26 @@ def host_time() -> Iterator[None]:
     def mistaken(form: wire.CounterFormat, channel: str, *given: object) -> wire.Counts:
         honest = decode(form, channel, *given)
         ticks = np.rint(honest.host_s / form.tick_period_s).astype(np.int64)
-        return dataclasses.replace(honest, tick=ticks, tick_bits=62)
+        return dataclasses.replace(honest, tick=ticks, tick_bits=ENDLESS_BITS)
 
     with mock.patch.object(wire, "decode_counts", mistaken):
         yield
 
 
-def _without_wrap(width_attribute: str) -> Plant:
-    """Differences of one kind of counter taken as if it never went round."""
+def _without_wrap(width: str) -> Plant:
+    """One kind of counter taken as if it never went round, and what comes of it as good."""
 
     @contextmanager
     def plant() -> Iterator[None]:
-        honest = counting._steps
-        width: list[int] = []
-        rate = counting.mean_rate
+        decode, rate = wire.decode_counts, counting._rate
 
-        def mistaken(cumulative: np.ndarray, bits: int) -> np.ndarray:
-            return np.diff(cumulative) if bits in width else honest(cumulative, bits)
+        def mistaken(form: wire.CounterFormat, channel: str, *given: object) -> wire.Counts:
+            return dataclasses.replace(decode(form, channel, *given), **{width: ENDLESS_BITS})
 
-        def noting(counts: Counts) -> counting.Rate:
-            width[:] = [getattr(counts, width_attribute)]
-            found = rate(counts)
-            return dataclasses.replace(found, problems=())
+        def unsuspecting(*given: object) -> counting.Rate:
+            return dataclasses.replace(rate(*given), problems=())
 
-        with mock.patch.object(counting, "_steps", mistaken), mock.patch("bench.analysis.outputs.mean_rate", noting):
+        with mock.patch.object(wire, "decode_counts", mistaken), mock.patch.object(counting, "_rate", unsuspecting):
             yield
 
     return plant
