@@ -75,7 +75,11 @@ def table_bench(folder: Path, name: str, *, perfect: bool = False) -> Path:
 
 def compare_table(folder: Path, results: dict | None = None, output: str = "pulses") -> list[Comparison]:
     """Every figure of a run with a truth beside it; those of one kind by the number of their point."""
-    truth, results = json.loads((folder / "truth.json").read_text("utf-8")), results or results_of(folder)
+    return compared(json.loads((folder / "truth.json").read_text("utf-8")), results or results_of(folder), output)
+
+
+def compared(truth: dict, results: dict, output: str = "pulses") -> list[Comparison]:
+    """The same of a truth and of results at hand."""
     true = truths(truth, results, output)
     return [
         Comparison(
