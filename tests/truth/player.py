@@ -109,7 +109,7 @@ class Player:
             self._pause_until(self.world.true_time(stimulus.at_s))
             self._host_s = stimulus.at_s
             self._play(stimulus)
-        self._pause_until(self.world.true_time(host_s))
+        self._lead_to(self.world.true_time(host_s))
 
     def _due(self, host_s: float) -> Iterator[Stimulus]:
         while self._to_come and self._to_come[0].at_s <= host_s:
@@ -152,7 +152,7 @@ class Player:
         ends_s = [self.world.true_time(host_s) for host_s in (was.begin_s, was.end_s)]
         first, last = (math.floor((end_s - self._origin_s) / self._latch_s) for end_s in ends_s)
         at_s = self._origin_s + self._latch_s * np.arange(first + 1, last + 1)
-        self._lead_to(float(at_s[0]))
+        self._pause_until(float(at_s[0]))
         for role, source in self._sources.items():
             source.feeds_a = was.sources_a.get(role)
         parts = {

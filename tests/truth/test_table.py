@@ -7,34 +7,55 @@ import numpy as np
 import pytest
 
 from bench.analysis import range_blocks
+from bench.analysis.frequency_response import Remarks, gyro_point
+from bench.analysis.table_intake import table_samples
 from bench.app.request import RunRequest
+from bench.config.bench import load_bench
 from bench.report.calibration import read_calibration
 from bench.report.stored import open_run
-from tests.truth.campaign import results_of, run_one
-from tests.truth.table import BENCHES, SHORT, check_held, compare_table, table_bench
+from tests.truth.campaign import Comparison, results_of
+from tests.truth.player import Player
+from tests.truth.replay import replayed, template_of
+from tests.truth.table import (
+    BENCHES,
+    SHORT,
+    check_held,
+    compare_table,
+    compared,
+    one_a_run,
+    problems_of,
+    table_bench,
+)  # fmt: skip
 
 WORTH = {  # a standard uncertainty that is worth stating, at most
     "rest_rate": 1e-4, "rate_error/relative": 4e-5, "rest_output": 1e-5, "radius": 1e-4,
     "acceleration_error/relative": 3e-5, "gain": 2e-3, "phase": 2.0, "bandwidth": 0.15, "phase_at_bandwidth": 1.5,
     "lever_arm/x": 3e-4, "lever_arm/y": 5e-5,
 }  # fmt: skip
-RUNS = {}
+SEED = 5
+TEMPLATES = {}
 
 
 @pytest.fixture(scope="module")
-def run_of(tmp_path_factory):
-    """A run of a sequence, made once."""
+def template_of_run(tmp_path_factory):
+    """The bench file of a sequence, and what a run of it through all wires did, made once."""
 
-    def run(sequence):
-        if sequence not in RUNS:
+    def template(sequence):
+        if sequence not in TEMPLATES:
             folder = tmp_path_factory.mktemp(sequence)
             bench = table_bench(folder / "config", BENCHES[sequence])
-            request = RunRequest(sequence, bench=str(bench), seed=5, settings=SHORT[sequence], runs=folder / "runs")
-            RUNS[sequence] = run_one(request)
-        return RUNS[sequence]
+            request = RunRequest(sequence, bench=str(bench), seed=SEED, settings=SHORT[sequence], runs=folder / "runs")
+            TEMPLATES[sequence] = bench, template_of(request)
+        return TEMPLATES[sequence]
 
-    yield run
-    RUNS.clear()
+    yield template
+    TEMPLATES.clear()
+
+
+@pytest.fixture(scope="module")
+def run_of(template_of_run):
+    """A run of a sequence through all wires, made once."""
+    return lambda sequence: template_of_run(sequence)[1].folder
 
 
 @pytest.mark.parametrize("sequence", BENCHES)
@@ -71,6 +92,30 @@ def test_the_calibration_of_a_range_takes_the_errors_back(run_of, sequence, what
         assert abs(value - true) < abs(error) / 2
 
 
+@pytest.mark.parametrize("sequence", BENCHES)
+def test_at_record_level_is_found_what_is_found_through_all_wires(template_of_run, sequence):
+    bench, template = template_of_run(sequence)
+    again = replayed(template, load_bench(bench).bench, SEED)
+    through_wires, by_records = compare_table(template.folder), compared(again.truth, again.results)
+    assert len(by_records) == len(through_wires)
+    for each, found in zip(through_wires, by_records, strict=True):
+        assert (found.quantity, found.dwell, found.truth) == (each.quantity, each.dwell, each.truth)
+        most = 0.2 if found.quantity.startswith("phase") else 4.0  # its errors are nearly all those of the bench
+        assert abs(found.value - each.value) < most * np.hypot(found.u, each.u), found
+        assert 1 / 2 < found.u / each.u < 2, found
+    assert max(abs(found.ratio) for found in by_records) < 4
+
+
+def test_at_record_level_a_swing_is_followed_from_the_first_latch_on(template_of_run):
+    bench, template = template_of_run("gyro_response")
+    (data,) = Player(template, load_bench(bench).bench, SEED, None).play().values()
+    remarks = Remarks()
+    for acquisition in data.acquisitions:
+        samples = table_samples(acquisition, data.units[0])
+        assert gyro_point(samples.swing(1 / 4000), acquisition.motion.frequency_hz, remarks)
+    assert remarks.excluded["outlier"] == 0
+
+
 @pytest.mark.parametrize("sequence", ["gyro_response", "accel_response"])
 def test_the_calibration_of_a_response_takes_gain_and_phase_back(run_of, sequence):
     (known,) = read_calibration(run_of(sequence) / "calibration_a.json").compensations().values()
@@ -103,3 +148,25 @@ def test_the_commanded_rate_in_place_of_the_encoder_s_is_seen(run_of):
     with mock.patch.object(range_blocks, "Turning", mistaken), open_run(run_of("gyro_range")) as stored:
         found = compare_table(stored.folder, stored.evaluate().to_json())
     assert max(abs(each.ratio) for each in found if each.quantity == "rate_error/relative") > 6
+
+
+def of_seeds(rng, u, points=4, seeds=40):
+    """Figures whose errors, of a standard deviation of 1, are alike at all points of a run."""
+    errors = rng.standard_normal(seeds)
+    return [Comparison(seed, point, "gain", errors[seed], 0.0, u) for seed in range(seeds) for point in range(points)]
+
+
+def test_of_each_run_one_figure_is_judged_and_all_points_have_their_turn():
+    judged = list(one_a_run(of_seeds(np.random.default_rng(1), u=1.0)))
+    assert sorted(each.seed for each in judged) == list(range(40))
+    assert {each.dwell for each in judged} == {0, 1, 2, 3}
+
+
+@pytest.mark.parametrize("kind", ["perfect", "full"])
+def test_uncertainties_that_are_too_small_or_too_large_are_told(kind):
+    rng = np.random.default_rng(1)
+    assert problems_of(of_seeds(rng, u=1.0), kind, by_records=True) == []
+    for u in (0.5, 2.0):
+        assert "rms(error/u)" in problems_of(of_seeds(rng, u), kind, by_records=True)[0]
+    few = [*of_seeds(rng, u=0.5, seeds=3), Comparison(1, 0, "phase", 6.0, 0.0, 1.0)]
+    assert problems_of(few, kind, by_records=False) == [str(few[-1])]
