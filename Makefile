@@ -43,7 +43,7 @@ truth: $(VENV)/.dev
 	$(BIN)/python -m tests.truth.ramp --seeds 40           # records: 4 s, 6 min
 	$(BIN)/python -m tests.truth.repeatability --seeds 40  # through all wires
 	$(BIN)/python -m tests.truth.imu_start_up --seeds 20
-	$(BIN)/python -m tests.truth.table --seeds 40          # records: 11 s a seed of all four; three through all wires; 10 min
+	$(BIN)/python -m tests.truth.table --seeds 40          # records: 11 s, 18 min, three seeds through all wires
 	$(BIN)/python -m tests.truth.ladder --seeds 20
 	$(BIN)/python -m tests.truth.monte_carlo --draws 1500
 

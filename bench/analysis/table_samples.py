@@ -124,7 +124,10 @@ def _between_parts(cumulative: Array, samples: TableSamples, edges: Integers) ->
 
 
 def _owed_to_the_table(samples: TableSamples, edges: Integers) -> Iterator[list[Array]]:
-    """Of the same parts: the table's rate, and harmonics of the angle, from many to none."""
+    """Of the same parts: the table's rate, and harmonics of the angle, from many to none.
+
+    A table that is uneven by harmonics alone adds nothing to them: its rate is left out before they are.
+    """
     angle = np.radians(samples.angle_deg)
     table_dps = _between_parts(samples.angle_deg, samples, edges)
     waves = [
@@ -134,7 +137,7 @@ def _owed_to_the_table(samples: TableSamples, edges: Integers) -> Iterator[list[
     ]
     for order in range(HARMONICS, -1, -1):
         yield [np.ones_like(table_dps), table_dps - np.mean(table_dps), *waves[: 2 * order]]
-    yield [np.ones_like(table_dps)]
+        yield [np.ones_like(table_dps), *waves[: 2 * order]]
 
 
 def _fitted(values: Array, designs: Iterable[list[Array]]) -> LinearFit:

@@ -76,6 +76,22 @@ def test_noise_shows_in_the_uncertainty_and_the_steps_of_counting_do_once():
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(np.sqrt(np.mean(np.square(stated))), rel=0.25)
 
 
+def seen_by_the_encoder(even_deg):
+    """What truly turned, a little unevenly, and what an encoder with errors over a turn says; of even angles."""
+    at = np.radians(even_deg)
+    true_deg = even_deg + sum(np.degrees(1e-4 / order * np.sin(order * at + order)) for order in (1, 2, 24))
+    return true_deg, true_deg + sum(2e-3 / order * np.cos(order * at - order) for order in range(1, 5))
+
+
+@pytest.mark.parametrize("rate_dps", [50.0, 100.0, 180.0, 200.0, -300.0, 400.0, 982.4])
+def test_neither_a_table_that_turns_unevenly_nor_its_encoder_is_noise_of_the_sensor(rate_dps):
+    true_deg, read_deg = seen_by_the_encoder(rate_dps * np.arange(10_001) / 1000)
+    samples = table_samples(acquired(4000 * true_deg, read_deg, motion=Motion("table", rate_dps), bits=32), UNIT)
+    found = steady(samples, 1 / 4000)
+    assert found.output == pytest.approx(found.rate_dps, abs=1e-4)
+    assert found.u_output < 5e-5  # steps of counting are 1e-5
+
+
 def test_the_errors_of_the_encoder_cancel_over_whole_turns_only():
     whole, part = turning(180.0), turning(45.0)
     assert harmonics_u_dps(whole, (1e-3, 1e-3)) < 1e-8
