@@ -55,6 +55,13 @@ def test_a_planted_error_is_seen(perfect_runs, name):
     assert worst > 10, "it is not the scatter of a few seeds that was seen"
 
 
+@pytest.mark.parametrize("name", PLANTED)
+def test_what_a_planted_error_changes_is_there(name):
+    """Those of wraps and of legs show in long runs only, which `make truth` has."""
+    with PLANTED[name]():
+        pass
+
+
 def test_the_closure_is_what_the_bias_really_did_between_the_ends(perfect_runs):
     for folder in perfect_runs:
         (closure,) = [found for found in results_of(folder)["findings"] if found["quantity"] == "K0/closure"]
