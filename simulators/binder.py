@@ -25,7 +25,7 @@ from drivers.binder.wire import (
     value_c,
     words,
 )
-from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.chamber import CHAMBER_MISHAPS, SimulatedChamber
 from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
 from simulators.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError
 from simulators.setup import InstrumentSetup
@@ -37,7 +37,7 @@ PROGRAM_C = 40.0  # where the program goes that somebody starts
 _LINES_READ = 0x1292
 
 
-class SimulatedBinder(HasDoor):
+class SimulatedBinder(SimulatedChamber):
     """Registers of one controller, which answers after a quarter of a second.
 
     An MB1 takes a set point into force when its mode is written, so that a mode before its set point brings back the
@@ -49,12 +49,12 @@ class SimulatedBinder(HasDoor):
         self, world: World, faults: FaultPlan, *, kind: Kind = "mb1", swapped: bool = False, unit_id: int = 1,
         range_c: tuple[float, float] = (-70.0, 180.0),
     ) -> None:  # fmt: skip
-        self.faults, self.kind, self.swapped = faults, kind, swapped
+        super().__init__(world, faults)
+        self.kind, self.swapped = kind, swapped
         self.alarm = self.door = 0
         self.program_runs = False
-        self._world, self._range_c, self._restarts = world, range_c, 0
+        self._range_c, self._restarts = range_c, 0
         self._server = ModbusServer(self, unit_id)
-        self._air_c = world.thermal.air_c  # the last reading, for when it is frozen
         self._mode, self._lines = Mode.MANUAL, 0
         start = words(world.thermal.set_point_c)
         self._set_points = dict.fromkeys((BASIC, MANUAL, registers_of("mb2", "manual", swapped=False).set_point), start)
@@ -124,7 +124,7 @@ class SimulatedBinder(HasDoor):
         """Every word that can be read."""
         at = registers_of(self.kind, "manual", swapped=False)
         pairs = {address: self._set_points[address] for address in self._here()}
-        pairs[at.process_value] = words(self._process_value_c())
+        pairs[at.process_value] = words(self.measured_c())
         pairs[at.set_point_in_force] = words(self._world.thermal.set_point_c)
         held = {address + half: pair[half] for address, pair in pairs.items() for half in (0, 1)}
         if self.kind == "mb1":
@@ -176,11 +176,6 @@ class SimulatedBinder(HasDoor):
             self._restarts, self.program_runs, self._mode = self._restarts + 1, False, Mode.MANUAL
             self._set_points = dict.fromkeys(self._set_points, words(AFTER_RESTART_C))
             self._follow()
-
-    def _process_value_c(self) -> float:
-        if not self.faults.active("frozen"):
-            self._air_c = self._world.thermal.air_c
-        return self._air_c
 
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
         **CHAMBER_MISHAPS,

@@ -12,7 +12,7 @@ from typing import ClassVar, Literal, Self
 
 from drivers.cts import wire
 from drivers.cts.wire import ETX, FULL_SPEED_C_PER_MIN, STX, RampChannel
-from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.chamber import CHAMBER_MISHAPS, SimulatedChamber
 from simulators.faults import FaultKind, FaultPlan, Mishap
 from simulators.setup import InstrumentSetup
 from simulators.world import World
@@ -24,7 +24,7 @@ _RATE = re.compile(r"([ud])([01]) (\d{3}\.\d)")
 _SWITCH = re.compile(r"s([1-9:;]) ([01])")
 
 
-class SimulatedCts(HasDoor):
+class SimulatedCts(SimulatedChamber):
     """A chamber at one address; it says nothing to what is not for it, broken, or not known.
 
     `set_point_reads` is what it tells as its set point during a ramp. `error` is the number of one that stops it.
@@ -36,12 +36,12 @@ class SimulatedCts(HasDoor):
         versions: str = "2.41;1.07;123456", limits_c: tuple[float, float] = (-75.0, 185.0),
         set_point_reads: Literal["target", "in_force"] = "in_force",
     ) -> None:  # fmt: skip
-        self.faults, self.address, self.versions = faults, address, versions
+        super().__init__(world, faults)
+        self.address, self.versions = address, versions
         self.running, self.paused, self.error, self.program = True, False, "", False
         self.set_point_c = wire.kept(world.thermal.set_point_c)
         self.rates = {"u": FULL_SPEED_C_PER_MIN, "d": FULL_SPEED_C_PER_MIN}
-        self._world, self._ramp_channel, self._limits_c, self._reads = world, ramp_channel, limits_c, set_point_reads
-        self._air_c = world.thermal.air_c  # the last reading, for when it is frozen
+        self._ramp_channel, self._limits_c, self._reads = ramp_channel, limits_c, set_point_reads
         self._settings: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], bool]], ...] = (
             (_SET_POINT, self._set), (_RATE, self._set_rate), (_SWITCH, self._switch),
         )  # fmt: skip
@@ -61,7 +61,7 @@ class SimulatedCts(HasDoor):
         self._world.look()
         match text:
             case "A0":
-                return f"A0 {self._read_c():05.1f} {self._told_c():05.1f}"
+                return f"A0 {self.measured_c():05.1f} {self._told_c():05.1f}"
             case "S":
                 return f"S{self.running:d}{bool(self.error):d}{not self.paused:d}00000{self.error or '0'}"
             case "C":
@@ -140,11 +140,6 @@ class SimulatedCts(HasDoor):
     def _told_c(self) -> float:
         in_force = self.running and self._ramps and self._reads == "in_force"
         return self._world.thermal.set_point_c if in_force else self.set_point_c
-
-    def _read_c(self) -> float:
-        if not self.faults.active("frozen"):
-            self._air_c = self._world.thermal.air_c
-        return self._air_c
 
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
         **CHAMBER_MISHAPS,

@@ -12,7 +12,7 @@ from typing import ClassVar, Self
 
 from drivers.espec_p300 import wire
 from drivers.espec_p300.wire import CONSTANT, OFF, STANDBY, TENTHS
-from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.chamber import CHAMBER_MISHAPS, SimulatedChamber
 from simulators.faults import FaultKind, FaultPlan, Mishap
 from simulators.scpi import LineSession
 from simulators.setup import InstrumentSetup
@@ -35,7 +35,7 @@ class Refusal(Exception):
     """What is not done, with the reason that is answered."""
 
 
-class SimulatedP300(HasDoor):
+class SimulatedP300(SimulatedChamber):
     """One controller of a chamber without humidity, or with one that stands still.
 
     `protected` is the switch at its front panel, `alarm` stops it. `hurried` counts the lines that came sooner than the
@@ -47,18 +47,17 @@ class SimulatedP300(HasDoor):
         self, world: World, faults: FaultPlan, *, kind: str = "S2", rom: str = "P300 1.04", address: int | None = None,
         limits_c: tuple[float, float] = (-70.0, 180.0), humidity_percent: int | None = None, mode: str = CONSTANT,
     ) -> None:  # fmt: skip
-        self.faults = faults
+        super().__init__(world, faults)
         self.mode, self.alarms, self.protected, self.hurried = mode, list[int](), False, 0
         self.set_point_c = round(world.thermal.set_point_c * TENTHS) / TENTHS
-        self._world, self._address, self._humidity_percent = world, address, humidity_percent
+        self._address, self._humidity_percent = address, humidity_percent
         self._kind, self._rom, (self._lowest_c, self._highest_c) = kind, rom, limits_c
-        self._air_c = world.thermal.air_c  # the last reading, for when it is frozen
         self._ready_s = -math.inf
         self._questions: Mapping[str, Callable[[], str]] = {
             wire.TYPE_QUERY: lambda: f"T,{self._kind},180.0" if humidity_percent is None else f"T,T,{self._kind},180.0",
             wire.ROM_QUERY: lambda: self._rom,
             wire.TEMPERATURE_QUERY: self._temperatures,
-            wire.MONITOR_QUERY: lambda: f"{self._read_c():.1f},{self._humidity()},{self.mode},{len(self.alarms)}",
+            wire.MONITOR_QUERY: lambda: f"{self.measured_c():.1f},{self._humidity()},{self.mode},{len(self.alarms)}",
             wire.ALARM_QUERY: lambda: ",".join(map(str, [len(self.alarms), *self.alarms])),
             "MODE?": lambda: self.mode,
             "HUMI?": lambda: f"{self._humidity()},OFF,100,0",
@@ -170,15 +169,10 @@ class SimulatedP300(HasDoor):
 
     def _temperatures(self) -> str:
         set_point_c = self._world.thermal.set_point_c if self.mode == RUN else self.set_point_c
-        return f"{self._read_c():.1f},{set_point_c:.1f},{self._highest_c:.1f},{self._lowest_c:.1f}"
+        return f"{self.measured_c():.1f},{set_point_c:.1f},{self._highest_c:.1f},{self._lowest_c:.1f}"
 
     def _humidity(self) -> str:
         return "" if self._humidity_percent is None else str(self._humidity_percent)
-
-    def _read_c(self) -> float:
-        if not self.faults.active("frozen"):
-            self._air_c = self._world.thermal.air_c
-        return self._air_c
 
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
         **CHAMBER_MISHAPS,

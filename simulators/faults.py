@@ -20,6 +20,7 @@ FaultKind = Literal[
     "compliance", "tripped", "alarm", "open_sensor", "dead", "open_thermometer", "current",
     "lost_frames", "lost_bursts", "doubled_frames", "late_frames", "foreign_frames", "short_frames", "swapped_frames",
     "error_frames", "bus_off", "stuck_count", "cleared_count",
+    "heater_dead", "cooling_dead", "runaway", "detached_sensor", "slow",
 ]  # fmt: skip
 LINE_FAULTS: Mapping[FaultKind, LineFault] = {
     "delay": LineFault.DELAY, "late": LineFault.LATE, "duplicate": LineFault.DUPLICATE, "garbage": LineFault.GARBAGE,

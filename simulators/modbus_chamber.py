@@ -12,7 +12,7 @@ from typing import ClassVar, Self
 
 from drivers.chamber.words import Words
 from drivers.modbus_chamber.profile import ChamberProfile, CodeRegister, ValueRegister
-from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.chamber import CHAMBER_MISHAPS, SimulatedChamber
 from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
 from simulators.modbus import (
     READ,
@@ -32,7 +32,7 @@ LIMITS_C = (-70.0, 180.0)  # in the registers that hold them
 ELSEWHERE_C = 40.0  # where it goes when something else decides
 
 
-class SimulatedProfile(HasDoor):
+class SimulatedProfile(SimulatedChamber):
     """Holding and input registers as a profile has them, numbered by themselves.
 
     A set point beyond the limits and a mode that the profile does not have are refused with exception 3, as is half of
@@ -43,12 +43,12 @@ class SimulatedProfile(HasDoor):
     def __init__(
         self, world: World, faults: FaultPlan, profile: ChamberProfile, *, unit_id: int = 1, serial_line: bool = False
     ) -> None:
-        self.faults, self.profile = faults, profile
+        super().__init__(world, faults)
+        self.profile = profile
         self.alarms = [each.quiet[0] for each in profile.alarms]
         self.limits_c = (profile.range.min, profile.range.max) if profile.range is not None else LIMITS_C
         self.mode = profile.mode.follows[0] if profile.mode is not None else 0
-        self._world, self._serial_line, self._restarts = world, serial_line, 0
-        self._air_c = world.thermal.air_c  # the last reading, for when it is frozen
+        self._serial_line, self._restarts = serial_line, 0
         self._set_point = self._words(profile.set_point, world.thermal.set_point_c)
         ramp = profile.ramp
         self._rate = self._words(ramp.rate, 60.0 if ramp.per == "hour" else 1.0) if ramp is not None else ()
@@ -117,7 +117,7 @@ class SimulatedProfile(HasDoor):
         """Every register of the profile with what is in it."""
         profile, set_point_c = self.profile, self._world.thermal.set_point_c
         held: list[tuple[CodeRegister, Words]] = [
-            (profile.process_value, self._words(profile.process_value, self._process_value_c())),
+            (profile.process_value, self._words(profile.process_value, self.measured_c())),
             (profile.set_point, self._set_point),
         ]
         held += zip(profile.must_be, ((word,) for word in self._expected), strict=True)
@@ -172,11 +172,6 @@ class SimulatedProfile(HasDoor):
             self._restarts, self._ramp_on = self._restarts + 1, 0
             self._set_point = self._words(self.profile.set_point, AFTER_RESTART_C)
             self._follow()
-
-    def _process_value_c(self) -> float:
-        if not self.faults.active("frozen"):
-            self._air_c = self._world.thermal.air_c
-        return self._air_c
 
     def _words(self, register: ValueRegister, value: float) -> Words:
         return self.profile.form(register).words(value)

@@ -11,7 +11,7 @@ from typing import ClassVar, Self
 
 from drivers.simserv import wire
 from drivers.simserv.wire import Function, Info, Reads, Status
-from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.chamber import CHAMBER_MISHAPS, SimulatedChamber
 from simulators.faults import FaultKind, FaultPlan, Mishap
 from simulators.scpi import LineSession
 from simulators.setup import InstrumentSetup
@@ -31,7 +31,7 @@ class Refusal(Exception):
         self.code = code
 
 
-class SimulatedSimserv(HasDoor):
+class SimulatedSimserv(SimulatedChamber):
     """A chamber with one control variable, its temperature.
 
     `set_point_reads` is what it tells as its set point during a ramp. `error` stops it with a message that is active
@@ -43,19 +43,19 @@ class SimulatedSimserv(HasDoor):
         self, world: World, faults: FaultPlan, *, kind: str = "WT3-180/70", serial: str = "59226001",
         set_point_reads: Reads = "target", limits_c: tuple[float, float] = (-75.0, 185.0),
     ) -> None:  # fmt: skip
-        self.faults, self.kind, self.serial, self.limits_c = faults, kind, serial, limits_c
+        super().__init__(world, faults)
+        self.kind, self.serial, self.limits_c = kind, serial, limits_c
         self.set_point_c = wire.kept(world.thermal.set_point_c)
         self.gradients: dict[Function, float] = {Function.GRADIENT_UP: 0.0, Function.GRADIENT_DOWN: 0.0}
         self.outputs = {1: True}
         self.program = 0
         self.active: set[int] = set()
-        self._world, self._reads = world, set_point_reads
-        self._air_c = world.thermal.air_c  # the last reading, for when it is frozen
+        self._reads = set_point_reads
         self._functions: Mapping[int, tuple[int, Callable[..., object]]] = {
             Function.INFO: (1, self._info),
             Function.STATUS: (0, self._status),
             Function.SET_POINT: (1, lambda _: f"{self._told_c():.1f}"),
-            Function.PROCESS_VALUE: (1, lambda _: f"{self._read_c():.1f}"),
+            Function.PROCESS_VALUE: (1, lambda _: f"{self.measured_c():.1f}"),
             Function.LOWEST: (1, lambda _: f"{self.limits_c[0]:.1f}"),
             Function.HIGHEST: (1, lambda _: f"{self.limits_c[1]:.1f}"),
             Function.UNIT: (1, lambda _: "°C"),
@@ -202,11 +202,6 @@ class SimulatedSimserv(HasDoor):
     def _told_c(self) -> float:
         in_force = self.program or (self._runs and self._reads == "in_force")
         return self._world.thermal.set_point_c if in_force else self.set_point_c
-
-    def _read_c(self) -> float:
-        if not self.faults.active("frozen"):
-            self._air_c = self._world.thermal.air_c
-        return self._air_c
 
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
         **CHAMBER_MISHAPS,

@@ -20,6 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from simulators.chamber_failures import Failure, Line, drawn
+
 Matrix = NDArray[np.float64]
 
 _AIR, _AIR_RATE, _CYCLE, _CYCLE_RATE, _SET_POINT, _SET_POINT_RATE = range(6)
@@ -64,6 +66,8 @@ class Thermal:
         self._ramp_end_s = 0.0
         self._target_c = chamber.start_c
         self._pull_c = 0.0  # of an open door on what the air is drawn to
+        self._failing: tuple[Failure, float] | None = None  # and the temperature of the room
+        self._commanded = Line(chamber.start_c, 0.0, chamber.start_c, math.inf)
         amplitude, turn = chamber.limit_cycle_c * math.sqrt(2), 2 * math.pi / chamber.limit_cycle_period_s
         self._boards = _boards(units)
         state = np.zeros(_FIRST_UNIT + _PER_UNIT * len(units) + _PER_BOARD * len(self._boards))
@@ -94,7 +98,28 @@ class Thermal:
 
     def ramp(self, target_c: float, rate_c_per_s: float) -> None:
         """From now on the set point in force goes to `target_c` at `rate_c_per_s`; infinity jumps."""
-        distance = target_c - self.set_point_c
+        self._commanded = Line(self.set_point_c, self.now_s, target_c, rate_c_per_s if rate_c_per_s > 0 else math.inf)
+        if self._failing is None:
+            self._draw(target_c, rate_c_per_s)
+        else:
+            self._draw_astray(*self._failing)
+
+    def fail(self, failure: Failure | None, room_c: float) -> None:
+        """From now on the air goes where this draws it in a room of that temperature; None repairs the chamber."""
+        if failure is not None:
+            self._failing = failure, room_c
+            self._draw_astray(failure, room_c)
+        elif self._failing is not None:
+            set_point_c, self._failing = self.set_point_c, None
+            self._draw(set_point_c, math.inf)
+            self._draw(self._commanded.target_c, self._commanded.rate_c_per_s)
+
+    def _draw_astray(self, failure: Failure, room_c: float) -> None:
+        self._draw(*drawn(failure, self._commanded, self._drawn_to_c, room_c))
+
+    def _draw(self, target_c: float, rate_c_per_s: float) -> None:
+        """Draws the air along a straight line to `target_c`, as the set point does while nothing fails."""
+        distance = target_c - self._drawn_to_c
         self._target_c = target_c
         self._state[_SET_POINT_RATE] = 0.0
         if distance and math.isfinite(rate_c_per_s) and rate_c_per_s > 0:
@@ -116,6 +141,11 @@ class Thermal:
     @property
     def set_point_c(self) -> float:
         """The set point in force."""
+        return self._drawn_to_c if self._failing is None else self._commanded.at(self.now_s)
+
+    @property
+    def _drawn_to_c(self) -> float:
+        """What the air is drawn to, but for the door."""
         return float(self._state[_SET_POINT] - self._pull_c)
 
     @property

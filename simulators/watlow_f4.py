@@ -19,7 +19,7 @@ from drivers.watlow_f4.wire import (
     TemperatureFormat,
     event_output,
 )
-from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.chamber import CHAMBER_MISHAPS, SimulatedChamber
 from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
 from simulators.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError
 from simulators.setup import InstrumentSetup
@@ -32,7 +32,7 @@ _SWITCHED_OFF = frozenset((103, 104, 105, 107, 108, 109, 110, 111, 115, 319, 192
 UNIT_FAMILY = 608  # of channel 1; 0 is a temperature
 
 
-class SimulatedF4(HasDoor):
+class SimulatedF4(SimulatedChamber):
     """Registers of channel 1, the event outputs, and a profile that goes to PROFILE_C.
 
     A set point outside its limits and a number that a register does not know are refused with exception 3; a register
@@ -45,13 +45,12 @@ class SimulatedF4(HasDoor):
         set_point_limits_c: tuple[float, float] = (-70.0, 180.0), display_unit: DisplayUnit = DisplayUnit.CELSIUS,
         model: int = MODEL_F4,
     ) -> None:  # fmt: skip
-        self.faults = faults
+        super().__init__(world, faults)
         self.memory_writes = 0
         self.sensor_error = self.alarm = 0
-        self._world, self._restarts = world, 0
+        self._restarts = 0
         self._server = ModbusServer(self, unit_id)
         self._form = form = TemperatureFormat(decimals)
-        self._air_c = world.thermal.air_c  # the last reading, for when it is frozen
         self._power = event_output(power_event) if power_event is not None else None
         self._profile = (0, 0)  # as selected, with its step
         low_c, high_c = set_point_limits_c
@@ -70,7 +69,7 @@ class SimulatedF4(HasDoor):
             Register.SERIAL_LAST: lambda: SERIAL[1],
             Register.SOFTWARE: lambda: SOFTWARE,
             Register.REVISION: lambda: REVISION,
-            Register.PROCESS_VALUE: lambda: form.word(self._process_value_c()),
+            Register.PROCESS_VALUE: lambda: form.word(self.measured_c()),
             Register.INPUT_ERROR: lambda: self.sensor_error,
             Register.ALARM_1: lambda: self.alarm,
             Register.ALARM_2: lambda: 0,
@@ -201,11 +200,6 @@ class SimulatedF4(HasDoor):
 
     def _limit_c(self, register: Register) -> float:
         return self._form.value_c(self._settings[register])
-
-    def _process_value_c(self) -> float:
-        if not self.faults.active("frozen"):
-            self._air_c = self._world.thermal.air_c
-        return self._air_c
 
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
         **CHAMBER_MISHAPS,

@@ -23,7 +23,7 @@ from drivers.watlow_f4t.wire import (
     RampAction,
     RampScale,
 )
-from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.chamber import CHAMBER_MISHAPS, SimulatedChamber
 from simulators.faults import FaultKind, FaultPlan, Mishap
 from simulators.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, ModbusTcpSession, RegisterError
 from simulators.setup import InstrumentSetup
@@ -41,7 +41,7 @@ class _Switch(IntEnum):
     ON = 63
 
 
-class SimulatedF4T(HasDoor):
+class SimulatedF4T(SimulatedChamber):
     """Registers of one control loop, the display unit, analog input 1 and the event outputs.
 
     A set point outside the set-point limits, and a number outside its enumeration, is refused with exception 3; a
@@ -61,11 +61,10 @@ class SimulatedF4T(HasDoor):
         display_unit: DisplayUnit = DisplayUnit.CELSIUS,
         serial_line: bool = False,
     ) -> None:
-        self.faults = faults
-        self._world, self._serial_line = world, serial_line
+        super().__init__(world, faults)
+        self._serial_line = serial_line
         self._server = ModbusServer(self, unit_id)
         self._form = form = LoopFormat(loop, word_order)
-        self._air_c = world.thermal.air_c  # the last reading, for when it is frozen
         at = form.address
         self._enumerations: Mapping[int, type[IntEnum]] = {
             at(LoopRegister.CONTROL_MODE): ControlMode,
@@ -90,8 +89,8 @@ class SimulatedF4T(HasDoor):
             at(LoopRegister.POWER_IN_FORCE): lambda: form.words(self._power_percent()),
             at(LoopRegister.SET_POINT_IN_FORCE): lambda: form.words(world.thermal.set_point_c),
             at(LoopRegister.CONTROL_MODE_IN_FORCE): lambda: self._stored[at(LoopRegister.CONTROL_MODE)],
-            at(LoopRegister.PROCESS_VALUE): lambda: form.words(self._process_value_c()),
-            CHAMBER_TEMPERATURE: lambda: form.words(self._process_value_c()),
+            at(LoopRegister.PROCESS_VALUE): lambda: form.words(self.measured_c()),
+            CHAMBER_TEMPERATURE: lambda: form.words(self.measured_c()),
             **{unused + at(LoopRegister.SET_POINT) - LoopRegister.SET_POINT: lambda: (0, 0) for unused in _UNUSED},
         }
 
@@ -193,15 +192,10 @@ class SimulatedF4T(HasDoor):
     def _enumeration(self, register: LoopRegister) -> int:
         return self._stored[self._form.address(register)][0]
 
-    def _process_value_c(self) -> float:
-        if not self.faults.active("frozen"):
-            self._air_c = self._world.thermal.air_c
-        return self._air_c
-
     def _power_percent(self) -> float:
         mode = self._enumeration(LoopRegister.CONTROL_MODE)
         if mode == ControlMode.AUTO:
-            power_percent = _POWER_PER_C * (self._world.thermal.set_point_c - self._process_value_c())
+            power_percent = _POWER_PER_C * (self._world.thermal.set_point_c - self.measured_c())
             return max(-100.0, min(100.0, power_percent))
         return self._float(LoopRegister.MANUAL_POWER) if mode == ControlMode.MANUAL else 0.0
 

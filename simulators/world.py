@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from simulators.accelerometer_unit import Input, SimulatedUnit
 from simulators.attitude import Mount
 from simulators.carried import Carried
+from simulators.chamber_failures import Failure
 from simulators.current_source import Feed
 from simulators.faults import BROKEN_DRAWS
 from simulators.gyro_unit import GyroFile, SimulatedGyro
@@ -157,6 +158,11 @@ class World:
         """Somebody opens the chamber's door, or closes it."""
         self.before_change()
         self.thermal.door(self.settings.ambient_c if is_open else None)
+
+    def chamber_fails(self, failure: Failure | None) -> None:
+        """Something of the chamber breaks; None repairs it."""
+        self.before_change()
+        self.thermal.fail(failure, self.settings.ambient_c)
 
     def power(self, supply: str, on: bool) -> None:
         """A supply's output goes on or off, and with it the units on it."""

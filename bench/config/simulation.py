@@ -31,6 +31,7 @@ DeviceFault = Literal[
     "compliance", "tripped", "alarm", "open_sensor",
     "lost_frames", "lost_bursts", "doubled_frames", "late_frames", "foreign_frames", "short_frames", "swapped_frames",
     "error_frames", "bus_off", "stuck_count", "cleared_count",
+    "heater_dead", "cooling_dead", "runaway", "detached_sensor", "slow",
 ]  # fmt: skip
 UnitFault = Literal["silent", "dead", "open_thermometer", "current"]
 AnyFault = Literal[DeviceFault, UnitFault]

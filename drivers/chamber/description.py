@@ -6,18 +6,30 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.fields import Celsius, CelsiusPerMinute, InUnit, PositiveSeconds, Range, StrictModel
+from drivers.fields import Celsius, CelsiusPerMinute, InUnit, PositiveCelsius, PositiveSeconds, Range, StrictModel
 
 CHANNELS = {"process_value": "°C", "set_point": "°C"}
 
 
+class FollowOptions(StrictModel):
+    """How the air of a chamber in order follows its set point; what does not is a fault, and the run ends."""
+
+    band: PositiveCelsius = Field(3.0, description="how near to a set point at rest it stays once it has settled")
+    gain: PositiveCelsius = Field(1.0, description="by so much it comes nearer, while it is farther away than that, …")
+    over: Annotated[float, InUnit("s", at_least=60, at_most=7200)] = Field(600.0, description="… in every such time")
+    settle: PositiveSeconds = Field(
+        3600.0, description="how long after the set point has come to rest, or a disturbance began, it settles at last"
+    )
+
+
 class ChamberOptions(StrictModel):
-    """How any controller is spoken to."""
+    """How any controller is spoken to, and what its chamber is able to do."""
 
     poll: Annotated[float, InUnit("s", above=0, at_most=30)] = Field(
         1.0, description="how often a ramp that has nearly arrived is looked at"
     )
     answer_timeout: PositiveSeconds = Field(3.0, description="how long an answer may take")
+    follow: FollowOptions = FollowOptions()
 
 
 class StairOptions(ChamberOptions):

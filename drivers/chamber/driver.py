@@ -8,6 +8,7 @@ from typing import Self
 
 from drivers.chamber.controller import Control, Controller, Look
 from drivers.chamber.description import ChamberLimits, ChamberOptions, ChamberSafe, StairOptions
+from drivers.chamber.following import FollowWatch
 from drivers.chamber.ramp import ARRIVED_WITHIN_C, Climb
 from drivers.chamber.standstill import STANDSTILL_S, StandstillWatch
 from drivers.errors import BeyondLimit, DriverError, InstrumentFault, LinkLost, NoAnswer, NotSettled
@@ -35,7 +36,8 @@ class Chamber:
         self._turn = asyncio.Lock()
         self._commanded_c: float | None = None  # the set point last written and read back, as long as it is known
         self._commands = 0  # given so far; whoever ramps sees by it that another has taken over
-        self._watch = StandstillWatch()
+        self._standstill = StandstillWatch()
+        self._following = FollowWatch(options.follow, limits.temperature)
 
     async def __aenter__(self) -> Self:
         """Connects and identifies; BeyondLimit when the safe temperature could not be commanded."""
@@ -92,7 +94,8 @@ class Chamber:
         """One look at the chamber.
 
         Raises InstrumentFault when the set point is not the one last commanded or does not control, once there was a
-        command, and when the process value stands still while the set point moves; BadAnswer for no number.
+        command; when the process value stands still while the set point moves; and when the air does not follow as the
+        bench file says (`follow`), or is far beyond its limits. BadAnswer for no number.
         """
         async with self._turn:
             look = await self._look()
@@ -137,6 +140,8 @@ class Chamber:
         look = await self._controller.look(None)
         self._check_control(look, may_be_off=self._controller.can_start)
         start_c = look.set_point_c if look.control is Control.SET_POINT else look.process_value_c
+        if not self._following.is_possible(start_c):
+            raise self._not_following(f"no ramp can begin far beyond {self._following.limits}", look)
         began_s = asyncio.get_running_loop().time()
         climb = Climb(start_c, temperature_c, rate_c_per_min / 60, began_s, self._step_s)
         if self._step_s is None:
@@ -202,17 +207,27 @@ class Chamber:
 
     def _check_movement(self, look: Look) -> None:
         at_s = asyncio.get_running_loop().time()
-        if self._watch.frozen(at_s, look.process_value_c, look.set_point_c):
+        if self._standstill.frozen(at_s, look.process_value_c, look.set_point_c):
             raise InstrumentFault(
                 self.name, f"the process value has not changed for {STANDSTILL_S / 60:g} min of a moving set point",
                 received=f"process value {look.process_value_c:g} °C, set point {look.set_point_c:g} °C",
                 remedy="Check the chamber's sensor, its cable, and what the controller's display says.",
             )  # fmt: skip
+        is_commanded = self._commanded_c is not None
+        if wrong := self._following.problem(at_s, look.process_value_c, look.set_point_c, commanded=is_commanded):
+            raise self._not_following(wrong, look)
 
     def _beyond(self, asked: str, whose: str, allowed: str) -> BeyondLimit:
         return BeyondLimit(
             self.name, f"{asked} is beyond the limits of the {whose}, {allowed}; nothing was sent",
             remedy="Correct the sequence, or the limits if they are wrong.",
+        )  # fmt: skip
+
+    def _not_following(self, wrong: str, look: Look) -> InstrumentFault:
+        return InstrumentFault(
+            self.name, wrong,
+            received=f"process value {look.process_value_c:.2f} °C, set point {look.set_point_c:.2f} °C",
+            remedy="Look at the chamber itself: its heater, its cooling, its sensor, its door, its own limiter.",
         )  # fmt: skip
 
     def _not_arrived(self, temperature_c: float, why: str, look: Look) -> NotSettled:

@@ -27,6 +27,8 @@ class ModbusChamber(Chamber):
         )  # fmt: skip
         how: ChamberOptions = options
         if profile.ramp is not None:
-            how = ChamberOptions.model_construct(poll=options.poll, answer_timeout=options.answer_timeout)
+            how = ChamberOptions.model_construct(
+                poll=options.poll, answer_timeout=options.answer_timeout, follow=options.follow
+            )
         controller = ProfiledController(link, setup.identity, profile, setup.note)
         super().__init__(setup.name, controller, setup.limits, setup.safe, how)

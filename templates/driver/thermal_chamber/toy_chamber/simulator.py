@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar, Self
 
-from simulators.door import CHAMBER_MISHAPS, HasDoor
+from simulators.chamber import CHAMBER_MISHAPS, SimulatedChamber
 from simulators.faults import FaultKind, FaultPlan, Mishap
 from simulators.scpi import ILLEGAL_VALUE, Interpreter, LineSession, Refusal, setting
 from simulators.setup import InstrumentSetup
@@ -23,14 +23,13 @@ AFTER_RESTART_C, PROGRAM_C = 25.0, 60.0
 PROGRAM_C_PER_S = 1 / 60
 
 
-class SimulatedToyChamber(HasDoor):
+class SimulatedToyChamber(SimulatedChamber):
     """One controller. `stuck`: settings are accepted and not carried out. `frozen`: the air reads as it was."""
 
     def __init__(self, world: World, faults: FaultPlan, *, serial: str = "0001") -> None:
-        self.faults, self.mode = faults, Mode.ON
+        super().__init__(world, faults)
+        self.mode = Mode.ON
         self.set_point_c = wire.kept(world.thermal.set_point_c)
-        self._world = world
-        self._air_c = world.thermal.air_c  # the last reading, for when it is frozen
         self._interpreter = Interpreter(
             f"MAKER,TC-100,{serial},1.0",
             {
@@ -91,9 +90,7 @@ class SimulatedToyChamber(HasDoor):
 
     def _read_c(self) -> float:
         self._world.look()
-        if not self.faults.active("frozen"):
-            self._air_c = self._world.thermal.air_c
-        return self._air_c
+        return self.measured_c()
 
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
         **CHAMBER_MISHAPS,

@@ -1,0 +1,50 @@
+"""How chambers fail: where their air is drawn then, whatever the set point of their controller is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+Failure = Literal["heater_dead", "cooling_dead", "runaway", "detached_sensor", "slow"]
+HOTTEST_C, COLDEST_C = 180.0, -90.0  # where all its power takes the air at last
+FULL_POWER_C_PER_S = 5 / 60
+BY_ITSELF_C_PER_S = 1 / 60  # what the air of a chamber that does nothing loses to the room
+SLOW_C_PER_S = 0.02 / 60
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A set point that goes straight from where it was at a true time to its target, and stays there."""
+
+    start_c: float
+    began_s: float
+    target_c: float
+    rate_c_per_s: float
+
+    def at(self, now_s: float) -> float:
+        """The set point in force."""
+        way_c = self.target_c - self.start_c
+        passed_s = now_s - self.began_s
+        done_c = abs(way_c) if math.isinf(self.rate_c_per_s) else passed_s * self.rate_c_per_s
+        return self.target_c if done_c >= abs(way_c) else self.start_c + math.copysign(done_c, way_c)
+
+
+def drawn(failure: Failure, set_point: Line, drawn_to_c: float, room_c: float) -> tuple[float, float]:
+    """Where the air is drawn from now on, °C, and how fast, °C/s, when it was drawn to `drawn_to_c` until now.
+
+    Without a heater it is nowhere warmer than the room, without cooling nowhere colder. In a runaway the heater stays
+    on. A controller whose sensor lies in the room heats for ever, or cools. A slow chamber hardly has any power left.
+    """
+    target_c = set_point.target_c
+    match failure:
+        case "heater_dead" | "cooling_dead":
+            end_c = min(target_c, room_c) if failure == "heater_dead" else max(target_c, room_c)
+            by_itself = (end_c - drawn_to_c) * (room_c - drawn_to_c) > 0 and end_c == room_c
+            return end_c, min(BY_ITSELF_C_PER_S, set_point.rate_c_per_s) if by_itself else set_point.rate_c_per_s
+        case "runaway":
+            return HOTTEST_C, FULL_POWER_C_PER_S
+        case "detached_sensor":
+            return HOTTEST_C if target_c > room_c else COLDEST_C, FULL_POWER_C_PER_S
+        case "slow":
+            return target_c, min(SLOW_C_PER_S, set_point.rate_c_per_s)

@@ -1,0 +1,59 @@
+"""Chambers that break in whole runs: found within the time that the rules promise, said plainly, and all made safe."""
+
+from __future__ import annotations
+
+import pytest
+
+from bench.store.reader import RunReader
+from tests.support.runs import copy_bench, run_short
+from tests.support.sequences import TAIL, steps
+
+ON = "{set: supply, voltage: 15 V, current_limit: 150 mA, output: on}"
+OFF = "teardown:\n  - {set: supply, output: off}\n"
+BREAKS_S = 1200.0
+
+
+def ran(tmp_path, *lines, kind="", edits=()):
+    path = tmp_path / "s.yaml"
+    path.write_text(steps(ON, *lines) + OFF + TAIL, "utf-8")
+    faults = f"[{{device: chamber, kind: {kind}, at: {BREAKS_S:g} s}}]" if kind else ""
+    bench = copy_bench(tmp_path / "config", *edits, faults=faults)
+    return run_short(tmp_path / "runs", bench=bench, sequence=str(path))
+
+
+@pytest.mark.parametrize(
+    ("kind", "to_c", "within_s", "said"),
+    [
+        ("heater_dead", 40, 900, "the air has not come 1 °C nearer to its set point within 10 min"),
+        ("cooling_dead", 0, 900, "the air has not come 1 °C nearer to its set point within 10 min"),
+        ("runaway", 40, 240, "the air runs away from its set point"),
+        ("detached_sensor", 40, 620, "the air has not come 1 °C nearer to its set point within 10 min"),
+        ("open_sensor", 40, 20, "the process value is far beyond the -50 to 100 °C of the bench"),
+    ],
+)
+def test_a_chamber_that_breaks_in_a_soak_ends_the_run_safe_and_nothing_is_lost(tmp_path, kind, to_c, within_s, said):
+    result = ran(tmp_path, f"{{ramp: chamber, to: {to_c} °C, at: 3 °C/min}}", "wait: 1 h", kind=kind)
+    assert result.outcome.how == "error"
+    assert f"chamber: {said}" in result.problems[0]
+    assert "Look at the chamber itself: its heater" in result.problems[0]
+    assert result.outcome.unsafe == {}
+    with RunReader(result.path) as reader:
+        ended = {event.step: event.data for event in reader.events("step_ended")}
+        (problem,) = reader.events("problem")
+        air = reader.series("chamber.process_value")
+    assert problem.at_s - BREAKS_S <= within_s + 20
+    assert ended["teardown/set"]["output"] is False
+    assert air.at_s[-1] >= problem.at_s - 20, "recorded to the end"
+
+
+def test_a_chamber_without_power_is_found_in_the_ramp(tmp_path):
+    result = ran(tmp_path, "wait: 20 min", "{ramp: chamber, to: 40 °C, at: 1 °C/min}", "wait: 1 h", kind="slow")
+    assert "the air has not come 1 °C nearer" in result.problems[0]
+    assert result.bench_s < 20 * 60 + 240 + 620
+
+
+def test_a_chamber_in_order_at_its_limits_with_a_load_in_it_is_no_fault(tmp_path):
+    up, down = (f"{{ramp: chamber, to: {to_c} °C, at: 3 °C/min}}" for to_c in (90, 20))
+    edits = [("natural_period: 6 min, damping: 0.5", "natural_period: 20 min, damping: 0.4")]
+    result = ran(tmp_path, up, "wait: 10 min", down, edits=edits)
+    assert result.outcome.how == "completed", result.problems
