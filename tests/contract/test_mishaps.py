@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from bench.app.laboratory import simulator_of
+from drivers.chamber.driver import Chamber
 from drivers.errors import DriverError
 from simulators.chamber import CHAMBER_MISHAPS
 from simulators.faults import FaultKind, begin, end, mishaps_of
@@ -57,6 +58,13 @@ FOUND_WITHIN_S = {  # after it has happened in a soak at 60 °C, cooling_dead at
 EVERY_S = 10.0
 
 
+async def looked_at(chamber: Chamber) -> None:
+    """Looks until something is wrong."""
+    while True:
+        await asyncio.sleep(EVERY_S)
+        await chamber.poll()
+
+
 @pytest.mark.parametrize(
     ("dialect", "kind"),
     [(CHAMBERS["watlow_f4t"], kind) for kind in FOUND_WITHIN_S]
@@ -74,9 +82,7 @@ def test_a_chamber_that_breaks_is_a_fault_in_time_and_takes_its_safe_set_point(
             broken_s = rig.now_s()
             ramp = asyncio.create_task(chamber.ramp_to(90.0, 3.0)) if kind == "slow" else None
             with pytest.raises(DriverError, match=r"chamber: the (air|process value)|chamber: .*sensor"):
-                while True:
-                    await asyncio.sleep(EVERY_S)
-                    await chamber.poll()
+                await looked_at(chamber)
             assert rig.now_s() - broken_s <= FOUND_WITHIN_S[kind] + 2 * EVERY_S
             if ramp is not None:
                 await ramp
