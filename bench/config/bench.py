@@ -145,7 +145,11 @@ def _reading(bench: BenchFile, name: str, reading: ReadingEntry) -> Iterator[Pro
     if reading.channel not in channels:
         yield place, f"{reading.device} has no channel '{reading.channel}'{did_you_mean(reading.channel, channels)}"
     elif (unit := channels[reading.channel]) != "°C":
-        for key, given in (("limits", reading.limits), ("calibration", reading.calibration)):
+        for key, given in (
+            ("limits", reading.limits),
+            ("calibration", reading.calibration),
+            ("steepest", reading.steepest),
+        ):
             if given is not None:
                 yield ("readings", name, key), f"is for a temperature, {reading.from_} is in {unit}"
     if name in bench.devices:

@@ -19,6 +19,7 @@ from drivers.corrections import TemperatureTable
 from drivers.fields import (
     NOT_EMPTY,
     Celsius,
+    CelsiusPerMinute,
     InUnit,
     Name,
     PositiveSeconds,
@@ -96,6 +97,14 @@ class ReadingEntry(StrictModel):
     )
     limits: TemperatureWindow | None = None
     stale_after: PositiveSeconds = Field(10.0, description="an older value is not believed")
+    steepest: CelsiusPerMinute | None = Field(
+        None, description="a temperature that changes faster, by more than 5 °C, is not believed; 60 °C/min if not said"
+    )
+    changes_within: PositiveSeconds | None = Field(
+        None,
+        description="one value for longer is a fault, however often it is read; if not said 1 h, of a temperature that "
+        "is told in steps of 0.02 °C or finer",
+    )
     calibration: ThermometerCalibration | None = None
 
     @property

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import math
-from array import array
-from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bench.analysis.thermometer import beyond_possible
 from bench.config.channels import period_s
 from bench.config.models import BenchFile, ReadingEntry
+from bench.engine.channel import Channel, Values, rule_of
 from bench.engine.interlocks import Change, Interlocks
 from bench.engine.units import Kind, UnitFailure, Units
 from bench.errors import BenchError, WindowError
@@ -27,10 +24,7 @@ from drivers.capabilities import FrameSource
 from drivers.errors import DriverError
 from drivers.values import Reading
 
-KEPT_S = 4 * 3600.0
 WINDOW_GRACE_S = 2.0  # after switching a supply, before its current is judged
-
-Values = NDArray[np.float64]
 
 
 @dataclass
@@ -40,32 +34,6 @@ class Window:
     low: float
     high: float
     on_since_s: float | None = None
-
-
-class _Channel:
-    """A reading of a device: its latest values, and the name it has on this bench."""
-
-    def __init__(self, name: str, unit: str) -> None:
-        self.name, self.unit = name, unit
-        self.newest: Reading | None = None
-        self._at_s, self._values = array("d"), array("d")
-
-    def extend(self, readings: Sequence[Reading]) -> None:
-        """Takes values in, in the order of their times."""
-        self.newest = readings[-1]
-        for at_s, value in readings:
-            self._at_s.append(at_s)
-            self._values.append(value)
-        if self._at_s[0] < self.newest.at_s - 2 * KEPT_S:
-            passed = bisect_left(self._at_s, self.newest.at_s - KEPT_S)
-            del self._at_s[:passed], self._values[:passed]
-
-    def last(self, span_s: float) -> Values:
-        """The values over the last `span_s` before the newest: (N, 2), time and value."""
-        if self.newest is None:
-            return np.empty((0, 2))
-        begin = bisect_left(self._at_s, self.newest.at_s - span_s - 1e-6)
-        return np.array([self._at_s[begin:], self._values[begin:]]).T
 
 
 class Monitor:
@@ -92,7 +60,7 @@ class Monitor:
         self.on_interlock: Callable[[Change], None] = lambda _change: None
         self.on_unit_failure: Callable[[UnitFailure, list[str]], None] = lambda _failure, _interlocks: None
         self.being_made_safe: set[str] = set()  # devices that the engine switches off for a unit that was dropped
-        self._channels: dict[str, _Channel] = {}
+        self._channels: dict[str, Channel] = {}
         self._names = {reading.from_: name for name, reading in bench.readings.items()}
         self._tasks: list[asyncio.Task[None]] = []
         self.windows = {place.supply: Window(-math.inf, math.inf) for place in self.units.places.values()}
@@ -165,26 +133,45 @@ class Monitor:
                 self.fault.set_result(problem)
 
     def _take(self, role: str, readings: Mapping[str, Sequence[Reading]], units: Mapping[str, str]) -> None:
-        for key, values in readings.items():
-            if not values:
-                continue
-            source = f"{role}.{key}"
-            channel = self._channels.get(source)
-            if channel is None:
-                channel = self._channels[source] = _Channel(self._names.get(source, source), units.get(key, ""))
-            channel.extend(values)
-            self._writer.readings(channel.name, channel.unit, values)
-            self._on_reading(channel.name, values[-1])
+        believed = {
+            key: self._believed(f"{role}.{key}", values, units.get(key, "")) for key, values in readings.items()
+        }
         if self.units.several:
-            self._look_at_units(role)  # before the interlocks, so that none trips on an open thermometer
-        for key, values in readings.items():
+            self._look_at_units(role)  # before the interlocks, so that none is judged on a broken thermometer
+        for key, values in believed.items():
             self._interlocks.take(f"{role}.{key}", values)
         self._look_at_interlocks()
         if role in self.windows:
             self._judge_current(role, self.windows[role])
+        for key in believed:
+            if (problem := self._problem_of(source := f"{role}.{key}")) and source not in self._names:
+                raise WindowError(problem)
         for name, entry in self._bench.readings.items():
             if entry.device == role and self.units.is_needed(name) and (found := self._problem_with(name, entry)):
                 raise WindowError(found[1])
+
+    def _believed(self, source: str, readings: Sequence[Reading], unit: str) -> Sequence[Reading]:
+        """Those new readings of a channel that are believed, recorded; the others are told in the journal."""
+        if not readings:
+            return ()
+        channel = self._channels.get(source)
+        if channel is None:
+            rule = rule_of(source, unit, self._bench)
+            channel = self._channels[source] = Channel(self._names.get(source, source), unit, rule)
+        believed, doubted = channel.take(readings)
+        for each in doubted:
+            self._writer_event(
+                "doubted", reading=channel.name, read_s=each.reading.at_s, text=f"{channel.name} {each.why}"
+            )
+        if believed:
+            self._writer.readings(channel.name, channel.unit, believed)
+            self._on_reading(channel.name, believed[-1])
+        return believed
+
+    def _problem_of(self, source: str) -> str:
+        """What a channel's own readings say of its sensor; "" while it is in order."""
+        channel = self._channels.get(source)
+        return channel.problem if channel is not None else ""
 
     def _look_at_interlocks(self) -> None:
         for change in self._interlocks.look(asyncio.get_running_loop().time()):
@@ -270,6 +257,8 @@ class Monitor:
         newest = self.latest(name)
         now_s = asyncio.get_running_loop().time()
         reports_every_s = self._bench.devices[entry.device].description.reports_every_s
+        if problem := self._problem_of(entry.from_):
+            return "thermometer", problem
         if newest is None:
             return None
         if now_s - newest.at_s > entry.stale_after + reports_every_s:
@@ -279,8 +268,7 @@ class Monitor:
             )
         if entry.limits is not None and not entry.limits.min <= newest.value <= entry.limits.max:
             text = f"{name}: {newest.value:.2f} °C is outside {entry.limits.min:g} to {entry.limits.max:g} °C. "
-            is_open = bool(beyond_possible(np.array(newest.value)))
-            return "thermometer" if is_open else "temperature", f"{text}Check the chamber and the sensor."
+            return "temperature", f"{text}Check the chamber and the sensor."
         return None
 
     def _writer_event(self, kind: str, **data: Any) -> None:

@@ -105,12 +105,14 @@ def notes_of_steps(run: StoredRun) -> Iterator[str]:
 
 
 def done_again(run: StoredRun) -> Iterator[str]:
-    """Steps and questions that were done again, after a failure or because the operator wanted it."""
-    for event in run.reader.events("retried", "operator", "device_note"):
+    """What was asked or read once more, or done again, after a failure or because the operator wanted it."""
+    for event in run.reader.events("retried", "operator", "device_note", "doubted"):
         if event.kind == "device_note":
             yield tr("{role}, {time} after the start:", role=event.data["device"], time=_since_start(run, event)) + (
                 f" {event.data['text']}"
             )
+        elif event.kind == "doubted":
+            yield tr("Not believed, {time} after the start:", time=_since_start(run, event)) + f" {event.data['text']}"
         elif event.kind == "retried":
             yield tr("Done again: step {step}.", step=event.step) + f" {event.data['text']}"
         elif event.data["action"] == "repeat":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import json
+import math
 import sqlite3
 import threading
 from collections.abc import Mapping, Sequence
@@ -60,11 +61,13 @@ class RunWriter:
         self._put("block", (stream, step, block))
 
     def samples(self, stream: str, step: str, readings: Sequence[Reading]) -> None:
-        """What a device read during a step that acquires."""
+        """What a device read during a step that acquires; StoreError for what is no number."""
+        _check_finite(stream, readings)
         self._put("sample", *((at_s, stream, step, value) for at_s, value in readings))
 
     def readings(self, name: str, unit: str, readings: Sequence[Reading]) -> None:
-        """Values of one channel."""
+        """Values of one channel; StoreError for what is no number."""
+        _check_finite(name, readings)
         channel = self._channels.get(name)
         if channel is None:
             channel = self._channels[name] = len(self._channels) + 1
@@ -172,6 +175,12 @@ def _no_rows() -> dict[str, list[Row]]:
 def _statement(table: str, rows: int) -> str:
     row = f"({', '.join('?' * _COLUMNS[table])})"
     return f"INSERT INTO {table} VALUES {', '.join([row] * rows)}"  # noqa: S608  the names are those above
+
+
+def _check_finite(name: str, readings: Sequence[Reading]) -> None:
+    """Keeps out what would be found in a result years later; who reads an instrument has looked before."""
+    if not all(math.isfinite(value) for _, value in readings):
+        raise StoreError(f"{name}: what was read is no number, and is not stored; check the instrument")
 
 
 def _packed(row: Row) -> Row:

@@ -7,6 +7,7 @@ read. `PFBK X` and `PFBK(X)` are the same question; the first is what we send.
 
 from __future__ import annotations
 
+import math
 import re
 from enum import Enum, IntFlag
 from typing import NamedTuple
@@ -124,9 +125,9 @@ def read_angle(data: str) -> float:
     A decimal comma is taken as such: controllers on a localised system send one, and since the answer is one number
     without grouping, a single comma can mean nothing else.
     """
-    if not _ANGLE.fullmatch(data):
+    if not _ANGLE.fullmatch(data) or not math.isfinite(angle_deg := float(data.replace(",", "."))):
         raise ValueError(f"'{data}' is not an angle")
-    return float(data.replace(",", "."))
+    return angle_deg
 
 
 def read_status(data: str) -> AxisStatus:

@@ -58,9 +58,9 @@ class NumberFormat:
         struct.pack_into(self._code, frame, self.at, raw)
 
     def read(self, frame: bytes) -> Raw:
-        """The raw number in its place; ValueError for a float that is not finite."""
+        """The raw number in its place; ValueError for a float that is not finite, or means nothing finite."""
         raw: Raw = struct.unpack_from(self._code, frame, self.at)[0]
-        if not math.isfinite(raw):
+        if not math.isfinite(raw) or not math.isfinite(raw * self.scale + self.offset):
             raise ValueError(f"{raw} at {self.at}")
         return raw
 

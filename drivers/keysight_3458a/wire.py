@@ -9,6 +9,7 @@ the other. Answers end with CR and LF.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -113,7 +114,7 @@ def read_numbers(line: bytes) -> tuple[float, ...]:
     """The numbers of an answer, which commas separate; ValueError."""
     texts = [text.strip(_AROUND) for text in line.decode("ascii").split(",")]
     for text in texts:
-        if _NUMBER.fullmatch(text) is None:
+        if _NUMBER.fullmatch(text) is None or not math.isfinite(float(text)):
             raise ValueError(f"'{text}' is not a number")
     return tuple(map(float, texts))
 

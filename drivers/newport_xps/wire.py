@@ -8,6 +8,7 @@ golaborate): no maker's manual was read.
 
 from __future__ import annotations
 
+import math
 import re
 from enum import Enum
 from typing import NamedTuple
@@ -162,9 +163,11 @@ def read_reply(answer: bytes) -> Reply:
 def read_numbers(text: str, count: int) -> tuple[float, ...]:
     """So many numbers; ValueError."""
     values = text.split(",")
-    if len(values) != count or not all(map(_NUMBER.fullmatch, values)):
-        raise ValueError(f"'{text}' is not {count} number{'s' * (count > 1)}")
-    return tuple(map(float, values))
+    if len(values) == count and all(map(_NUMBER.fullmatch, values)):
+        numbers = tuple(map(float, values))
+        if all(map(math.isfinite, numbers)):
+            return numbers
+    raise ValueError(f"'{text}' is not {count} number{'s' * (count > 1)}")
 
 
 def read_integer(text: str) -> int:

@@ -19,7 +19,7 @@ OFF = "teardown:\n  - {set: supply, output: off}\n"
 FAULTS = {
     "silent": ("silent", "the frames of its channel 'y' have stopped"),
     "dead": ("silent", "its counts on channel 'y' have stood still"),
-    "open_thermometer": ("thermometer", "temperature_b: 320.00 °C is outside -55 to 105 °C"),
+    "open_thermometer": ("thermometer", "temperature_b was read as 320 °C, beyond anything it can be"),
     "current": ("draws_too_much", "supply_b: the units draw 120 mA, expected 30 to 110 mA"),
 }
 
@@ -221,5 +221,8 @@ def test_one_of_several_is_meant_alone_where_it_is_the_only_one_in_the_run(tmp_p
 def test_one_unit_alone_that_fails_ends_the_run(tmp_path):
     result = run_three(tmp_path, "{unit: b, kind: open_thermometer, at: 2 s}", units=("b=QF-2",))
     assert result.outcome.how == "error"
-    assert result.problems[0] == "temperature_b: 320.00 °C is outside -55 to 105 °C. Check the chamber and the sensor."
+    assert result.problems[0] == (
+        "temperature_b was read as 320 °C, beyond anything it can be, and the reading before it was not to be believed "
+        "either. Check the sensor, its cable, and what passes its readings on."
+    )
     assert events(result, "unit_dropped") == []

@@ -383,12 +383,14 @@ def test_a_wrong_value_elsewhere_is_told_under_its_key(folder, old, new, problem
          "'flip', 'echo', 'half_open', 'slow_close', 'frozen', 'stuck', 'restart', 'door_open', 'emergency_stop', "
          "'front_panel', 'program', 'interlock', 'compliance', 'tripped', 'alarm', 'open_sensor', 'lost_frames', "
          "'lost_bursts', 'doubled_frames', 'late_frames', 'foreign_frames', 'short_frames', 'swapped_frames', "
-         "'error_frames', 'bus_off', 'stuck_count', 'cleared_count', 'dead', 'open_thermometer' or 'current'"),
+         "'error_frames', 'bus_off', 'stuck_count', 'cleared_count', 'heater_dead', 'cooling_dead', 'runaway', "
+         "'detached_sensor', 'slow', 'dead', 'open_thermometer' or 'current'"),
         ("seed: 1", "faults: [{device: head, kind: dead, at: 5 s}]", "{device: head",
          "kind is 'dead', a device can be silent, cut, delay, late, duplicate, garbage, cut_short, split, flip, echo, "
          "half_open, slow_close, frozen, stuck, restart, door_open, emergency_stop, front_panel, program, interlock, "
          "compliance, tripped, alarm, open_sensor, lost_frames, lost_bursts, doubled_frames, late_frames, "
-         "foreign_frames, short_frames, swapped_frames, error_frames, bus_off, stuck_count, cleared_count"),
+         "foreign_frames, short_frames, swapped_frames, error_frames, bus_off, stuck_count, cleared_count, "
+         "heater_dead, cooling_dead, runaway, detached_sensor, slow"),
         ("seed: 1", "faults: [{unit: a, device: head, kind: silent, at: 5 s}]", "{unit: a",
          "give device or unit, one of them"),
         ("seed: 1", "faults: [{unit: x, kind: dead, at: 5 s}]", "unit: x", "there is no place 'x'; expected a"),

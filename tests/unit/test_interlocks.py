@@ -369,13 +369,20 @@ def watched(folder, interlocks, duration_s, **devices):
 
 
 def test_a_monitor_gives_its_readings_to_the_interlocks_and_tells_and_records_what_changes(tmp_path):
-    polls = [{"Temperatures.Unit": [Reading(at_s, 86.0 if 1 <= at_s <= 7 else 20.0)]} for at_s in range(12)]
+    polls = [{"Temperatures.Unit": [Reading(at_s, 86.0 if 1 <= at_s <= 7 else 84.0)]} for at_s in range(12)]
     told, journal = watched(tmp_path, made(hot=HOT), 11.5, counter=Scripted(*polls))
     assert [(at_s, change.tripped) for at_s, change in told] == [(6.0, True), (11.0, False)]
     (tripped_s, tripped), (_, good) = journal
     assert (tripped_s, tripped["name"], tripped["action"], tripped["since_s"]) == (6.0, "hot", "pause", 1)
     assert tripped["text"] == told[0][1].text
     assert (tripped["tripped"], good["tripped"]) == (True, False)
+
+
+def test_no_interlock_trips_on_a_reading_that_is_not_believed(tmp_path):
+    values = (20.0, 320.0, 20.0, math.nan, 20.0)
+    polls = [{"Temperatures.Unit": [Reading(at_s, value)]} for at_s, value in enumerate(values)]
+    hot = {"reading": "unit_temperature", "above": "85 °C", "then": "abort"}
+    assert watched(tmp_path, made(hot=hot), 4.5, counter=Scripted(*polls)) == ([], [])
 
 
 def test_a_monitor_looks_at_ages_while_no_reading_comes(tmp_path):
