@@ -212,7 +212,9 @@ class SimulatedUnit:
 
     def thermometer_c(self, at_s: Array) -> Array:
         """Readings of the thermometer at the unit at times since the last call, with its errors and noise."""
-        read_c = self._thermometer.readings_c(at_s, self._world.thermal.now_s, self.warmth.thermometer_c)
+        detached = self.faults.active("detached_thermometer")
+        now_c = self._world.settings.ambient_c if detached else self.warmth.thermometer_c
+        read_c = self._thermometer.readings_c(at_s, self._world.thermal.now_s, now_c)
         return np.full_like(read_c, OPEN_C) if self.faults.active("open_thermometer") else read_c
 
     def converter_thermometer_c(self, at_s: Array) -> Array:

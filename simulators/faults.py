@@ -21,6 +21,7 @@ FaultKind = Literal[
     "lost_frames", "lost_bursts", "doubled_frames", "late_frames", "foreign_frames", "short_frames", "swapped_frames",
     "error_frames", "bus_off", "stuck_count", "cleared_count",
     "heater_dead", "cooling_dead", "runaway", "detached_sensor", "slow",
+    "detached_thermometer",
 ]  # fmt: skip
 LINE_FAULTS: Mapping[FaultKind, LineFault] = {
     "delay": LineFault.DELAY, "late": LineFault.LATE, "duplicate": LineFault.DUPLICATE, "garbage": LineFault.GARBAGE,
@@ -81,7 +82,8 @@ class FaultPlan:
     `frozen`: measured values (for a counter: its clock, latch sequence and counts) stand still. `stuck`: commands are
     accepted and not carried out. `restart`: once, an instrument loses its power for a moment and begins anew. Of a unit
     `silent` stops the frames of its channel and `dead` its pulses; `open_thermometer` opens that at it, and with
-    `current` it draws more than it should. The others are told in docs/how-to/rehearse_a_bad_night.md.
+    `current` it draws more than it should; `detached_thermometer` is one that lies in the room. The others are told in
+    docs/how-to/rehearse_a_bad_night.md.
 
     Of what sends frames the bus is bad as in `simulators.frame_faults`, has `error_frames` now and then, or is off: one
     error frame says so, and then nothing comes. Of a counter the first channel's counts stand (`stuck_count`), or all

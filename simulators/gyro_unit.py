@@ -158,5 +158,7 @@ class SimulatedGyro:
     def thermometer_c(self, at_s: Array) -> Array:
         """Readings of the thermometer at the unit at times since the last call, with its errors and noise."""
         thermal = self._world.thermal
-        read_c = self._thermometer.readings_c(at_s, thermal.now_s, thermal.thermometer_c(self._index))
+        detached = self.faults.active("detached_thermometer")
+        now_c = self._world.settings.ambient_c if detached else thermal.thermometer_c(self._index)
+        read_c = self._thermometer.readings_c(at_s, thermal.now_s, now_c)
         return np.full_like(read_c, OPEN_C) if self.faults.active("open_thermometer") else read_c

@@ -149,7 +149,9 @@ class SimulatedImu:
         if self.faults.active("open_thermometer"):
             return np.full(len(at_s), OPEN_C)
         number, thermal = SENSORS.index(sensor), self._world.thermal
-        return self._thermometers[number].readings_c(at_s, thermal.now_s, thermal.thermometer_c(self._sensors[number]))
+        detached = self.faults.active("detached_thermometer")
+        now_c = self._world.settings.ambient_c if detached else thermal.thermometer_c(self._sensors[number])
+        return self._thermometers[number].readings_c(at_s, thermal.now_s, now_c)
 
     def _pulses(self, edges_s: Array) -> Array:
         current_a, gyro_pps = self._sensed(edges_s)

@@ -123,6 +123,12 @@ class DifferenceInterlock(InterlockBase):
         alias="difference", description="the two that are compared"
     )
     above: Size = Field(description="a larger difference is bad, whichever of them is the higher")
+    rest_s: Seconds = Field(
+        0.0,
+        alias="once_at_rest_for",
+        description="only judged while the second of them has kept within half of that for so long, such as the air "
+        "that a unit follows",
+    )
 
 
 class AgeInterlock(InterlockBase):

@@ -33,7 +33,7 @@ DeviceFault = Literal[
     "error_frames", "bus_off", "stuck_count", "cleared_count",
     "heater_dead", "cooling_dead", "runaway", "detached_sensor", "slow",
 ]  # fmt: skip
-UnitFault = Literal["silent", "dead", "open_thermometer", "current"]
+UnitFault = Literal["silent", "dead", "open_thermometer", "current", "detached_thermometer"]
 AnyFault = Literal[DeviceFault, UnitFault]
 
 

@@ -166,17 +166,24 @@ class _Rate(_Interlock):
 
 
 class _Difference(_Interlock):
-    """Judges the newest values of both, once all that came together has been taken."""
+    """Judges the newest values of both, once all that came together has been taken, while the second is at rest."""
 
-    def __init__(self, name: str, entry: AnyInterlock, sources: Sequence[str], good: _Good) -> None:
+    def __init__(self, name: str, entry: AnyInterlock, sources: Sequence[str], good: _Good, rest_s: float) -> None:
         super().__init__(name, entry, sources, good)
         self._newest: dict[str, Reading] = {}
+        self._rest_s = rest_s
+        self._rests_since: Reading | None = None  # when the second came to where it now rests
 
     def take(self, source: str, reading: Reading) -> None:
         self._newest[source] = reading
+        rests = self._rests_since
+        if source == self.sources[1] and (rests is None or abs(reading.value - rests.value) > self._good.high / 2):
+            self._rests_since = reading
 
     def look(self, now_s: float) -> Change | None:
-        if len(self._newest) < 2:
+        if len(self._newest) < 2 or self._rests_since is None:
+            return None
+        if self._newest[self.sources[1]].at_s - self._rests_since.at_s < self._rest_s:
             return None
         one, other = self._newest.values()
         return self._judge(max(one.at_s, other.at_s), abs(one.value - other.value))
@@ -218,7 +225,7 @@ def _made(name: str, entry: AnyInterlock, channels: Mapping[str, Channel]) -> _I
         case DifferenceInterlock():
             most = entry.above.to(unit)
             good = _Good(0.0, most, unit, f"{named} differ by {{}}", _between(-math.inf, most, unit), check)
-            return _Difference(name, entry, sources, good)
+            return _Difference(name, entry, sources, good, entry.rest_s)
         case AgeInterlock():
             device = sources[0].partition(".")[0]
             allowed = _between(-math.inf, entry.above_s, "s")

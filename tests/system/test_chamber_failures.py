@@ -13,10 +13,12 @@ OFF = "teardown:\n  - {set: supply, output: off}\n"
 BREAKS_S = 1200.0
 
 
-def ran(tmp_path, *lines, kind="", edits=()):
+def ran(tmp_path, *lines, kind="", edits=(), faults=""):
+    tmp_path.mkdir(exist_ok=True)
     path = tmp_path / "s.yaml"
     path.write_text(steps(ON, *lines) + OFF + TAIL, "utf-8")
-    faults = f"[{{device: chamber, kind: {kind}, at: {BREAKS_S:g} s}}]" if kind else ""
+    if kind:
+        faults = f"[{{device: chamber, kind: {kind}, at: {BREAKS_S:g} s}}]"
     bench = copy_bench(tmp_path / "config", *edits, faults=faults)
     return run_short(tmp_path / "runs", bench=bench, sequence=str(path))
 
@@ -50,6 +52,20 @@ def test_a_chamber_without_power_is_found_in_the_ramp(tmp_path):
     result = ran(tmp_path, "wait: 20 min", "{ramp: chamber, to: 40 °C, at: 1 °C/min}", "wait: 1 h", kind="slow")
     assert "the air has not come 1 °C nearer" in result.problems[0]
     assert result.bench_s < 20 * 60 + 240 + 620
+
+
+APART = """interlocks:
+  apart: {difference: [unit_temperature, chamber.process_value], above: 10 °C, once_at_rest_for: 20 min, then: stop}
+"""
+
+
+def test_a_thermometer_that_lies_in_the_room_is_found_by_the_air_that_its_unit_should_follow(tmp_path):
+    edits = [("fixture:\n", f"{APART}fixture:\n")]
+    lines = ["{ramp: chamber, to: 36 °C, at: 3 °C/min}", "wait: 40 min"]
+    assert ran(tmp_path / "whole", *lines, edits=edits).outcome.how == "completed"
+    result = ran(tmp_path / "off", *lines, edits=edits, faults="[{unit: a, kind: detached_thermometer, at: 1 s}]")
+    assert "Interlock apart has tripped: unit_temperature and chamber.process_value differ by 1" in result.problems[0]
+    assert result.bench_s < 40 * 60
 
 
 def test_a_chamber_in_order_at_its_limits_with_a_load_in_it_is_no_fault(tmp_path):

@@ -384,7 +384,7 @@ def test_a_wrong_value_elsewhere_is_told_under_its_key(folder, old, new, problem
          "'front_panel', 'program', 'interlock', 'compliance', 'tripped', 'alarm', 'open_sensor', 'lost_frames', "
          "'lost_bursts', 'doubled_frames', 'late_frames', 'foreign_frames', 'short_frames', 'swapped_frames', "
          "'error_frames', 'bus_off', 'stuck_count', 'cleared_count', 'heater_dead', 'cooling_dead', 'runaway', "
-         "'detached_sensor', 'slow', 'dead', 'open_thermometer' or 'current'"),
+         "'detached_sensor', 'slow', 'dead', 'open_thermometer', 'current' or 'detached_thermometer'"),
         ("seed: 1", "faults: [{device: head, kind: dead, at: 5 s}]", "{device: head",
          "kind is 'dead', a device can be silent, cut, delay, late, duplicate, garbage, cut_short, split, flip, echo, "
          "half_open, slow_close, frozen, stuck, restart, door_open, emergency_stop, front_panel, program, interlock, "

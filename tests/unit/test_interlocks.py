@@ -243,6 +243,19 @@ def test_a_difference_waits_for_both_and_then_for_either():
     assert [change.since_s for change in watch.look(15.0)] == [5]
 
 
+def test_a_difference_may_wait_until_the_second_is_at_rest():
+    watch = made(astray={**ASTRAY, "for": "0 s", "once_at_rest_for": "60 s"})
+    air_c = [20.0, *[40.0] * 9, 42.4, *[42.6] * 20]  # more than half of 5 °C from 40 °C begins a new rest
+    found = [bool(both(watch, 10 * number, value, 20.0)) for number, value in enumerate(air_c)]
+    assert found.index(True) == 6, "60 s after the second was first seen; the first may do what it likes"
+    watch = made(astray={**ASTRAY, "for": "0 s", "once_at_rest_for": "60 s"})
+    found = [bool(both(watch, 10 * number, 20.0, value)) for number, value in enumerate(air_c)]
+    assert found.index(True) == 7, "60 s after it came to 40 °C"
+    watch = made(astray={**ASTRAY, "for": "0 s", "once_at_rest_for": "100 s"})
+    found = [bool(both(watch, 10 * number, 20.0, value)) for number, value in enumerate(air_c)]
+    assert found.index(True) == 21, "100 s after it came to 42.6 °C"
+
+
 # An age
 
 
