@@ -15,8 +15,12 @@ class FollowOptions(StrictModel):
     """How the air of a chamber in order follows its set point; what does not is a fault, and the run ends."""
 
     band: PositiveCelsius = Field(3.0, description="how near to a set point at rest it stays once it has settled")
-    gain: PositiveCelsius = Field(1.0, description="by so much it comes nearer, while it is farther away than that, …")
-    over: Annotated[float, InUnit("s", at_least=60, at_most=7200)] = Field(600.0, description="… in every such time")
+    gain: PositiveCelsius = Field(
+        1.0, description="how much nearer it comes in every such time as `over`, while it is not"
+    )
+    over: Annotated[float, InUnit("s", at_least=60, at_most=7200)] = Field(
+        600.0, description="the time in which it comes nearer by `gain`"
+    )
     settle: PositiveSeconds = Field(
         3600.0, description="how long after the set point has come to rest, or a disturbance began, it settles at last"
     )
