@@ -10,11 +10,10 @@ from tests.support.sequences import TAIL, steps
 
 ON = "{set: supply, voltage: 15 V, current_limit: 150 mA, output: on}"
 OFF = "teardown:\n  - {set: supply, output: off}\n"
-BREAKS_S = 1200.0
+BREAKS_S = 600.0
 
 
 def ran(tmp_path, *lines, kind="", edits=(), faults=""):
-    tmp_path.mkdir(exist_ok=True)
     path = tmp_path / "s.yaml"
     path.write_text(steps(ON, *lines) + OFF + TAIL, "utf-8")
     if kind:
@@ -26,11 +25,11 @@ def ran(tmp_path, *lines, kind="", edits=(), faults=""):
 @pytest.mark.parametrize(
     ("kind", "to_c", "within_s", "said"),
     [
-        ("heater_dead", 40, 900, "the air has not come 1 °C nearer to its set point within 10 min"),
-        ("cooling_dead", 0, 900, "the air has not come 1 °C nearer to its set point within 10 min"),
-        ("runaway", 40, 240, "the air runs away from its set point"),
-        ("detached_sensor", 40, 620, "the air has not come 1 °C nearer to its set point within 10 min"),
-        ("open_sensor", 40, 20, "the process value is far beyond the -50 to 100 °C of the bench"),
+        ("heater_dead", 35, 900, "the air has not come 1 °C nearer to its set point within 10 min"),
+        ("cooling_dead", 5, 900, "the air has not come 1 °C nearer to its set point within 10 min"),
+        ("runaway", 35, 240, "the air runs away from its set point"),
+        ("detached_sensor", 35, 620, "the air has not come 1 °C nearer to its set point within 10 min"),
+        ("open_sensor", 35, 20, "the process value is far beyond the -50 to 100 °C of the bench"),
     ],
 )
 def test_a_chamber_that_breaks_in_a_soak_ends_the_run_safe_and_nothing_is_lost(tmp_path, kind, to_c, within_s, said):
@@ -49,9 +48,9 @@ def test_a_chamber_that_breaks_in_a_soak_ends_the_run_safe_and_nothing_is_lost(t
 
 
 def test_a_chamber_without_power_is_found_in_the_ramp(tmp_path):
-    result = ran(tmp_path, "wait: 20 min", "{ramp: chamber, to: 40 °C, at: 1 °C/min}", "wait: 1 h", kind="slow")
+    result = ran(tmp_path, "wait: 10 min", "{ramp: chamber, to: 40 °C, at: 1 °C/min}", "wait: 1 h", kind="slow")
     assert "the air has not come 1 °C nearer" in result.problems[0]
-    assert result.bench_s < 20 * 60 + 240 + 620
+    assert result.bench_s < 10 * 60 + 240 + 620
 
 
 APART = """interlocks:
@@ -62,14 +61,14 @@ APART = """interlocks:
 def test_a_thermometer_that_lies_in_the_room_is_found_by_the_air_that_its_unit_should_follow(tmp_path):
     edits = [("fixture:\n", f"{APART}fixture:\n")]
     lines = ["{ramp: chamber, to: 36 °C, at: 3 °C/min}", "wait: 40 min"]
-    assert ran(tmp_path / "whole", *lines, edits=edits).outcome.how == "completed"
-    result = ran(tmp_path / "off", *lines, edits=edits, faults="[{unit: a, kind: detached_thermometer, at: 1 s}]")
+    result = ran(tmp_path, *lines, edits=edits, faults="[{unit: a, kind: detached_thermometer, at: 1 s}]")
     assert "Interlock apart has tripped: unit_temperature and chamber.process_value differ by 1" in result.problems[0]
     assert result.bench_s < 40 * 60
 
 
 def test_a_chamber_in_order_at_its_limits_with_a_load_in_it_is_no_fault(tmp_path):
     up, down = (f"{{ramp: chamber, to: {to_c} °C, at: 3 °C/min}}" for to_c in (90, 20))
-    edits = [("natural_period: 6 min, damping: 0.5", "natural_period: 20 min, damping: 0.4")]
-    result = ran(tmp_path, up, "wait: 10 min", down, edits=edits)
+    slower = ("natural_period: 6 min, damping: 0.5", "natural_period: 20 min, damping: 0.4")
+    edits = [slower, ("fixture:\n", f"{APART}fixture:\n")]
+    result = ran(tmp_path, up, "wait: 30 min", down, edits=edits)
     assert result.outcome.how == "completed", result.problems
