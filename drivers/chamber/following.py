@@ -77,7 +77,7 @@ class FollowWatch:
         elif nearer_c <= -AWAY_C and not ROOM_C[0] <= air_c <= ROOM_C[1] and (air_c > ROOM_C[0]) == (air_c > from_c):
             return f"the air runs away from its set point: {-nearer_c:.1f} °C farther within {_minutes(at_s - since_s)}"
         elif at_s - since_s >= options.over:
-            return f"the air has not come {options.gain:g} °C nearer to its set point within {_minutes(at_s - since_s)}"
+            return f"the air has not come {options.gain:g} °C nearer to its set point within {_minutes(options.over)}"
         if at_s > self._due_s:
             return f"the air has not settled within {options.band:g} °C of its set point for {_minutes(options.settle)}"
         return ""
