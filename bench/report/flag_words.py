@@ -6,6 +6,7 @@ import re
 
 from bench.report import imu_words, table_words
 from bench.report.languages import tr
+from bench.report.note_words import note_in_words
 
 _READINGS = {
     **table_words.READINGS,
@@ -143,8 +144,19 @@ def _of_one_point(flag: str) -> str:
         return tr(_ATTITUDES[attitude[2]], set_c=attitude[1], what=attitude[3])
     at_frequency = _AT_FREQUENCY.fullmatch(flag)
     if at_frequency and at_frequency[2] in _FREQUENCIES:
-        return f"{at_frequency[1]}: {tr(_FREQUENCIES[at_frequency[2]])}"
+        return f"{at_frequency[1]}{tr(': ')}{tr(_FREQUENCIES[at_frequency[2]])}"
     return ""
+
+
+def _of_samples(flag: str) -> str:
+    """A flag that counts samples in words; empty for any other."""
+    samples = _SAMPLES.fullmatch(flag)
+    if samples is None or samples[3] not in _READINGS:
+        return ""
+    step, count, why = samples[1], samples[2], tr(_READINGS[samples[3]])
+    if step:
+        return tr("{count} samples are left out: {why} ({step}).", count=count, why=why, step=step)
+    return tr("{count} samples are left out: {why}.", count=count, why=why)
 
 
 def flag_in_words(flag: str) -> str:
@@ -160,18 +172,16 @@ def flag_in_words(flag: str) -> str:
             return tr("Dwell {number} is left out: its readings do not determine the four unknowns.", number=number)
         angles = missing.replace(", ", "°, ") + "°"
         return tr("Dwell {number} is left out: no usable reading near {angles}.", number=number, angles=angles)
-    samples = _SAMPLES.fullmatch(flag)
-    if samples and samples[3] in _READINGS:
-        told = tr("{count} samples are left out: {why}", count=samples[2], why=tr(_READINGS[samples[3]]))
-        return told + (f" ({samples[1]})." if samples[1] else ".")
+    if found := _of_samples(flag):
+        return found
     if (left := _LEFT.fullmatch(flag)) and left[2] in _LEFT_OUT:
         return tr("{count} readings are left out: {why}.", count=left[1], why=tr(_LEFT_OUT[left[2]]))
     if differ := _DIFFER.fullmatch(flag):
         return tr("The scale factors of both ends still differ after {count} attempts.", count=differ[1])
     step, _, problem = flag.rpartition(": ")
     if problem in _PARTS:
-        return f"{tr(step) if problem == 'part_missing' else step}: {tr(_PARTS[problem])}"
+        return f"{tr(step) if problem == 'part_missing' else step}{tr(': ')}{tr(_PARTS[problem])}"
     if problem in _READINGS:
         return tr("A reading is left out: {why} ({step}).", why=tr(_READINGS[problem]), step=step)
     quantity, _, problem = flag.partition(":")
-    return f"{quantity}: {tr(_QUANTITIES[problem])}" if problem in _QUANTITIES else flag
+    return f"{quantity}{tr(': ')}{tr(_QUANTITIES[problem])}" if problem in _QUANTITIES else note_in_words(flag)

@@ -27,12 +27,12 @@ def head(run: StoredRun, revision: Revision, measured: Sequence[Measurement], *,
         (tr("Issued"), issued),
         (tr("Order"), manifest.get("order") or tr("not stated")),
         (tr("Procedure"), manifest.get("procedure") or tr("not stated")),
-        (tr("Method"), "; ".join(dict.fromkeys(_methods(run))) or tr("none")),
+        (tr("Method"), tr("; ").join(dict.fromkeys(_methods(run))) or tr("none")),
         (
             tr("Decision rule"),
-            "; ".join(dict.fromkeys(_decision_rules(run, measured))) or tr("none: nothing is judged"),
+            tr("; ").join(dict.fromkeys(_decision_rules(run, measured))) or tr("none: nothing is judged"),
         ),
-        (tr("Ambient conditions"), "; ".join(_ambient(run)) or tr("not recorded")),
+        (tr("Ambient conditions"), tr("; ").join(_ambient(run)) or tr("not recorded")),
         (tr("Deviations"), tr("told below") if deviates else tr("none recorded")),
     ]
 

@@ -84,7 +84,7 @@ def _matrix(found: Sequence[Finding], quantity: str, title: str) -> Sheet:
 def _over_temperature(unit: UnitResult, detail: ImuDetail, pair: tuple[str, str], name: str) -> Plot:
     """Zero and scale factor with their knots, and below what knots left out are told wrong by."""
     figure = new_figure(5.4)
-    panels = figure.subplots(2, 2, gridspec_kw={"hspace": 0.42, "wspace": 0.32})
+    panels = figure.subplots(2, 2, sharex="col", gridspec_kw={"hspace": 0.42, "wspace": 0.32})
     for column, quantity in enumerate(pair):
         above, below = panels[0][column], panels[1][column]
         factor, symbol = (1e6, "ppm") if quantity in RELATIVE else SHOWN[quantity]

@@ -86,7 +86,7 @@ def _draw(axes: Axes, end: str, fit: EndFit, values: np.ndarray[tuple[int, ...],
             face = COLOURS[end] if direction == "fwd" else "white"
             axes.plot(
                 fit.dwells.angle_deg[here], values[here], marker, color=COLOURS[end], markerfacecolor=face,
-                markersize=4.5, linestyle="none", label=f"{end_in_words(end)}, {way}",
+                markersize=4.5, linestyle="none", label=f"{end_in_words(end)}{tr(', ')}{way}",
             )  # fmt: skip
 
 

@@ -110,5 +110,5 @@ def _row(ladder: Ladder, step: LadderStep, factor: float) -> tuple[str, ...]:
         f"{round(step.output_g * factor, 2) + 0.0:+.2f}",
         f"{round(step.ratio, digits) + 0.0:.{digits}f} ± {expanded:.{digits}f}",
         tr("yes") if step.passed else tr("no"),
-        "; ".join(filter(None, remarks)),
+        tr("; ").join(filter(None, remarks)),
     )

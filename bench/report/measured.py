@@ -49,7 +49,7 @@ class Measurement:
         ]
         guard = self.limits.get("guard")
         return f"{' '.join(filter(None, sides))} {self.unit}" + (
-            f", {tr('guard band {k} u', k=f'{guard:g}')}" if guard else ""
+            f"{tr(', ')}{tr('guard band {k} u', k=f'{guard:g}')}" if guard else ""
         )
 
 

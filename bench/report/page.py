@@ -142,7 +142,7 @@ def simulated(manifest: Mapping[str, Any], roles: Sequence[str]) -> str:
     found = [role for role in roles if role in manifest["simulated"]]
     if not found:
         return ""
-    return tr("every instrument") if len(found) == len(roles) else ", ".join(found)
+    return tr("every instrument") if len(found) == len(roles) else tr(", ").join(found)
 
 
 def times(run: StoredRun) -> Facts:
@@ -192,7 +192,7 @@ def _geometry(fixture: FixtureEntry) -> Facts:
     if (body := fixture.body) is None:
         return []
     axes = [f"{each.device}, {tr(each.points)}" for each in fixture.axes]
-    turning = [(tr("Axes of the table at 0°, outer first"), "; ".join(axes))] if axes else []
+    turning = [(tr("Axes of the table at 0°, outer first"), tr("; ").join(axes))] if axes else []
     return [*turning, (tr("Fixture at 0°"), f"x {tr(body.x)}, z {tr(body.z)}")]
 
 
@@ -244,7 +244,7 @@ def provenance(run: StoredRun, data: Sequence[RunData]) -> Facts:
     manifest, host = run.manifest, run.manifest["host"]
     methods = [tr(known_methods()[entry.method].title) for entry in run.sequence.results]
     return [
-        (tr("Method"), ", ".join(dict.fromkeys(methods)) or tr("none")),
+        (tr("Method"), tr(", ").join(dict.fromkeys(methods)) or tr("none")),
         (tr("Sequence"), f"{manifest['sequence']}: {manifest['title']}"),
         (tr("Preset"), manifest["preset"] or tr("none")),
         *((tr("Parameter {name}", name=name), value) for name, value in manifest["parameters"].items()),

@@ -246,4 +246,4 @@ def _side_by_side(unit: UnitResult, name: str, titles: Mapping[str, str]) -> Plo
         axes.set(xlabel=temperature_label(), ylabel=f"{tr(quantity)} / {symbol}", title=title)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="upper right", ncols=2)
     heading = tr("{what}, over temperature", what=tr(" and ").join(titles.values()))
-    return Plot(heading, rendered(figure, name, heading), _of_bars("; ".join(bars)))
+    return Plot(heading, rendered(figure, name, heading), _of_bars(tr("; ").join(bars)))

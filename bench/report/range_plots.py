@@ -90,12 +90,12 @@ def _points(curve: RangeCurve, unit: UnitResult, judged: Sequence[Finding]) -> S
     ]  # fmt: skip
     rows = []
     for point, error, relative in zip(curve.points, errors, judged, strict=True):
-        remarks = "; ".join(tr(REASONS[flag]) for flag in error.flags if flag in REASONS)
+        remarks = tr("; ").join(tr(REASONS[flag]) for flag in error.flags if flag in REASONS)
         digits = decimals(point.expanded)
         rows.append((
             f"{error.at['rate_dps']:.6g}", f"{point.true:.{digits}f}", shown(error).removesuffix(" !"),
             shown(relative).removesuffix(" !"), tr(relative.verdict) if relative.verdict else tr("not judged"),
-            ", ".join(filter(None, (tr("marginal") if relative.marginal else "", remarks))) or "–",
+            tr(", ").join(filter(None, (tr("marginal") if relative.marginal else "", remarks))) or "–",
         ))  # fmt: skip
     caption = tr("Value ± expanded uncertainty, k = {k}.", k=COVERAGE)
     return Sheet(tr("Points of the range"), caption, tuple(heads), tuple(rows))

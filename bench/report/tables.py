@@ -26,6 +26,18 @@ from bench.report.words import (
 
 POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 SEVERITY = ("FAIL", "INVALID", "PASS", None)
+VARIABLES = {  # of equations, with their units
+    "temperature_c": "temperature / °C",
+    "frequency_hz": "frequency / Hz",
+    "acceleration_g": "acceleration / g",
+    "rate_dps": "rate of the table / °/s",
+    "rate_pps": "rate / (pulse/s)",
+}
+WORST = {  # by what a finding is of
+    "point": "worst of {count} points; {told}",
+    "end": "worst of {count} ends; {told}",
+    "dwell": "worst of {count} dwells; {told}",
+}
 
 
 @dataclass(frozen=True)
@@ -36,6 +48,12 @@ class Sheet:
     caption: str
     heads: tuple[tuple[str, str], ...]
     rows: tuple[tuple[str, ...], ...]
+
+    @property
+    def aligned(self) -> tuple[str, ...]:
+        """The class of the cells of each column: "n" of numbers, which stand at its right, "" of words."""
+        words = [sum(row[column][:1].isalpha() for row in self.rows) for column in range(len(self.heads))]
+        return tuple("" if column == 0 or 2 * count > len(self.rows) else "n" for column, count in enumerate(words))
 
 
 @dataclass(frozen=True)
@@ -151,10 +169,8 @@ def _remark(found: Sequence[Finding]) -> str:
         tr("{count} invalid", count=invalid) if invalid else "",
         tr("{count} marginal", count=marginal) if marginal else "",
     ]
-    worst = "worst of {count}; {told}"
-    for what in ("dwell", "end", "point"):
-        worst = f"worst of {{count}} {what}s; {{told}}" if what in found[0].at else worst
-    return tr(worst, count=len(found), told=", ".join(filter(None, told)) or tr("all passed"))
+    worst = next((text for what, text in WORST.items() if what in found[0].at), "worst of {count}; {told}")
+    return tr(worst, count=len(found), told=tr(", ").join(filter(None, told)) or tr("all passed"))
 
 
 def _row(finding: Finding, dwells: Mapping[str, int], remark: str = "") -> Row:
@@ -170,7 +186,7 @@ def _row(finding: Finding, dwells: Mapping[str, int], remark: str = "") -> Row:
         verdict=finding.verdict or "",
         marginal=finding.marginal,
         where=where(finding.at, dwells),
-        remark="; ".join(filter(None, [*reasons, remark, _interval_in_words(finding)])),
+        remark=tr("; ").join(filter(None, [*reasons, remark, _interval_in_words(finding)])),
     )
 
 
@@ -209,7 +225,7 @@ def dwell_table(unit: UnitResult) -> DwellTable | None:
 
 
 def _contents(finding: Finding) -> str:
-    return ", ".join(tr(CONTENTS[flag]) for flag in finding.flags if flag in CONTENTS)
+    return tr(", ").join(tr(CONTENTS[flag]) for flag in finding.flags if flag in CONTENTS)
 
 
 def _dwell_row(number: int, found: Mapping[str, Finding], quantities: Sequence[str]) -> DwellRow:
@@ -223,7 +239,7 @@ def _dwell_row(number: int, found: Mapping[str, Finding], quantities: Sequence[s
         set_c="–" if at["temperature_set_c"] is None else f"{at['temperature_set_c']:g}",
         temperature_c=f"{at['temperature_c']:.{digits}f} ± {expanded_c:.{digits}f}",
         values=tuple(shown(found[quantity]) if quantity in found else "–" for quantity in quantities),
-        notes="; ".join(note for finding in found.values() for note in _notes(finding)),
+        notes=tr("; ").join(note for finding in found.values() for note in _notes(finding)),
     )
 
 
@@ -234,14 +250,14 @@ def _notes(finding: Finding) -> Iterator[str]:
         yield f"{finding.quantity} {tr('marginal')}"
     for flag in finding.flags:
         if flag not in CONTENTS:
-            yield f"{finding.quantity}: {tr(REASONS[flag]) if flag in REASONS else flag}"
+            yield f"{finding.quantity}{tr(': ')}{tr(REASONS[flag]) if flag in REASONS else flag}"
 
 
 def model_sheet(model: Equation | KnotModel) -> Sheet:
     """The constants of an equation, or the knots of a model of straight lines."""
     if isinstance(model, Equation):
-        valid = ", ".join(
-            f"{tr(name.replace('_', ' '))} {tr('{low} to {high}', low=f'{low:.6g}', high=f'{high:.6g}')}"
+        valid = tr(", ").join(
+            tr(VARIABLES.get(name, name)) + f" {tr('{low} to {high}', low=f'{low:.6g}', high=f'{high:.6g}')}"
             for name, (low, high) in model.valid.items()
         )
         rows = tuple((name, *_constant(each), each.unit) for name, each in model.constants.items())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -46,6 +47,9 @@ SOURCES = (
     "head", "fixture", "platform", "counter", "site", "readings", "samples", "bias", "K1", "ladder", "power-on",
     "asymmetry of the converter", "read-outs", "points", "accelerometer", "source", "sensor", "encoder", "axis",
     "low rates", "lever arm", "scale factor", "fit and readings", "computer",
+    "temperature", "readings of the rates", "gyro", "stretch of the arm", "misalignment of the input axis",
+    "second-order nonlinearity of the sensor at low rates", "K2 of the accelerometer", "asymmetry of the voltmeter",
+    "scatter of the readings of a tumble",
     "lowest frequency", "sensor and voltmeter", "low rates and voltmeter", "voltmeter", "telemetry", "sample",
     "lag behind the thermometer, and the unit's response to the rate",
 )  # fmt: skip
@@ -54,11 +58,12 @@ CONTENTS = {
     "contains:K3": "contains K3",
     "contains:asymmetry": "contains the asymmetry of converter or voltmeter",
 }
+_SLOPES = re.compile(r"of the slope of (\S+) from that of (\S+)")
 
 
 def quantity_in_words(quantity: str) -> str:
     """A quantity for the head of a table: "K1 per m/s²", "K0: temperature coefficient"."""
-    return ": ".join(tr(part) for part in quantity_text(quantity).split(": "))
+    return tr(": ").join(tr(part) for part in quantity_text(quantity).split(": "))
 
 
 def quantity_text(quantity: str) -> str:
@@ -69,7 +74,10 @@ def quantity_text(quantity: str) -> str:
 
 def name_of(finding: Finding) -> str:
     """What a finding is, without its quantity, which stands before it."""
-    return tr(finding.name.removeprefix(quantity_text(finding.quantity) + ": "))
+    name = finding.name.removeprefix(quantity_text(finding.quantity) + ": ")
+    if of_slopes := _SLOPES.fullmatch(name):
+        return tr("of the slope of {name} from that of {reference}", name=of_slopes[1], reference=of_slopes[2])
+    return tr(name)
 
 
 def quantity_of(finding: Finding) -> str:
@@ -79,9 +87,9 @@ def quantity_of(finding: Finding) -> str:
 
 
 def source_in_words(source: str) -> str:
-    """A source of uncertainty: "head: zero"; the name of a reading is nothing to translate."""
+    """A source of uncertainty: "head: zero", "src_1g: source: gain"; the name of a reading is nothing to translate."""
     what, colon, part = source.partition(": ")
-    return f"{tr(what) if what in SOURCES else what}{colon}{tr(part)}" if colon else tr(source)
+    return f"{tr(what) if what in SOURCES else what}{tr(colon)}{source_in_words(part)}" if colon else tr(source)
 
 
 def end_in_words(end: str) -> str:
@@ -119,7 +127,7 @@ def bands_in_words(quantity: str, limits: Limits) -> str:
     marginal = (
         "" if limits.marginal is None else tr("marginal within {width}", width=f"{limits.marginal * factor:.12g}")
     )
-    return ", ".join(filter(None, (guard, marginal)))
+    return tr(", ").join(filter(None, (guard, marginal)))
 
 
 def _levels_in_words(at: Mapping[str, Any]) -> Iterator[str]:
@@ -161,4 +169,4 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
     if "at_c" in at:
         parts.append(tr("at {at_c} °C", at_c=f"{at['at_c']:.1f}"))
     parts += [f"{at[key]:.5g} {unit}" for key, unit in table_words.CONDITIONS.items() if key in at]
-    return ", ".join(parts)
+    return tr(", ").join(parts)

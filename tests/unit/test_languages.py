@@ -7,12 +7,14 @@ from typing import get_args
 
 import pypdf
 import pytest
+import yaml
 from jinja2 import Environment, nodes
 
 from bench.config.fixture import Compass, Direction
-from bench.report import flag_words, languages, svg, words
+from bench.report import flag_words, languages, note_words, svg, words
 from bench.report.languages import LANGUAGES, catalogue_of, language, tr
 from bench.report.stored import open_run
+from bench.report.tables import VARIABLES, WORST
 from bench.report.write import write_report
 from bench.sequence.methods import known_methods
 from tests.support.runs import ROOT, run_short
@@ -83,12 +85,12 @@ def texts_in_tables():
         flag_words._LEFT_OUT,
         flag_words._FREQUENCIES,
     )
-    for table in (*tables, flag_words._PARTS):
+    for table in (*tables, flag_words._PARTS, WORST, VARIABLES):
         yield from table.values()
-    yield from (*words.SOURCES, *get_args(Direction), *get_args(Compass))
+    yield from (*note_words.NOTES, *note_words.WHERE.values(), *words.SOURCES, *get_args(Direction), *get_args(Compass))
     yield from VERDICTS
     for method in known_methods().values():
-        yield method.title
+        yield from (method.title, method.meaning)
         for quantity in method.quantities:
             yield from words.quantity_text(quantity).split(": ")
 
@@ -98,6 +100,57 @@ def test_every_text_of_a_report_is_in_the_catalogue(name):
     texts = {*texts_in_python(), *texts_in_templates(), *texts_in_tables()}
     assert len(texts) > 200
     assert sorted(texts - set(catalogue_of(name))) == []
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_the_titles_of_shipped_sequences_are_in_the_catalogue(name):
+    titles = {yaml.safe_load(path.read_text("utf-8"))["title"] for path in (ROOT / "sequences").glob("*.yaml")}
+    assert len(titles) > 10
+    assert sorted(titles - set(catalogue_of(name))) == []
+
+
+def sources_of_uncertainty():
+    """The literal names of sources in the analyses, as in `BudgetLine("head: zero", …)`."""
+    for path in (ROOT / "bench/analysis").glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
+                called = getattr(node.func, "id", getattr(node.func, "attr", ""))
+                if called in ("BudgetLine", "Source", "line"):
+                    yield node.args[0].value
+
+
+def test_every_source_of_uncertainty_is_told_in_chinese(missing):
+    sources = set(sources_of_uncertainty())
+    assert len(sources) > 30
+    with language("zh"):
+        told = {source: words.source_in_words(source) for source in sources}
+    assert sorted(missing) == []
+    assert [source for source, shown in told.items() if re.search("[a-z]{3}", shown.replace("alias", ""))] == []
+
+
+def test_what_a_source_is_of_and_the_signs_between_are_in_the_language_of_the_report():
+    with language("zh"):
+        assert words.source_in_words("src_1g: source: gain") == "src_1g：电流源：增益"
+        assert words.source_in_words("unit_temperature: gain") == "unit_temperature：增益"
+        assert words.quantity_in_words("K0/temperature_coefficient") == "零偏 K0：温度系数"
+    assert words.source_in_words("src_1g: source: gain") == "src_1g: source: gain"
+
+
+@pytest.mark.parametrize(
+    ("note", "chinese"),
+    [
+        ("skew: no decision: a rate is 0", "skew：不作结论：有脉冲频率为 0"),
+        ("the gyros do not tell the headings of 4 of 96 attitudes", "96 个位置中有 4 个无法由陀螺仪得出方位"),
+        ("end up: fewer than 3 different angles are left", "+Z 向上：剩余的不同角度少于 3 个"),
+        ("T=20: the thermometer of acc_x gave fewer than half of its readings", "T=20：acc_x 的温度计读数不足一半"),
+        ("of a plug-in: something it says", "of a plug-in: something it says"),
+        ("{0.__class__}: the temperature changed by {x} °C", "{0.__class__}：温度变化了 {x} °C"),
+    ],
+)
+def test_sentences_of_analyses_are_in_the_language_of_the_report(note, chinese):
+    assert flag_words.flag_in_words(note) == note
+    with language("zh"):
+        assert flag_words.flag_in_words(note) == chinese
 
 
 @pytest.mark.parametrize("name", OTHERS)
@@ -114,7 +167,7 @@ def test_a_report_misses_no_word_and_is_in_chinese(run, missing):
     page = report(run, "html", "zh").read_text("utf-8")
     assert sorted(missing) == []
     assert page.startswith('<!doctype html>\n<html lang="zh">')
-    for text in ("合格", "标度因数 K1", "零偏", "不确定度", "判定规则", "自由度", "运行过程", "被测件温度 / °C"):
+    for text in ("合格", "标度因数 K1", "零偏", "不确定度", "判定规则", "自由度", "试验过程", "被测件温度 / °C"):
         assert text in page
     for text in ("Decision rule", "degrees of freedom", "Serial number", "temperature of the unit"):
         assert text not in page
@@ -134,7 +187,7 @@ def test_a_text_without_translation_stays_english(missing):
 def test_numbers_in_a_text_that_is_made_elsewhere_may_be_any():
     with language("zh"):
         assert tr("largest residual of the model of degree 7") == "7 阶模型的最大残差"
-        assert tr("steps of more than 12.5 µg between 30 samples") == "30 个采样之间超过 12.5 µg 的阶跃"
+        assert tr("steps of more than 12.5 µg between 30 samples") == "30 个采样点之间大于 12.5 µg 的跳变"
     assert tr("largest residual of the model of degree 7") == "largest residual of the model of degree 7"
 
 

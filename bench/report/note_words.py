@@ -1,0 +1,49 @@
+"""What analyses say in sentences of their own, with names and numbers in them, in the language of the report."""
+
+from __future__ import annotations
+
+import re
+
+from bench.report.languages import tr
+
+NOTES = (
+    "no decision: its own run is not valid",
+    "no decision: the run it is compared with is not valid",
+    "no decision: the slope it is compared with is less than three times its uncertainty",
+    "no decision: a rate is 0",
+    "keeps its own model: at the other polarity the converter has another scale factor",
+    "fewer than half of its gates could be used, {used} of {count}",
+    "too many outliers, {outliers} of {count} gates",
+    "the accelerometer was not at its temperature in {away} of {count} gates; that should end a run",
+    "headings were not checked: the latitude is not known",
+    "the gyros do not tell the headings of {untold} of {count} attitudes",
+    "the horizontal gyros saw north elsewhere than scheduled: {axes}",
+    "the thermometer of {sensor} gave fewer than half of its readings",
+    "fewer than {least} different angles are left",
+    "the bias drifts by {drift} V per dwell; b_V is the bias at the first dwell of all",
+    (
+        "the residuals repeat themselves {periods} times over the angles; see whether the output beats with the "
+        "sampling, or resonates"
+    ),
+    "the temperature changed by {change} °C",
+    "rows left out because something is missing in them: {count}",
+    "rows left out because they are there twice: {count}",
+    "{names} are not determined by these readings (rank {rank} of {count}, condition number {condition})",
+    "{names} is not determined by these readings (rank {rank} of {count}, condition number {condition})",
+)
+WHERE = {"end up": "+Z up", "end down": "+Z down", "model": "model of all readings", "clock": "clock"}
+"""What such a sentence may begin with; other beginnings are names."""
+_PLACE = re.compile(r"\\\{(\w+)\\\}")
+_PATTERNS = {note: re.compile(_PLACE.sub(r"(?P<\1>[^:]+)", re.escape(note))) for note in NOTES}
+
+
+def note_in_words(note: str) -> str:
+    """A sentence, after what it is of: "skew: no decision: a rate is 0"; one that is not known here as it stands."""
+    for known, pattern in _PATTERNS.items():
+        if found := pattern.fullmatch(note):
+            return tr(known, **found.groupdict())
+    where, colon, rest = note.partition(": ")
+    told = note_in_words(rest) if colon else rest
+    if told == rest:
+        return note
+    return f"{tr(WHERE[where]) if where in WHERE else where}{tr(colon)}{told}"
