@@ -51,7 +51,9 @@ def _decisions(unit: UnitResult, detail: ChannelDetail) -> Sheet:
         "output alike; a drift that is the same at all levels does the opposite.",
         unit=per_c,
     )
-    each_in_words = " ".join(f"{each.level.name}: {'; '.join(_in_words(each, detail))}." for each in detail.compared)
+    each_in_words = " ".join(
+        each.level.name + tr(": ") + tr("; ").join(_in_words(each, detail)) + tr(".") for each in detail.compared
+    )
     return Sheet(
         tr("Whether the model of one level serves another"),
         f"{told} {why} {each_in_words}",
@@ -69,7 +71,7 @@ def _decision_row(unit: UnitResult, each: Compared) -> tuple[str, ...]:
         for finding in unit.findings
         if finding.at.get("run") == each.level.name and "reference" in finding.at
     }
-    decision = tr(each.comparison.decision) + (f", {tr('marginal')}" if each.marginal else "")
+    decision = tr(each.comparison.decision) + (tr(", ") + tr("marginal") if each.marginal else "")
     return (
         each.level.name, each.reference.name, values.get("deviation/raw", "–"),
         values.get("deviation/normalised", "–"), decision,

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 BINS = 1000  # over the width of the page; more cannot be told apart
 MOST_NUMBERS = 60  # of dwells; more cannot be read
+CHARACTER = 0.0095  # of the width of the strip, in which its names are written
+FIRST_WIDE = "\u2e80"  # Chinese characters are twice as wide as others
 INCIDENTS = ("fault", "problem", "operator")
 PHASES = {"steps": "#dbeafe", "": "white"}  # "" is after everything was made safe; others are grey
 CHAMBER: dict[str, tuple[str, dict[str, Any]]] = {
@@ -163,7 +165,7 @@ def _lines(run: StoredRun) -> Iterator[_Line]:
         for channel, unit in sorted(run.bench.devices[role].channels.items(), reverse=True):
             if unit == "°C":
                 name, style = CHAMBER.get(channel, (channel.replace("_", " "), {}))
-                yield _Line(f"{role}: {tr(name)}", run.reader.series(f"{role}.{channel}"), style)
+                yield _Line(f"{role}{tr(': ')}{tr(name)}", run.reader.series(f"{role}.{channel}"), style)
     thermometers = dict.fromkeys(run.bench.places[place].temperature for place in run.serials)
     for name, colour in zip(thermometers, cycle(COLOURS), strict=False):
         yield _Line(name.replace("_", " "), run.reader.series(name), {"color": colour})
@@ -179,9 +181,13 @@ def _draw_phases(strip: Axes, course: Course, unit_s: float) -> None:
         if phase.end_s - phase.begin_s > 0.06 * total_s and phase.name != "steps":
             strip.text(begin + width / 2, 0.22, tr(phase.name), ha="center", va="center", fontsize=6)
     step = 1 + len(course.dwells) // MOST_NUMBERS
-    for dwell in course.dwells[::step]:
-        middle = ((dwell.begin_s + dwell.end_s) / 2 - course.began_s) / unit_s
-        strip.text(middle, 0.6, dwell.name, ha="center", va="bottom", fontsize=6.5)
+    free_from_s = course.began_s
+    for dwell in sorted(course.dwells[::step], key=lambda one: one.begin_s):
+        middle_s = (dwell.begin_s + dwell.end_s) / 2
+        half_s = 0.5 * CHARACTER * total_s * sum(1 + (character >= FIRST_WIDE) for character in dwell.name)
+        if middle_s - half_s >= free_from_s:
+            strip.text((middle_s - course.began_s) / unit_s, 0.6, dwell.name, ha="center", va="bottom", fontsize=6.5)
+            free_from_s = middle_s + half_s
 
 
 def _draw_measuring(axes: Axes, course: Course, unit_s: float) -> None:

@@ -68,7 +68,7 @@ def _residuals(fits: dict[str, EndFit], detail: IndexingDetail, name: str) -> Pl
         if checked:
             axes.plot(*zip(*checked, strict=True), "x", color="#4d7c0f", label=tr("verification"), zorder=3)
         axes.set(ylabel=f"{tr('residual')} / µg", title=end_in_words(end))
-        axes.legend(ncols=3)
+        axes.legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 1))  # beside the title, clear of all points
     panels[-1].set_xlabel(_angle_label())
     title = tr("Residuals of both ends") if len(fits) == 2 else tr("Residuals of one end")
     caption = tr(

@@ -89,8 +89,9 @@ def _sheet(ladder: Ladder) -> Sheet:
         tr("{ladder}: its steps", ladder=_title(ladder)),
         caption,
         (
-            (tr("Step"), "arcsec"), (tr("Repeats"), ""), (tr("Input step"), symbol), (tr("Output change"), symbol),
-            (tr("Change over expected"), f"U, k = {COVERAGE}"), (tr("Passes"), ""), (tr("Remark"), ""),
+            (tr("Angle step"), "arcsec"), (tr("Repeats"), ""), (tr("Input step"), symbol),
+            (tr("Output change"), symbol), (tr("Change over expected"), f"U, k = {COVERAGE}"), (tr("Passes"), ""),
+            (tr("Remark"), ""),
         ),
         tuple(_row(ladder, step, factor) for step in steps),
     )  # fmt: skip

@@ -42,15 +42,13 @@ class Measurement:
         """Its limits in words; empty without them."""
         if self.limits is None:
             return ""
-        low, high = (self.limits.get(side) for side in ("min", "max"))
-        sides = [
-            tr("from {low}", low=f"{low:.6g}") if low is not None else "",
-            tr("to {high}", high=f"{high:.6g}") if high is not None else "",
-        ]
+        low, high = (None if (limit := self.limits.get(side)) is None else f"{limit:.6g}" for side in ("min", "max"))
+        if low is None:
+            sides = tr("at most {high}", high=high)
+        else:
+            sides = tr("at least {low}", low=low) if high is None else tr("{low} to {high}", low=low, high=high)
         guard = self.limits.get("guard")
-        return f"{' '.join(filter(None, sides))} {self.unit}" + (
-            f"{tr(', ')}{tr('guard band {k} u', k=f'{guard:g}')}" if guard else ""
-        )
+        return f"{sides} {self.unit}" + (f"{tr(', ')}{tr('guard band {k} u', k=f'{guard:g}')}" if guard else "")
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,7 +58,7 @@ def _draw_legs(axes: Axes, curves: Sequence[LegCurve], values: Sequence[Array]) 
         temperature_c, shown = thinned(curve.temperature_c), thinned(of_leg)
         colour, label = (
             colours[(curve.cycle - 1) % len(colours)],
-            f"{tr('cycle {number}', number=curve.cycle)}, {word}",
+            tr("cycle {number}", number=curve.cycle) + tr(", ") + word,
         )
         axes.plot(temperature_c, shown, color=colour, linestyle=style, linewidth=0.9, label=label)
 

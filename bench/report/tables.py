@@ -24,12 +24,14 @@ from bench.report.words import (
     where,
 )
 
+NUMERIC = "0123456789+-–<>"  # what numbers begin with
 POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 SEVERITY = ("FAIL", "INVALID", "PASS", None)
 VARIABLES = {  # of equations, with their units
     "temperature_c": "temperature / °C",
     "frequency_hz": "frequency / Hz",
     "acceleration_g": "acceleration / g",
+    "input_g": "input / g",
     "rate_dps": "rate of the table / °/s",
     "rate_pps": "rate / (pulse/s)",
 }
@@ -52,8 +54,8 @@ class Sheet:
     @property
     def aligned(self) -> tuple[str, ...]:
         """The class of the cells of each column: "n" of numbers, which stand at its right, "" of words."""
-        words = [sum(row[column][:1].isalpha() for row in self.rows) for column in range(len(self.heads))]
-        return tuple("" if column == 0 or 2 * count > len(self.rows) else "n" for column, count in enumerate(words))
+        columns = list(zip(*self.rows, strict=True)) or [()] * len(self.heads)
+        return ("", *("n" if any(cell[:1] in NUMERIC for cell in cells if cell) else "" for cells in columns[1:]))
 
 
 @dataclass(frozen=True)
@@ -257,12 +259,13 @@ def model_sheet(model: Equation | KnotModel) -> Sheet:
     """The constants of an equation, or the knots of a model of straight lines."""
     if isinstance(model, Equation):
         valid = tr(", ").join(
-            tr(VARIABLES.get(name, name)) + f" {tr('{low} to {high}', low=f'{low:.6g}', high=f'{high:.6g}')}"
+            tr(VARIABLES.get(name, name.replace("_", " ")))
+            + f" {tr('{low} to {high}', low=f'{low:.6g}', high=f'{high:.6g}')}"
             for name, (low, high) in model.valid.items()
         )
         rows = tuple((name, *_constant(each), each.unit) for name, each in model.constants.items())
         return Sheet(
-            f"{quantity_in_words(model.quantity)}: {model.form}",
+            f"{quantity_in_words(model.quantity)}{tr(': ')}{model.form}",
             tr("Valid for {valid}.", valid=valid) if valid else "",
             ((tr("Constant"), ""), (tr("Value"), ""), ("u", "k = 1"), (tr("Unit"), "")),
             rows,
@@ -302,7 +305,7 @@ def model_table(model: TemperatureModel) -> ModelTable:
     degree = len(model.coefficients) - 1
     form = tr("straight line") if degree == 1 else tr("polynomial of degree {degree}", degree=degree)
     return ModelTable(
-        title=f"{model.quantity}: {form}",
+        title=f"{model.quantity}{tr(': ')}{form}",
         unit=unit,
         model=model,
         rows=tuple(rows),
