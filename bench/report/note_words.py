@@ -33,15 +33,40 @@ NOTES = (
 )
 WHERE = {"end up": "+Z up", "end down": "+Z down", "model": "model of all readings", "clock": "clock"}
 """What such a sentence may begin with; other beginnings are names."""
+FORMS = (
+    "U the output",
+    "a along the input axis in g",
+    "on the ground with +Z up",
+    "on the ground with +Z down",
+    "s = +1 with +Z up",
+    "-1 with it down",
+    "slope its own",
+    "slope from {level}",
+    "which serves this level too",
+)
+"""What an equation says of its symbols, each after a comma."""
 _PLACE = re.compile(r"\\\{(\w+)\\\}")
-_PATTERNS = {note: re.compile(_PLACE.sub(r"(?P<\1>[^:]+)", re.escape(note))) for note in NOTES}
+_PATTERNS = {text: re.compile(_PLACE.sub(r"(?P<\1>[^:]+)", re.escape(text))) for text in (*NOTES, *FORMS)}
+
+
+def _told(text: str) -> str | None:
+    """A text that is known here, with its names and numbers; None for any other."""
+    for known, pattern in _PATTERNS.items():
+        if found := pattern.fullmatch(text):
+            return tr(known, **found.groupdict())
+    return None
+
+
+def form_in_words(form: str) -> str:
+    """An equation with what it says of its symbols."""
+    equation, *clauses = form.split(", ")
+    return "".join((equation, *(f"{tr(', ')}{_told(clause) or clause}" for clause in clauses)))
 
 
 def note_in_words(note: str) -> str:
     """A sentence, after what it is of: "skew: no decision: a rate is 0"; one that is not known here as it stands."""
-    for known, pattern in _PATTERNS.items():
-        if found := pattern.fullmatch(note):
-            return tr(known, **found.groupdict())
+    if (known := _told(note)) is not None:
+        return known
     where, colon, rest = note.partition(": ")
     told = note_in_words(rest) if colon else rest
     if told == rest:

@@ -282,10 +282,10 @@ def recorded(run: StoredRun, data: Sequence[RunData]) -> Iterator[tuple[str, str
     ]
     for meter in dict.fromkeys(unit.voltmeter for part in data for unit in part.units if unit.voltmeter):
         read = [each.voltages[meter] for part in data for each in part.acquisitions if meter in each.voltages]
-        yield f"Voltmeter {meter}", f"{sum(len(each.at_s) for each in read)} readings in {len(read)} acquisitions"
+        yield tr("Voltmeter {name}", name=meter), _readings([len(each.at_s) for each in read])
     for meter in dict.fromkeys(unit.ammeter for part in data for unit in part.units if unit.ammeter):
         through = [each.currents[meter] for part in data for each in part.acquisitions if meter in each.currents]
-        yield f"Ammeter {meter}", f"{sum(len(each.at_s) for each in through)} readings in {len(through)} acquisitions"
+        yield tr("Ammeter {name}", name=meter), _readings([len(each.at_s) for each in through])
     for sent in dict.fromkeys(unit.telemetry for part in data for unit in part.units if unit.telemetry):
         yield (
             tr("Telemetry {channel}", channel=sent),
@@ -305,6 +305,11 @@ def recorded(run: StoredRun, data: Sequence[RunData]) -> Iterator[tuple[str, str
                 restarts=restarts,
             ),
         )
+
+
+def _readings(counts: Sequence[int]) -> str:
+    """How many readings a meter took, from how many in each acquisition."""
+    return tr("{whole} readings in {parts} acquisitions", whole=sum(counts), parts=len(counts))
 
 
 def _samples(sent: Sequence[Codes]) -> str:

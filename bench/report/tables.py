@@ -10,6 +10,7 @@ from bench.analysis.finding import CONFIDENCE, COVERAGE, Finding, UnitResult
 from bench.analysis.limits import Limits
 from bench.analysis.models import Constant, Equation, KnotModel, TemperatureModel
 from bench.report.languages import tr
+from bench.report.note_words import form_in_words
 from bench.report.shown import SHOWN, decimals, shown
 from bench.report.words import (
     CONTENTS,
@@ -265,7 +266,7 @@ def model_sheet(model: Equation | KnotModel) -> Sheet:
         )
         rows = tuple((name, *_constant(each), each.unit) for name, each in model.constants.items())
         return Sheet(
-            f"{quantity_in_words(model.quantity)}{tr(': ')}{model.form}",
+            f"{quantity_in_words(model.quantity)}{tr(': ')}{form_in_words(model.form)}",
             tr("Valid for {valid}.", valid=valid) if valid else "",
             ((tr("Constant"), ""), (tr("Value"), ""), ("u", "k = 1"), (tr("Unit"), "")),
             rows,

@@ -87,7 +87,14 @@ def texts_in_tables():
     )
     for table in (*tables, flag_words._PARTS, WORST, VARIABLES):
         yield from table.values()
-    yield from (*note_words.NOTES, *note_words.WHERE.values(), *words.SOURCES, *get_args(Direction), *get_args(Compass))
+    yield from (
+        *note_words.NOTES,
+        *note_words.FORMS,
+        *note_words.WHERE.values(),
+        *words.SOURCES,
+        *get_args(Direction),
+        *get_args(Compass),
+    )
     yield from VERDICTS
     for method in known_methods().values():
         yield from (method.title, method.meaning)
@@ -151,6 +158,15 @@ def test_sentences_of_analyses_are_in_the_language_of_the_report(note, chinese):
     assert flag_words.flag_in_words(note) == note
     with language("zh"):
         assert flag_words.flag_in_words(note) == chinese
+
+
+def test_an_equation_keeps_its_symbols_and_tells_what_they_are():
+    form = "up_1g: D = D_ref + k · (T - T_ref), slope from up_1g, which serves this level too"
+    with language("zh"):
+        assert note_words.form_in_words(form) == (
+            "up_1g: D = D_ref + k · (T - T_ref)，采用 up_1g 的斜率，该斜率同样适用于本量级"
+        )
+    assert note_words.form_in_words(form) == form
 
 
 @pytest.mark.parametrize("name", OTHERS)

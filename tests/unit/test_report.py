@@ -254,7 +254,7 @@ def test_a_model_without_degrees_of_freedom_has_no_residuals_to_draw(tmp_path):
     assert "K0: straight line" in page.text
     assert "Residual standard deviation not known with 0 degrees of freedom" in page.text
     assert "Residuals of" not in page.text
-    assert page.parts["two"].count("not known") == 6
+    assert page.parts["models"].count("not known") == 6
 
 
 def test_two_dwells_at_one_temperature_are_drawn_without_a_model(tmp_path):
