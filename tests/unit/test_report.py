@@ -12,10 +12,13 @@ import pytest
 
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
-from bench.report.course import BINS, envelope
+from bench.report.course import BINS, Course, Span, _draw_phases, envelope
 from bench.report.flag_words import flag_in_words
+from bench.report.measured import Measurement
 from bench.report.page import simulated
 from bench.report.stored import open_run
+from bench.report.svg import new_figure
+from bench.report.tables import Sheet
 from bench.report.text import results_text
 from bench.report.words import where
 from bench.report.write import write_report
@@ -423,3 +426,30 @@ def test_a_gap_in_time_is_a_gap_in_the_curve():
 def test_a_short_series_is_drawn_as_it_is():
     at_s = np.arange(5.0)
     assert envelope(at_s, at_s**2)[1].tolist() == [0, 1, 4, 9, 16]
+
+
+def test_columns_of_words_stand_at_the_left_and_those_of_numbers_at_the_right():
+    heads = (("", ""),) * 5
+    rows = (("1", "2 ± 1", "yes", "", "not known"), ("2", "–", "no", "", "0.5"))
+    assert Sheet("", "", heads, rows).aligned == ("", "n", "", "", "n")
+    assert Sheet("", "", heads, ()).aligned == ("",) * 5
+
+
+@pytest.mark.parametrize(
+    ("limits", "shown"),
+    [
+        ({"min": 64.8, "max": 65.2}, "64.8 to 65.2 °C"),
+        ({"min": None, "max": 65.2}, "at most 65.2 °C"),
+        ({"min": 64.8, "max": None, "guard": 2.0}, "at least 64.8 °C, guard band 2 u"),
+    ],
+)
+def test_limits_of_a_single_measurement(limits, shown):
+    measured = Measurement("step", "reading", None, 65.0, "°C", 0.1, limits, "PASS", marginal=False)
+    assert measured.limits_shown == shown
+
+
+def test_numbers_of_dwells_are_not_written_over_each_other():
+    spans = [Span(f"{number}", begin_s, begin_s + 1) for number, begin_s in ((12, 900.0), (10, 10.0), (11, 12.0))]
+    strip = new_figure(1.0).subplots()
+    _draw_phases(strip, Course(0.0, 1000.0, (), tuple(spans), (), None), 1.0)
+    assert [text.get_text() for text in strip.texts] == ["10", "12"]
