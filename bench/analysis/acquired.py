@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:  # which is found in what is here
+    from bench.analysis.missed import Missed
+
 Integers = NDArray[np.int64]
 Array = NDArray[np.float64]
+NO_GAPS: Integers = np.empty((0, 2), np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +24,8 @@ class Counts:
     `tick` is the device's clock in `tick_period_s`, `positive` and `negative` are cumulative; they wrap at 2**bits.
     `sequence` is unwrapped: a step above 1 is a gap. `host_s` is the bench time of arrival, good for finding a latch
     and for nothing else. `lost` latches did not come whole, `restarts` is how often the counter began anew.
-    `max_rate_pps` is the fastest that the converter can pulse.
+    `max_rate_pps` is the fastest that the converter can pulse. `gaps` (G, 2) are the numbers of the first and the last
+    of each row of latches that did not come whole.
     """
 
     sequence: Integers
@@ -33,15 +39,16 @@ class Counts:
     max_rate_pps: float
     lost: int
     restarts: int
+    gaps: Integers = field(default_factory=lambda: NO_GAPS)
 
     def part(self, first: int, last: int) -> Counts:
-        """From row `first` to row `last`, both included; where the counter began anew is not known of a part."""
+        """From row `first` to row `last`, both included; its gaps, and where it began anew, are not told of a part."""
         rows = slice(first, last + 1)
         sequence = self.sequence[rows]
         lost = int(sequence[-1] - sequence[0]) + 1 - len(sequence) if len(sequence) else 0
         return replace(
             self, sequence=sequence, tick=self.tick[rows], positive=self.positive[rows], negative=self.negative[rows],
-            host_s=self.host_s[rows], lost=lost, restarts=0,
+            host_s=self.host_s[rows], lost=lost, restarts=0, gaps=NO_GAPS,
         )  # fmt: skip
 
 
@@ -111,11 +118,11 @@ class Currents:
 class Codes:
     """What a unit sent of its own output during one acquisition, a row for each sample that came once and valid; (N,).
 
-    `values` are codes, or what they are decoded to, in steps of `step`. `sequence`, `tick`, `host_s` and `lost` are as
-    in Counts, by the clock of the unit; `dropped` came twice or late, `invalid` the unit marked itself. `stuck_after`
-    samples with one value are more than its noise lets be; None where nobody says. With `averaged` a sample is the mean
-    over the time from the one before, else the output at its tick. `restarts` is how often the unit was seen to begin
-    anew with lower numbers.
+    `values` are codes, or what they are decoded to, in steps of `step`. `sequence`, `tick`, `host_s`, `lost` and `gaps`
+    are as in Counts, by the clock of the unit; `dropped` came twice or late, `invalid` the unit marked itself.
+    `stuck_after` samples with one value are more than its noise lets be; None where nobody says. With `averaged` a
+    sample is the mean over the time from the one before, else the output at its tick. `restarts` is how often the unit
+    was seen to begin anew with lower numbers.
     """
 
     sequence: Integers
@@ -131,13 +138,14 @@ class Codes:
     stuck_after: int | None = None
     averaged: bool = True
     restarts: int = 0
+    gaps: Integers = field(default_factory=lambda: NO_GAPS)
 
     def part(self, first: int) -> Codes:
         """From row `first` on; what did not come is not known of a part."""
         rows = slice(first, None)
         return replace(
             self, sequence=self.sequence[rows], tick=self.tick[rows], values=self.values[rows],
-            host_s=self.host_s[rows], lost=0, dropped=0, invalid=0,
+            host_s=self.host_s[rows], lost=0, dropped=0, invalid=0, gaps=NO_GAPS,
         )  # fmt: skip
 
 
@@ -184,7 +192,7 @@ class Acquisition:
     whole turns meanwhile. Where only means are wanted `windows` stand in place of `counts`, so that a long run is not
     in memory all at once. `positions` are those of the encoders that a counter latches, by the devices that drive the
     axes, `motion` is None where no table turned or swung. `on_since_s` are the supplies that are on, by their roles,
-    each with the bench times between which it was put on.
+    each with the bench times between which it was put on. `missed` is what did not come, by device and channel.
     """
 
     step: str
@@ -212,6 +220,7 @@ class Acquisition:
     motion: Motion | None = None
     on_since_s: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     codes: Mapping[str, Codes] = field(default_factory=dict)
+    missed: Mapping[tuple[str, str], Missed] = field(default_factory=dict)
 
     @property
     def angle_deg(self) -> float:

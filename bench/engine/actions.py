@@ -12,6 +12,7 @@ from typing import Any, assert_never
 from bench.config.models import BenchFile
 from bench.engine import measuring, recording, steadiness, waiting
 from bench.engine.journal import Journal
+from bench.engine.missed import Numbered
 from bench.engine.monitor import Monitor
 from bench.engine.orienting import orient, stop_axes
 from bench.engine.questions import Desk, Question
@@ -35,7 +36,7 @@ Found = Mapping[str, Any]  # what a step found, for the journal
 
 @dataclass(frozen=True)
 class Bench:
-    """What a step acts with. `angles_deg` are where the last moves went, by role."""
+    """What a step acts with. `angles_deg` are where the last moves went, by role; `numbered` is what sends numbers."""
 
     file: BenchFile
     rig: Rig
@@ -44,6 +45,7 @@ class Bench:
     journal: Journal
     desk: Desk
     notice: Callable[[str], None]
+    numbered: Numbered
     angles_deg: dict[str, float] = field(default_factory=dict)
 
 

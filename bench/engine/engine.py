@@ -12,6 +12,7 @@ from bench.engine.actions import Bench
 from bench.engine.control import OPERATOR, Control
 from bench.engine.interlocks import Change
 from bench.engine.journal import Journal
+from bench.engine.missed import Numbered
 from bench.engine.monitor import Monitor
 from bench.engine.questions import Desk, Question
 from bench.engine.safety import finish
@@ -62,7 +63,8 @@ class Engine:
         self.journal = Journal(writer)
         self.desk = Desk(observer.asked)
         self._control = Control(self.journal, observer.notice)
-        bench = Bench(file, rig, monitor, writer, self.journal, self.desk, observer.notice)
+        numbered = Numbered({role: entry.options for role, entry in file.devices.items()})
+        bench = Bench(file, rig, monitor, writer, self.journal, self.desk, observer.notice, numbered)
         monitor.units.angles_deg = bench.angles_deg
         self._places = file.places
         self._walk = Walk(plan, bench, self._control, observer, self._failed)

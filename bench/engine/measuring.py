@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
 from bench.analysis.limits import judge
 from bench.config.models import BenchFile
+from bench.engine.missed import Watch
 from bench.engine.monitor import Monitor
 from bench.engine.recording import output_of
 from bench.errors import StepError
@@ -117,6 +118,9 @@ async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) 
     block = await frames_of(counter, duration_s)
     if len(block):
         bench.writer.frames(role, step_id, block)
+        gaps = Watch(bench, step_id)
+        gaps.frames(role, block)
+        await gaps.tell()
     rate = mean_rate(CountDecoder(options, options.dbc.parent).counts(block)[channel])
     if math.isnan(rate.net_pps):
         raise StepError(f"{name}: too few latches came in {duration_s:g} s; count longer, or check the counter")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from bench.analysis.outputs import STABLE_PART_S, Output, mean_of, steadiness
+from bench.engine.missed import Watch
 from bench.engine.outputs import Keeper, Watched, taken_in
 from bench.errors import StepError
 from bench.sequence.measuring import Acquire, Stable
@@ -45,19 +46,24 @@ async def acquire_during(
 ) -> Mapping[str, Any]:
     """Records all devices of a role at the same time while `end` is awaited, which may look at what is `watched`."""
     began_s = asyncio.get_running_loop().time()
-    keepers: list[Keeper] = [_Recorded(bench.writer, step_id)]
+    gaps = Watch(bench, step_id)
+    keepers: list[Keeper] = [_Recorded(bench.writer, step_id), gaps]
     if watched is not None:
         keepers.append(watched)
     block_s = WATCHED_BLOCK_S if watched is not None else None
     await taken_in(bench.file.acquired_from(step.role), bench.rig, keepers, end, block_s)
-    return {"label": step.label, "begin_s": began_s, "end_s": asyncio.get_running_loop().time()}
+    ended_s = asyncio.get_running_loop().time()
+    await gaps.tell()
+    return {"label": step.label, "begin_s": began_s, "end_s": ended_s}
 
 
 async def output_of(place: str, duration_s: float, step_id: str, bench: Bench) -> Output:
     """The mean output of the unit in a place over a time; what it is taken from is kept with the step."""
     watched = Watched(bench.file, math.inf)
-    keepers: list[Keeper] = [_Recorded(bench.writer, step_id), watched]
+    gaps = Watch(bench, step_id)
+    keepers: list[Keeper] = [_Recorded(bench.writer, step_id), gaps, watched]
     await taken_in((bench.file.measured_by(place),), bench.rig, keepers, asyncio.sleep(duration_s), WATCHED_BLOCK_S)
+    await gaps.tell()
     found = watched.measured(place)
     return mean_of(found, duration_s) if found is not None else NOTHING
 

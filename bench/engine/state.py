@@ -37,7 +37,8 @@ class RunState:
     `held` are the reasons why no step begins. `left_out` are steps that were skipped, or failed and were passed over.
     `limits_failed` are measurements outside their limits, and those that could not be decided are `undecided`.
     `mount` is how the units were last fixed by hand.
-    `dropped` are units that take no further part, by place, and why.
+    `dropped` are units that take no further part, by place, and why. `lost` is how many latches or samples did not come
+    in all acquisitions, by DEVICE.CHANNEL.
     """
 
     under_way: tuple[str, ...] = ()
@@ -52,6 +53,7 @@ class RunState:
     problems: tuple[str, ...] = ()
     questions: tuple[str, ...] = ()
     mount: str | None = None
+    lost: Mapping[str, int] = field(default_factory=dict)
 
 
 def replayed(entries: Iterable[Entry]) -> RunState:
@@ -62,7 +64,9 @@ def replayed(entries: Iterable[Entry]) -> RunState:
     return state
 
 
-def advanced(state: RunState, kind: str, step: str, data: Mapping[str, Any]) -> RunState:
+def advanced(  # noqa: C901  one case for each kind
+    state: RunState, kind: str, step: str, data: Mapping[str, Any]
+) -> RunState:
     """The state after one more entry; kinds that say nothing about it leave it as it is."""
     match kind:
         case "step_begins":
@@ -81,6 +85,8 @@ def advanced(state: RunState, kind: str, step: str, data: Mapping[str, Any]) -> 
             return replace(state, questions=(*state.questions, step))
         case "unit_dropped":
             return replace(state, dropped={**state.dropped, str(data["place"]): str(data["text"])})
+        case "gaps":
+            return replace(state, lost=_more_lost(state.lost, data))
         case "problem":
             return replace(state, problems=(*state.problems, str(data["text"])))
         case _:
@@ -91,6 +97,11 @@ def _without(state: RunState, step: str) -> RunState:
     under_way = tuple(other for other in state.under_way if other != step)
     questions = tuple(other for other in state.questions if other != step)
     return replace(state, under_way=under_way, questions=questions)
+
+
+def _more_lost(lost: Mapping[str, int], data: Mapping[str, Any]) -> Mapping[str, int]:
+    name = f"{data['device']}.{data['channel']}"
+    return {**lost, name: lost.get(name, 0) + int(data["lost"])}
 
 
 def _ended(state: RunState, step: str, data: Mapping[str, Any]) -> RunState:

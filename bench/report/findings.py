@@ -13,6 +13,7 @@ from bench.analysis.finding import COVERAGE, BudgetLine, Finding, UnitResult
 from bench.analysis.limits import Limits
 from bench.analysis.rundata import RunData
 from bench.report.measured import OnTheWay, verdicts_of
+from bench.report.missed import MissedIn
 from bench.sequence.limits import limits_in
 from bench.sequence.methods import known_methods
 from bench.sequence.model import ResultEntry, SequenceFile
@@ -33,7 +34,7 @@ class Results:
     """Everything found in a run, and the verdict on it.
 
     `corrections` tells by which certificates readings were corrected, `past_due` which were not valid any more, by
-    device or reading, and when they were due.
+    device or reading, and when they were due. `missed` is what did not come over the wires.
     """
 
     title: str
@@ -42,9 +43,10 @@ class Results:
     on_the_way: OnTheWay = field(default_factory=OnTheWay)
     corrections: tuple[str, ...] = ()
     past_due: Mapping[str, dt.date] = field(default_factory=dict)
+    missed: tuple[MissedIn, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """The content of `results.json`."""
+        """The content of `results.json`; `missed` only where something did not come."""
         return {
             "schema": SCHEMA,
             "title": self.title,
@@ -55,6 +57,7 @@ class Results:
             "corrections": list(self.corrections),
             "past_due": {name: str(due) for name, due in self.past_due.items()},
             **self.on_the_way.to_json(),
+            **({"missed": [each.to_json() for each in self.missed]} if self.missed else {}),
         }
 
 

@@ -159,6 +159,11 @@ def _of_samples(flag: str) -> str:
     return tr("{count} samples are left out: {why}.", count=count, why=why)
 
 
+def reading_in_words(problem: str) -> str:
+    """What makes a reading unusable, in words; what is not known here as it stands."""
+    return tr(_READINGS[problem]) if problem in _READINGS else problem
+
+
 def flag_in_words(flag: str) -> str:
     """A flag of a unit as a sentence; one that is not known here as it stands."""
     if flag in _UNITS:

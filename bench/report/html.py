@@ -13,7 +13,7 @@ from bench.analysis.finding import COVERAGE, UnitResult
 from bench.analysis.limits import Limits
 from bench.analysis.models import TemperatureModel
 from bench.analysis.rundata import RunData
-from bench.report import page, tables
+from bench.report import missed, page, tables
 from bench.report.budgets import Budget, BudgetsOfDwells, budget, budgets_of_dwells, budgets_of_points
 from bench.report.course import course_of, course_plot
 from bench.report.findings import Results
@@ -58,10 +58,11 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
         course = course_plot(run, course_of(run, data))
     sections = list(_sections(run, results)) if results is not None else []
     on_the_way = results.on_the_way if results is not None else OnTheWay()
+    not_come = results.missed if results is not None else ()
     problems = list(page.problems(run, not_evaluated, verdict))
     notes = [
         *page.past_due(instruments), *page.faults_on_purpose(run), *page.done_again(run), *page.notes_of_steps(run),
-        *_flags(results),
+        *missed.lines(not_come), *_flags(results),
     ]  # fmt: skip
     return _environment().get_template(TEMPLATE).render(
         manifest=run.manifest,
@@ -76,6 +77,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
         site=page.site(run),
         instruments=instruments,
         corrections=list(run.corrections()) if results is not None else [],
+        missed=list(missed.sheets(not_come, run.reader.span_s()[0])),
         course=course,
         sections=sections,
         on_the_way=on_the_way,

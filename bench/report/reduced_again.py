@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bench.errors import StoreError
+from bench.report.missed import MissedIn
 from bench.report.stored import StoredRun
 
 RESULTS = "results.json"
@@ -73,6 +74,7 @@ class ReducedAgain:
     verdict: str
     findings: int
     changes: tuple[Change, ...]
+    missed: tuple[MissedIn, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """All of it, for programs."""
@@ -81,10 +83,12 @@ class ReducedAgain:
             "verdict": {"before": self.verdict_before, "now": self.verdict},
             "findings": self.findings,
             "changes": [change.to_json() for change in self.changes],
+            **({"missed": [each.to_json() for each in self.missed]} if self.missed else {}),
         }
 
     def in_words(self) -> Iterator[str]:
-        """A line for each change, and one for the run."""
+        """A line for each acquisition with gaps, one for each change, and one for the run."""
+        yield from (each.in_words() for each in self.missed)
         yield from (change.in_words() for change in self.changes)
         if self.verdict_before is None:
             yield f"{self.run}: no results were kept to compare with; {self.findings} findings now, {self.verdict}"
@@ -100,14 +104,15 @@ def reduced_again(run: StoredRun) -> ReducedAgain:
     What differs by less than `ROUNDING` of the standard uncertainty is the same. Raises StoreError for data or results
     that cannot be read.
     """
-    results = run.evaluate().to_json()
+    evaluated = run.evaluate()
+    results, missed = evaluated.to_json(), evaluated.missed
     now, kept = _findings(results), _kept(run)
     if kept is None:
-        return ReducedAgain(run.manifest["run"], None, results["verdict"], len(now), ())
+        return ReducedAgain(run.manifest["run"], None, results["verdict"], len(now), (), missed)
     verdict, before = kept
     pairs = (Change(name, before.get(name), now.get(name)) for name in dict.fromkeys((*before, *now)))
     changes = tuple(change for change in pairs if _differs(change))
-    return ReducedAgain(run.manifest["run"], verdict, results["verdict"], len(now), changes)
+    return ReducedAgain(run.manifest["run"], verdict, results["verdict"], len(now), changes, missed)
 
 
 def _kept(run: StoredRun) -> tuple[str, dict[str, Found]] | None:

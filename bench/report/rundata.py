@@ -11,6 +11,7 @@ import numpy as np
 
 from bench.analysis.acquired import Acquisition, Codes, Counts, Currents, Motion, Mount, Positions, Turned, Voltages
 from bench.analysis.bench_record import AxisRecord, BenchRecord, ClockRecord, SourceRecord
+from bench.analysis.missed import Missed, missed_in
 from bench.analysis.outputs import windows_of
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.config.fixture import Vector
@@ -79,13 +80,17 @@ def acquisitions(
         acquired = _acquisition(event, dwell, state, temperatures)
         counts: dict[str, Counts] = {}
         positions: dict[str, Positions] = {}
+        missed: dict[tuple[str, str], Missed] = {}
         for role, decoder in decoders.items():
             decoded = decoder.counts(frames.get(role, FrameBlock.empty()))
+            missed |= _missed(role, decoded)
             counts |= {channel: corrections.counts(role, each) for channel, each in decoded.items()}
             positions |= decoder.positions(frames.get(role, FrameBlock.empty()))
         codes: dict[str, Codes] = {}
         for role, sent in telemetry.items():
-            codes |= sent.codes(frames.get(role, FrameBlock.empty()))
+            of_role = sent.codes(frames.get(role, FrameBlock.empty()))
+            missed |= _missed(role, of_role)
+            codes |= of_role
             positions |= sent.positions(frames.get(role, FrameBlock.empty()))
         read = {role: each.T for role, each in samples.get(event.step, {}).items()}
         through = {role: Currents(*read.pop(role)) for role in bench.with_capability("ammeter") if role in read}
@@ -98,7 +103,13 @@ def acquisitions(
             voltages={role: corrections.voltages(role, Voltages(*each)) for role, each in read.items()},
             currents={role: corrections.measured(role, each) for role, each in through.items()},
             codes=codes,
+            missed=missed,
         )
+
+
+def _missed(role: str, decoded: Mapping[str, Counts] | Mapping[str, Codes]) -> dict[tuple[str, str], Missed]:
+    found = {(role, channel): missed_in(each) for channel, each in decoded.items()}
+    return {name: missed for name, missed in found.items() if missed is not None}
 
 
 def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnderTest:

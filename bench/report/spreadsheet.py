@@ -17,7 +17,7 @@ COLUMNS = (
 
 
 def spreadsheet(results: Results) -> str:
-    """A line for each finding, then for each single measurement, as in `results.json`; what is not known is empty.
+    """A line for each finding, each single measurement and each acquisition with gaps; what is not known is empty.
 
     `u` is the standard uncertainty, `k` the coverage factor of U = k · u, `dof` its degrees of freedom, `inf` for
     unlimited.
@@ -28,6 +28,7 @@ def spreadsheet(results: Results) -> str:
     writer.writeheader()
     writer.writerows(_findings(content))
     writer.writerows(_measurements(content))
+    writer.writerows(_missed(content))
     return text.getvalue()
 
 
@@ -46,3 +47,18 @@ def _measurements(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     for found in content["measurements"]:
         limits = found["limits"] or {}
         yield {**found, **limits, "id": found["step"], "quantity": found["reading"], "k": COVERAGE}
+
+
+def _missed(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """How much did not come of a channel in an acquisition; its gaps stand under `at`, the first of them."""
+    for found in content.get("missed", ()):
+        gaps = [f"{gap['first']}-{gap['last']}" for gap in found["listed"]]
+        more = [f"{found['gaps']} in all"] if found["gaps"] > len(gaps) else []
+        yield {
+            "id": found["step"],
+            "quantity": f"missed_{found['what']}",
+            "name": f"{found['device']}.{found['channel']}",
+            "at": "; ".join((*gaps, *more)),
+            "value": found["lost"],
+            "flags": " ".join(found["unusable"]),
+        }

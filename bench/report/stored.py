@@ -16,6 +16,7 @@ from bench.report.calibration import read_calibration
 from bench.report.corrections import told
 from bench.report.findings import Results, evaluate
 from bench.report.measured import on_the_way
+from bench.report.missed import MissedIn, missed_in_run
 from bench.report.rundata import run_data
 from bench.sequence.load import load_sequence
 from bench.sequence.methods import CountsAt, known_methods
@@ -69,12 +70,25 @@ class StoredRun:
     def evaluate(self) -> Results:
         """The findings of the methods that the sequence asks for."""
         results = evaluate(self.sequence, self.data, str(self.manifest["state"]), on_the_way(self.reader))
-        return replace(results, corrections=tuple(self.corrections()), past_due=self.bench.past_due(self.began.date()))
+        return replace(
+            results,
+            corrections=tuple(self.corrections()),
+            past_due=self.bench.past_due(self.began.date()),
+            missed=self.missed(),
+        )
 
     def corrections(self) -> Iterator[str]:
         """A line for each instrument whose readings are corrected in the reduction of this run."""
+        return told(self.bench, self._reduced())
+
+    def missed(self) -> tuple[MissedIn, ...]:
+        """What did not come over the wires of the units, acquisition by acquisition."""
+        return missed_in_run(self.reader, self.bench, self.serials, self._reduced())
+
+    def _reduced(self) -> list[RunData]:
+        """What was acquired for methods."""
         labels = dict.fromkeys(label for entry in self.sequence.results for label in entry.labels)
-        return told(self.bench, [self.data(label) for label in labels])
+        return [self.data(label) for label in labels]
 
 
 @contextmanager

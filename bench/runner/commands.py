@@ -73,6 +73,7 @@ def state_to_json(state: RunState) -> dict[str, Any]:
         "left_out": list(state.left_out),
         "limits_failed": list(state.limits_failed),
         "dropped": dict(state.dropped),
+        "lost": dict(state.lost),
         "problems": list(state.problems),
     }
 

@@ -41,6 +41,7 @@ class CodeDecoder:
                 stuck_after=sample.stuck_after,
                 averaged=sample.sample == "mean",
                 restarts=raw.restarts,
+                gaps=raw.gaps,
             )
         return found
 

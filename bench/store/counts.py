@@ -38,6 +38,7 @@ class CountDecoder:
                 max_rate_pps=self._options.max_rate,
                 lost=raw.lost,
                 restarts=raw.restarts,
+                gaps=raw.gaps,
             )
         return found
 

@@ -17,6 +17,7 @@ from drivers.dbc import Dbc, Field, readings_of
 from drivers.encoder_frames import PositionFormat, Positions, numbered_beside, position_formats
 from drivers.frame_block import FrameBlock
 from drivers.sequence_numbers import Integers, ascending, begun_anew, gaps_in, unwrapped_by_clock
+from drivers.unbroken import Unbroken
 
 NEWEST_FRAMES = 64  # of a block, among which the newest of each message are as a rule
 
@@ -49,9 +50,9 @@ class Counts:
 
     `sequence` (N,) is unwrapped, so a step above 1 is a gap; `tick`, `positive`, `negative` (N,) are raw and wrap at
     `2**bits` of their field; `host_s` (N,) is the arrival of the latch. `lost` counts latches that did not come whole,
-    `gaps` (G, 2) are the numbers of the first and of the last of each row of them, in the numbers of `sequence`, which
-    begin with that of the `first` latch. `dropped` counts frames that came twice or late, `restarts` how often the
-    counter began anew.
+    but for the very last one, whose frames may come after the end; `gaps` (G, 2) are the numbers of the first and of
+    the last of each row of them, in the numbers of `sequence`, which begin with that of the `first` latch. `dropped`
+    counts frames that came twice or late, `restarts` how often the counter began anew.
     """
 
     sequence: Integers
@@ -94,6 +95,11 @@ def counter_format(
         temperatures=dbc.fields_in("°C"),
         positions=position_formats(dbc, positions or {}),
     )
+
+
+def unbroken(form: CounterFormat) -> Unbroken:
+    """A quick look at the frames of an acquisition: whether every latch has come, with the counts of each channel."""
+    return Unbroken.of(form.sequence, form.tick, [pair.sequence for pair in form.channels.values()])
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,6 +195,8 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
         stale = int(np.count_nonzero(~latches.fresh) + np.count_nonzero(~fresh))
     first = int(latches.numbers[0]) if len(latches.rows) else 0
     last = int(latches.numbers.max()) if len(latches.rows) else -1
+    if len(latches.rows) and (not len(sequence) or sequence[-1] != last):
+        last -= 1  # whose other frames may have come after the end
     return _Paired(
         sequence=sequence,
         tick=tick,

@@ -18,6 +18,7 @@ from drivers.dbc import Dbc, DbcError, Field
 from drivers.encoder_frames import PositionFormat, Positions, numbered_beside
 from drivers.frame_block import FrameBlock
 from drivers.sequence_numbers import Integers, ascending, begun_anew, gaps_in, unwrapped_by_clock
+from drivers.unbroken import Unbroken
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +85,12 @@ def _sample_format(dbc: Dbc, name: str, entry: Mapping[str, Any]) -> SampleForma
     if len(messages) > 1:
         raise DbcError(f"channel {name} is in several messages: {', '.join(sorted(messages))}")
     return form
+
+
+def unbroken(forms: Mapping[str, SampleFormat]) -> list[Unbroken]:
+    """A quick look at the frames of an acquisition, message by message: whether every sample has come."""
+    distinct = {(form.sequence.message.id, form.sequence.signal.name): form for form in forms.values()}
+    return [Unbroken.of(form.sequence, form.tick) for form in distinct.values()]
 
 
 def decode_samples(form: SampleFormat, block: FrameBlock) -> Samples:

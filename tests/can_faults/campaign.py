@@ -36,6 +36,7 @@ from drivers.errors import CannotConnect, DriverError, InstrumentFault, LinkLost
 from drivers.frame_block import FrameBlock
 from drivers.transport.address import Address
 from drivers.transport.frames import FrameLink
+from drivers.unbroken import Unbroken
 from simulators.frame_faults import FrameFault
 from tests.can_faults.layout import AXES, AXIS_ID, LATCH_ID, Layout
 from tests.can_faults.story import CounterFault, Story, draw_story
@@ -176,8 +177,22 @@ def judge(story: Story, options: CounterOptions, acquired: Acquired) -> tuple[li
         outcome, wrong = compare(story, truth, found)
         outcomes.append(outcome)
         problems += [f"axis {axis}: {problem}" for problem in wrong]
+        problems += [
+            f"axis {axis}: {problem}" for problem in overlooked(wire.unbroken(_form(layout)), story, truth, acquired)
+        ]
     truth = truth_of_samples(came)
-    return outcomes, problems + [f"samples: {wrong}" for wrong in compare_samples(story, truth, handed)]
+    wrongs = compare_samples(story, truth, handed)
+    wrongs += overlooked(telemetry.unbroken({"latch": _form_of_samples(layout)})[0], story, truth, acquired)
+    return outcomes, problems + [f"samples: {wrong}" for wrong in wrongs]
+
+
+def overlooked(look: Unbroken, story: Story, truth: Truth, acquired: Acquired) -> list[str]:
+    """What is wrong with the quick look at the blocks: gaps that it passed over, or saw where there are none."""
+    for block in acquired.blocks:
+        look.take(block)
+    if look.is_whole and truth.gaps and not truth.restarted:
+        return [f"gaps {truth.gaps} were overlooked"]
+    return [] if look.is_whole or story.kinds else ["gaps were seen where nothing is missing"]
 
 
 def compare_samples(story: Story, truth: Truth, block: FrameBlock) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bench.analysis import counts
-from drivers import frame_intake
+from drivers import frame_intake, unbroken
 from drivers.can_counter import wire
 from drivers.dbc import Field
 from drivers.frame_block import FrameBlock
@@ -127,6 +127,11 @@ def test_frames_that_get_lost_between_two_blocks_are_caught(monkeypatch: pytest.
 
     monkeypatch.setattr(frame_intake._Blocks, "put", forgetful)
     assert "frames were handed out" in caught(FrameFault.FOREIGN, 2).unexpected[0]
+
+
+def test_a_look_that_overlooks_an_axis_that_has_ended_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(unbroken.Unbroken, "_beside", lambda self, other: True)
+    assert "were overlooked" in "".join(caught(CounterFault.SILENT_AXIS).unexpected)
 
 
 def test_a_bus_that_is_off_and_that_nobody_tells_of_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -59,7 +59,8 @@ def truth_of(counter: Counter, axis: str, came: Sequence[Came]) -> Truth:
     with_counts, stale_counts = _in_order(own)
     truth.first, truth.dropped = latches[0].latch, stale + stale_counts
     truth.latches = sorted(known.keys() & with_counts.keys())
-    truth.gaps = _gaps(range(truth.first, max(known) + 1), truth.latches)
+    last = max(known) if max(known) in truth.latches else max(known) - 1  # whose frames may have come after the end
+    truth.gaps = _gaps(range(truth.first, last + 1), truth.latches)
     truth.lost = sum(last - first + 1 for first, last in truth.gaps)
     if _come_very_late(latches):
         truth.reasons.add("very late")

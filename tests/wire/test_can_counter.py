@@ -122,13 +122,14 @@ def test_the_sequence_goes_round() -> None:
         ((*pair(1), latch(2), *pair(3)), [1, 3], 1, 0),  # an axis lost
         ((*pair(1), axis(2, 2), *pair(3)), [1, 3], 1, 0),  # a latch lost
         ((axis(9, 9), *pair(10), *pair(11)), [10, 11], 0, 0),  # began in the middle of a latch
-        ((*pair(10), latch(11)), [10], 1, 0),  # ended in the middle of one
+        ((*pair(10), latch(11)), [10], 0, 0),  # ended in the middle of one
+        ((*pair(10), latch(11), latch(12)), [10], 1, 0),  # and one before that came without its axis
         ((*pair(1), *pair(1), *pair(2), *pair(2)), [1, 2], 0, 4),  # everything twice
         ((*pair(1), *pair(3), *pair(2), *pair(4)), [1, 3, 4], 1, 2),  # one late: a gap
         ((latch(1), latch(2), axis(1, 1), axis(2, 2)), [1, 2], 0, 0),  # axes behind by a latch
         ((latch(1), axis(2, 2), axis(1, 1), latch(2)), [2], 1, 1),  # axes out of order
         ((axis(1, 1), axis(2, 2)), [], 0, 0),  # no latch at all
-        ((latch(1), latch(2)), [], 2, 0),  # no axis at all
+        ((latch(1), latch(2)), [], 1, 0),  # no axis at all
         ((*pair(0xFFFF), *pair(2)), [65535, 65538], 2, 0),  # a gap over the end of the range
     ],
 )
@@ -194,8 +195,8 @@ def test_gaps_are_told_by_their_first_and_last_latch() -> None:
     lines = (*pair(0xFFFD), latch(0xFFFE), *pair(1), axis(2, 2), *pair(3), latch(4), latch(5))
     counts = decode_counts(FORM, "x", frames(*lines))
     assert counts.first == 0xFFFD
-    assert counts.gaps.tolist() == [[0xFFFE, 0x10000], [0x10002, 0x10002], [0x10004, 0x10005]]
-    assert counts.lost == 6
+    assert counts.gaps.tolist() == [[0xFFFE, 0x10000], [0x10002, 0x10002], [0x10004, 0x10004]]
+    assert counts.lost == 5
     assert decode_counts(FORM, "x", FrameBlock.empty()).gaps.shape == (0, 2)
 
 

@@ -1,0 +1,108 @@
+"""What did not come of what is acquired: looked for in every block, told in the journal, and to a person once."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from bench.analysis.missed import Missed
+from bench.store.missed import missed_in_step
+from drivers.can_counter import wire as counter_wire
+from drivers.can_counter.binding import format_of
+from drivers.can_counter.description import CounterOptions
+from drivers.can_options import text_of
+from drivers.can_telemetry import wire as telemetry_wire
+from drivers.can_telemetry.binding import formats_of
+from drivers.can_telemetry.description import TelemetryOptions
+from drivers.dbc import Dbc
+from drivers.frame_block import FrameBlock
+from drivers.unbroken import Unbroken
+from drivers.values import Reading
+
+if TYPE_CHECKING:  # whose steps this watches
+    from bench.engine.actions import Bench
+
+EVENT = "gaps"
+
+
+class Watch:
+    """A keeper that looks at the numbers of all frames of an acquisition.
+
+    Where every number comes after the one before, that is all. Where one may be missing, what was recorded is read back
+    at the end and decoded as for the results, so that the journal says what they will say.
+    """
+
+    def __init__(self, bench: Bench, step_id: str) -> None:
+        self._bench, self._step_id = bench, step_id
+        self._looks: dict[str, list[Unbroken]] = {}
+
+    def frames(self, role: str, block: FrameBlock) -> None:
+        """Looks at a block."""
+        if role not in self._looks:
+            self._looks[role] = self._bench.numbered.of(role)
+        for each in self._looks[role]:
+            each.take(block)
+
+    def readings(self, role: str, readings: Sequence[Reading]) -> None:
+        """Readings of a meter have no numbers; none of them is sent unasked."""
+
+    async def tell(self) -> None:
+        """Writes an entry for each channel of which something is missing; when all has been taken in."""
+        bench = self._bench
+        broken = [role for role, looks in self._looks.items() if not all(each.is_whole for each in looks)]
+        if not broken:
+            return
+        await bench.writer.commit()
+        devices = {role: bench.numbered.options(role) for role in broken}
+        loop = asyncio.get_running_loop()
+        found = await loop.run_in_executor(None, missed_in_step, bench.writer.folder, self._step_id, devices)
+        told = {name.partition(".")[0] for name in bench.journal.state.lost}
+        for (role, channel), missed in found.items():
+            bench.journal.write(EVENT, self._step_id, device=role, channel=channel, **asdict(missed))
+        for role in dict.fromkeys(role for role, _ in found if role not in told):
+            of_device = {channel: missed for (device, channel), missed in found.items() if device == role}
+            bench.notice(f"{self._step_id}: {_in_words(role, of_device)}")
+
+
+def _in_words(role: str, missed: Mapping[str, Missed]) -> str:
+    """For a person who may look after the cable now; told once in a run."""
+    channels = ", ".join(
+        f"{each.lost} of {each.expected} {each.what} of {channel} in {each.gaps} gap{'s' * (each.gaps > 1)}"
+        for channel, each in missed.items()
+    )
+    return (
+        f"{role}: frames are missing: {channels}. Check the cable and the termination of the bus, and that nothing "
+        f"else keeps this computer busy. This is said once; the report tells of every acquisition with gaps."
+    )
+
+
+class Numbered:
+    """The frames with numbers that the devices of a bench send, as their bench file and DBC describe them."""
+
+    def __init__(self, devices: Mapping[str, object]) -> None:
+        self._options = {
+            role: options for role, options in devices.items() if isinstance(options, CounterOptions | TelemetryOptions)
+        }
+        self._formats: dict[str, counter_wire.CounterFormat | dict[str, telemetry_wire.SampleFormat]] = {}
+
+    def options(self, role: str) -> CounterOptions | TelemetryOptions:
+        """What the bench file says of a device."""
+        return self._options[role]
+
+    def of(self, role: str) -> list[Unbroken]:
+        """What looks at the numbers of a device in an acquisition that begins; none where it sends no numbers."""
+        if role not in self._options:
+            return []
+        if role not in self._formats:
+            options = self._options[role]
+            dbc = Dbc(text_of(options.dbc))
+            if isinstance(options, TelemetryOptions):
+                self._formats[role] = formats_of(options, dbc)
+            else:
+                self._formats[role] = format_of(options, dbc)
+        form = self._formats[role]
+        if isinstance(form, counter_wire.CounterFormat):
+            return [counter_wire.unbroken(form)]
+        return telemetry_wire.unbroken(form)

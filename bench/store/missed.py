@@ -1,0 +1,34 @@
+"""What did not come of an acquisition, by the frames of it that were recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from bench.analysis.missed import Missed, missed_in
+from bench.store.codes import CodeDecoder
+from bench.store.counts import CountDecoder
+from bench.store.reader import RunReader
+from drivers.can_counter.description import CounterOptions
+from drivers.can_telemetry.description import TelemetryOptions
+from drivers.frame_block import FrameBlock
+
+
+def missed_in_step(
+    folder: Path, step: str, devices: Mapping[str, CounterOptions | TelemetryOptions]
+) -> dict[tuple[str, str], Missed]:
+    """What did not come of these devices during a step of a run, finished or not, by device and channel; StoreError."""
+    with RunReader(folder) as reader:
+        frames = next(reader.frames_of([step]))
+    found: dict[tuple[str, str], Missed] = {}
+    for role, options in devices.items():
+        block = frames.get(role, FrameBlock.empty())
+        decoded = (
+            CodeDecoder(options, folder).codes(block)
+            if isinstance(options, TelemetryOptions)
+            else CountDecoder(options, folder).counts(block)
+        )
+        for channel, each in decoded.items():
+            if (missed := missed_in(each)) is not None:
+                found[role, channel] = missed
+    return found
