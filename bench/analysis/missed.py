@@ -12,6 +12,7 @@ from bench.analysis.acquired import Array, Codes, Counts, Integers
 from bench.analysis.codes import mean_code
 from bench.analysis.counts import mean_rate
 
+EVENT = "gaps"  # of the journal, whose data are those of a Missed, with its device and channel
 MOST_LISTED = 8  # gaps of one channel in one acquisition; all of them can be found again in what was recorded
 NOT_OF_GAPS = frozenset({"dead_band", "stuck_code"})  # what else may be wrong with a mean
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from bench.analysis.missed import Missed
+from bench.analysis.missed import EVENT, Missed
 from bench.store.missed import missed_in_step
 from drivers.can_counter import wire as counter_wire
 from drivers.can_counter.binding import format_of
@@ -23,8 +23,6 @@ from drivers.values import Reading
 
 if TYPE_CHECKING:  # whose steps this watches
     from bench.engine.actions import Bench
-
-EVENT = "gaps"
 
 
 class Watch:

@@ -10,7 +10,7 @@ from bench.errors import InputError
 from bench.report.export_hdf5 import export_hdf5
 from bench.report.export_matlab import export_matlab
 from bench.report.export_parquet import export_parquet
-from bench.report.recorded import JOURNAL, READINGS, Acquired, acquired, journal, readings
+from bench.report.recorded import JOURNAL, READINGS, TIMES, Acquired, acquired, journal, readings
 from bench.report.stored import StoredRun
 from drivers.frame_block import EXTENDED, FrameBlock
 
@@ -38,7 +38,7 @@ def _acquired(run: StoredRun, table: Acquired) -> Iterator[Iterable[object]]:
     yield table.columns
     for words, columns in table.parts(run):
         spelled = [
-            [f"{value:.6f}" for value in values.tolist()] if name == "t_s" else map(repr, values.tolist())
+            [f"{value:.6f}" for value in values.tolist()] if name in TIMES else map(repr, values.tolist())
             for name, values in columns.items()
         ]
         for row in zip(*spelled, strict=True):

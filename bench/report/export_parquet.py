@@ -9,11 +9,11 @@ from typing import Any
 
 from bench.errors import InputError
 from bench.report.extras import imported
-from bench.report.recorded import JOURNAL, READINGS, WHOLE_NUMBERS, Acquired, Column, acquired, journal, readings
+from bench.report.recorded import JOURNAL, READINGS, TIMES, WHOLE_NUMBERS, Acquired, Column, acquired, journal, readings
 from bench.report.stored import StoredRun
 
 ROWS_OF_GROUP = 1 << 16  # enough for encodings to pay, and all that is in memory
-_TYPES = {"t_s": "float64", "value": "float64", **dict.fromkeys(WHOLE_NUMBERS, "int64")}
+_TYPES = {**dict.fromkeys((*TIMES, "value"), "float64"), **dict.fromkeys(WHOLE_NUMBERS, "int64")}
 _ENCODINGS = {"float64": "BYTE_STREAM_SPLIT", "int64": "DELTA_BINARY_PACKED"}
 
 Batch = Mapping[str, Any]

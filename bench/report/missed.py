@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
-from bench.analysis.missed import Gap, Missed
+from bench.analysis.missed import EVENT, Gap, Missed
 from bench.analysis.rundata import RunData
 from bench.config.models import BenchFile
 from bench.report.flag_words import reading_in_words
@@ -16,7 +16,6 @@ from bench.report.tables import Sheet
 from bench.sequence.dwells import first_visit
 from bench.store.reader import RunReader
 
-EVENT = "gaps"  # of the journal
 MOST_ROWS = 40  # of a table
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from bench.analysis.acquired import Acquisition
+from bench.analysis.missed import EVENT, gap_columns
 from bench.report.rundata import acquisitions
 from bench.report.stored import StoredRun
 from bench.store.reader import Event, Series
@@ -65,6 +66,15 @@ CURRENTS: Mapping[str, Column] = {
     "t_s": Column("s", "bench time of the middle of the reading"),
     "value": Column("A", "as it was read"),
 }
+GAPS: Mapping[str, Column] = {
+    "step": Column("", "step of the run that acquired it"),
+    "channel": Column("", "DEVICE.CHANNEL"),
+    "first": Column("", "number of the first latch or sample of a row that did not come"),
+    "last": Column("", "number of the last of them"),
+    "from_s": Column("s", "bench time at which the one before arrived"),
+    "to_s": Column("s", "bench time at which the one after arrived"),
+    "device_s": Column("s", "time between these by the clock in the frames, less its whole rounds"),
+}
 JOURNAL: Mapping[str, Column] = {
     "seq": Column("", "number of the event"),
     "t_s": Column("s", "bench time"),
@@ -72,7 +82,8 @@ JOURNAL: Mapping[str, Column] = {
     "step": Column("", "during which step of the run"),
     "data": Column("", "what else is known of it, as JSON"),
 }
-WHOLE_NUMBERS = ("seq", "sequence", "tick", "positive", "negative", "position")
+WHOLE_NUMBERS = ("seq", "sequence", "tick", "positive", "negative", "position", "first", "last")
+TIMES = ("t_s", "from_s", "to_s", "device_s")
 Part = tuple[Mapping[str, str], Mapping[str, NDArray[Any]]]
 """Words that are alike for some rows, and these rows by their columns."""
 
@@ -98,13 +109,14 @@ def readings(run: StoredRun) -> Iterator[Series]:
 
 
 def acquired(run: StoredRun) -> dict[str, Acquired]:
-    """The tables of what a run acquired: counters always, and what else its bench measures with."""
+    """The tables of what a run acquired: counters always, what else its bench measures with, gaps where it had some."""
     options = [entry.options for entry in run.bench.devices.values()]
     also = {
         "samples": any(isinstance(each, TelemetryOptions) for each in options),
         "positions": any(getattr(each, "positions", {}) for each in options),
         "voltages": bool(run.bench.with_capability("voltmeter")),
         "currents": bool(run.bench.with_capability("ammeter")),
+        "gaps": any(True for _ in run.reader.events(EVENT)),
     }
     return {name: table for name, table in ACQUIRED.items() if also.get(name, True)}
 
@@ -122,6 +134,12 @@ def _positions(acquisition: Acquisition) -> Iterator[Part]:
 def _samples(acquisition: Acquisition) -> Iterator[Part]:
     for channel, codes in acquisition.codes.items():
         yield _part(SAMPLES, (acquisition.step, channel), codes, t_s="host_s", value="values")
+
+
+def _gaps(acquisition: Acquisition) -> Iterator[Part]:
+    for (device, channel), missed in acquisition.missed.items():
+        found = acquisition.codes[channel] if missed.what == "samples" else acquisition.counts[channel]
+        yield {"step": acquisition.step, "channel": f"{device}.{channel}"}, gap_columns(found)
 
 
 def _voltages(acquisition: Acquisition) -> Iterator[Part]:
@@ -146,6 +164,7 @@ ACQUIRED: Mapping[str, Acquired] = {
     "positions": Acquired(POSITIONS, _positions),
     "voltages": Acquired(VOLTAGES, _voltages),
     "currents": Acquired(CURRENTS, _currents),
+    "gaps": Acquired(GAPS, _gaps),
 }
 
 

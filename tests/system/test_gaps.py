@@ -15,6 +15,8 @@ import pytest
 from bench.analysis import missed
 from bench.app.execute import RunResult
 from bench.engine.state import replayed
+from bench.report.export import export_csv
+from bench.report.missed import lines
 from bench.report.reduced_again import reduced_again
 from bench.report.stored import open_run
 from bench.report.write import write_report
@@ -154,6 +156,13 @@ def test_a_very_bad_bus_makes_no_long_journal(tmp_path: Path, bus: Bus, monkeypa
     assert as_told(result, "counter", LATCH, AXIS_X, bus=bus) > 20
     assert max(event.data["gaps"] for event in events(result, "gaps")) > missed.MOST_LISTED
     assert len(events(result, "gaps")) <= 3 * 3, "one for each channel of an acquisition"
+    with open_run(result.path) as run:
+        export_csv(run, tmp_path)
+    rows = csv.DictReader((tmp_path / "gaps.csv").read_text("utf-8").splitlines())
+    found = [(int(row["first"]), int(row["last"])) for row in rows if row["channel"] == "counter.x"]
+    with open_run(result.path) as run:
+        gaps = [each.counts["x"].gaps.tolist() for each in run.data("tumble").acquisitions]
+    assert found == [tuple(gap) for of_acquisition in gaps for gap in of_acquisition], "every gap can be found again"
 
 
 def test_what_a_unit_sent_and_was_lost_is_what_the_journal_says(tmp_path: Path, bus: Bus) -> None:
@@ -208,6 +217,17 @@ def test_a_later_reduction_tells_the_same(lossy: tuple[RunResult, Bus]) -> None:
     assert json.loads(json.dumps(again.to_json()))["missed"] == read_json(result, "results.json")["missed"]
     assert "latches did not come, in " in next(iter(again.in_words()))
     assert not again.changes
+
+
+def test_of_what_no_method_reduces_the_journal_tells(
+    lossy: tuple[RunResult, Bus], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result, _ = lossy
+    with open_run(result.path) as run:
+        found = run.missed()
+        monkeypatch.setattr(run, "_reduced", list)
+        assert run.missed() == found
+        assert len(list(lines(found))) == 1
 
 
 def test_the_technician_is_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
