@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.dbc import Field
 from drivers.frame_block import FrameBlock
@@ -49,6 +50,8 @@ class Unbroken:
     tick: Field
     others: Sequence[_Numbers]
     is_whole: bool = field(default=True, init=False)
+    _in_step: bool = field(default=True, init=False)  # so far all others have followed the leading one at once
+    _places: Integers | None = field(default=None, init=False)  # of the others behind it
     _last_tick: int | None = field(default=None, init=False)
     _least_ticks: int = field(default=1 << 62, init=False)
     _most_ticks: int = field(default=0, init=False)
@@ -65,14 +68,51 @@ class Unbroken:
             self.is_whole = self._goes_on(block)
 
     def _goes_on(self, block: FrameBlock) -> bool:
-        message = self.leading.field.message
-        data = block.payloads(message.rows(block))
-        if not (self.leading.rise(self.leading.field.signal.raw(data)) and self._in_time(self.tick.signal.raw(data))):
+        leading = self.leading
+        rows = leading.field.message.rows(block)
+        data = block.payloads(rows)
+        raw, before = leading.field.signal.raw(data), (leading.count, leading.first, leading.last)
+        if not (leading.rise(raw) and self._in_time(self.tick.signal.raw(data))):
             return False
+        if self._in_step and self._are_followed(block, rows, raw):
+            return True
+        if self._in_step:
+            self._in_step = False
+            for each in self.others:
+                each.count, each.first, each.last = before
         return all(
             each.rise(each.field.signal.raw(block.payloads(each.field.message.rows(block)))) and self._beside(each)
             for each in self.others
         )
+
+    def _are_followed(self, block: FrameBlock, rows: NDArray[np.intp], raw: Integers) -> bool:
+        """Whether all others come with each of the leading ones, at the same places behind it: most often they do."""
+        if not self.others:
+            return True
+        if self._places is None:
+            self._places = self._places_behind(block, rows)
+        if self._places is None or not len(rows) or rows[-1] + self._places[-1] >= len(block):
+            return False
+        at = (rows[:, np.newaxis] + self._places).ravel()
+        ids, lengths = block.ids.take(at).reshape(len(rows), -1), block.dlc.take(at).reshape(len(rows), -1)
+        messages = [each.field.message for each in self.others]
+        if (ids != [message.id for message in messages]).any() or (lengths != [m.length for m in messages]).any():
+            return False
+        signal = self.others[0].field.signal
+        mask = (1 << min(signal.length, self.leading.field.signal.length)) - 1
+        numbers = signal.raw(block.payloads(at)).reshape(len(rows), -1) & mask
+        return bool((numbers == (raw & mask)[:, np.newaxis]).all())
+
+    def _places_behind(self, block: FrameBlock, rows: NDArray[np.intp]) -> Integers | None:
+        """How far behind the first of the leading ones the others come; None where they are not all there, or alike."""
+        signals = [each.field.signal for each in self.others]
+        alike = {(signal.shift, signal.length, signal.big_endian) for signal in signals}
+        if not len(rows) or len(alike) > 1:
+            return None
+        near = block.ids[rows[0] : rows[0] + 2 * len(self.others)].tolist()
+        wanted = [each.field.message.id for each in self.others]
+        places = [near.index(frame_id) for frame_id in wanted if frame_id in near]
+        return np.array(places, np.int64) if len(places) == len(wanted) and places == sorted(places) else None
 
     def _in_time(self, ticks: Integers) -> bool:
         """Whether the numbers cannot have gone round between any two."""
