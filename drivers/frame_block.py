@@ -30,7 +30,7 @@ class FrameBlock:
 
     def payloads(self, rows: NDArray[np.intp]) -> NDArray[np.uint8]:
         """The data of these frames, (n, 8)."""
-        return np.asarray(self.data.view(np.uint64)[rows, 0].view(np.uint8).reshape(-1, 8))
+        return self.data.view(np.uint64).ravel().take(rows).view(np.uint8).reshape(-1, 8)
 
     @classmethod
     def joined(cls, blocks: Sequence[FrameBlock]) -> FrameBlock:

@@ -93,15 +93,21 @@ class Unbroken:
             self._places = self._places_behind(block, rows)
         if self._places is None or not len(rows) or rows[-1] + self._places[-1] >= len(block):
             return False
-        at = (rows[:, np.newaxis] + self._places).ravel()
-        ids, lengths = block.ids.take(at).reshape(len(rows), -1), block.dlc.take(at).reshape(len(rows), -1)
-        messages = [each.field.message for each in self.others]
-        if (ids != [message.id for message in messages]).any() or (lengths != [m.length for m in messages]).any():
+        at = rows + self._places[:, np.newaxis]
+        ids, lengths = self._ids_and_lengths
+        if (block.ids.take(at) != ids).any() or (block.dlc.take(at) != lengths).any():
             return False
         signal = self.others[0].field.signal
         mask = (1 << min(signal.length, self.leading.field.signal.length)) - 1
-        numbers = signal.raw(block.payloads(at)).reshape(len(rows), -1) & mask
-        return bool((numbers == (raw & mask)[:, np.newaxis]).all())
+        numbers = signal.raw(block.payloads(at.ravel())).reshape(at.shape)
+        return bool((numbers & mask == raw & mask).all())
+
+    @property
+    def _ids_and_lengths(self) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
+        """Those of the others, each (n, 1)."""
+        messages = [each.field.message for each in self.others]
+        ids, lengths = [message.id for message in messages], [message.length for message in messages]
+        return np.array(ids, np.uint32)[:, np.newaxis], np.array(lengths, np.uint8)[:, np.newaxis]
 
     def _places_behind(self, block: FrameBlock, rows: NDArray[np.intp]) -> Integers | None:
         """How far behind the first of the leading ones the others come; None where they are not all there, or alike."""

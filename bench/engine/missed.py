@@ -24,6 +24,8 @@ from drivers.values import Reading
 if TYPE_CHECKING:  # whose steps this watches
     from bench.engine.actions import Bench
 
+LOOKED_AT_ONCE = 10_000  # frames; a look at a few takes about as long
+
 
 class Watch:
     """A keeper that looks at the numbers of all frames of an acquisition.
@@ -35,11 +37,20 @@ class Watch:
     def __init__(self, bench: Bench, step_id: str) -> None:
         self._bench, self._step_id = bench, step_id
         self._looks: dict[str, list[Unbroken]] = {}
+        self._waiting: dict[str, list[FrameBlock]] = {}
 
     def frames(self, role: str, block: FrameBlock) -> None:
-        """Looks at a block."""
+        """Looks at a block, together with others before it where they are small."""
         if role not in self._looks:
-            self._looks[role] = self._bench.numbered.of(role)
+            self._looks[role], self._waiting[role] = self._bench.numbered.of(role), []
+        waiting = self._waiting[role]
+        waiting.append(block)
+        if sum(map(len, waiting)) >= LOOKED_AT_ONCE:
+            self._look(role)
+
+    def _look(self, role: str) -> None:
+        block = FrameBlock.joined(self._waiting[role])
+        self._waiting[role] = []
         for each in self._looks[role]:
             each.take(block)
 
@@ -49,6 +60,8 @@ class Watch:
     async def tell(self) -> None:
         """Writes an entry for each channel of which something is missing; when all has been taken in."""
         bench = self._bench
+        for role in self._looks:
+            self._look(role)
         broken = [role for role, looks in self._looks.items() if not all(each.is_whole for each in looks)]
         if not broken:
             return

@@ -152,6 +152,7 @@ def test_what_a_counter_lost_is_what_the_journal_says(lossy: tuple[RunResult, Bu
 
 def test_a_very_bad_bus_makes_no_long_journal(tmp_path: Path, bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(can_node, "BAD_SHARE", 0.15)
+    monkeypatch.setattr("bench.engine.missed.LOOKED_AT_ONCE", 50)
     result = bad(tmp_path, "lost_frames", "lost_bursts")
     assert as_told(result, "counter", LATCH, AXIS_X, bus=bus) > 20
     assert max(event.data["gaps"] for event in events(result, "gaps")) > missed.MOST_LISTED
@@ -171,7 +172,9 @@ def test_what_a_unit_sent_and_was_lost_is_what_the_journal_says(tmp_path: Path, 
     assert as_told(result, "telemetry", SAMPLE, bus=bus) >= 5
 
 
-def test_a_good_bus_has_nothing_to_say(tmp_path: Path) -> None:
+def test_a_good_bus_has_nothing_to_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bench.engine.missed.LOOKED_AT_ONCE", 50)
+    monkeypatch.setattr("bench.engine.missed.missed_in_step", None)  # nothing is read back
     result = bad(tmp_path)
     assert events(result, "gaps") == []
     assert "missed" not in read_json(result, "results.json")
