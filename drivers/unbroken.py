@@ -30,13 +30,18 @@ class _Numbers:
         """Takes in more of them; whether each is the one after that before it."""
         if not len(raw):
             return True
-        if not self.count:
-            self.first = self.last = int(raw[0]) - 1
         mask = (1 << self.field.signal.length) - 1
-        begins, before, self.last = int(raw[0]), self.last, int(raw[-1])
-        self.count += len(raw)
+        goes_on = not self.count or (int(raw[0]) - self.last) & mask == 1
+        self.note(raw)
         steps = raw[1:] - raw[:-1]
-        return (begins - before) & mask == 1 and bool(((steps & mask) == 1).all())
+        return goes_on and bool(((steps & mask) == 1).all())
+
+    def note(self, raw: Integers) -> None:
+        """Takes in more of them that are known to rise; not none."""
+        if not self.count:
+            self.first = int(raw[0])
+        self.last = int(raw[-1])
+        self.count += len(raw)
 
 
 @dataclass(slots=True)
@@ -71,15 +76,12 @@ class Unbroken:
         leading = self.leading
         rows = leading.field.message.rows(block)
         data = block.payloads(rows)
-        raw, before = leading.field.signal.raw(data), (leading.count, leading.first, leading.last)
+        raw = leading.field.signal.raw(data)
         if not (leading.rise(raw) and self._in_time(self.tick.signal.raw(data))):
             return False
         if self._in_step and self._are_followed(block, rows, raw):
             return True
-        if self._in_step:
-            self._in_step = False
-            for each in self.others:
-                each.count, each.first, each.last = before
+        self._in_step = False
         return all(
             each.rise(each.field.signal.raw(block.payloads(each.field.message.rows(block)))) and self._beside(each)
             for each in self.others
@@ -100,7 +102,11 @@ class Unbroken:
         signal = self.others[0].field.signal
         mask = (1 << min(signal.length, self.leading.field.signal.length)) - 1
         numbers = signal.raw(block.payloads(at.ravel())).reshape(at.shape)
-        return bool((numbers & mask == raw & mask).all())
+        if (numbers & mask != raw & mask).any():
+            return False
+        for each, own in zip(self.others, numbers, strict=True):
+            each.note(own)
+        return True
 
     @property
     def _ids_and_lengths(self) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
