@@ -1,18 +1,25 @@
-"""An Agilent 34970A scanner with sensors in the chamber: scan list, sensors, units, scans that take their time."""
+"""An Agilent 34970A scanner with sensors in the chamber: scan list, sensors, units, scans that take their time.
+
+Scans begin by themselves or by the timer; those that a bus, a contact or an alarm triggers are not simulated, nor is
+anything measured but temperatures. What is scanned, kept and told is after the user's guide (chapter 5); what programs
+of other people ask besides, as relay cycles, is answered as by an instrument that is new.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import ClassVar, Self
 
 import numpy as np
 
-from drivers import scpi
 from drivers.agilent_34970a import wire
 from drivers.agilent_34970a.wire import Condition
-from drivers.scpi import ErrorEntry
+from drivers.scpi import Command, ErrorEntry
 from simulators.faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.scanner_session import ScannerSession
+from simulators.scanner_settings import ChannelSettings
+from simulators.scanner_sweeps import MEMORY_READINGS, Scans, Taken, exponential
 from simulators.scpi import (
     ILLEGAL_VALUE,
     OUT_OF_RANGE,
@@ -20,25 +27,31 @@ from simulators.scpi import (
     Handler,
     Interpreter,
     Refusal,
+    setting,
     switch,
 )
-from simulators.serve import Later
 from simulators.setup import InstrumentSetup
 from simulators.world import World
 
 STALE = ErrorEntry(-230, "Data corrupt or stale")
 IDENTITY = "HEWLETT-PACKARD,34970A,0,13-2-2"
+NO_CARD = "HEWLETT-PACKARD,0,0,0"
 _CHANNELS_OF_A_CARD = 20
-_SENSOR_S = 0.2
-_CONFIGURATION = re.compile(r"(TC,[BEJKNRST]|F?RTD,(?:85|91)),(\(@.*\))")
+_CONFIGURATION = re.compile(r"(TC,(?:[BEJKNRST]|DEF)|F?RTD,(?:85|91|DEF)|DEF)(?:,1(?:,(?:MIN|MAX|DEF))?)?,(\(@.*\))")
+_DEFAULT_TYPES = {"TC": "J", "RTD": "85", "FRTD": "85"}
+_LIST = re.compile(r"\(@\s*((?:\d{3}(?::\d{3})?(?:\s*,\s*\d{3}(?::\d{3})?)*)?)\s*\)")
 _FORMATS = ("UNIT", "TIME", "CHANnel", "ALARm")
+_NOTHING_HAPPENS = ("SYSTem:REMote", "SYSTem:LOCal", "DISPlay[:STATe]", "DISPlay:TEXT", "ROUTe:OPEN", "ROUTe:CLOSe")
+_UNITS: Mapping[str, Callable[[float], float]] = {
+    "C": lambda celsius: celsius, "F": lambda celsius: celsius * 1.8 + 32, "K": lambda celsius: celsius + 273.15,
+}  # fmt: skip
 
 
 class SimulatedScanner:
     """A scanner with a card of 20 channels in each slot of `slots`.
 
     A sensor whose name is that of a place is on the unit there; any other is in the air of the chamber. A scan takes
-    0.2 s for each sensor. `frozen`: readings repeat.
+    0.2 s for each sensor, and its readings are worked out when somebody asks for them. `frozen`: readings repeat.
     """
 
     def __init__(
@@ -51,11 +64,11 @@ class SimulatedScanner:
         self._world, self._names = world, names
         self._slots = {channel // 100 * 100 for channel in names}
         self._last: dict[int, float] = {}
-        self._begun_s: float | None = None
-        self._memory = ""
+        self._scans = Scans(world, self._reading_c)
+        self._settings = ChannelSettings(self._channels)
         self.scan: tuple[int, ...] = ()
         self._reset()
-        self._interpreter = Interpreter(identity, self._commands())
+        self._interpreter = Interpreter(identity, self._commands(), signed=True)
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
@@ -70,9 +83,13 @@ class SimulatedScanner:
         """A new connection."""
         return ScannerSession(self)
 
-    def execute(self, message: str) -> str:
-        """Carries out a message that is no scan; its answers."""
-        return self._interpreter.execute(message)
+    def carry_out(self, command: Command) -> str | None:
+        """Carries out a command that no scan is waited for; its answer."""
+        return self._interpreter.carry_out(command)
+
+    def joined(self, answers: list[str]) -> str:
+        """The answers to one line."""
+        return self._interpreter.joined(answers)
 
     def open_sensors(self) -> None:
         """The plug with all sensors comes off."""
@@ -87,44 +104,68 @@ class SimulatedScanner:
         self._reset()
         self._interpreter.power_on()
 
-    def begin_scan(self) -> float | None:
+    def begin_scan(self, *, kept: bool = True) -> float | None:
         """Begins a scan; how long it takes (s), None when nothing is to be scanned or a scan is under way."""
-        if not self.scan or self._begun_s is not None:
-            self._interpreter.note(SETTINGS_CONFLICT)
+        return self._noting(lambda: self._scans.begin(self.scan, kept=kept))
+
+    def begin_measurement(self, argument: str) -> float | None:
+        """Configures channels as CONF:TEMP does and begins a scan of them; as `begin_scan`."""
+
+        def begin() -> float:
+            self._configure(argument)
+            return self._scans.begin(self.scan, kept=False)
+
+        return self._noting(begin)
+
+    def _noting(self, begin: Callable[[], float]) -> float | None:
+        try:
+            return begin()
+        except Refusal as refusal:
+            self._interpreter.note(refusal.entry)
             return None
-        self._begun_s, self._memory = self._world.look(), ""
-        return _SENSOR_S * len(self.scan)
+
+    def left_s(self) -> float:
+        """How long the scan under way still takes (s), 0 without one."""
+        return self._scans.left_s()
 
     def end_scan(self) -> str:
-        """The readings of the scan under way, "" when the mains have failed meanwhile."""
-        begun_s, self._begun_s = self._begun_s, None
-        if begun_s is None:
-            return ""
-        self._world.look()
-        return ",".join(
-            self._spelled(channel, begun_s, number * _SENSOR_S) for number, channel in enumerate(self.scan, start=1)
-        )
+        """The readings of the scan that is over, "" when there is none, or the mains have failed meanwhile."""
+        return self._spelled(self._scans.end())
 
-    def keep(self, readings: str) -> str:
-        """Readings of a scan that was initiated: they stay in memory until the next scan."""
-        self._memory = readings
-        return readings
-
-    def remembered(self) -> str:
+    def _fetch(self, _: str) -> str:
         """What is in memory; nothing after READ?, whose readings are in none."""
-        if not self._memory:
-            self._interpreter.note(STALE)
-        return self._memory
+        memory = self._scans.taken()
+        if not memory:
+            raise Refusal(STALE)
+        return self._spelled(memory)
 
-    def _spelled(self, channel: int, begun_s: float, since_s: float) -> str:
-        unit = self.units.get(channel, "C")
-        reading = self._reading_c(channel, begun_s + since_s)
-        shown = wire.OVERLOAD if reading is None else reading * 1.8 + 32 if unit == "F" else reading
-        fields = [f"{shown:+.8E}" + (f" {unit}" if self.formats["UNIT"] else "")]
+    def _remove(self, argument: str) -> str:
+        """The oldest readings, which are in memory no more."""
+        memory = self._scans.taken()
+        count = round(setting(argument, 1, MEMORY_READINGS))
+        if count > len(memory):
+            raise Refusal(STALE)
+        return self._spelled([memory.popleft() for _ in range(count)])
+
+    def _read_out(self, argument: str) -> str:
+        """The same as a block, as many as there are."""
+        memory = self._scans.taken()
+        count = min(len(memory), round(setting(argument or str(MEMORY_READINGS), 1, MEMORY_READINGS)))
+        return _block(self._spelled([memory.popleft() for _ in range(count)]))
+
+    def _spelled(self, readings: Iterable[Taken]) -> str:
+        return ",".join(self._spelled_one(reading) for reading in readings)
+
+    def _spelled_one(self, reading: Taken) -> str:
+        unit = self.units.get(reading.channel, "C")
+        shown = wire.OVERLOAD if reading.temperature_c is None else _UNITS[unit](reading.temperature_c)
+        fields = [exponential(shown) + (f" {unit}" if self.formats["UNIT"] else "")]
         if self.formats["TIME"]:
-            fields.append(f"{since_s:012.3f}")
+            fields.append(f"{reading.since_s:012.3f}")
         if self.formats["CHANnel"]:
-            fields.append(str(channel))
+            fields.append(str(reading.channel))
+        if self.formats["ALARm"]:
+            fields.append("0")
         return ",".join(fields)
 
     def _reading_c(self, channel: int, at_s: float) -> float | None:
@@ -141,38 +182,55 @@ class SimulatedScanner:
 
     def _commands(self) -> dict[str, Handler]:
         commands: dict[str, Handler] = {
-            "SYSTem:REMote": lambda _: None,
-            "ABORt": lambda _: self._abort(),
-            "TRIGger:SOURce": lambda _: None,
-            "TRIGger:COUNt": lambda _: None,
+            "ABORt": lambda _: self._scans.abort(),
+            "INITiate[:IMMediate]": lambda _: self._begin(),
+            "FETCh?": self._fetch,
+            "DATA:POINts?": lambda _: f"{len(self._scans.taken()):+d}",
+            "DATA:REMove?": self._remove,
+            "R?": self._read_out,
             "FORMat:READing:TIME:TYPE": lambda _: None,
             wire.CONFIGURE: self._unless_stuck(self._configure),
             wire.SCAN: self._unless_stuck(self._set_scan),
-            f"{wire.SCAN}?": lambda _: self._block(),
+            f"{wire.SCAN}?": lambda _: _block(wire.listed(self.scan)),
+            f"{wire.SCAN}:SIZE?": lambda _: f"{len(self.scan):+d}",
             wire.UNIT: self._unless_stuck(self._set_unit),
             f"{wire.UNIT}?": lambda argument: self._of_each(argument, lambda channel: self.units.get(channel, "C")),
             f"{wire.KIND}?": lambda argument: self._of_each(argument, lambda channel: self._sensor(channel)[0]),
-            f"{wire.CONDITION}?": lambda _: str(0 if self._begun_s is None else int(Condition.SCANNING)),
+            "[SENSe:]FUNCtion?": lambda argument: self._of_each(argument, lambda _: '"TEMP"'),
+            f"{wire.CONDITION}?": lambda _: f"{int(Condition.SCANNING) if self.left_s() else 0:+d}",
             f"{wire.CARD}?": self._card,
+            "DIAGnostic:DMM:CYCLes?": lambda _: "+0,+0,+0",
+            "DIAGnostic:RELay:CYCLes?": lambda argument: self._of_each(argument, lambda _: "+0"),
+            "DIAGnostic:PEEK:SLOT:DATA?": lambda _: '"          "',
             "*RST": lambda _: self._reset(),
+            **dict.fromkeys(_NOTHING_HAPPENS, lambda _: None),
+            **self._scans.commands(),
+            **self._settings.commands(),
         }
         for header in wire.TYPES.values():
             commands[f"{header}?"] = lambda argument: self._of_each(argument, self._type)
         for name in _FORMATS:
             commands[f"FORMat:READing:{name}"] = self._unless_stuck(self._format(name))
+            commands[f"FORMat:READing:{name}?"] = self._formatted(name)
         return commands
 
     def _unless_stuck(self, handler: Handler) -> Handler:
         return lambda argument: None if self.faults.active("stuck") else handler(argument)
 
+    def _begin(self) -> None:
+        self.begin_scan()
+
     def _configure(self, argument: str) -> None:
         match = _CONFIGURATION.fullmatch(argument.upper())
         if match is None:
             raise Refusal(ILLEGAL_VALUE)
-        kind, channels = match[1].partition(",")[0], self._channels(match[2])
+        kind, _, type_ = match[1].partition(",")
+        kind = kind.replace("DEF", "TC")
+        channels = self._channels(match[2])
         if kind == "FRTD" and any(channel % 100 > _CHANNELS_OF_A_CARD // 2 for channel in channels):
             raise Refusal(SETTINGS_CONFLICT)
-        self.sensors.update(dict.fromkeys(channels, match[1]))
+        sensor = (kind, _DEFAULT_TYPES[kind] if type_ in ("", "DEF") else type_)
+        self.sensors.update(dict.fromkeys(channels, sensor))
         self.scan = channels
 
     def _set_scan(self, argument: str) -> None:
@@ -180,38 +238,38 @@ class SimulatedScanner:
 
     def _set_unit(self, argument: str) -> None:
         unit, _, channels = argument.upper().partition(",")
-        if unit not in ("C", "F"):
+        if unit not in _UNITS:
             raise Refusal(ILLEGAL_VALUE)
         self.units.update(dict.fromkeys(self._channels(channels), unit))
 
     def _channels(self, argument: str) -> tuple[int, ...]:
-        """A list of channels in the order of a scan; raises Refusal for one that no card has."""
-        try:
-            channels = wire.read_channels(f"#3{len(argument):03d}{argument}")
-        except ValueError:
-            raise Refusal(ILLEGAL_VALUE) from None
+        """A list of channels in the order of a scan, those of the scan for none; raises Refusal for one of no card."""
+        if not argument:
+            return self.scan
+        found = _LIST.fullmatch(argument.strip())
+        if found is None:
+            raise Refusal(ILLEGAL_VALUE)
+        channels: set[int] = set()
+        for each in filter(None, found[1].replace(" ", "").split(",")):
+            first, _, last = each.partition(":")
+            channels.update(range(int(first), int(last or first) + 1))
         if any(channel // 100 * 100 not in self._slots or not 1 <= channel % 100 <= _CHANNELS_OF_A_CARD
                for channel in channels):  # fmt: skip
             raise Refusal(OUT_OF_RANGE)
-        return tuple(sorted(set(channels)))
+        return tuple(sorted(channels))
 
     def _of_each(self, argument: str, tell: Callable[[int], str]) -> str:
         return ",".join(tell(channel) for channel in self._channels(argument))
 
     def _sensor(self, channel: int) -> tuple[str, str]:
-        kind, _, type_ = self.sensors.get(channel, "TC,J").partition(",")
-        return kind, type_
+        return self.sensors.get(channel, ("TC", "J"))
 
     def _type(self, channel: int) -> str:
         kind, type_ = self._sensor(channel)
         return type_ if kind == "TC" else f"+{type_}"
 
-    def _block(self) -> str:
-        body = wire.listed(self.scan)
-        return f"#{len(str(len(body)))}{len(body)}{body}"
-
     def _card(self, argument: str) -> str:
-        return "HEWLETT-PACKARD,34901A,0,2.3" if argument.isdigit() and int(argument) in self._slots else "0,0,0,0"
+        return "HEWLETT-PACKARD,34901A,0,2.3" if argument.isdigit() and int(argument) in self._slots else NO_CARD
 
     def _format(self, name: str) -> Handler:
         def put(argument: str) -> None:
@@ -219,13 +277,14 @@ class SimulatedScanner:
 
         return put
 
-    def _abort(self) -> None:
-        self._begun_s = None
+    def _formatted(self, name: str) -> Handler:
+        return lambda _: str(int(self.formats[name]))
 
     def _reset(self) -> None:
-        self._begun_s = None
+        self._scans.reset()
+        self._settings.reset()
         self.scan = ()
-        self.sensors: dict[int, str] = {}
+        self.sensors: dict[int, tuple[str, str]] = {}
         self.units: dict[int, str] = {}
         self.formats = dict.fromkeys(_FORMATS, False)
 
@@ -236,38 +295,6 @@ class SimulatedScanner:
     }
 
 
-class ScannerSession:
-    """A connection: a scan is answered when it is over, everything else at once; lines end with LF or CR LF."""
-
-    def __init__(self, scanner: SimulatedScanner) -> None:
-        self._scanner = scanner
-        self._later: Later = lambda _delay_s, _answer: None
-        self._rest = b""
-
-    def answer_by(self, later: Later) -> None:
-        """How a scan is said when it is over; without it, it never is."""
-        self._later = later
-
-    def feed(self, data: bytes) -> bytes:
-        """Takes bytes in any portions; the answers that are there at once."""
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        return b"".join(self._spoken(self._carry_out(line.decode("latin-1").strip())) for line in lines)
-
-    def _carry_out(self, line: str) -> str:
-        match tuple(command.header for command in scpi.commands(line)):
-            case ("READ?",):
-                return self._scan(lambda readings: readings)
-            case ("INIT", "FETC?"):
-                return self._scan(self._scanner.keep)
-            case ("FETC?",):
-                return self._scanner.remembered()
-        return self._scanner.execute(line)
-
-    def _scan(self, kept: Callable[[str], str]) -> str:
-        takes_s = self._scanner.begin_scan()
-        if takes_s is not None:
-            self._later(takes_s, lambda: self._spoken(kept(self._scanner.end_scan())))
-        return ""
-
-    def _spoken(self, answer: str) -> bytes:
-        return answer.encode() + self._scanner.answer_end if answer else b""
+def _block(body: str) -> str:
+    """Text as a definite block."""
+    return f"#{len(str(len(body)))}{len(body)}{body}"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from drivers import scpi
-from drivers.scpi import ErrorEntry
+from drivers.scpi import Command, ErrorEntry
 
 Handler = Callable[[str], str | None]
 
@@ -22,8 +22,11 @@ EMPTY = ErrorEntry(scpi.NO_ERROR, "No error")
 
 QUEUE_LENGTH = 20
 LINE_LIMIT_BYTES = 4096
+SCPI_VERSION = "1997.0"
 _EVENT_BITS = ((range(-199, -99), 5), (range(-299, -199), 4), (range(-399, -299), 3), (range(-499, -399), 2))
 POWER_ON = 1 << 7
+ERROR_AVAILABLE, EVENT_SUMMARY, MASTER_SUMMARY = 1 << 2, 1 << 5, 1 << 6  # of the status byte
+_REGISTER_MOST = 255
 
 
 class Refusal(Exception):
@@ -38,11 +41,15 @@ class Interpreter:
     """Reads messages and carries out their commands by a table.
 
     `commands` has, for each header as manuals spell it, what carries it out: it is given the argument, answers a
-    query with text, and raises Refusal. Common commands and the error queue are here.
+    query with text, and raises Refusal. Common commands, the status byte and the error queue are here. `signed` has
+    codes of the queue with their sign, also 0 (`+0,"No error"`), as instruments of one maker tell them.
     """
 
-    def __init__(self, identity: str, commands: Mapping[str, Handler], *, separator: str = ";") -> None:
-        self._separator = separator
+    def __init__(
+        self, identity: str, commands: Mapping[str, Handler], *, separator: str = ";", signed: bool = False
+    ) -> None:
+        self._separator, self._signed = separator, signed
+        self._enabled = {"ESE": 0, "SRE": 0}
         self._errors: deque[ErrorEntry] = deque()
         self._events = POWER_ON
         table: dict[str, Handler] = {
@@ -52,7 +59,13 @@ class Interpreter:
             "*OPC": self._complete,
             "*WAI": lambda _: None,
             "*ESR?": self._take_events,
-            "*STB?": lambda _: str(4 if self._errors else 0),
+            "*ESE": lambda argument: self._enable("ESE", argument),
+            "*ESE?": lambda _: str(self._enabled["ESE"]),
+            "*SRE": lambda argument: self._enable("SRE", argument),
+            "*SRE?": lambda _: str(self._enabled["SRE"]),
+            "*STB?": lambda _: str(self._status_byte()),
+            "*TST?": lambda _: "0",
+            "SYSTem:VERSion?": lambda _: SCPI_VERSION,
             "SYSTem:ERRor[:NEXT]?": self._take_error,
             "STATus:QUEue[:NEXT]?": self._take_error,
             "STATus:QUEue:CLEar": self._clear,
@@ -64,15 +77,19 @@ class Interpreter:
 
     def execute(self, message: str) -> str:
         """Carries a message out; the answers to its queries, joined, or "" without any."""
-        answers: list[str] = []
-        for command in scpi.commands(message):
-            try:
-                answer = self._handler(command.header)(command.argument)
-            except Refusal as refusal:
-                self.note(refusal.entry)
-            else:
-                if answer is not None:
-                    answers.append(answer)
+        answers = (self.carry_out(command) for command in scpi.commands(message))
+        return self.joined([answer for answer in answers if answer is not None])
+
+    def carry_out(self, command: Command) -> str | None:
+        """Carries one command out; the answer of a query. What it refuses is in the queue."""
+        try:
+            return self._handler(command.header)(command.argument)
+        except Refusal as refusal:
+            self.note(refusal.entry)
+            return None
+
+    def joined(self, answers: Sequence[str]) -> str:
+        """The answers to the queries of one message."""
         return self._separator.join(answers)
 
     def note(self, entry: ErrorEntry) -> None:
@@ -89,6 +106,16 @@ class Interpreter:
         """The instrument has just been switched on: no errors, and the event that says so."""
         self._errors.clear()
         self._events = POWER_ON
+        self._enabled = dict.fromkeys(self._enabled, 0)
+
+    def _enable(self, register: str, argument: str) -> None:
+        self._enabled[register] = round(setting(argument, 0, _REGISTER_MOST))
+
+    def _status_byte(self) -> int:
+        status = ERROR_AVAILABLE if self._errors else 0
+        if self._events & self._enabled["ESE"]:
+            status |= EVENT_SUMMARY
+        return status | (MASTER_SUMMARY if status & self._enabled["SRE"] else 0)
 
     def _handler(self, header: str) -> Handler:
         handler = self._found.get(header)
@@ -113,7 +140,8 @@ class Interpreter:
         return str(events)
 
     def _take_error(self, _: str) -> str:
-        return str(self._errors.popleft() if self._errors else EMPTY)
+        entry = self._errors.popleft() if self._errors else EMPTY
+        return f"+{entry}" if self._signed and entry.code >= 0 else str(entry)
 
 
 class LineSession:

@@ -1,5 +1,7 @@
 """Lines of an Agilent 34970A typed by hand, in both directions, and the simulated scanner that speaks them."""
 
+from collections.abc import Callable
+
 import pytest
 
 from drivers.agilent_34970a import wire
@@ -13,8 +15,14 @@ SENSORS = [Sensor(101, "FRTD", "85"), Sensor(102, "TC", "K"), Sensor(103, "RTD",
 
 
 @pytest.fixture
-def scanner() -> SimulatedScanner:
-    world = World(WorldSettings(seed=1, gravity_mps2=9.8), lambda: 0.0)
+def clock() -> list[float]:
+    """What the world's clock shows (s)."""
+    return [0.0]
+
+
+@pytest.fixture
+def scanner(clock: list[float]) -> SimulatedScanner:
+    world = World(WorldSettings(seed=1, gravity_mps2=9.8), lambda: clock[0])
     return SimulatedScanner(world, FaultPlan(), {101: "x", 102: "y", 103: "z"})
 
 
@@ -119,15 +127,15 @@ def test_who_it_is_and_what_is_in_its_slots() -> None:
 def test_a_session_with_a_scanner(scanner: SimulatedScanner) -> None:
     assert talk(scanner, *(line.encode() for line in wire.set_up(SENSORS))) == [b""] * 8
     assert talk(scanner, b"SYST:ERR?", wire.state_query(SENSORS)) == [
-        b'0,"No error"\n', b"#214(@101,102,103);FRTD,TC,RTD;C,C,C;0\n",
+        b'+0,"No error"\n', b"#214(@101,102,103);FRTD,TC,RTD;C,C,C;+0\n",
     ]  # fmt: skip
     assert talk(scanner, b"SENS:TEMP:TRAN:FRTD:TYPE? (@101)", b"TEMP:TRAN:TC:TYPE? (@102)") == [b"+85\n", b"K\n"]
     assert scanner.begin_scan() == pytest.approx(0.6)
-    assert talk(scanner, b"STAT:OPER:COND?") == [b"16\n"]
+    assert talk(scanner, b"STAT:OPER:COND?") == [b"+16\n"]
     samples = wire.read_scan(scanner.end_scan().encode())
     assert [(sample.channel, sample.since_s) for sample in samples] == [(101, 0.2), (102, 0.4), (103, 0.6)]
     assert talk(scanner, b"STAT:OPER:COND?", b"SYST:CTYP? 100", b"SYST:CTYP? 200") == [
-        b"0\n", b"HEWLETT-PACKARD,34901A,0,2.3\n", b"0,0,0,0\n",
+        b"+0\n", b"HEWLETT-PACKARD,34901A,0,2.3\n", b"HEWLETT-PACKARD,0,0,0\n",
     ]  # fmt: skip
 
 
@@ -138,15 +146,15 @@ def test_a_session_with_a_scanner(scanner: SimulatedScanner) -> None:
         (b"ROUT:SCAN (@121)", b'-222,"Data out of range"'),
         (b"CONF:TEMP FRTD,85,(@111)", b'-221,"Settings conflict"'),
         (b"CONF:TEMP TC,X,(@101)", b'-224,"Illegal parameter value"'),
-        (b"UNIT:TEMP K,(@101)", b'-224,"Illegal parameter value"'),
+        (b"UNIT:TEMP R,(@101)", b'-224,"Illegal parameter value"'),
         (b"ROUT:SCAN 101", b'-224,"Illegal parameter value"'),
         (b"READ?", b'-221,"Settings conflict"'),
-        (b":INIT;:FETC?", b'-221,"Settings conflict"'),
+        (b":INIT", b'-221,"Settings conflict"'),
         (b":FETC?", b'-230,"Data corrupt or stale"'),
     ],
 )
 def test_what_a_scanner_refuses_is_in_its_error_queue(scanner: SimulatedScanner, line: bytes, entry: bytes) -> None:
-    assert talk(scanner, line, b"SYST:ERR?", b"SYST:ERR?") == [b"", entry + b"\n", b'0,"No error"\n']
+    assert talk(scanner, line, b"SYST:ERR?", b"SYST:ERR?") == [b"", entry + b"\n", b'+0,"No error"\n']
 
 
 def test_configuring_a_channel_replaces_the_scan_list_and_a_restart_empties_it(scanner: SimulatedScanner) -> None:
@@ -158,14 +166,26 @@ def test_configuring_a_channel_replaces_the_scan_list_and_a_restart_empties_it(s
     assert talk(scanner, b"ROUT:SCAN?") == [b"#13(@)\n"]
 
 
-def test_a_scan_that_was_initiated_stays_in_memory_and_one_that_was_read_does_not(scanner: SimulatedScanner) -> None:
-    session, later = scanner.session(), list[bytes]()
-    session.answer_by(lambda _delay_s, answer: later.append(answer()))
+def asking(scanner: SimulatedScanner, clock: list[float]) -> Callable[[bytes], bytes]:
+    """Says a line on one connection: its answers, for which the clock goes on as long as they are waited for."""
+    session, waiting = scanner.session(), list[tuple[float, Callable[[], bytes]]]()
+    session.answer_by(lambda delay_s, answer: waiting.append((delay_s, answer)))
 
     def ask(line: bytes) -> bytes:
-        later.clear()
-        return session.feed(line + b"\n") + b"".join(later)
+        said = session.feed(line + b"\n")
+        while waiting:
+            delay_s, answer = waiting.pop()
+            clock[0] += delay_s
+            said += answer()
+        return said
 
+    return ask
+
+
+def test_a_scan_that_was_initiated_stays_in_memory_and_one_that_was_read_does_not(
+    scanner: SimulatedScanner, clock: list[float]
+) -> None:
+    ask = asking(scanner, clock)
     assert ask(b"CONF:TEMP TC,K,(@101)") == b""
     readings = ask(b":INIT;:FETC?")
     assert readings.startswith(b"+2.0")
@@ -184,3 +204,71 @@ def test_fahrenheit_and_bare_readings(scanner: SimulatedScanner) -> None:
     value, unit = scanner.end_scan().split(" ")
     assert (float(value) - 32) / 1.8 == pytest.approx(20, abs=1)
     assert unit == "F"
+
+
+def test_a_scan_that_is_under_way_holds_back_the_end_of_all_operations(
+    scanner: SimulatedScanner, clock: list[float]
+) -> None:
+    # As the package dvg-devices has it: init, *opc?, fetc?, in small letters.
+    ask = asking(scanner, clock)
+    assert ask(b"conf:temp TC,J,(@101:103)") + ask(b"rout:scan:size?") == b"+3\n"
+    assert ask(b"init") == b""
+    assert ask(b"stat:oper:cond?") == b"+16\n"
+    assert (ask(b"*opc?"), clock[0]) == (b"1\n", pytest.approx(0.6))
+    assert ask(b"fetc?").count(b",") == 2
+    assert ask(b"syst:err?") == b'+0,"No error"\n'
+    assert ask(b"init;*opc?;:data:poin?") == b"1;+3\n"
+    other = scanner.session()
+    assert other.feed(b"READ?\nDATA:POIN?\n") == b""
+    assert ask(b"READ?") + ask(b"SYST:ERR?") == b'-221,"Settings conflict"\n'
+
+
+def test_sweeps_by_the_timer_fill_the_memory_until_they_are_ended(
+    scanner: SimulatedScanner, clock: list[float]
+) -> None:
+    # As the package daqmon has it; the answers to questions are typed from the user's guide, chapter 5.
+    ask = asking(scanner, clock)
+    for line in (b"ROUT:SCAN (@101,103)", b"TRIG:COUNT INF", b"TRIG:SOURCE TIMER", b"TRIG:TIMER 10.000"):
+        assert ask(line) == b""
+    assert ask(b"TRIG:SOURCE?;TIMER?;COUNT?") == b"TIM;+1.00000000E+01;+9.90000000E+37\n"
+    ask(b"FORM:READ:CHAN ON;:INIT")
+    clock[0] = 0.3
+    assert ask(b"DATA:POIN?") == b"+1\n"
+    clock[0] = 10.5
+    assert ask(b"DATA:POIN?") == b"+4\n"
+    channels = ask(b"DATA:REM? 3").split(b",")[1::2]
+    assert channels == [b"101", b"103", b"101\n"]
+    assert ask(b"DATA:REM? 3") + ask(b"SYST:ERR?") == b'-230,"Data corrupt or stale"\n'
+    assert ask(b"FETC?").endswith(b",103\n")
+    clock[0] = 20.3
+    assert ask(b"R?").startswith(b"#239+2.")
+    assert ask(b"DATA:POIN?") == b"+0\n"
+    ask(b"ABOR")
+    clock[0] = 100.0
+    assert ask(b"DATA:POIN?;:STAT:OPER:COND?") == b"+0;+0\n"
+
+
+def test_a_measurement_configures_scans_and_reads(scanner: SimulatedScanner, clock: list[float]) -> None:
+    ask = asking(scanner, clock)
+    assert float(ask(b"MEAS:TEMP? RTD,85,1,MAX,(@102)")) == pytest.approx(20, abs=1)
+    assert clock[0] == pytest.approx(0.2)
+    assert ask(b"ROUT:SCAN?;:TEMP:TRAN:TYPE? (@102);:SENS:FUNC? (@102)") == b'#16(@102);RTD;"TEMP"\n'
+    assert ask(b"UNIT:TEMP K") == b""
+    assert float(ask(b"READ?")) == pytest.approx(293, abs=1)
+    assert ask(b"MEAS:TEMP? TC,K,(@301)") + ask(b"SYST:ERR?") == b'-222,"Data out of range"\n'
+
+
+def test_settings_of_channels_are_kept_and_told(scanner: SimulatedScanner) -> None:
+    for line in (
+        b"TEMP:NPLC 10,(@101,102)", b"SENS:TEMP:TRAN:TC:RJUN:TYPE FIX,(@101)", b"TEMP:TRAN:TC:CHEC ON,(@101)",
+        b"ROUT:CHAN:DEL 2,(@103)",
+    ):  # fmt: skip
+        assert talk(scanner, line) == [b""]
+    asked = (
+        b"TEMP:NPLC? (@101:103);:TEMP:TRAN:TC:RJUN:TYPE? (@101,102);:TEMP:TRAN:TC:CHEC? (@101);:ROUT:CHAN:DEL? (@103)"
+    )
+    assert talk(scanner, asked) == [
+        b"+1.00000000E+01,+1.00000000E+01,+1.00000000E+00;FIX,INT;1;+2.00000000E+00\n"
+    ]  # fmt: skip
+    assert talk(scanner, b"TEMP:NPLC 500,(@101)", b"SYST:ERR?") == [b"", b'-222,"Data out of range"\n']
+    assert talk(scanner, b"*RST", b"TEMP:NPLC? (@101)") == [b"", b"+1.00000000E+00\n"]
