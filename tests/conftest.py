@@ -25,6 +25,7 @@ _MODULES = {
     "newportxps": ("newportxps",), "lewis": ("lewis",), "sinstruments": ("sinstruments",),
     "qcodes": ("qcodes", "pyvisa_py"), "pyvisa": ("pyvisa", "pyvisa_py"), "cts_chamber": ("cts_chamber", "pyvisa_py"),
     "pyModbusTCP": ("pyModbusTCP",), "watlow_f4": ("watlow_f4", "minimalmodbus"),
+    "dvg_devices": ("dvg_devices", "dvg_debug_functions", "pyvisa_py"), "daqmon": ("daqmon",),
 }  # fmt: skip
 
 
