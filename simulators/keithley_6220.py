@@ -1,4 +1,4 @@
-"""A Keithley 6220 with a resistor on it: range, level, compliance, interlock and error queue."""
+"""A Keithley 6220 or 6221 with a resistor on it: range, level, compliance, interlock, error queue, and waves."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import ClassVar, Self
 from drivers.keithley_6220 import wire
 from drivers.keithley_6220.wire import Condition, Terminator
 from simulators.faults import FaultKind, FaultPlan, Mishap
+from simulators.keithley_wave import Waves
+from simulators.kept import KeptSettings, kept_number, kept_switch, kept_word
 from simulators.loaded_source import LoadedSource
 from simulators.scpi import (
     OUT_OF_RANGE,
@@ -23,6 +25,19 @@ from simulators.setup import InstrumentSetup
 from simulators.world import World
 
 _LEVEL_MAX_A = wire.OVER_RANGE * wire.RANGES_A[-1]
+MEASUREMENT_SUMMARY, OPERATION_SUMMARY = 1 << 0, 1 << 7  # of the status byte
+_REGISTER = kept_number(0, 0, 65535, lambda value: str(round(value)))
+_KEPT = {
+    "[SOURce:]DELay": kept_number(1.0, 1e-3, 999999.999, lambda delay_s: f"{delay_s:.6E}"),
+    "[SOURce:]CURRent:FILTer[:STATe]": kept_switch("0"),
+    "OUTPut:ISHield": kept_word("OLOW", "GUARd", "OLOW"),
+    "OUTPut:LTEarth": kept_switch("0"),
+    "OUTPut:RESPonse": kept_word("FAST", "FAST", "SLOW"),
+    "DISPlay:ENABle": kept_switch("1"),
+    "STATus:MEASurement:ENABle": _REGISTER,
+    "STATus:OPERation:ENABle": _REGISTER,
+    "STATus:QUEStionable:ENABle": _REGISTER,
+}
 
 
 class SimulatedKeithley(LoadedSource):
@@ -30,12 +45,12 @@ class SimulatedKeithley(LoadedSource):
 
     On a serial line it acts on a CR, or an LF when its menu says so; over TCP on an LF wherever its terminator has one.
     `interlock_closed` is the contact at its rear, `hot` its thermal switch. `stuck`: settings are accepted and not
-    carried out. It measures nothing that could be `frozen`.
+    carried out. It measures nothing that could be `frozen`. A 6221 makes waves too; what flows then is their mean.
     """
 
     def __init__(
         self, world: World, faults: FaultPlan, *, serial: str = "SIM-6220-01", load_ohm: float = 100.0,
-        terminator: Terminator = "crlf", is_serial_line: bool = True,
+        terminator: Terminator = "crlf", is_serial_line: bool = True, model: str = "6220",
     ) -> None:  # fmt: skip
         super().__init__(world, faults, load_ohm)
         self.hot = False
@@ -44,8 +59,10 @@ class SimulatedKeithley(LoadedSource):
         self._interlock_closed = True
         self._end = end = wire.TERMINATORS[terminator]
         self._acts_on = end[:1] if is_serial_line or b"\n" not in end else b"\n"
-        identity = f"KEITHLEY INSTRUMENTS INC.,MODEL 6220,{serial},D04  /700x"
-        self._interpreter = Interpreter(identity, self._commands(), separator="; ")
+        self._kept = KeptSettings(_KEPT)
+        self._waves = Waves(self._energise, world.now) if model == "6221" else None
+        identity = f"KEITHLEY INSTRUMENTS INC.,MODEL {model},{serial},D04  /700x"
+        self._interpreter = Interpreter(identity, self._commands(), separator="; ", summary=self._summary)
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
@@ -53,8 +70,15 @@ class SimulatedKeithley(LoadedSource):
         serial = setup.serial or "SIM-6220-01"
         return cls(
             setup.world, setup.faults, serial=serial, terminator=setup.options.terminator,
-            is_serial_line=setup.is_serial_line,
+            is_serial_line=setup.is_serial_line, model="6221" if "6221" in setup.model else "6220",
         )  # fmt: skip
+
+    @property
+    def current_a(self) -> float:
+        """What really flows, in the mean."""
+        if self._waves is not None and self._waves.runs and self.output:
+            return self._waves.mean_a
+        return super().current_a
 
     def session(self) -> LineSession:
         """A new connection."""
@@ -97,7 +121,15 @@ class SimulatedKeithley(LoadedSource):
             wire.OUTPUT: self.unless_stuck(self._switch),
             f"{wire.OUTPUT}?": lambda _: str(int(self.output)),
             f"{wire.CONDITION}?": lambda _: str(int(self._condition())),
+            "STATus:MEASurement[:EVENt]?": lambda _: str(int(self._condition())),
+            "STATus:QUEStionable[:EVENt]?": lambda _: "0",
+            "STATus:QUEStionable:CONDition?": lambda _: "0",
+            "[SOURce:]CLEar[:IMMediate]": self.unless_stuck(lambda _: self._clear()),
+            "[SOURce:]DELTa:NVPResent?": lambda _: "0",  # no nanovoltmeter is on its second line
+            "SYSTem:BEEPer[:IMMediate]": lambda _: None,
             "*RST": lambda _: self._reset(),
+            **self._kept.commands(),
+            **({} if self._waves is None else self._waves.commands()),
         }
 
     def _set_level(self, argument: str) -> None:
@@ -126,7 +158,9 @@ class SimulatedKeithley(LoadedSource):
         self.compliance_v = round(compliance_v / wire.COMPLIANCE_STEP_V) * wire.COMPLIANCE_STEP_V
 
     def _switch(self, argument: str) -> None:
-        on = switch(argument)
+        self._energise(switch(argument))
+
+    def _energise(self, on: bool) -> None:
         if on and not self.interlock_closed:
             raise Refusal(SETTINGS_CONFLICT)
         self.put_output(on)
@@ -141,7 +175,21 @@ class SimulatedKeithley(LoadedSource):
             condition |= Condition.COMPLIANCE
         return condition
 
+    def _summary(self) -> int:
+        """The bits of the status byte for the measurement and the operation registers."""
+        measured = int(self._condition()) & int(self._kept["STATus:MEASurement:ENABle"])
+        happened = 0 if self._waves is None else int(self._waves.events) & int(self._kept["STATus:OPERation:ENABle"])
+        return (MEASUREMENT_SUMMARY if measured else 0) | (OPERATION_SUMMARY if happened else 0)
+
+    def _clear(self) -> None:
+        """The output goes off and the level to zero."""
+        self.put_output(False)
+        self.level_a = 0.0
+
     def _reset(self) -> None:
+        self._kept.reset()
+        if self._waves is not None:
+            self._waves.reset()
         self.level_a, self.compliance_v = 0.0, 10.0
         self.range_a, self.auto_range = wire.RANGES_A[-1], True
         self.put_output(False)

@@ -1,50 +1,27 @@
-"""Settings of the channels of a simulated scanner that change nothing of what is simulated: kept, and told again."""
+"""Settings of a simulated scanner that are kept for each channel and change nothing of what is simulated."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
+from simulators.kept import Kept, kept_number, kept_switch, kept_word
 from simulators.scanner_sweeps import exponential
-from simulators.scpi import ILLEGAL_VALUE, Handler, Refusal, setting, switch
+from simulators.scpi import Handler
 
 Channels = Callable[[str], tuple[int, ...]]
 """The channels of a list like `(@101:103)`, those of the scan for none; raises Refusal."""
 
-_JUNCTIONS = {"INT": "INT", "INTERNAL": "INT", "EXT": "EXT", "EXTERNAL": "EXT", "FIX": "FIX", "FIXED": "FIX"}
-
-
-@dataclass(frozen=True, slots=True)
-class _Kept:
-    """A setting: what it is out of the box, and how an argument is told again; that raises Refusal."""
-
-    first: str
-    told: Callable[[str], str]
-
-
-def between(low: float, high: float) -> Callable[[str], str]:
-    """How a number in a range is told again."""
-    return lambda argument: exponential(setting(argument, low, high))
-
-
-def _junction(argument: str) -> str:
-    if argument.upper() not in _JUNCTIONS:
-        raise Refusal(ILLEGAL_VALUE)
-    return _JUNCTIONS[argument.upper()]
-
-
 _TRANSDUCER = "[SENSe:]TEMPerature:TRANsducer"
-_OHM = _Kept(exponential(100.0), between(49.0, 2100.0))
-_SWITCH = {on: _Kept(on, lambda argument: str(int(switch(argument)))) for on in "01"}
-KEPT: Mapping[str, _Kept] = {
-    "[SENSe:]TEMPerature:NPLC": _Kept(exponential(1.0), between(0.02, 200.0)),
-    f"{_TRANSDUCER}:TC:CHECk": _SWITCH["0"],
-    f"{_TRANSDUCER}:TC:RJUNction": _Kept(exponential(0.0), between(-20.0, 80.0)),
-    f"{_TRANSDUCER}:TC:RJUNction:TYPE": _Kept("INT", _junction),
+_OHM = kept_number(100.0, 49.0, 2100.0, exponential)
+KEPT: Mapping[str, Kept] = {
+    "[SENSe:]TEMPerature:NPLC": kept_number(1.0, 0.02, 200.0, exponential),
+    f"{_TRANSDUCER}:TC:CHECk": kept_switch("0"),
+    f"{_TRANSDUCER}:TC:RJUNction": kept_number(0.0, -20.0, 80.0, exponential),
+    f"{_TRANSDUCER}:TC:RJUNction:TYPE": kept_word("INT", "INTernal", "EXTernal", "FIXed"),
     f"{_TRANSDUCER}:RTD:RESistance[:REFerence]": _OHM,
     f"{_TRANSDUCER}:FRTD:RESistance[:REFerence]": _OHM,
-    "ROUTe:CHANnel:DELay": _Kept(exponential(0.0), between(0.0, 60.0)),
-    "ROUTe:CHANnel:DELay:AUTO": _SWITCH["1"],
+    "ROUTe:CHANnel:DELay": kept_number(0.0, 0.0, 60.0, exponential),
+    "ROUTe:CHANnel:DELay:AUTO": kept_switch("1"),
 }
 
 

@@ -43,12 +43,14 @@ class Interpreter:
     `commands` has, for each header as manuals spell it, what carries it out: it is given the argument, answers a
     query with text, and raises Refusal. Common commands, the status byte and the error queue are here. `signed` has
     codes of the queue with their sign, also 0 (`+0,"No error"`), as instruments of one maker tell them.
+    `summary` has the bits of the status byte that sum registers of the instrument itself up.
     """
 
     def __init__(
-        self, identity: str, commands: Mapping[str, Handler], *, separator: str = ";", signed: bool = False
-    ) -> None:
-        self._separator, self._signed = separator, signed
+        self, identity: str, commands: Mapping[str, Handler], *, separator: str = ";", signed: bool = False,
+        summary: Callable[[], int] = lambda: 0,
+    ) -> None:  # fmt: skip
+        self._separator, self._signed, self._summary = separator, signed, summary
         self._enabled = {"ESE": 0, "SRE": 0}
         self._errors: deque[ErrorEntry] = deque()
         self._events = POWER_ON
@@ -112,7 +114,7 @@ class Interpreter:
         self._enabled[register] = round(setting(argument, 0, _REGISTER_MOST))
 
     def _status_byte(self) -> int:
-        status = ERROR_AVAILABLE if self._errors else 0
+        status = self._summary() | (ERROR_AVAILABLE if self._errors else 0)
         if self._events & self._enabled["ESE"]:
             status |= EVENT_SUMMARY
         return status | (MASTER_SUMMARY if status & self._enabled["SRE"] else 0)

@@ -18,7 +18,7 @@ from simulators.world import World
 pytestmark = [pytest.mark.integration, pytest.mark.peer("pymeasure")]
 
 
-def with_pymeasure(use: Callable[[Any, SimulatedKeithley], None], path: Path) -> None:
+def with_pymeasure(use: Callable[[Any, SimulatedKeithley], None], path: Path, *, model: str = "6220") -> None:
     """Runs `use` in a thread, with PyMeasure's driver on a source that this loop serves."""
 
     def connect(source: SimulatedKeithley) -> None:
@@ -38,7 +38,7 @@ def with_pymeasure(use: Callable[[Any, SimulatedKeithley], None], path: Path) ->
     async def main() -> None:
         loop = asyncio.get_running_loop()
         world = World(WorldSettings(seed=1, gravity_mps2=9.8), loop.time)
-        source = SimulatedKeithley(world, FaultPlan(now_s=loop.time))
+        source = SimulatedKeithley(world, FaultPlan(now_s=loop.time), model=model)
         async with serve_pty(path, protocol_factory(source)):
             await asyncio.to_thread(connect, source)
 
@@ -82,3 +82,31 @@ def test_it_reads_the_errors_and_resets(tmp_path: Path) -> None:
         assert not source.output
 
     with_pymeasure(use, tmp_path / "source")
+
+
+def test_it_makes_a_wave_and_sees_its_end(tmp_path: Path) -> None:
+    def use(keithley: Any, source: SimulatedKeithley) -> None:
+        keithley.shield_to_guard_enabled = True
+        keithley.output_low_grounded = True
+        assert keithley.shield_to_guard_enabled is True
+        assert keithley.output_low_grounded is True
+        keithley.waveform_function = "square"
+        keithley.waveform_amplitude = 0.01
+        keithley.waveform_offset = 0.002
+        keithley.waveform_frequency = 1000
+        keithley.waveform_duration_cycles = 100
+        keithley.waveform_use_phasemarker = True
+        assert (keithley.waveform_function, keithley.waveform_use_phasemarker) == ("square", True)
+        assert (keithley.waveform_amplitude, keithley.waveform_offset) == pytest.approx((0.01, 0.002))
+        keithley.operation_event_enabled = 128
+        keithley.srq_event_enabled = 128
+        keithley.waveform_arm()
+        keithley.waveform_start()
+        while not int(keithley.status) & 128:
+            assert source.current_a in (0.002, 0.0)
+        assert keithley.operation_events == 128 | 16
+        assert keithley.source_enabled is False
+        keithley.waveform_abort()
+        assert keithley.check_errors() == []
+
+    with_pymeasure(use, tmp_path / "source", model="6221")

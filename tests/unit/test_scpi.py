@@ -208,3 +208,17 @@ def test_lines_may_come_in_any_portions() -> None:
     assert answers == b"5\r\n"
     assert session.feed(b"VOLT?\n") == b""  # this one acts on CR
     assert LineSession(an_interpreter().execute).feed(b"x" * 5000 + b"VOLT?") == b""
+
+
+def test_the_status_byte_sums_up_what_is_enabled() -> None:
+    interpreter = Interpreter("MAKER,MODEL,1,1", {}, summary=lambda: 128)
+    assert interpreter.execute("*CLS;*ESE?;*SRE?;*STB?;*TST?") == "0;0;128;0"
+    assert interpreter.execute("*ESE 32;*SRE 32;*ESE?;*SRE?;*STB?") == "32;32;128"
+    assert interpreter.execute("NONSENSE;*STB?") == str(128 + 64 + 32 + 4)
+    assert interpreter.execute("*ESR?;*STB?;:SYST:ERR?;*STB?") == '32;132;-113,"Undefined header";128'
+    assert interpreter.execute("*SRE 256;*SRE?;:SYST:ERR?") == '32;-222,"Data out of range"'
+
+
+def test_some_tell_their_errors_with_a_sign() -> None:
+    interpreter = Interpreter("MAKER,MODEL,1,1", {}, signed=True)
+    assert interpreter.execute("NONSENSE;:SYST:ERR?;ERR?") == '-113,"Undefined header";+0,"No error"'

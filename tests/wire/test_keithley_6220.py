@@ -227,3 +227,54 @@ def test_a_setting_is_compared_as_it_was_sent() -> None:
     state = wire.read_state(talk(source, wire.STATE_QUERY)[0].strip())
     assert state.setting.compliance_v == pytest.approx(100.92)
     assert wire.next_step(state, Setting(0.02, 0.0, 100.91489474311184, True)) == ""
+
+
+def test_settings_that_change_nothing_here_are_kept_and_told(source: SimulatedKeithley) -> None:
+    # As PyMeasure's driver of a 6221 sends them, and InstrumentKit's of a 6220 (SOUR:CLE:IMM).
+    told = b"OUTP:ISH?;:OUTP:LTE?;:SOUR:DEL?;:STAT:OPER:ENAB?;:DISP:ENAB?;*SRE?"
+    assert talk(source, told) == [b"OLOW; 0; 1.000000E+00; 0; 1; 0\r"]
+    talk(source, b":OUTPut:ISHield GUAR", b"OUTP:LTE 1", b":SOUR:DEL 0.5", b":STAT:OPER:ENAB 128", b"*SRE 128")
+    assert talk(source, told) == [b"GUAR; 1; 5.000000E-01; 128; 1; 128\r"]
+    assert talk(source, b"OUTP:ISH EARTH", b"SYST:ERR?") == [b"", b'-224,"Illegal parameter value"\r']
+    talk(source, b"CURR 0.0012;:OUTP ON", b"SOUR:CLE:IMM")
+    assert talk(source, b"OUTP?;:CURR?", b"*RST;:SOUR:DEL?") == [b"0; 0.000000E+00\r", b"1.000000E+00\r"]
+
+
+def test_a_6220_makes_no_waves(source: SimulatedKeithley) -> None:
+    assert talk(source, b":SOUR:WAVE:FREQ?", b"SYST:ERR?") == [b"", b'-113,"Undefined header"\r']
+
+
+def test_a_wave_is_armed_begun_and_ended() -> None:
+    # Commands as PyMeasure's driver sends them; bit 4 of the operation register is in the manual, 7 in that driver.
+    clock = [0.0]
+    world = World(WorldSettings(seed=1, gravity_mps2=9.8), lambda: clock[0])
+    source = SimulatedKeithley(world, FaultPlan(), terminator="cr", model="6221")
+    assert talk(source, b"*IDN?") == [b"KEITHLEY INSTRUMENTS INC.,MODEL 6221,SIM-6220-01,D04  /700x\r"]
+    assert talk(source, b":SOUR:WAVE:FUNC?;FREQ?;DUR:TIME?;:SOUR:WAVE:PMAR?") == [
+        b"SIN; 1.000000E+03; 9.900000E+37; 1.800000E+02\r"
+    ]
+    talk(source, b":SOUR:WAVE:FUNC SQU;AMPL 0.01;OFFS 0.002;FREQ 100;DUR:CYCL 50", b"STAT:OPER:ENAB 128;*SRE 128;*CLS")
+    assert talk(source, b":SOUR:WAVE:INIT", b"SYST:ERR?") == [b"", b'-221,"Settings conflict"\r']
+    assert talk(source, b":SOUR:WAVE:ARM;:STAT:OPER:COND?", b":SOUR:WAVE:FUNC SIN") == [b"0\r", b""]
+    assert talk(source, b":SOUR:WAVE:FREQ 100;:SYST:ERR?;ERR?") == [b'-221,"Settings conflict"; 0,"No error"\r']
+    assert talk(source, b":SOUR:WAVE:INIT", b"OUTP?;:STAT:OPER:COND?;:STAT:OPER?") == [b"", b"1; 16; 16\r"]
+    assert source.current_a == pytest.approx(0.002)
+    assert talk(source, b"*STB?") == [b"0\r"]
+    clock[0] = 0.6
+    assert talk(source, b"*STB?") == [b"192\r"]
+    assert talk(source, b"STAT:OPER:EVEN?;:OUTP?", b"STAT:OPER?") == [b"128; 0\r", b"0\r"]
+    assert source.current_a == 0
+    talk(source, b":SOUR:WAVE:DUR:CYCL INF;:SYST:ERR?", b":SOUR:WAVE:ABOR", b":SOUR:WAVE:DUR:CYCL INF")
+    talk(source, b":SOUR:WAVE:ARM;:SOUR:WAVE:INIT")
+    clock[0] = 1000.0
+    assert source.current_a == pytest.approx(0.002)
+    assert talk(source, b":SOUR:WAVE:ABOR", b"STAT:OPER:COND?;:OUTP?;:SYST:ERR?") == [b"", b'1024; 0; 0,"No error"\r']
+
+
+def test_a_wave_needs_the_interlock_and_a_range_that_it_fits_in() -> None:
+    source = a_source(model="6221")
+    talk(source, b":SOUR:WAVE:AMPL 0.1;OFFS 0.01;:SOUR:WAVE:ARM")
+    assert talk(source, b"SYST:ERR?", b"SYST:ERR?") == [b'-221,"Settings conflict"\r', b'0,"No error"\r']
+    source.interlock_closed = False
+    talk(source, b":SOUR:WAVE:OFFS 0;:SOUR:WAVE:ARM;INIT")
+    assert talk(source, b"SYST:ERR?", b"OUTP?;:STAT:OPER:COND?") == [b'-221,"Settings conflict"\r', b"0; 0\r"]
