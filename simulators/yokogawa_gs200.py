@@ -8,9 +8,11 @@ from typing import ClassVar, Self
 from drivers.yokogawa_gs200 import wire
 from drivers.yokogawa_gs200.wire import Condition, Function
 from simulators.faults import FaultKind, FaultPlan, Mishap
+from simulators.kept import KeptSettings, kept_switch, kept_word
 from simulators.loaded_source import LoadedSource
 from simulators.scpi import (
     ILLEGAL_VALUE,
+    NOT_ALLOWED,
     OUT_OF_RANGE,
     SETTINGS_CONFLICT,
     Handler,
@@ -26,6 +28,12 @@ from simulators.world import World
 _RANGES_V = (10e-3, 100e-3, 1.0, 10.0, 30.0)
 _FUNCTIONS: dict[str, Function] = {"CURR": "CURR", "CURRENT": "CURR", "VOLT": "VOLT", "VOLTAGE": "VOLT"}
 _CURRENT_LIMITS_A = (1e-3, 200e-3)
+_KEPT = {
+    "SENSe:REMote": kept_switch("0"),
+    "SENSe:GUARd": kept_switch("0"),
+    "ROUTe:BNCOut": kept_word("TRIG", "TRIGger", "OUTPut", "READy"),
+    "ROUTe:BNCIn": kept_word("TRIG", "TRIGger", "OUTPut"),
+}
 
 
 class SimulatedGS200(LoadedSource):
@@ -40,6 +48,7 @@ class SimulatedGS200(LoadedSource):
         super().__init__(world, faults, load_ohm)
         self.function: Function = "VOLT"
         self.emergency = False
+        self._kept = KeptSettings(_KEPT)
         self._reset()
         self._interpreter = Interpreter(f"YOKOGAWA,GS210,{serial},2.02", self._commands())
 
@@ -73,12 +82,12 @@ class SimulatedGS200(LoadedSource):
             wire.FUNCTION: self.unless_stuck(self._set_function),
             f"{wire.FUNCTION}?": lambda _: self.function,
             wire.RANGE: self.unless_stuck(self._set_range),
-            f"{wire.RANGE}?": lambda _: f"{self.range_a:+.5E}",
+            f"{wire.RANGE}?": lambda _: _engineering(self.range_a),
             wire.LEVEL: self.unless_stuck(self._set_level),
             wire.AUTO_LEVEL: self.unless_stuck(self._set_auto_level),
             f"{wire.LEVEL}?": lambda _: f"{self.level_a:+.5E}",
             wire.COMPLIANCE: self.unless_stuck(self._set_compliance),
-            f"{wire.COMPLIANCE}?": lambda _: f"{self.compliance_v:.0f}",
+            f"{wire.COMPLIANCE}?": lambda asked: f"+{_engineering(_asked(asked, self.compliance_v))}",
             wire.CURRENT_LIMIT: self.unless_stuck(self._set_current_limit),
             f"{wire.CURRENT_LIMIT}?": lambda _: f"{self.current_limit_a:+.5E}",
             wire.OUTPUT: self.unless_stuck(lambda argument: self.put_output(switch(argument))),
@@ -86,7 +95,11 @@ class SimulatedGS200(LoadedSource):
             f"{wire.CONDITION}?": lambda _: str(int(self._condition())),
             f"{wire.EVENT}?": lambda _: str(int(self._condition())),
             "*OPT?": lambda _: "0",
+            "SYSTem:LFRequency?": lambda _: "50",
+            "SYSTem:REMote": lambda _: None,
+            "SYSTem:LOCal": lambda _: None,
             "*RST": lambda _: self._reset(),
+            **self._kept.commands(),
         }
 
     @property
@@ -106,10 +119,17 @@ class SimulatedGS200(LoadedSource):
             self.range_a = self._ranges[0]
 
     def _set_range(self, argument: str) -> None:
-        range_ = self._range_for(setting(argument, 0, self._ranges[-1]), over=1.0)
+        range_ = self._wanted_range(argument.upper())
         if abs(self.level_a) > self._most(range_):
             raise Refusal(SETTINGS_CONFLICT)
         self.range_a = range_
+
+    def _wanted_range(self, argument: str) -> float:
+        place = self._ranges.index(self.range_a)
+        places = {"MIN": 0, "MAX": -1, "DOWN": max(place - 1, 0), "UP": min(place + 1, len(self._ranges) - 1)}
+        if argument in places:
+            return self._ranges[places[argument]]
+        return self._range_for(setting(argument, 0, self._ranges[-1]), over=1.0)
 
     def _set_level(self, argument: str) -> None:
         level = setting(argument, -self._most(self._ranges[-1]), self._most(self._ranges[-1]))
@@ -144,6 +164,7 @@ class SimulatedGS200(LoadedSource):
         return next(range_ for range_ in self._ranges if value <= over * range_ * (1 + 1e-9))
 
     def _reset(self) -> None:
+        self._kept.reset()
         self.put_output(False)
         self.function, self.level_a = "VOLT", 0.0
         self.range_a = _RANGES_V[-1]
@@ -154,3 +175,16 @@ class SimulatedGS200(LoadedSource):
         "restart": Mishap(restart),
         "tripped": Mishap(trip),
     }
+
+
+def _asked(which: str, set_to: float) -> float:
+    """What a question for the voltage limit is answered: what it is, or with MIN or MAX what it can be."""
+    if which.upper() not in ("", "MIN", "MAX"):
+        raise Refusal(NOT_ALLOWED)
+    return {"MIN": wire.COMPLIANCE_MIN_V, "MAX": wire.COMPLIANCE_MAX_V}.get(which.upper(), set_to)
+
+
+def _engineering(value: float) -> str:
+    """As the manual has answers (+30E+0), and the range as a program of other people expects it (10E-3)."""
+    exponent = 0 if value >= 1 else -3
+    return f"{value / 10**exponent:g}E{exponent:+d}"

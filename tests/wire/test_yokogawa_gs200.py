@@ -107,11 +107,11 @@ def test_a_range_has_its_largest_level_and_its_step(range_a: float, most_a: floa
 
 def test_a_session_with_a_source(source: SimulatedGS200) -> None:
     assert talk(source, b"*IDN?", wire.STATE_QUERY) == [
-        b"YOKOGAWA,GS210,SIM-GS200-01,2.02\n", b"VOLT;+3.00000E+01;+0.00000E+00;30;0;0\n",
+        b"YOKOGAWA,GS210,SIM-GS200-01,2.02\n", b"VOLT;30E+0;+0.00000E+00;+30E+0;0;0\n",
     ]  # fmt: skip
     assert talk(source, b":SOUR:FUNC CURR;:SOUR:RANG 10E-3;:SOUR:LEV 0.0012;:SOUR:PROT:VOLT 5;:OUTP 1") == [b""]
     assert talk(source, wire.STATE_QUERY, b":SYST:ERR?") == [
-        b"CURR;+1.00000E-02;+1.20000E-03;5;1;0\n", b'0,"No error"\n',
+        b"CURR;10E-3;+1.20000E-03;+5E+0;1;0\n", b'0,"No error"\n',
     ]  # fmt: skip
     assert source.current_a == pytest.approx(0.0012)
     talk(source, b":SOUR:FUNC VOLT")
@@ -145,14 +145,14 @@ def test_a_range_takes_twenty_per_cent_more_and_rounds_to_its_step(source: Simul
     talk(source, b"SOUR:LEV 0.001000014")
     assert talk(source, b"SOUR:LEV?") == [b"+1.00001E-03\n"]
     talk(source, b"SOUR:LEV:AUTO 0.0121")
-    assert talk(source, b"SOUR:RANG?;LEV?") == [b"+1.00000E-01;+1.21000E-02\n"]
+    assert talk(source, b"SOUR:RANG?;LEV?") == [b"100E-3;+1.21000E-02\n"]
 
 
 def test_its_voltage_limit_keeps_a_current_from_flowing_and_its_condition_tells(source: SimulatedGS200) -> None:
     talk(source, b"SOUR:FUNC CURR;:SOUR:RANG 0.01;:SOUR:LEV 0.01;:SOUR:PROT:VOLT 2;:OUTP 1")
     source.load_ohm = 1000
     assert source.current_a == pytest.approx(0.002)
-    assert talk(source, wire.STATE_QUERY) == [b"CURR;+1.00000E-02;+1.00000E-02;2;1;2048\n"]
+    assert talk(source, wire.STATE_QUERY) == [b"CURR;10E-3;+1.00000E-02;+2E+0;1;2048\n"]
     assert talk(source, b"SOUR:LEV -0.01", b"STAT:COND?") == [b"", b"1024\n"]
     source.emergency = True
     assert talk(source, b"OUTP 0", b"STAT:COND?") == [b"", b"8192\n"]
@@ -164,3 +164,24 @@ def test_restarts_and_faults(source: SimulatedGS200) -> None:
     assert talk(source, b"SOUR:LEV 0;:OUTP 0", b"SOUR:LEV?;:OUTP?;*ESR?") == [b"", b"+1.00000E-02;1;0\n"]
     source.restart()
     assert talk(source, b"SOUR:FUNC?;LEV?;:OUTP?;*ESR?") == [b"VOLT;+0.00000E+00;0;128\n"]
+
+
+def test_ranges_and_limits_are_told_as_manual_and_programs_of_other_people_have_them(source: SimulatedGS200) -> None:
+    # The limits as in the user's manual, page 13-12; the ranges as exopy's driver compares them.
+    assert talk(source, b"SOUR:PROT:VOLT? MIN", b"SOUR:PROT:VOLT? MAX") == [b"+1E+0\n", b"+30E+0\n"]
+    assert talk(source, b"SOUR:PROT:VOLT? SOME", b"SYST:ERR?") == [b"", b'-108,"Parameter not allowed"\n']
+    talk(source, b"SOUR:FUNC CURR")
+    for range_ in (b"1E-3", b"10E-3", b"100E-3", b"200E-3"):
+        assert talk(source, b"SOUR:RANG " + range_, b"SOUR:RANG?") == [b"", range_ + b"\n"]
+    told = {b"UP": b"200E-3", b"DOWN": b"100E-3", b"MIN": b"1E-3", b"MAX": b"200E-3"}
+    assert [talk(source, b"SOUR:RANG " + word, b"SOUR:RANG?")[1].strip() for word in told] == list(told.values())
+    talk(source, b"SOUR:FUNC VOLT")
+    for range_ in (b"10E-3", b"1E+0", b"30E+0"):
+        assert talk(source, b"SOUR:RANG " + range_, b"SOUR:RANG?") == [b"", range_ + b"\n"]
+
+
+def test_settings_that_change_nothing_here_are_kept(source: SimulatedGS200) -> None:
+    asked = b"SENS:REM?;:SENS:GUAR?;:ROUT:BNCO?;:ROUT:BNCI?;:SYST:LFR?"
+    assert talk(source, asked) == [b"0;0;TRIG;TRIG;50\n"]
+    talk(source, b"SENS:REM 1", b":ROUT:BNCO ready")
+    assert talk(source, asked) == [b"1;0;READ;TRIG;50\n"]
