@@ -18,6 +18,7 @@ HOMING_RATE_DPS = 10.0
 FOLLOWING_ERROR_BIT = 0x2
 _NOT_INITIALISED, _KILLED, _ABORTED, _HOMED, _ARRIVED, _ENABLED = 0, 7, 10, 11, 12, 13
 _DISABLED, _FOLLOWING_ERROR, _NOT_HOMED, _HOMING, _MOVING = 20, 22, 42, 43, 44
+_ANSWERED_LATER = ("GroupMoveAbsolute", "GroupMoveRelative", "GroupHomeSearch")
 _STATUS_WORDS = {
     _NOT_INITIALISED: "Not initialized state",
     _KILLED: "Not initialized state due to a GroupKill or KillAll command",
@@ -82,14 +83,19 @@ class SimulatedXps:
             "Login": self._login,
             "ErrorListGet": lambda _: ";".join(f"Error {code}: {words}" for code, words in _CODE_WORDS.items()) + ";",
             "ErrorStringGet": lambda given: f"Error {given[0]} : {_CODE_WORDS.get(int(given[0]), '')}",
-            "GroupInitialize": self._initialise,
+            "KillAll": lambda _: self._kill([self._group]),
+            **dict.fromkeys(("GroupInitialize", "GroupInitializeNoEncoderReset"), self._initialise),
             "GroupHomeSearch": self._home,
             "GroupMotionEnable": self._enable,
             "GroupMotionDisable": self._disable,
             "GroupKill": self._kill,
             "GroupMoveAbsolute": self._move,
+            "GroupMoveRelative": self._move_by,
             "GroupMoveAbort": self._abort,
             "GroupPositionCurrentGet": self._position,
+            "GroupPositionTargetGet": lambda given: self._of_axis(given, [self._driven.target_deg()]),
+            "GroupVelocityCurrentGet": lambda given: self._of_axis(given, [self._driven.rate_dps(self._world.now())]),
+            "GroupMotionStatusGet": lambda given: self._of_axis(given, [self._driven.moving(self._world.now())]),
             "GroupStatusGet": lambda given: str(self._of_group(given)),
             "GroupStatusStringGet": lambda given: _STATUS_WORDS.get(int(given[0]), ""),
             "PositionerErrorRead": self._read_error,
@@ -138,7 +144,7 @@ class SimulatedXps:
             return Reply(wire.WRONG_FORMAT, text)
         except CallRefusedError as refused:
             return Reply(refused.code, text)
-        if call.name in ("GroupMoveAbsolute", "GroupHomeSearch") and self._driven.moving(self._world.now()):
+        if call.name in _ANSWERED_LATER and self._driven.moving(self._world.now()):
             self._waiting = session
             session.answer_in(self._driven.left_s(self._world.now()), text)
             return None
@@ -160,6 +166,10 @@ class SimulatedXps:
         if given[0] != self._positioner:
             raise CallRefusedError(wire.POSITIONER_NAME)
         return ",".join(f"{value:.12g}" for value in values)
+
+    def _of_axis(self, given: Sequence[str], values: Sequence[float] = ()) -> str:
+        """Of the group, which is this one axis, or of its positioner: what asks for groups is asked for either."""
+        return self._of_positioner([self._positioner] if given[0] == self._group else given, values)
 
     def _from(self, given: Sequence[str], *states: GroupState) -> None:
         if wire.group_state(self._of_group(given)) not in states:
@@ -198,8 +208,11 @@ class SimulatedXps:
         self.stop_at_once()
         return ""
 
+    def _move_by(self, given: Sequence[str]) -> str:
+        return self._move([given[0], str(self._driven.target_deg() + float(given[1]))])
+
     def _move(self, given: Sequence[str]) -> str:
-        self._of_positioner(given)
+        self._of_axis(given)
         self._from([self._group], GroupState.READY)
         angle_deg = float(given[1])
         if not self._travel_deg[0] <= angle_deg <= self._travel_deg[1]:
@@ -217,7 +230,7 @@ class SimulatedXps:
     def _position(self, given: Sequence[str]) -> str:
         if not self.faults.active("frozen"):
             self._angle_deg = self._driven.encoder_deg(self._world.now())
-        return self._of_positioner(given, [self._angle_deg])
+        return self._of_axis(given, [self._angle_deg])
 
     def _read_error(self, given: Sequence[str]) -> str:
         self._of_positioner(given)

@@ -60,6 +60,11 @@ def test_it_initialises_homes_moves_and_reads() -> None:
         xps.move_stage("HEAD.Pos", 12.5)
         assert xps.get_stage_position("HEAD.Pos") == 12.5
         assert xps.get_group_status() == {"HEAD": "Ready state from motion"}
+        xps.move_stage("HEAD.Pos", -2.5, relative=True)
+        assert xps.get_stage_position("HEAD.Pos") == 10.0
+        driver, socket = xps._xps, xps._sid
+        assert driver.GroupMoveAbsolute(socket, "HEAD", [11.5])[0] == 0
+        assert driver.GroupPositionCurrentGet(socket, "HEAD", 1) == [0, 11.5]
         assert xps.get_positioner_errors() == {"HEAD.Pos": "OK"}
 
     with_newportxps(use)

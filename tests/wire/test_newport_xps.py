@@ -201,7 +201,7 @@ def test_a_connection_on_which_a_move_is_under_way_is_busy(head: SimulatedXps) -
         (b"GroupMoveAbsolute(HEAD.Pos,far)", b"-7"),
         (b"GroupMoveAbsolute(HEAD.Pos,371.0)", b"-17"),
         (b"PositionerSGammaParametersSet(HEAD.Pos,81,40,0.04,0.04)", b"-17"),
-        (b"GroupPositionCurrentGet(HEAD,double *)", b"-18"),
+        (b"GroupPositionCurrentGet(HEAD.Neg,double *)", b"-18"),
         (b"GroupStatusGet(TABLE,int *)", b"-19"),
         (b"GroupInitialize(HEAD)", b"-22"),
         (b"Login(Administrator,secret)", b"-106"),
@@ -246,4 +246,25 @@ def test_a_frozen_encoder_and_a_stuck_axis(head: SimulatedXps, clock: Clock) -> 
     head.faults.begin("stuck")
     assert talk(head, b"GroupMoveAbsolute(HEAD.Pos,0)", b"GroupStatusGet(HEAD,int *)") == [
         b"0,,EndOfAPI", b"0,12,EndOfAPI",
+    ]  # fmt: skip
+
+
+def test_a_group_of_one_axis_is_asked_and_moved_by_its_own_name_too(head: SimulatedXps, clock: Clock) -> None:
+    # As ESRF's BLISS does for groups, and newportxps in get_group_position and move_group.
+    assert talk(head, b"GroupMoveAbsolute(HEAD,20.0)") == [b""]
+    clock.now_s = 1.0
+    assert talk(
+        head, b"GroupMotionStatusGet(HEAD,int *)", b"GroupVelocityCurrentGet(HEAD,double *)",
+        b"GroupPositionTargetGet(HEAD,double *)",
+    ) == [b"0,1,EndOfAPI", b"0,10,EndOfAPI", b"0,20,EndOfAPI"]  # fmt: skip
+    clock.now_s = 10.0
+    assert talk(head, b"GroupPositionCurrentGet(HEAD,double *)", b"GroupMoveRelative(HEAD.Pos,-5)") == [
+        b"0,20,EndOfAPI", b"",
+    ]  # fmt: skip
+    clock.now_s = 20.0
+    assert talk(head, b"GroupPositionCurrentGet(HEAD.Pos,double *)", b"GroupMotionStatusGet(HEAD,int *)") == [
+        b"0,15,EndOfAPI", b"0,0,EndOfAPI",
+    ]  # fmt: skip
+    assert talk(head, b"KillAll()", b"GroupStatusGet(HEAD,int *)", b"GroupInitializeNoEncoderReset(HEAD)") == [
+        b"0,,EndOfAPI", b"0,7,EndOfAPI", b"0,,EndOfAPI",
     ]  # fmt: skip
