@@ -1,5 +1,7 @@
 """Ensemble lines typed by hand, in both directions, and the simulated controller that speaks them."""
 
+from collections.abc import Callable
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -216,3 +218,46 @@ def test_a_frozen_feedback_and_a_stuck_axis(head: SimulatedEnsemble, clock: Cloc
     assert talk(head, b"PFBK X") == [b"%0.000000\n"]
     head.faults.begin("stuck")
     assert talk(head, b"MOVEABS X 10.0 F10", b"AXISSTATUS X") == [b"%\n", b"%7\n"]
+
+
+def test_words_that_other_programs_say(head: SimulatedEnsemble, clock: Clock) -> None:
+    # As ESRF's BLISS says them when it begins, moves, turns and looks; parameters by its numbers.
+    assert talk(head, b"ACKNOWLEDGEALL", b"RAMP MODE RATE", b"WAIT MODE NOWAIT", b"VERSION", b"ENABLE X") == [
+        b"%\n", b"%\n", b"%\n", b"%5.06.001\n", b"%\n",
+    ]  # fmt: skip
+    assert talk(head, b"GETPARM(X,67)", b"SETPARM(X,67,4)", b"GETPARM(X,67)", b"GETPARM(X,2)", b"GETPARM(X,9999)") == [
+        b"%1\n", b"%\n", b"%4\n", b"%1000000\n", b"!\n",
+    ]  # fmt: skip
+    assert talk(head, b"RAMP RATE X 10", b"RAMP RATE X -1", b"MOVEABS X 10.000000 XF 10.000000", b"CMDPOS(X)") == [
+        b"%\n", b"!\n", b"%\n", b"%0.000000\n",
+    ]  # fmt: skip
+    clock.now_s = 1.0  # up to 10 deg/s within 1 s
+    assert talk(head, b"PFBK(X)", b"VFBK X", b"VCMD X") == [b"%5.000000\n", b"%10.000000\n", b"%10.000000\n"]
+    clock.now_s = 5.0
+    assert talk(head, b"CMDPOS(X)", b"PERR X", b"MOVEINC X -4 F10") == [b"%10.000000\n", b"%0.000000\n", b"%\n"]
+    clock.now_s = 10.0
+    assert talk(head, b"PFBK X", b"FREERUN X 5.0") == [b"%6.000000\n", b"%\n"]
+    clock.now_s = 20.0
+    assert talk(head, b"VFBK X", b"AXISSTATUS X", b"FREERUN X 0") == [b"%5.000000\n", b"%11\n", b"%\n"]
+    clock.now_s = 30.0
+    assert talk(head, b"VFBK X", b"AXISSTATUS X", b"DISABLE X", b"FREERUN X 5") == [
+        b"%0.000000\n", b"%7\n", b"%\n", b"!\n",
+    ]  # fmt: skip
+
+
+def test_a_software_limit_is_a_parameter(head: SimulatedEnsemble) -> None:
+    assert talk(head, b"ENABLE X", b"GETPARM(X, SoftwareLimitHigh)", b"SETPARM(X, SoftwareLimitHigh, 90)") == [
+        b"%\n", b"%370\n", b"%\n",
+    ]  # fmt: skip
+    assert talk(head, b"MOVEABS X 90.5 F10", b"ACKNOWLEDGEALL", b"AXISFAULT X") == [b"#\n", b"%\n", b"%0\n"]
+
+
+def test_homing_is_answered_when_it_is_over_and_holds_back_what_follows(head: SimulatedEnsemble, clock: Clock) -> None:
+    session, later = head.session(), list[tuple[float, Callable[[], bytes]]]()
+    session.answer_by(lambda delay_s, answer: later.append((delay_s, answer)))
+    assert session.feed(b"HOME X\nENABLE X\nMOVEABS X 20.0 F10\n") == b"!\n%\n%\n"
+    clock.now_s = 10.0
+    assert session.feed(b"HOME X\nPFBK X\n") == b""
+    ((delay_s, answer),) = later
+    clock.now_s += delay_s
+    assert answer() == b"%\n%0.000000\n"
