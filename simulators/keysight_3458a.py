@@ -26,12 +26,19 @@ _EVENTS = {"AUTO": 1, "EXT": 2, "SGL": 3, "HOLD": 4, "SYN": 5}
 _CHOICES = {
     "TARM": _EVENTS, "TRIG": _EVENTS, "END": {**_ON_OFF, "ALWAYS": 2}, "INBUF": _ON_OFF, "OFORMAT": {"ASCII": 1},
     "QFORMAT": {"NUM": 0, "NORM": 1}, "AZERO": {**_ON_OFF, "ONCE": 2}, "MATH": {"OFF": 0, "NULL": 7},
+    # Kept and told, as programs of other people set them: nothing of what is simulated depends on them.
+    "LFILTER": _ON_OFF, "FIXEDZ": _ON_OFF, "LOCK": _ON_OFF, "BEEP": {**_ON_OFF, "ONCE": 2},
+    "DISP": {**_ON_OFF, "MSG": 2, "CLR": 3}, "MEM": {"OFF": 0, "LIFO": 1, "FIFO": 2, "CONT": 3},
 }  # fmt: skip
-_PRESET = {"TARM": 1, "TRIG": 5, "INBUF": 0, "AZERO": 1, "OFORMAT": 1, "MATH": 0}
+_KEPT = {"LFILTER": 0, "FIXEDZ": 0, "LOCK": 0, "BEEP": 1, "DISP": 1, "MEM": 0}
+_PRESET = {"TARM": 1, "TRIG": 5, "INBUF": 0, "AZERO": 1, "OFORMAT": 1, "MATH": 0, **_KEPT}
 _POWER_ON = {**_PRESET, "TRIG": 1, "END": 0, "QFORMAT": 1}
+_NUMBERS = {"NDIG": (7.0, 3.0, 8.0), "NRDGS": (1.0, 1.0, 1.0), "DELAY": (0.0, 0.0, 6000.0)}  # out of the box, range
+_INSIDE_C = 36.5
 _NPLC_MAX = 1000.0
 _FUNCTIONS = {"DCV": (wire.DC_VOLTS, wire.RANGES_V), "DCI": (wire.DC_CURRENT, wire.RANGES_A)}
 _OVER_RANGE, _OVER_1_A = 1.2, 1.05
+_ERROR_BIT = 1 << 5  # of the status byte
 _NOISE_NPLC = 10.0  # for which the noise of its input is stated
 
 
@@ -56,7 +63,13 @@ class Simulated3458A:
             "REV?": lambda: "9,2",
             "CALNUM?": lambda: "12",
             "LFREQ?": lambda: _engineering(round(1e7 / round(1e7 / line_hz), 5)),
+            "LINE?": lambda: _engineering(line_hz),
             "ERRSTR?": self._take_error,
+            "ERR?": lambda: self._take_register(100),
+            "AUXERR?": lambda: self._take_register(200),
+            "STB?": lambda: str(_ERROR_BIT if self.errors else 0),
+            "OPT?": lambda: "0",
+            "TEMP?": lambda: _engineering(_INSIDE_C),
             "FUNC?": lambda: f"{self.function.code:g}, {self._range_spelled()}",
             "RANGE?": self._range_spelled,
             "NPLC?": lambda: _engineering(self.nplc),
@@ -71,10 +84,12 @@ class Simulated3458A:
     def restart(self) -> None:
         """The mains fail for a moment: everything is as when it was switched on."""
         self.codes: dict[str, int] = dict(_POWER_ON)
+        self._numbers = {header: first for header, (first, _, _) in _NUMBERS.items()}
         self.function, self._ranges = _FUNCTIONS["DCV"]
         self.full_scale: float | None = None
         self.nplc = 10.0
         self._reading: _Aperture | None = None
+        self._single = "TARM"  # which trigger was single last
         self.errors.clear()
 
     @property
@@ -89,9 +104,22 @@ class Simulated3458A:
             return self._told[header]()
         if header.endswith("?") and header[:-1] in self.codes:
             return str(self.codes[header[:-1]])
+        if header.endswith("?") and header[:-1] in self._numbers:
+            return f"{self._numbers[header[:-1]]:g}"
         if not self.faults.active("stuck"):
+            if header == "FUNC" and parameters:  # FUNC DCV,10 is DCV 10
+                header, *parameters = parameters
             self._set(header, parameters[0] if parameters else "")
         return ""
+
+    def triggered_by(self, command: str) -> bool:
+        """Whether a command triggers a reading: of the two triggers, one is single and the other lets pass."""
+        header, *parameters = re.split(r"[ ,]+", command.upper())
+        other = {"TARM": "TRIG", "TRIG": "TARM"}.get(header)
+        if other is None or parameters[:1] != ["SGL"] or (header == "TRIG" and self.codes[other] != _EVENTS["AUTO"]):
+            return False
+        self._single = header
+        return True
 
     def begin_reading(self) -> float:
         """Triggered: begins a reading; how long it takes (s)."""
@@ -107,7 +135,7 @@ class Simulated3458A:
         reading, self._reading = self._reading, None
         if reading is None:
             return ""
-        self.codes["TARM"] = _EVENTS["HOLD"]
+        self.codes[self._single] = _EVENTS["HOLD"]
         if not self.faults.active("frozen"):
             mean = reading.input / (reading.integrated_s - reading.begin_s)
             noise = self.connected.noise * math.sqrt(_NOISE_NPLC / self.nplc) * float(self._noise.standard_normal())
@@ -141,6 +169,10 @@ class Simulated3458A:
                 self._set_range(parameter)
             case "NPLC":
                 self._set_nplc(parameter)
+            case "RANGE":
+                self._set_range(parameter)
+            case _ if header in _NUMBERS:
+                self._set_number(header, parameter)
             case _ if header in _CHOICES:
                 code = _CHOICES[header].get(parameter)
                 if code is None:
@@ -161,6 +193,14 @@ class Simulated3458A:
         nplc = self._number(parameter, _NPLC_MAX)
         if nplc is not None:
             self.nplc = nplc if nplc < 1 else float(math.ceil(nplc) if nplc <= 10 else 10 * math.ceil(nplc / 10))
+
+    def _set_number(self, header: str, parameter: str) -> None:
+        _, low, high = _NUMBERS[header]
+        number = self._number(parameter, high)
+        if number is not None and number >= low:
+            self._numbers[header] = number
+        elif number is not None:
+            self.errors.add(OUT_OF_RANGE)
 
     def _number(self, parameter: str, most: float) -> float | None:
         try:
@@ -188,6 +228,12 @@ class Simulated3458A:
         code = min(self.errors, key=lambda code: (code < 200, code))
         self.errors.remove(code)
         return f'{code},"{_ERRORS.get(code, "HARDWARE ERROR")}"'
+
+    def _take_register(self, first: int) -> str:
+        """The errors from `first` on, each with a bit; they are cleared."""
+        taken = {code for code in self.errors if first <= code < first + 100}
+        self.errors -= taken
+        return str(sum(1 << code - first for code in taken))
 
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
         **MEASURES_AND_OBEYS,
@@ -228,7 +274,7 @@ class VoltmeterSession:
         answers = []
         while self._commands and not self._meter.is_reading:
             command = self._commands.popleft()
-            if command.upper().replace(",", " ").split()[:2] == ["TARM", "SGL"]:
+            if self._meter.triggered_by(command):
                 self._later(self._meter.begin_reading(), self._finish)
             else:
                 answers.append(self._meter.execute(command))

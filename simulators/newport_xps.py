@@ -92,7 +92,7 @@ class SimulatedXps:
             "GroupMoveAbsolute": self._move,
             "GroupMoveRelative": self._move_by,
             "GroupMoveAbort": self._abort,
-            "GroupPositionCurrentGet": self._position,
+            **dict.fromkeys(("GroupPositionCurrentGet", "GroupPositionSetpointGet"), self._position),
             "GroupPositionTargetGet": lambda given: self._of_axis(given, [self._driven.target_deg()]),
             "GroupVelocityCurrentGet": lambda given: self._of_axis(given, [self._driven.rate_dps(self._world.now())]),
             "GroupMotionStatusGet": lambda given: self._of_axis(given, [self._driven.moving(self._world.now())]),

@@ -274,3 +274,25 @@ def test_faults_and_a_power_failure(bench: Bench) -> None:
 def test_reset_is_as_switching_on(bench: Bench) -> None:
     bench.say(wire.set_up(Setting(1.0, 1.0)), b"MATH NULL", b"RESET", b"END ON")
     assert bench.say(b"TARM?", b"NPLC?", b"INBUF?", b"MATH?") == [b"1\r\n", b"10.0000000E+00\r\n", b"0\r\n", b"0\r\n"]
+
+
+def test_a_single_trigger_reads_when_the_trigger_arm_lets_it_pass(bench: Bench) -> None:
+    # As drivers of other people read it: PRESET NORM, FUNC DCV,1, NPLC, then TRIG SGL for each reading.
+    bench.say(b"PRESET NORM;FUNC DCV,1;NPLC 1;TRIG SGL")
+    assert float(bench.wait()) == pytest.approx(0.5)
+    assert bench.say(b"TRIG?", b"TARM?") == [b"4\r\n", b"1\r\n"]
+    bench.say(b"TARM HOLD;TRIG SGL")
+    assert bench.due == []
+
+
+def test_what_other_programs_set_and_ask_besides(bench: Bench) -> None:
+    # As the package hp3458a says it.
+    bench.say(b"NDIG 8;DELAY 0.5;LFILTER ON;BEEP OFF;DISP OFF;MEM FIFO;RANGE 10;NRDGS 1,AUTO")
+    assert bench.say(b"NDIG?", b"DELAY?", b"LFILTER?", b"BEEP?", b"DISP?", b"MEM?", b"RANGE?") == [
+        b"8\r\n", b"0.5\r\n", b"1\r\n", b"0\r\n", b"0\r\n", b"2\r\n", b"10\r\n",
+    ]  # fmt: skip
+    assert bench.say(b"OPT?", b"STB?") == [b"0\r\n", b"0\r\n"]
+    assert float(bench.say(b"TEMP?")[0]) == 36.5
+    assert bench.say(b"NDIG 9;NONSENSE;NDIG 1", b"STB?", b"ERR?", b"ERR?", b"AUXERR?") == [
+        b"", b"32\r\n", b"72\r\n", b"0\r\n", b"0\r\n",
+    ]  # fmt: skip
