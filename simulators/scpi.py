@@ -166,7 +166,9 @@ class LineSession:
 
 
 def setting(argument: str, low: float, high: float) -> float:
-    """A numeric argument from `low` to `high`; raises Refusal as an instrument would."""
+    """A numeric argument from `low` to `high`, which MIN and MAX stand for; raises Refusal as an instrument would."""
+    if argument.upper() in _ENDS:
+        return (low, high)[_ENDS[argument.upper()]]
     try:
         value = scpi.number(argument)
     except ValueError:
@@ -176,6 +178,7 @@ def setting(argument: str, low: float, high: float) -> float:
     return value
 
 
+_ENDS = {"MIN": 0, "MINIMUM": 0, "MAX": 1, "MAXIMUM": 1}  # of a range
 _SWITCH = {"1": True, "ON": True, "0": False, "OFF": False}
 
 

@@ -47,6 +47,9 @@ class SimulatedSupply:
                 f"{wire.MEASURE_CURRENT}?": lambda _: f"{self._measure()[1]:.5f}",
                 f"{wire.OVER_VOLTAGE}?": lambda _: str(int("over_voltage" in self._tripped)),
                 f"{wire.OVER_CURRENT}?": lambda _: str(int("over_current" in self._tripped)),
+                "APPLy": self._apply,
+                "APPLy?": lambda _: f'"{self._level_v:.3f},{self._limit_a:.4f}"',
+                **dict.fromkeys(("SYSTem:REMote", "SYSTem:LOCal", "SYSTem:RWLock"), lambda _: None),
                 "*RST": lambda _: self._reset(),
             },
         )
@@ -79,6 +82,11 @@ class SimulatedSupply:
 
     def _set_limit(self, argument: str) -> None:
         self._limit_a = round(setting(argument, 0.0, CURRENT_MAX_A), 4)
+
+    def _apply(self, argument: str) -> None:
+        level, _, limit = (part.strip() for part in argument.partition(","))
+        self._set_limit(limit or str(self._limit_a))
+        self._set_level(level)
 
     def _switch(self, argument: str) -> None:
         on = switch(argument)

@@ -222,3 +222,7 @@ def test_the_status_byte_sums_up_what_is_enabled() -> None:
 def test_some_tell_their_errors_with_a_sign() -> None:
     interpreter = Interpreter("MAKER,MODEL,1,1", {}, signed=True)
     assert interpreter.execute("NONSENSE;:SYST:ERR?;ERR?") == '-113,"Undefined header";+0,"No error"'
+
+
+def test_a_number_may_be_the_least_or_the_most() -> None:
+    assert [setting(word, -2.0, 5.0) for word in ("MIN", "maximum", "3")] == [-2.0, 5.0, 3.0]

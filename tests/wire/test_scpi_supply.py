@@ -164,6 +164,16 @@ def test_trips_restarts_and_faults(supply: SimulatedSupply, world: World) -> Non
     assert talk(supply, b"VOLT 5;:OUTP OFF", b"MEAS:VOLT?;:VOLT?;:OUTP?") == [b"", b"15.0000;5.000;1\n"]
 
 
+def test_a_level_and_a_limit_may_come_together_or_by_their_ends(supply: SimulatedSupply) -> None:
+    assert talk(supply, b"SYST:REM;:APPL 12, 0.5", b"APPL?;*TST?") == [b"", b'"12.000,0.5000";0\n']
+    assert talk(supply, b"VOLT MIN;:CURR MAX", b"APPL?", b"APPL 6", b"APPL?", b"SYST:ERR?") == [
+        b"", b'"0.000,3.0000"\n', b"", b'"6.000,3.0000"\n', b'0,"No error"\n',
+    ]  # fmt: skip
+    assert talk(supply, b"APPL 6,4", b"APPL?", b"SYST:ERR?") == [
+        b"", b'"6.000,3.0000"\n', b'-222,"Data out of range"\n',
+    ]  # fmt: skip
+
+
 @given(
     level=st.floats(0, 16),
     limit=st.floats(0, 3),
