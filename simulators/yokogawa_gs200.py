@@ -8,6 +8,7 @@ from typing import ClassVar, Self
 from drivers.yokogawa_gs200 import wire
 from drivers.yokogawa_gs200.wire import Condition, Function
 from simulators.faults import FaultKind, FaultPlan, Mishap
+from simulators.gs200_program import Program
 from simulators.kept import KeptSettings, kept_switch, kept_word
 from simulators.loaded_source import LoadedSource
 from simulators.scpi import (
@@ -45,6 +46,8 @@ class SimulatedGS200(LoadedSource):
     def __init__(
         self, world: World, faults: FaultPlan, *, serial: str = "SIM-GS200-01", load_ohm: float = 100.0
     ) -> None:
+        self._level = 0.0
+        self._program = Program(world.now, self._run_from)
         super().__init__(world, faults, load_ohm)
         self.function: Function = "VOLT"
         self.emergency = False
@@ -60,6 +63,22 @@ class SimulatedGS200(LoadedSource):
     def session(self) -> LineSession:
         """A new connection."""
         return LineSession(self._interpreter.execute)
+
+    @property
+    def level_a(self) -> float:
+        """What it is set to, or what its program gives now."""
+        level = self._program.level
+        return self._level if level is None else level
+
+    @level_a.setter
+    def level_a(self, level: float) -> None:
+        self._program.end()
+        self._level = level
+
+    def put_output(self, on: bool) -> None:
+        """Switches the output, which ends a program where it is."""
+        super().put_output(on)
+        self._hold()
 
     @property
     def current_a(self) -> float:
@@ -93,13 +112,15 @@ class SimulatedGS200(LoadedSource):
             wire.OUTPUT: self.unless_stuck(lambda argument: self.put_output(switch(argument))),
             f"{wire.OUTPUT}?": lambda _: str(int(self.output)),
             f"{wire.CONDITION}?": lambda _: str(int(self._condition())),
-            f"{wire.EVENT}?": lambda _: str(int(self._condition())),
+            f"{wire.EVENT}?": lambda _: str(int(self._condition()) | int(self._program.take_events())),
             "*OPT?": lambda _: "0",
             "SYSTem:LFRequency?": lambda _: "50",
             "SYSTem:REMote": lambda _: None,
             "SYSTem:LOCal": lambda _: None,
             "*RST": lambda _: self._reset(),
             **self._kept.commands(),
+            **self._program.commands(),
+            "PROGram:HOLD": lambda _: self._hold(),
         }
 
     @property
@@ -135,7 +156,19 @@ class SimulatedGS200(LoadedSource):
         level = setting(argument, -self._most(self._ranges[-1]), self._most(self._ranges[-1]))
         if abs(level) > self._most(self.range_a) * (1 + 1e-9):
             raise Refusal(OUT_OF_RANGE)
-        self._put_level(level)
+        if self._program.edited:
+            self._program.add(level)
+        else:
+            self._put_level(level)
+
+    def _hold(self) -> None:
+        self.level_a = self.level_a  # its program ends
+
+    def _run_from(self) -> float:
+        """The level that a program begins from; with the output off none begins."""
+        if not self.output:
+            raise Refusal(SETTINGS_CONFLICT)
+        return self.level_a
 
     def _set_auto_level(self, argument: str) -> None:
         level = setting(argument, -self._most(self._ranges[-1]), self._most(self._ranges[-1]))
@@ -165,6 +198,7 @@ class SimulatedGS200(LoadedSource):
 
     def _reset(self) -> None:
         self._kept.reset()
+        self._program.reset()
         self.put_output(False)
         self.function, self.level_a = "VOLT", 0.0
         self.range_a = _RANGES_V[-1]

@@ -58,6 +58,13 @@ def test_pymeasure_sets_and_reads_range_level_limit_and_output() -> None:
             assert gs200.source_enabled is True
             assert source.current_a == pytest.approx(0.012)
             assert gs200.check_errors() == []
+            gs200.trigger_ramp_to_level(0.002, 0.3)
+            levels = [gs200.source_level]
+            while levels[-1] != pytest.approx(0.002):
+                levels.append(gs200.source_level)
+            assert len(set(levels)) > 2
+            assert levels == sorted(levels, reverse=True)
+            gs200.source_level = 0.012
             gs200.write(":SOUR:LEV 0.0121")
             gs200.source_enabled = False
             assert [int(code) for code, *_ in gs200.check_errors()] == [-222]
@@ -88,6 +95,14 @@ def test_qcodes_sets_and_reads_range_limit_level_and_output() -> None:
             assert gs200.current_range() == pytest.approx(0.01)
             assert gs200.voltage_limit() == 5
             assert source.current_a == pytest.approx(0.002)
+            gs200.ramp_mode("HARDWARE")
+            gs200.ramp_rate(0.01)
+            gs200.ramp_step(1e-6)
+            gs200.ramp_blocking(True)
+            gs200.current(0.004)
+            assert source.current_a == pytest.approx(0.004)
+            told = gs200.snapshot(update=True)["parameters"]
+            assert (told["four_wire"]["value"], told["line_freq"]["value"]) == ("off", 50)
             gs200.output("off")
             assert source.current_a == 0
             assert gs200.ask(":SYST:ERR?").startswith("0,")

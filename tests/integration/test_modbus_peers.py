@@ -1,6 +1,6 @@
 """Modbus masters that other people wrote on our simulated chambers, of every dialect, on TCP and on serial lines.
 
-mbpoll (libmodbus), pyModbusTCP, and watlow-f4 (minimalmodbus), which knows the registers of an F4.
+mbpoll (libmodbus), pyModbusTCP, modbus-tk, and watlow-f4 (minimalmodbus), which knows the registers of an F4.
 chamberconnectlibrary, which is for Python 2, has a module of its own: test_chamberconnect.
 """
 
@@ -171,6 +171,53 @@ def test_pymodbustcp_finds_input_and_holding_registers_as_the_profile_says() -> 
         await asyncio.to_thread(talk, port)
 
     on_tcp(lambda world, faults: SimulatedProfile(world, faults, FICTIONAL), use)
+
+
+@pytest.mark.peer("modbus_tk")
+def test_modbus_tk_reads_and_writes_an_f4t_and_is_told_what_it_has_not() -> None:
+    from modbus_tk import defines, modbus_tcp
+    from modbus_tk.modbus import ModbusError
+
+    def talk(port: int) -> None:
+        master = modbus_tcp.TcpMaster("127.0.0.1", port)
+        master.set_timeout(5)
+        assert master.execute(1, defines.READ_HOLDING_REGISTERS, 2820, 2) == (0, 0x41C8)
+        assert master.execute(1, defines.WRITE_MULTIPLE_REGISTERS, 2782, output_value=[0, 0xC220]) == (2782, 2)
+        assert master.execute(1, defines.WRITE_SINGLE_REGISTER, 2796, output_value=57) == (2796, 57)
+        for function, start, code in (
+            (defines.READ_HOLDING_REGISTERS, 1, defines.ILLEGAL_DATA_ADDRESS),
+            (defines.READ_COILS, 0, defines.ILLEGAL_FUNCTION), (defines.READ_INPUT_REGISTERS, 2820, 1),
+        ):  # fmt: skip
+            with pytest.raises(ModbusError) as refused:
+                master.execute(1, function, start, 1)
+            assert refused.value.get_exception_code() == code
+        master.close()
+
+    async def use(port: int, world: World) -> None:
+        await asyncio.to_thread(talk, port)
+        assert world.thermal.set_point_c == -40.0
+
+    on_tcp(TCP_F4T, use)
+
+
+@pytest.mark.peer("modbus_tk")
+def test_modbus_tk_reads_and_writes_an_f4_on_a_serial_line(tmp_path: Path) -> None:
+    import serial
+    from modbus_tk import defines, modbus_rtu
+
+    def talk(path: Path) -> None:
+        master = modbus_rtu.RtuMaster(serial.Serial(str(path), 9600))
+        master.set_timeout(2)
+        assert master.execute(1, defines.READ_HOLDING_REGISTERS, 100, 1) == (250,)
+        assert master.execute(1, defines.WRITE_SINGLE_REGISTER, 300, output_value=0xFE6B) == (300, 0xFE6B)
+        assert master.execute(1, defines.READ_HOLDING_REGISTERS, 300, 1) == (0xFE6B,)
+        master.close()
+
+    async def use(path: Path, world: World) -> None:
+        await asyncio.to_thread(talk, path)
+        assert world.thermal.set_point_c == -40.5
+
+    on_a_line(SimulatedF4, use, tmp_path / "chamber")
 
 
 @pytest.mark.peer("watlow_f4")

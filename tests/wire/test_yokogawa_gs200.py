@@ -185,3 +185,34 @@ def test_settings_that_change_nothing_here_are_kept(source: SimulatedGS200) -> N
     assert talk(source, asked) == [b"0;0;TRIG;TRIG;50\n"]
     talk(source, b"SENS:REM 1", b":ROUT:BNCO ready")
     assert talk(source, asked) == [b"1;0;READ;TRIG;50\n"]
+
+
+def test_a_program_ramps_the_level_and_tells_its_end() -> None:
+    # As PyMeasure's driver and QCoDeS's ramp a level.
+    clock = [0.0]
+    source = SimulatedGS200(World(WorldSettings(seed=1, gravity_mps2=9.8), lambda: clock[0]), FaultPlan())
+    talk(source, b"SOUR:FUNC CURR;:SOUR:RANG 10E-3;:SOUR:LEV 0.001")
+    program = b":program:edit:start;:source:level 0.005;:program:edit:end;:program:interval 4;:program:slope 2"
+    assert talk(source, program, b":program:run", b"SYST:ERR?") == [b"", b"", b'-221,"Settings conflict"\n']
+    assert talk(source, b"SOUR:LEV?", b"OUTP 1", b":program:repeat 0;:program:run", b"STAT:EVEN?") == [
+        b"+1.00000E-03\n", b"", b"", b"0\n",
+    ]  # fmt: skip
+    clock[0] = 1.0
+    assert talk(source, b"SOUR:LEV?", b"STAT:EVEN?") == [b"+3.00000E-03\n", b"0\n"]
+    assert source.current_a == pytest.approx(0.003)
+    clock[0] = 3.0
+    assert talk(source, b"SOUR:LEV?", b"STAT:EVEN?") == [b"+5.00000E-03\n", b"0\n"]
+    clock[0] = 5.0
+    assert talk(source, b"SOUR:LEV?", b"STAT:EVEN?", b"STAT:EVEN?") == [b"+5.00000E-03\n", b"192\n", b"0\n"]
+    talk(source, b"PROG:RUN;:PROG:HOLD", b"PROG:EDIT:STAR;:SOUR:LEV 0;:SOUR:LEV 0.01;:PROG:EDIT:END")
+    talk(source, b"PROG:REP 1;SLOP 0;RUN")
+    clock[0] = 6.0
+    assert talk(source, b"SOUR:LEV?") == [b"+0.00000E+00\n"]
+    clock[0] = 10.0
+    assert talk(source, b"SOUR:LEV?") == [b"+1.00000E-02\n"]
+    clock[0] = 14.0
+    assert talk(source, b"SOUR:LEV?", b"SOUR:LEV 0.002", b"SOUR:LEV?") == [b"+0.00000E+00\n", b"", b"+2.00000E-03\n"]
+    talk(source, b"PROG:RUN")
+    clock[0] = 20.0
+    assert talk(source, b"SOUR:LEV?;:OUTP 0;:SOUR:LEV?") == [b"+1.00000E-02;+1.00000E-02\n"]
+    assert talk(source, b"PROG:EDIT:STAR;:PROG:RUN;:SYST:ERR?") == [b'-221,"Settings conflict"\n']
