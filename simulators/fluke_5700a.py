@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import deque
 from collections.abc import Mapping
 from typing import ClassVar, Self
@@ -22,6 +23,10 @@ _EXPLAINED = {
 }  # fmt: skip
 QUEUE_LENGTH = 16
 _EVENTS = {UNKNOWN_COMMAND: Event.COMMAND_ERROR, BAD_PARAMETER: Event.COMMAND_ERROR, OVERLOAD: Event.DEVICE_ERROR}
+_NO_EFFECT = {  # what is told that changes nothing here: with which arguments
+    "*WAI": "", "*OPC": "", "EXTGUARD": "ON|OFF", "EXTSENSE": "ON|OFF", "CUR_POST": "NORMAL|AUX|IB5725",
+    "LIMIT": "[^,]+,[^,]+",
+}  # fmt: skip
 _EITHER_END = bytes.maketrans(b"\r", b"\n")
 
 
@@ -100,6 +105,9 @@ class SimulatedFluke:
             arguments = [argument.strip() for argument in rest.split(",")] if rest else []
             if header.endswith("?"):
                 answers += self._answer(header, arguments)
+            elif header in _NO_EFFECT:
+                if not re.fullmatch(_NO_EFFECT[header], ",".join(arguments)):
+                    self.fault(BAD_PARAMETER)
             else:
                 self._obey(header, arguments)
         return answers

@@ -273,6 +273,15 @@ def test_what_a_calibrator_refuses_is_in_its_fault_queue(source: SimulatedFluke,
     assert talk(source, b"FAULT?", b"FAULT?", b"*ESR?", b"*ESR?") == [fault + b"\r", b"0\r", b"32\r", b"0\r"]
 
 
+def test_what_changes_nothing_here_is_taken_as_the_manual_has_it(source: SimulatedFluke) -> None:
+    talk(source, b"REMOTE", b"*CLS")
+    told = b"EXTGUARD ON;EXTSENSE OFF;CUR_POST AUX;LIMIT 10 V, -10 V;*WAI;*OPC"
+    assert talk(source, told, b"FAULT?") == [b"", b"0\r"]
+    assert talk(source, b"EXTGUARD", b"CUR_POST FRONT", b"FAULT?", b"FAULT?", b"FAULT?") == [
+        b"", b"", b"902\r", b"902\r", b"0\r",
+    ]  # fmt: skip
+
+
 def test_the_fault_queue_keeps_the_first_faults(source: SimulatedFluke) -> None:
     source.fault(ILLEGAL_LIMIT)
     talk(source, *[b"NONSENSE"] * 20)
