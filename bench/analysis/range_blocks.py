@@ -12,7 +12,7 @@ from bench.analysis.rest import Rest, RestReading, fit_rest
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.steady_turning import Steady
 from bench.analysis.table_intake import table_samples
-from bench.analysis.table_samples import PARTS_DOF, harmonics_u_dps, steady
+from bench.analysis.table_samples import harmonics_u_dps, steady
 
 AT_REST_DPS = 0.01
 
@@ -46,7 +46,7 @@ class RangeBlocks:
         """The reading at rest."""
         if self.rest is None:
             raise ValueError("nothing was read at rest")
-        return Steady(self.rest.value, self.rest.u, 0.0, 0.0, saturated=False)
+        return Steady(self.rest.value, self.rest.u, 0.0, 0.0, saturated=False, dof=self.rest.dof)
 
     def leave_out(self, step: str, problems: Sequence[str]) -> None:
         """An acquisition that cannot be used."""
@@ -56,11 +56,11 @@ class RangeBlocks:
 
 
 def range_blocks(
-    data: RunData, unit: UnitUnderTest, per_pulse: float, clip: float, *, has_dead_band: bool = False
+    data: RunData, unit: UnitUnderTest, per_pulse: float, clip: float, *, feels_gravity: bool = False
 ) -> RangeBlocks:
     """The blocks of a unit in the order of the run; an output is what the unit says times `per_pulse`.
 
-    A converter with a dead band tells nothing at rest when it is silent.
+    An accelerometer feels gravity: at rest the wobble of the axis, and its converter's dead band, where it is silent.
     """
     found = RangeBlocks()
     at_rest: list[RestReading] = []
@@ -68,7 +68,7 @@ def range_blocks(
     for acquisition in data.acquisitions:
         samples, motion = table_samples(acquisition, unit), acquisition.motion
         problems = list(samples.problems)
-        if motion is None and has_dead_band and unit.is_counted and _is_silent(acquisition.counts[unit.channel]):
+        if motion is None and feels_gravity and unit.is_counted and _is_silent(acquisition.counts[unit.channel]):
             problems.append("dead_band")
         if problems:
             found.leave_out(acquisition.step, problems)
@@ -79,12 +79,12 @@ def range_blocks(
             u_dps = harmonics_u_dps(samples, data.bench.axes.get(motion.device, AxisRecord()).harmonics_u_deg)
             turning.append((middle_s, Turning(acquisition.step, motion.rate_dps, read, u_dps, samples.temperature_c)))
         elif motion is None and abs(read.rate_dps) < AT_REST_DPS:
-            at_rest.append(RestReading(middle_s, acquisition.angle_deg, read.output, read.u_output, PARTS_DOF))
+            at_rest.append(RestReading(middle_s, acquisition.angle_deg, read.output, read.u_output, read.dof))
             found.rest_steps.append(acquisition.step)
         else:
             found.leave_out(acquisition.step, ["not_at_rest"])
     if at_rest:
-        found.rest = fit_rest(at_rest)
+        found.rest = fit_rest(at_rest, axis_wobbles=feels_gravity)
         found.turning = list(_without_drift(turning, found.rest))
     else:
         found.flags.append("rest_missing")

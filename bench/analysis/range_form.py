@@ -14,10 +14,11 @@ from bench.analysis.linearity import Linearity, LinearityPoint, fit_linearity
 from bench.analysis.models import Constant, Equation
 from bench.analysis.range_blocks import RangeBlocks, Turning
 from bench.analysis.rundata import RunData, UnitUnderTest
-from bench.analysis.table_samples import PARTS_DOF, mean_c
+from bench.analysis.table_samples import mean_c
 
 BIAS = "readings at rest"
 TILT = "axis: level, in readings at rest at one angle"
+WOBBLE = "axis: wobble"
 WARMER = "scale factor: temperature against that at the low rates"
 BY_RADIUS = "low rates: by way of the radius"
 COMMON = frozenset({BIAS, BY_RADIUS, WARMER})  # one error at all points
@@ -86,7 +87,7 @@ class RangeForm:
 
     def noise(self, turning: Turning) -> BudgetLine:
         """Of one reading."""
-        return BudgetLine(noise_of(self.unit), "A", turning.steady.u_output, PARTS_DOF)
+        return BudgetLine(noise_of(self.unit), "A", turning.steady.u_output, turning.steady.dof)
 
     def of_the_voltmeter(self, value: float) -> Iterator[BudgetLine]:
         """Its gain; its offset is in the readings at rest alike."""
@@ -117,8 +118,8 @@ class RangeForm:
     def at_rest(self, blocks: RangeBlocks, quantity: str, name: str) -> Finding:
         """The bias."""
         lines = [BudgetLine(BIAS, "A", blocks.bias.u_output, _dof(blocks))]
-        if self.symbol == "g" and blocks.rest is not None and blocks.rest.of_one_angle:
-            lines.append(BudgetLine(TILT, "B", float(np.radians(self.data.bench.level_u_deg)), None, "fixture.level"))
+        if self.symbol == "g" and blocks.rest is not None:
+            lines += self._tilted(at_one_angle=blocks.rest.of_one_angle)
         if self.unit.voltmeter is not None:
             _, offset_u_v = self.data.bench.voltmeters_u.get(self.unit.voltmeter, (0.0, 0.0))
             offset_u = offset_u_v / self._scale.value
@@ -127,6 +128,17 @@ class RangeForm:
         return self.subject.finding(
             quantity, name, blocks.bias.output, self.symbol, lines, {}, tuple(blocks.rest_steps)
         )
+
+    def _tilted(self, *, at_one_angle: bool) -> Iterator[BudgetLine]:
+        """What gravity is in readings at rest.
+
+        An axis that tilts with a turn lets half of it in wherever the sensor points, as a sine times a sine has a mean.
+        """
+        bench = self.data.bench
+        share = 1.0 if at_one_angle else 0.5
+        if at_one_angle:
+            yield BudgetLine(TILT, "B", float(np.radians(bench.level_u_deg)), None, "fixture.level")
+        yield BudgetLine(WOBBLE, "B", share * float(np.radians(bench.head.wobble_u_deg)), None, "table.wobble")
 
     def errors(
         self, turning: Turning, at: Mapping[str, Any], true: float, error: float, lines: Sequence[BudgetLine]

@@ -60,7 +60,7 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
 
 def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
     per_pulse = 1 / settings["scale"][unit.output_unit]
-    blocks = range_blocks(data, unit, per_pulse, settings["clip_g"], has_dead_band=True)
+    blocks = range_blocks(data, unit, per_pulse, settings["clip_g"], feels_gravity=True)
     form = RangeForm(data, unit, settings, "acceleration_error", "g", settings["full_scale_g"])
     if blocks.rest is None:
         return form.result(blocks, [], None)

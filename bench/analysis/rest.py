@@ -1,6 +1,7 @@
-"""What a unit reads while the table stands, as a straight line over time and a first harmonic over its angles.
+"""What a unit reads while the table stands, as a straight line over time and harmonics over its angles.
 
-A tilt of the axis is in a reading at rest and cancels over whole turns; fitted beside the bias it is not in that.
+A tilt of the axis is in a reading at rest once a turn, a tilt that itself comes once a turn is in it twice. Both cancel
+over whole turns; fitted beside the bias they are not in that.
 """
 
 from __future__ import annotations
@@ -46,8 +47,8 @@ class Rest:
         return self.drift_per_s * (at_s - self.middle_s)
 
 
-def fit_rest(readings: Sequence[RestReading]) -> Rest:
-    """The bias that readings tell; ValueError for none.
+def fit_rest(readings: Sequence[RestReading], *, axis_wobbles: bool = False) -> Rest:
+    """The bias that readings tell; ValueError for none. With `axis_wobbles` what comes twice a turn is none of it.
 
     What scatters is told by each reading and by what the fit leaves of them: by both together, or by the fit where that
     is significantly more.
@@ -59,7 +60,7 @@ def fit_rest(readings: Sequence[RestReading]) -> Rest:
     output = np.array([reading.output for reading in readings])
     own = Scatter(float(np.sqrt(np.mean([each.u**2 for each in readings]))), sum(each.dof for each in readings))
     middle_s = float(np.mean(at_s))
-    for columns in _designs(at_s - middle_s, np.radians(angle_deg)):
+    for columns in _designs(at_s - middle_s, np.radians(angle_deg), axis_wobbles=axis_wobbles):
         try:
             fit = least_squares(np.column_stack(list(columns.values())), output, names=list(columns))
         except NotDetermined:
@@ -73,14 +74,22 @@ def fit_rest(readings: Sequence[RestReading]) -> Rest:
     raise AssertionError("readings do not determine their mean")
 
 
-def _designs(since_s: Array, angle_rad: Array) -> list[dict[str, Array]]:
+def _designs(since_s: Array, angle_rad: Array, *, axis_wobbles: bool) -> list[dict[str, Array]]:
     """What is fitted, from the most to the least that readings may tell."""
     one = {"bias": np.ones_like(since_s)}
     over_time = {"drift": since_s / _span_s(since_s)}
-    over_angle = {"cosine": np.cos(angle_rad), "sine": np.sin(angle_rad)}
-    if np.max(np.abs(np.sin(angle_rad - angle_rad[0]))) < OPPOSITE:
-        over_angle = {"cosine": np.cos(angle_rad - angle_rad[0])}
-    return [one | over_time | over_angle, one | over_angle, one | over_time, one]
+    once = _harmonic(1, angle_rad, "cosine", "sine")
+    twice = _harmonic(2, angle_rad, "cosine of twice", "sine of twice")
+    with_wobble = [one | over_time | once | twice] if axis_wobbles else []
+    return [*with_wobble, one | over_time | once, one | once, one | over_time, one]
+
+
+def _harmonic(order: int, angle_rad: Array, cosine: str, sine: str) -> dict[str, Array]:
+    """The columns of a harmonic; angles that see only one phase of it tell one."""
+    since = order * (angle_rad - angle_rad[0])
+    if np.max(np.abs(np.sin(since))) < order * OPPOSITE:
+        return {cosine: np.cos(since)}
+    return {cosine: np.cos(order * angle_rad), sine: np.sin(order * angle_rad)}
 
 
 def _span_s(at_s: Array) -> float:

@@ -19,13 +19,17 @@ HARMLESS = 1e-5  # of the angle turned to either side of its middle; what is les
 
 @dataclass(frozen=True, slots=True)
 class Steady:
-    """Mean output in its unit and mean table rate in deg/s, with standard uncertainties, type A."""
+    """Mean output in its unit and mean table rate in deg/s, with standard uncertainties, type A.
+
+    `dof` are the degrees of freedom of that of the output.
+    """
 
     output: float
     u_output: float
     rate_dps: float
     u_rate_dps: float
     saturated: bool
+    dof: int
 
 
 def steady(block: Block, excluded: Counter[str], *, clip: float | None = None) -> Steady | None:
@@ -54,6 +58,7 @@ def steady(block: Block, excluded: Counter[str], *, clip: float | None = None) -
         rate_dps=rate_dps,
         u_rate_dps=float(np.sqrt(angle.fit.covariance[1, 1])),
         saturated=saturated,
+        dof=_parts(mean.fit.residuals) - 1,
     )
 
 
@@ -78,7 +83,11 @@ def _mean(output: Array, turned_deg: Array, resolution: float) -> GatedFit:
 
 def _u_mean(readings: Array) -> float:
     """Standard uncertainty of the mean of `readings` (n,) in the order of time, whose noise need not be white."""
-    if len(readings) < 2 * PARTS:
-        return float(np.std(readings, ddof=1) / np.sqrt(len(readings)))
-    means = [float(np.mean(part)) for part in np.array_split(readings, PARTS)]
-    return float(np.std(means, ddof=1) / np.sqrt(PARTS))
+    parts = _parts(readings)
+    means = [float(np.mean(part)) for part in np.array_split(readings, parts)]
+    return float(np.std(means, ddof=1) / np.sqrt(parts))
+
+
+def _parts(readings: Array) -> int:
+    """Into how many parts they go: each alone where they are few."""
+    return PARTS if len(readings) >= 2 * PARTS else len(readings)

@@ -18,8 +18,10 @@ from bench.analysis.outputs import NO_CODES, mean_output, measured
 from bench.analysis.rundata import UnitUnderTest
 from bench.analysis.sampling import at_once, averaged_over
 from bench.analysis.table_samples import TableSamples
+from bench.analysis.turning_readings import TurningReadings
 
 LEAST_LATCHES = 20
+LEAST_READINGS = 3  # whose mean has a scatter
 NOTHING: Integers = np.empty(0, np.int64)
 
 
@@ -95,17 +97,31 @@ def _beside(acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, p
         problems.append("no_common_clock")
     clock_s = np.asarray(_since_first(encoder.tick, encoder.tick_bits) * encoder.tick_period_s, np.float64)
     at_s, values = (found.at_s, found.values_v) if isinstance(found, Voltages) else (sampled_at_s(found), found.values)
-    rows, total = NOTHING, np.empty(0)
+    rows, total, readings = NOTHING, np.empty(0), None
     if len(at_s) > 1 and len(clock_s) >= LEAST_LATCHES:
         host_s = on_the_host_clock(clock_s, encoder.host_s)
         read_s = clock_s[0] + (at_s - host_s[0]) * (clock_s[-1] - clock_s[0]) / (host_s[-1] - host_s[0])
         rows = np.flatnonzero((clock_s >= read_s[0]) & (clock_s <= read_s[-1]))
         area = np.concatenate(([0.0], np.cumsum(np.diff(read_s) * (values[1:] + values[:-1]) / 2)))
         total = np.interp(clock_s[rows], read_s, area)
+        readings = _turning(read_s, values, clock_s, _turned_deg(encoder))
+    few = "too_few_voltages" if isinstance(found, Voltages) else "too_few_codes"
+    if (readings is None or len(readings.output) < LEAST_READINGS) and few not in problems:
+        problems.append(few)
     if len(rows) < LEAST_LATCHES:
         problems.append("too_few_latches")
     latches = encoder.sequence[rows], rows, clock_s[rows]
-    return _samples(acquisition, unit, encoder, latches, total, problems, hidden_u=mean.step_u, alone_u=mean.alone_u)
+    return _samples(acquisition, unit, encoder, latches, total, problems, hidden_u=mean.step_u, readings=readings)
+
+
+def _turning(read_s: Array, values: Array, clock_s: Array, angle_deg: Array) -> TurningReadings:
+    """Readings at times of the encoder's clock, and the table around them; one before or after its latches is none."""
+    reach_s = float(np.median(np.diff(read_s))) / 4
+    seen = (read_s - reach_s >= clock_s[0]) & (read_s + reach_s <= clock_s[-1])
+    before_deg, at_deg, after_deg = (
+        np.interp(read_s[seen] + away_s, clock_s, angle_deg) for away_s in (-reach_s, 0.0, reach_s)
+    )
+    return TurningReadings(values[seen], at_deg, (after_deg - before_deg) / (2 * reach_s))
 
 
 def _readings(acquisition: Acquisition, unit: UnitUnderTest) -> Voltages | Codes:
@@ -122,20 +138,25 @@ def _samples(
     """At `latches`: their numbers, their rows of the encoder, and their times."""
     latch, of_encoder, time_s = latches
     warm_c = acquisition.temperatures_c[unit.temperature]
-    turned = _since_first(encoder.position[of_encoder], encoder.position_bits, either_way=True)
     return TableSamples(
         step=acquisition.step,
         motion=acquisition.motion,
         temperature_c=float(np.mean(warm_c)) if len(warm_c) else np.nan,
         time_s=time_s - time_s[:1],
         total=np.asarray(total - total[:1], np.float64),
-        angle_deg=np.asarray(turned * encoder.resolution_deg, np.float64),
+        angle_deg=_turned_deg(encoder, of_encoder),
         latch=latch,
         interval_s=_interval_s(time_s, latch),
         resolution_deg=encoder.resolution_deg,
         problems=tuple(problems),
         **more,
     )
+
+
+def _turned_deg(encoder: Positions, rows: Integers | slice = slice(None)) -> Array:
+    """How far the table has turned at rows of an encoder, since the first."""
+    steps = _since_first(encoder.position[rows], encoder.position_bits, either_way=True)
+    return np.asarray(steps * encoder.resolution_deg, np.float64)
 
 
 def _interval_s(time_s: Array, latch: Integers) -> float:

@@ -19,9 +19,9 @@ from bench.analysis.fit import LinearFit, NotDetermined, least_squares
 from bench.analysis.sampling import Kept, integration
 from bench.analysis.steady_turning import Steady
 from bench.analysis.table_blocks import Block
+from bench.analysis.turning_readings import HARMONICS, TurningReadings, owed_to_the_table
 
 PARTS = 40  # of a block, whose rates tell how certain that of the block is
-HARMONICS = 4  # of the angle, that parts of a turn differ by
 PARTS_DOF = PARTS - 3 - 2 * HARMONICS
 BETWEEN_PARTS = 1.5  # variance of a rate over a part, over that of a rate between the means of two
 SATURATED = 0.01  # of the samples
@@ -38,7 +38,7 @@ class TableSamples:
     `interval_s` is the time between two latches, `problems` make the acquisition unusable. `at_turns` is how much
     farther off pulses are where they turn round than those of a counter without play. Of samples that came at the
     latches `sampled` is what they leave of a sine, None of what was counted up; `step_of_codes` is how far two codes
-    are apart, and `hidden_u` what that hides from a mean. `alone_u` is that of the mean of readings at other times.
+    are apart, and `hidden_u` what that hides from a mean. `readings` are those that were taken at other times.
     """
 
     step: str
@@ -55,7 +55,7 @@ class TableSamples:
     sampled: Kept | None = None
     step_of_codes: float = 0.0
     hidden_u: float = 0.0
-    alone_u: float | None = None
+    readings: TurningReadings | None = None
 
     def block(self, per_pulse: float) -> Block:
         """Sample by sample: time, the encoder's angle then, and the mean output before; a pulse is so much of it.
@@ -83,17 +83,24 @@ class TableSamples:
 def steady(samples: TableSamples, per_pulse: float, clip: float | None = None) -> Steady:
     """Mean output and table rate over whole turns, or over all of it where there is none (methods.md 1.7).
 
-    Both are between the same two latches, so that an unevenness of the table is the same in both.
+    Both are between the same two latches, so that an unevenness of the table is the same in both. Readings at other
+    times tell what the output is at that rate.
     """
     last = _whole_turns(samples.angle_deg)
     span_s = float(samples.time_s[last])
-    output = samples.block(per_pulse).output
+    rate_dps = float(samples.angle_deg[last]) / span_s
+    if samples.readings is not None:
+        mean, scatter, dof = samples.readings.at_rate(rate_dps)
+        u = float(np.hypot(scatter, samples.hidden_u))
+    else:
+        mean, u, dof = float(samples.total[last]) / span_s, _u_mean(samples, last), PARTS_DOF
     return Steady(
-        output=float(samples.total[last]) / span_s * per_pulse,
-        u_output=_u_mean(samples, last) * abs(per_pulse),
-        rate_dps=float(samples.angle_deg[last]) / span_s,
+        output=mean * per_pulse,
+        u_output=u * abs(per_pulse),
+        rate_dps=rate_dps,
         u_rate_dps=RESOLUTION_COUNTS * samples.resolution_deg / span_s,
-        saturated=clip is not None and _share_at(clip, output) > SATURATED,
+        saturated=clip is not None and _share_at(clip, samples.block(per_pulse).output) > SATURATED,
+        dof=dof,
     )
 
 
@@ -102,8 +109,6 @@ def _u_mean(samples: TableSamples, last: int) -> float:
 
     What the parts owe to the table, which turns a little unevenly and takes the sensor through gravity, is no scatter.
     """
-    if samples.alone_u is not None:
-        return float(np.hypot(samples.alone_u, samples.hidden_u))
     edges = np.linspace(0, last, PARTS + 1).astype(np.int64)
     fit = _fitted(_between_parts(samples.total, samples, edges), _owed_to_the_table(samples, edges))
     scatter = fit.residual_sd * np.sqrt(BETWEEN_PARTS / PARTS)
@@ -124,10 +129,7 @@ def _between_parts(cumulative: Array, samples: TableSamples, edges: Integers) ->
 
 
 def _owed_to_the_table(samples: TableSamples, edges: Integers) -> Iterator[list[Array]]:
-    """Of the same parts: the table's rate, and harmonics of the angle, from many to none.
-
-    A table that is uneven by harmonics alone adds nothing to them: its rate is left out before they are.
-    """
+    """Of the same parts: the table's rate, and harmonics of the angle."""
     angle = np.radians(samples.angle_deg)
     table_dps = _between_parts(samples.angle_deg, samples, edges)
     waves = [
@@ -135,9 +137,7 @@ def _owed_to_the_table(samples: TableSamples, edges: Integers) -> Iterator[list[
         for order in range(1, HARMONICS + 1)
         for wave in (np.cos, np.sin)
     ]
-    for order in range(HARMONICS, -1, -1):
-        yield [np.ones_like(table_dps), table_dps - np.mean(table_dps), *waves[: 2 * order]]
-        yield [np.ones_like(table_dps), *waves[: 2 * order]]
+    return owed_to_the_table(table_dps - np.mean(table_dps), waves)
 
 
 def _fitted(values: Array, designs: Iterable[list[Array]]) -> LinearFit:

@@ -9,7 +9,7 @@ from bench.analysis.range_method import reduce_accelerometer, reduce_gyro
 from bench.analysis.table_samples import PARTS_DOF
 from bench.report.flag_words import flag_in_words
 from bench.sequence.methods.response import ACCELEROMETER_RANGE, GYRO_RANGE
-from tests.support.table_runs import at_rate, at_rest, data
+from tests.support.table_runs import BENCH, at_rate, at_rest, data
 
 GYRO = {"scale": "100 pulse/°", "full_scale": "400 °/s", "clip": "420 °/s"}
 ACCELEROMETER = {"scale": "10000 pulse/s/g", "full_scale": "20 g", "clip": "21 g"}
@@ -55,6 +55,15 @@ def test_the_scatter_of_few_readings_at_rest_is_told_together_with_that_within_t
     (rest,) = [each for each in gyro(*REST, *REST).findings if each.quantity == "rest_rate"]
     few = len([*REST, *REST]) - 4  # bias, drift, and two of a harmonic
     assert [line.dof for line in rest.budget] == [few + len([*REST, *REST]) * PARTS_DOF]
+
+
+@pytest.mark.parametrize(("angles", "share"), [((0, 90, 180, 270), 0.5), ((0, 0), 1.0)])
+def test_a_wobble_of_the_axis_is_in_the_budget_of_the_output_at_rest(angles, share):
+    rested = [at_rest(1e4 * BIAS_G, angle) for angle in angles]
+    unit = accelerometer(*rested, spun(200), spun(-200), spun(250), spun(800))
+    rest, *_ = unit.findings
+    told = {line.source: line.u for line in rest.budget}
+    assert told["axis: wobble"] == pytest.approx(share * np.radians(BENCH.head.wobble_u_deg))
 
 
 def test_relative_to_the_full_scale_it_is_that_part_of_it():

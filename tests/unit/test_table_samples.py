@@ -136,6 +136,19 @@ def test_the_uncertainty_of_the_bias_is_what_biases_scatter_by(more, low, high):
     assert low < np.sqrt(np.mean(np.square(ratios))) < high
 
 
+def test_what_a_wobble_makes_of_gravity_is_no_scatter():
+    """An axis that tilts once a turn is in the readings of an accelerometer twice a turn."""
+    angles_deg = [0, 90, 180, 270, 0, 90, 180, 270]
+    twice = [
+        RestReading(each.at_s, each.angle_deg, each.output + 2e-5 * np.cos(2 * np.radians(each.angle_deg)), 1e-6, 29)
+        for each in readings(1e-3, 5e-5, 1e-7, angles_deg)
+    ]
+    taken, left = fit_rest(twice, axis_wobbles=True), fit_rest(twice)
+    assert taken.value == pytest.approx(left.value) == pytest.approx(1e-3 + 1e-7 * 35)
+    assert taken.drift_per_s == pytest.approx(1e-7)
+    assert (taken.u, left.u) == (pytest.approx(1e-6 / np.sqrt(8), rel=0.02), pytest.approx(2e-5 / np.sqrt(4), rel=0.1))
+
+
 def test_opposite_angles_are_enough_and_others_are_told():
     assert fit_rest(readings(1e-3, 5e-5, 0.0, [0, 180, 0, 180])).value == pytest.approx(1e-3, abs=1e-9)
     assert fit_rest(readings(1e-3, 5e-5, 0.0, [0, 0, 0])).of_one_angle
