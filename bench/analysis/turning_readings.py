@@ -17,8 +17,8 @@ from bench.analysis.fit import LinearFit, NotDetermined, least_squares
 
 HARMONICS = 4  # of the angle, that readings differ by
 MOTOR = range(HARMONICS + 1, 61)  # the orders at which a motor may turn unevenly: its poles, or twice as many
-OF_THE_MOTOR = 0.5  # of their scatter is what readings keep without an order of it, at most; by chance in 1 % of cases
-TOLD = 0.05  # of readings, that the square of a wave is of beside what else is fitted; of one apart from it is a half
+OF_THE_MOTOR = 0.5  # of their scatter is what readings keep without an order of it, at most; by chance in 1 % at most
+TOLD = 1e-3  # of a reading, the least square of a wave beside what else is fitted; half of one where it stands apart
 BLURS = 1.5  # at most: the variance of a mean beside what goes with the table, over that of a plain mean
 LEAST_DOF = 8  # that the scatter is told by
 
