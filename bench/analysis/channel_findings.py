@@ -22,6 +22,7 @@ from bench.analysis.rundata import RunData, UnitUnderTest
 
 HOUR_S, MA_PER_A = 3600.0, 1e3
 BEYOND_U = 3.0  # standard uncertainties that two certificates may be apart
+LAG = BudgetLine("read-outs: lag behind the thermometer, contained", "alias", 0.0)
 ZERO = "src_0g"  # the points with the source at 0 A
 
 
@@ -63,6 +64,7 @@ class ChannelFindings:
             BudgetLine(f"{reading}: gain", "B", slope * gain_u * abs(self.reference_c), None, f"{reading}.gain"),
             *self._input_lines(level),
             *(line.times(self._away_c(level)) for line in level.input_lines),
+            LAG,
         ]
         return self._of_level("rate", name, level, run.rate_pps, self.unit.output_unit, lines)
 
@@ -106,14 +108,14 @@ class ChannelFindings:
     def slope(self, level: Level) -> Finding:
         """What the rate changes with the temperature of the converter."""
         slope = level.run.slope_pps_per_c
-        lines = [*level.slope_lines, self.thermometer_gain(slope)]
+        lines = [*level.slope_lines, self.thermometer_gain(slope), LAG]
         unit = f"{self.unit.output_unit}/°C"
         return self._of_level("rate/temperature_coefficient", "slope", level, slope, unit, lines)
 
     def relative_slope(self, level: Level) -> Finding:
         """The same relative to the rate."""
         slope, rate_pps = level.run.relative_slope_per_c, abs(level.run.rate_pps)
-        lines = [*(line.times(1 / rate_pps) for line in level.slope_lines), self.thermometer_gain(slope)]
+        lines = [*(line.times(1 / rate_pps) for line in level.slope_lines), self.thermometer_gain(slope), LAG]
         name = f"slope relative to the {self.output}"
         return self._of_level("rate/relative_temperature_coefficient", name, level, slope, "1/°C", lines)
 

@@ -3,8 +3,9 @@
 The errors of counts in neighbouring gates cancel each other, since what one has more the next has less: only the ends
 of the record matter (methods.md 1.7). Residuals of the gates would make far too much of them. So the part of the count
 is worked out from the latches that gates share. The rest is looked for in slow waves of the gates, nearly as slow as
-the line: there the count leaves next to nothing, and what comes and goes within a minute or two, such as a chamber's
-limit cycle, does not tilt a line either.
+the line: there the count leaves next to nothing, and what comes and goes within a minute or two does not tilt a line
+either. A chamber's limit cycle, which the thermometer tells a little later than the converter has it, does reach into
+the slow waves; but it goes with the rate of the temperature, and what does is lag and no scatter.
 """
 
 from __future__ import annotations
@@ -19,11 +20,13 @@ from bench.analysis.channel_temperature import Gates
 from bench.analysis.codes import by_level
 from bench.analysis.counts import RESOLUTION_COUNTS
 from bench.analysis.fit import Array, NotDetermined, fit_polynomial
+from bench.analysis.thermometer import rates_c_per_s
 
 STRETCHES = 24  # of a run, long enough that what the input does within seconds averages out
 SMOOTH_DEGREE = 3  # of the polynomial that gates scatter about
 WAVES_DEGREE = 17  # of the steepest polynomial in time that is still a slow wave
 LEAST_GATES = 3 * STRETCHES
+LAG_GATES = 5  # whose slope is the rate of the temperature: noise of the thermometer is most of what fewer differ by
 LATCH_COUNTS = RESOLUTION_COUNTS / np.sqrt(2)  # standard deviation of the charge that a latch has not counted yet
 SAME_LATCH_S = 1e-3
 
@@ -33,7 +36,7 @@ class LineScatter:
     """Standard uncertainties of type A of a line's rate (pulse/s) and slope (pulse/s/°C).
 
     `counting_` is of the count alone, `scatter_` of the rest with `dof` degrees of freedom. `excess_pps` is the
-    standard deviation of the rest in a gate, which is `gate_s` long. `residuals_pps` (m,) are what the means of
+    standard deviation of a gate that is `gate_s` long, what lags included. `residuals_pps` (m,) are what the means of
     stretches are away from the line, and `stretch_u_pps` is what they scatter by; none where the run is too short.
     `drift_h_per_c` and `accelerometer_per_c` are what a line over the converter's temperature gives for time (h) and
     for the accelerometer's temperature (°C): an input that drifts or follows the chamber changes the slope by so much.
@@ -69,16 +72,16 @@ def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
     rate_gain = 1 / count + (reference_c - centre_c) * slope_gain
     smooth = fit_polynomial(gates.converter_c, gates.rate_pps, SMOOTH_DEGREE).residuals
     line = fit_polynomial(gates.converter_c, gates.rate_pps, 1).residuals
+    own_pps = _own_scatter_pps(smooth, gates)
     counting_slope, counting_rate = np.linalg.norm(_unresolved(np.stack([slope_gain, rate_gain]), gates), axis=1)
-    excess_pps = _excess_pps(smooth, gates)
     accelerometer_c = np.where(np.isfinite(gates.accelerometer_c), gates.accelerometer_c, 0.0)
     return LineScatter(
         counting_rate=float(counting_rate),
         counting_slope=float(counting_slope),
-        scatter_rate=float(excess_pps * np.linalg.norm(rate_gain)),
-        scatter_slope=float(excess_pps * np.linalg.norm(slope_gain)),
+        scatter_rate=float(own_pps * np.linalg.norm(rate_gain)),
+        scatter_slope=float(own_pps * np.linalg.norm(slope_gain)),
         dof=WAVES_DEGREE - SMOOTH_DEGREE,
-        excess_pps=excess_pps,
+        excess_pps=_excess_pps(smooth, gates),
         gate_s=float(np.mean(gates.seconds)),
         residuals_pps=_stretches(line, gates.seconds)[0],
         stretch_u_pps=_stretch_u_pps(smooth, gates),
@@ -86,6 +89,20 @@ def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
         accelerometer_per_c=float(slope_gain @ accelerometer_c),
         step_u_pps=None if gates.step_u is None else float(np.mean(gates.step_u)),
     )
+
+
+def _own_scatter_pps(smooth_pps: Array, gates: Gates) -> float:
+    """As `_excess_pps` of departures (n,) from a smooth curve, but without what goes with the rate of the temperature.
+
+    The gates at the ends have no such rate, and are left out.
+    """
+    rate_c_per_s = rates_c_per_s(gates.time_s, gates.converter_c, LAG_GATES)
+    inner = np.arange(len(rate_c_per_s)) + LAG_GATES // 2
+    lag = fit_polynomial(gates.converter_c[inner], rate_c_per_s, SMOOTH_DEGREE).residuals
+    own_pps, size = smooth_pps[inner], float(lag @ lag)
+    if size:
+        own_pps = own_pps - lag * (lag @ own_pps) / size
+    return _excess_pps(own_pps, gates.rows(inner))
 
 
 def _unresolved(gains: Array, gates: Gates) -> Array:

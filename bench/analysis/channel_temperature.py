@@ -93,8 +93,8 @@ class Gates:
         """Net pulses in a second, or the mean of volts or codes."""
         return (self.positive - self.negative) / self.seconds
 
-    def rows(self, which: NDArray[np.bool_]) -> Gates:
-        """A part of the gates, by a mask."""
+    def rows(self, which: NDArray[np.int_] | NDArray[np.bool_]) -> Gates:
+        """A part of the gates, by their numbers or by a mask."""
         columns = {column.name: getattr(self, column.name) for column in fields(self)}
         return replace(self, **{name: values[which] for name, values in columns.items() if values is not None})
 

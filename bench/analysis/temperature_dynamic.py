@@ -10,11 +10,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from bench.analysis.fit import Array, NotDetermined, PolynomialFit, fit_polynomial, least_squares
 from bench.analysis.jumps import find_jumps
 from bench.analysis.ramp import Leg, RampRecord, cut_into_legs
+from bench.analysis.thermometer import rates_c_per_s
 
 UG_PER_G = 1e6
 RATE_SAMPLES = 21  # over which dT/dt is smoothed
@@ -282,10 +282,6 @@ def _rates_c_per_s(leg: Leg) -> Array:
     for part in leg.stretches(longest_hole=RATE_SAMPLES // 2):
         samples = min(RATE_SAMPLES, (part.stop - part.start) // 2 | 1)
         if samples >= 3:
-            time_s, temperature_c = (
-                sliding_window_view(column[part], samples) for column in (leg.time_s, leg.temperature_c)
-            )
-            time_s = time_s - time_s.mean(axis=-1, keepdims=True)
-            slope = np.sum(time_s * temperature_c, axis=-1) / np.sum(time_s**2, axis=-1)
+            slope = rates_c_per_s(leg.time_s[part], leg.temperature_c[part], samples)
             rate_c_per_s[part.start + samples // 2 : part.stop - samples // 2] = slope
     return rate_c_per_s

@@ -38,3 +38,10 @@ def broken_on_a_ramp(temperature_c: Array) -> NDArray[np.bool_]:
 def beyond_possible(temperature_c: Array) -> NDArray[np.bool_]:
     """Which readings (n,) are beyond anything that a chamber reaches; NaN is not among them."""
     return (temperature_c < POSSIBLE_C[0]) | (temperature_c > POSSIBLE_C[1])
+
+
+def rates_c_per_s(time_s: Array, temperature_c: Array, samples: int) -> Array:
+    """The slopes of lines through each so many consecutive samples of (n,), (n - samples + 1,)."""
+    time_s, temperature_c = (sliding_window_view(column, samples) for column in (time_s, temperature_c))
+    time_s = time_s - time_s.mean(axis=-1, keepdims=True)
+    return np.asarray(np.sum(time_s * temperature_c, axis=-1) / np.sum(time_s**2, axis=-1))

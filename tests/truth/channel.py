@@ -33,6 +33,7 @@ OF_A_LEVEL = ("rate", "rate/temperature_coefficient", "rate/relative_temperature
 OF_TWO = ("deviation/raw", "deviation/normalised")
 OF_ALL = ("tempco_offset", "tempco_scale")
 REFERENCE_C = 25.0
+WITHIN = slice(1, -1)  # of the truth of a ramp every 10 s, which begins and ends as its acquisition does
 THROUGH_ALL_WIRES = 3  # seeds, in whose runs errors are planted
 MUCH = 3.0  # times the error without a planted mistake
 Line = tuple[float, float]
@@ -74,12 +75,14 @@ def _of_run(findings: list[dict], run: str, quantity: str) -> float:
 def true_line(truth: dict, finding: dict) -> Line:
     """The rate at the reference temperature and the slope of the noiseless channel, over the steps of a finding.
 
-    At the level that the finding states: a certificate may say that the source gave another than it was set to.
+    At the level that the finding states: a certificate may say that the source gave another than it was set to. And
+    between the middles of the first gate and the last: the lag of the thermometer is in both lines alike then. A
+    chamber's limit cycle tilts a line by some 1e-4 of its slope, by another amount where it is cut off elsewhere.
     """
     label, place = finding["id"].split("/")[:2]
     levels = [truth["levels"][f"{label}/{place}@{step}"] for step in finding["steps"]]
-    temperature_c = np.concatenate([level["temperature_c"] for level in levels])
-    rate_pps = np.concatenate([level.get("rate_pps", level.get("output")) for level in levels])
+    temperature_c = np.concatenate([level["temperature_c"][WITHIN] for level in levels])
+    rate_pps = np.concatenate([level.get("rate_pps", level.get("output"))[WITHIN] for level in levels])
     slope, rate = np.polyfit(temperature_c - REFERENCE_C, rate_pps, 1)
     stated = finding["at"].get("current_a", levels[0]["input_a"]) / levels[0]["input_a"]
     return float(rate * stated), float(slope * stated)

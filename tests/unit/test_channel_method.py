@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.analysis import channel_scatter
 from bench.analysis.acquired import Acquisition, Counts, Currents, Mount
 from bench.analysis.bench_record import AxisRecord, BenchRecord, SourceRecord
 from bench.analysis.channel_meter import Metered
@@ -447,6 +448,41 @@ def test_residuals_of_the_gates_would_tell_ten_times_too_much_where_only_counts_
     residuals = np.std(gates.rate_pps - np.polyval(np.polyfit(gates.converter_c, gates.rate_pps, 1), gates.converter_c))
     naive = residuals / np.sqrt(np.sum((gates.converter_c - gates.converter_c.mean()) ** 2))
     assert naive > 10 * line_scatter(gates, 25.0).counting_slope
+
+
+def cycling(rng, count=150, seconds=10.0, cycle_c=0.024, period_s=87.0, lag_s=20.0, volts_per_c=5e-5):
+    """Gates of a converter that makes volts, with what its noiseless output is over its noiseless thermometer.
+
+    The thermometer tells the chamber's limit cycle later and smaller; it scatters, and so does the voltmeter.
+    """
+    time_s = (np.arange(count) + 0.5) * seconds
+    phase, behind = 2 * np.pi * (time_s / period_s + rng.uniform()), 2 * np.pi * lag_s / period_s
+    cycle_c *= np.sinc(seconds / period_s)
+    true_c = 20 + time_s / 120.0 + cycle_c * np.sin(phase)
+    told_c = 20 + (time_s - lag_s) / 120.0 + cycle_c * np.sin(phase - np.arctan(behind)) / np.hypot(1, behind)
+    (slope, rate) = np.polyfit(told_c - 25, volts_per_c * true_c, 1)
+    volts = volts_per_c * true_c + 1e-7 * rng.standard_normal(count)
+    gates = Gates(
+        time_s, np.full(count, seconds), volts * seconds, np.zeros(count),
+        told_c + 1.6e-3 * rng.standard_normal(count), np.full(count, 65.0), np.zeros(count),
+    )  # fmt: skip
+    return gates, (slope, rate)
+
+
+def errors_over_u(rng):
+    for _ in range(150):
+        gates, true = cycling(rng)
+        found = np.polyfit(gates.converter_c - 25, gates.rate_pps, 1)
+        scatter = line_scatter(gates, 25.0)
+        yield (found - true) / (scatter.scatter_slope, scatter.scatter_rate)
+
+
+def test_what_a_thermometer_tells_of_a_cycle_later_is_no_scatter(monkeypatch):
+    ratios = np.sqrt(np.mean(np.square(list(errors_over_u(np.random.default_rng(4)))), axis=0))
+    assert ratios == pytest.approx(1.0, abs=0.15)
+    monkeypatch.setattr(channel_scatter, "_own_scatter_pps", channel_scatter._excess_pps)
+    taken_for_scatter = np.square(list(errors_over_u(np.random.default_rng(4))))
+    assert np.max(np.sqrt(np.mean(taken_for_scatter, axis=0))) < 0.5
 
 
 def test_a_run_of_a_few_gates_has_no_stretches():
