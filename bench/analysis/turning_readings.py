@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,7 +60,9 @@ class TurningReadings:
         if not len(told):
             return fit
         beside = self._fitted([*columns, *self._waves(MOTOR[told[np.argmax(explained)]])])
-        return beside if beside is not None and beside.residual_sd < OF_THE_MOTOR * fit.residual_sd else fit
+        if beside is None or beside.residual_sd >= OF_THE_MOTOR * fit.residual_sd:
+            return fit
+        return replace(beside, dof=beside.dof - 1)  # which order it is was fitted too
 
     def _waves(self, order: int) -> tuple[Array, Array]:
         angle = np.radians(order * self.angle_deg)
