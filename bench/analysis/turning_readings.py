@@ -80,8 +80,8 @@ class TurningReadings:
 def owed_to_the_table(beside_dps: Array, waves: Sequence[Array]) -> Iterator[list[Array]]:
     """Designs (columns) of a mean and what goes with the table: how much faster than usual it was, and waves.
 
-    Waves are two to a harmonic of the angle. From all of them to none, and the mean alone at last. A table that is uneven
-    by harmonics alone adds nothing to them: its rate is left out before they are.
+    Waves are two to a harmonic of the angle. From all of them to none, and the mean alone at last. A table that is
+    uneven by harmonics alone adds nothing to them: its rate is left out before they are.
     """
     ones = np.ones_like(beside_dps)
     for count in range(len(waves), -1, -2):
