@@ -75,7 +75,8 @@ class Linearity:
 class LinearityPoint:
     """A reading without bias and what is true, in one unit; the lines are those of their difference.
 
-    Lines of a source in `common` are one error at all points, the others are of each point alone.
+    Lines of a source that is common are one error at all points, or one part of what is true at all; the others are of
+    each point alone.
     """
 
     reading: float
@@ -84,23 +85,33 @@ class LinearityPoint:
 
 
 def fit_linearity(
-    points: Sequence[LinearityPoint], terms: Sequence[str], full_scale: float, common: frozenset[str]
+    points: Sequence[LinearityPoint],
+    terms: Sequence[str],
+    full_scale: float,
+    common: frozenset[str],
+    in_proportion: frozenset[str] = frozenset(),
 ) -> tuple[Linearity, Mapping[str, list[BudgetLine]]] | None:
     """The curve through points, and the lines of each coefficient; None without a point.
+
+    An error of a source in `common` is one at all points; in proportion it has the sign of what is true there.
 
     Of `terms`, the first of which matters most, those that the points do not determine are left out.
     """
     usable = list(terms[: max(len(points) - 1, 1)])
     while points and usable:
         try:
-            return _fitted(points, usable, full_scale, common)
+            return _fitted(points, usable, full_scale, common, in_proportion)
         except NotDetermined as problem:
             usable.remove([name for name in usable if name in problem.names][-1])
     return None
 
 
 def _fitted(
-    points: Sequence[LinearityPoint], terms: Sequence[str], full_scale: float, common: frozenset[str]
+    points: Sequence[LinearityPoint],
+    terms: Sequence[str],
+    full_scale: float,
+    common: frozenset[str],
+    in_proportion: frozenset[str] = frozenset(),
 ) -> tuple[Linearity, Mapping[str, list[BudgetLine]]]:
     true = np.array([point.true for point in points])
     error = np.array([point.reading for point in points]) - true
@@ -108,6 +119,8 @@ def _fitted(
     by_source = {source: line for source, line in every.items() if line.type != "alias"}
     contained = [line for line in every.values() if line.type == "alias"]
     u_of = {source: _column(points, source) for source in by_source}
+    u_of |= {source: u_of[source] * np.sign(true) for source in in_proportion & u_of.keys()}
+    common |= in_proportion
     own_u = np.sqrt(np.sum([u_of[source] ** 2 for source in u_of if source not in common], axis=0))
     weight = 1 / np.maximum(own_u, LEAST_U * full_scale)
     design = np.column_stack([true * RELATIVE[name](true / full_scale) for name in terms])

@@ -185,7 +185,7 @@ class RangeForm:
         read: Sequence[CurvePoint], terms: Sequence[str],
     ) -> UnitResult:  # fmt: skip
         """All of the unit, with the curve through the points that were read."""
-        found = fit_linearity([point for _, point in read], terms, self.full_scale, COMMON)
+        found = fit_linearity([point for _, point in read], terms, self.full_scale, COMMON, self._in_proportion)
         if found is None:
             return self.result(blocks, findings, RangeCurve(quantity, tuple(points), self.over))
         linearity, lines = found
@@ -218,6 +218,11 @@ class RangeForm:
         return Equation(
             self.subject.id("range/model"), self.unit.serial, "range", form, constants, {key: linearity.valid}
         )
+
+    @property
+    def _in_proportion(self) -> frozenset[str]:
+        """What makes one part of every rate: the gain of a voltmeter, and a clock that the output has not."""
+        return frozenset(line.source for line in (*self.of_the_voltmeter(1.0), *self.of_the_clock(1.0)))
 
     @property
     def _scale(self) -> Constant:

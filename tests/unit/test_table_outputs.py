@@ -193,3 +193,14 @@ def test_a_scale_factor_that_is_none_is_refused(scale, problem):
 def test_a_decoded_output_has_a_scale_of_its_own_unit():
     settings = GYRO_RESPONSE.settings.model_validate({"scale": "1.002"}).model_dump()
     assert settings["scale"] == {"°/s": 1.002}
+
+
+def test_the_gain_of_a_voltmeter_is_one_error_of_all_rates_and_none_of_their_asymmetry():
+    rates = (0.0, 0.0, 100.0, -100.0, 200.0, -200.0, 300.0, -300.0)
+    unit = ranged(*map(at_volts, rates), unit=READ)
+    told = {
+        found.quantity: {line.source: line.u for line in found.budget}.get("voltmeter: gain", 0.0)
+        for found in unit.findings
+    }
+    assert told["scale_error"] == pytest.approx(4e-6, rel=1e-3)
+    assert max(told["asymmetry"], told["nonlinearity/cubic"]) < 1e-8
