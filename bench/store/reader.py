@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sqlite3
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -49,7 +50,7 @@ class Series:
 
     def between(self, begin_s: float, end_s: float) -> Series:
         """The part from `begin_s` to `end_s`, both included."""
-        low, high = np.searchsorted(self.at_s, [begin_s, end_s + 1e-9])
+        low, high = bisect_left(self.at_s, begin_s), bisect_left(self.at_s, end_s + 1e-9)
         return Series(self.name, self.unit, self.at_s[low:high], self.values[low:high])
 
 
@@ -59,6 +60,7 @@ class RunReader:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._database = database.open_to_read(folder / database.FILE_NAME)
+        self._series: dict[str, Series] = {}  # that were asked for
         self._unpackers = ThreadPoolExecutor(thread_name_prefix="unpack")  # zlib lets other threads work meanwhile
 
     def __enter__(self) -> Self:
@@ -153,14 +155,17 @@ class RunReader:
         return dict(self._rows("SELECT name, unit FROM channel ORDER BY id"))
 
     def series(self, name: str) -> Series:
-        """One channel over the whole run; empty when it was never read."""
+        """One channel over the whole run, as it was when first asked for; empty when it was never read."""
+        if name in self._series:
+            return self._series[name]
         query = (
             "SELECT reading.at_s, value FROM reading JOIN channel ON channel.id = channel "
             "WHERE name = ? ORDER BY reading.seq"
         )
         batches = [np.array(rows, np.float64).T for rows in self._batches(query, name)]
         at_s, values = np.concatenate(batches, axis=1) if batches else np.empty((2, 0))
-        return Series(name, self.channels().get(name, ""), at_s, values)
+        self._series[name] = Series(name, self.channels().get(name, ""), at_s, values)
+        return self._series[name]
 
     def digest(self) -> str:
         """SHA-256 over the journal, the frames and all readings; equal for equal runs, however they were compressed."""
