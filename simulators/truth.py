@@ -24,6 +24,7 @@ from simulators.world import World
 
 Array = NDArray[np.float64]
 LEG_EVERY_S = 10.0
+LAST_LATCH_S = 0.1  # before the end of a leg, perhaps; a sample that ends behind it is not whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,11 +165,12 @@ def _output(world: World, reading: LegAsMeasured) -> float:
 def _leg(world: World, leg: LegAsMeasured) -> dict[str, Any]:
     """What the noiseless channel put out during a leg: temperature, output less gravity in g, K1 in its unit per g.
 
-    In the middle of samples of 10 s from its begin on; a leg is curved at its ends, so that it matters where it ends.
+    In the middle of samples of 10 s from its begin on, by the host's clock; a leg is curved at its ends, so that it
+    matters where it ends.
     """
     unit = world.units[leg.place]
-    begin_s, end_s = world.true_time(leg.begin_s), world.true_time(leg.end_s)
-    at_s = np.arange(begin_s + LEG_EVERY_S / 2, end_s - LEG_EVERY_S / 2, LEG_EVERY_S)
+    cut_s = np.arange(leg.begin_s + LEG_EVERY_S / 2, leg.end_s - LEG_EVERY_S / 2 - LAST_LATCH_S, LEG_EVERY_S)
+    at_s = np.array([world.true_time(each_s) for each_s in cut_s.tolist()])
     history = np.array(unit.history)
     drifted_g, moving_g, sensor_c, thermometer_c = (np.interp(at_s, history[:, 0], row) for row in history.T[1:])
     axis_rad = np.full_like(at_s, np.radians(_axis_deg(world, leg.place, leg.lies)))
