@@ -15,6 +15,7 @@ from simulators.unit_file import Draw, Polynomial, UnitFile, stream
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 _CONVERTER_REFERENCE_C = 25.0
+TURNS_OF_EXTREME = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,15 +280,9 @@ class Integrator:
     def count_through_turns(self, pulses: Array) -> tuple[Counts, Counts]:
         """The same of increments (n,) in equal times between which the charge may turn round.
 
-        It goes to its extreme first: to where the parabola through three latches has it.
+        It goes to its extreme first: to where the quartic through five latches has it.
         """
-        before, after = pulses[:-1], pulses[1:]
-        turns = np.flatnonzero(before * after < 0)
-        slope, bend = (before[turns] + after[turns]) / 2, (after[turns] - before[turns]) / 2
-        later = slope * bend < 0  # whether the extreme is after the latch in the middle
-        extreme = -(slope**2) / (4 * bend)
-        into = turns + later
-        first = np.where(later, extreme, before[turns] + extreme)
+        into, first = _extremes(pulses)
         single = np.flatnonzero(np.diff(into, prepend=-1) > 0)
         into, first = into[single], first[single]
         rest = pulses.copy()
@@ -295,6 +290,28 @@ class Integrator:
         latches = np.arange(len(pulses)) + np.searchsorted(into, np.arange(len(pulses)), side="right")
         positive, negative = self.count(np.insert(rest, into, first))
         return positive[latches], negative[latches]
+
+
+def _extremes(pulses: Array) -> tuple[Counts, Array]:
+    """The increments, of (n,), in which the charge turns round, and how far it goes in each before it does.
+
+    From the quartic through the five latches about each turn: a parabola through three takes 4 parts in 10 000 off a
+    sine of ten latches a period. Beyond both ends the increments are taken to go on evenly.
+    """
+    if len(pulses) < 2:
+        return np.empty(0, np.int64), np.empty(0)
+    turns = np.flatnonzero(pulses[:-1] * pulses[1:] < 0)
+    ends = 2 * pulses[0] - pulses[1], 2 * pulses[-1] - pulses[-2]
+    one, two, three, four = (np.concatenate([ends[:1], pulses, ends[1:]])[turns + k] for k in range(4))
+    slope, bend = (7 * (two + three) - one - four) / 12, (15 * (three - two) - (four - one)) / 24
+    cubic, quartic = (one + four - two - three) / 12, (four - one - 3 * (three - two)) / 24
+    at = np.zeros_like(two)  # of the extreme, from the middle latch in intervals
+    for _ in range(TURNS_OF_EXTREME):
+        speed = slope + at * (2 * bend + at * (3 * cubic + at * 4 * quartic))
+        at = np.clip(at + speed / (two - three), -1.0, 1.0)
+    extreme = at * (slope + at * (bend + at * (cubic + at * quartic)))
+    later = at > 0
+    return turns + later, np.where(later, extreme, two + extreme)
 
 
 def _fired(charge: Array) -> Array:

@@ -19,7 +19,6 @@ from bench.analysis.table_samples import TableSamples
 TURNS = 3  # the play that is taken out depends on the sine that is left
 PHASES = 4096
 HARMONICS = 2
-AT_TURNS = 2.06  # where a count turns round with a play of one pulse, it is so much farther off than without any
 
 
 def without_play(samples: TableSamples, nominal_hz: float, play_pulses: float) -> TableSamples:
@@ -37,7 +36,7 @@ def without_play(samples: TableSamples, nominal_hz: float, play_pulses: float) -
             behind = _behind(samples.time_s, samples.total - behind, frequency_hz, play_pulses / 2)
     except NotDetermined:
         return samples
-    return replace(samples, total=samples.total - behind, at_turns=AT_TURNS)
+    return replace(samples, total=samples.total - behind, behind=behind)
 
 
 def _behind(time_s: Array, pulses: Array, frequency_hz: float, half: float) -> Array:

@@ -41,7 +41,8 @@ class Swing:
 class SweepPoint:
     """The response of the sensor, a complex number, at one frequency; `nominal_hz` is what the record calls it.
 
-    `u_gain` is the uncertainty of its gain, `u_output` what the readings of the sensor have in that.
+    `u_gain` is the uncertainty of its gain, `u_output` what the readings of the sensor have in that, and
+    `u_across_output` what they have at right angles to the response, that is in its phase.
     """
 
     nominal_hz: float
@@ -49,6 +50,7 @@ class SweepPoint:
     response: complex
     u_gain: float
     u_output: float = 0.0
+    u_across_output: float = 0.0
 
 
 @dataclass(slots=True)
@@ -123,9 +125,9 @@ def gyro_point(block: Block, nominal_hz: float, remarks: Remarks) -> SweepPoint 
         return None
     kept = complex(block.kept(np.array([swing.frequency_hz]))[0])
     response = complex(gyro.phasors[0] / kept / swing.rate)
-    u_output = float(gyro.u[0] / abs(kept) / abs(swing.rate))
+    u_output, u_across = (float(u[0] / abs(kept) / abs(swing.rate)) for u in (gyro.u, gyro.u_across))
     u_gain = float(np.hypot(u_output, abs(response) * swing.u_relative))
-    return SweepPoint(nominal_hz, swing, response, u_gain, u_output)
+    return SweepPoint(nominal_hz, swing, response, u_gain, u_output, u_across)
 
 
 def swing_of_angle(block: Block, nominal_hz: float, remarks: Remarks) -> Swing | None:
@@ -157,7 +159,7 @@ def fit_output(block: Block, swing: Swing, remarks: Remarks, *, harmonics: int =
     try:
         fit = fit_sine(
             block.time_s, block.output, swing.frequency_hz, harmonics=harmonics, origin_s=swing.origin_s,
-            step=block.step, at_turns=block.at_turns, rounding=block.rounding,
+            step=block.step, behind=block.behind, rounding=block.rounding,
         )  # fmt: skip
     except NotDetermined:
         return None

@@ -124,8 +124,9 @@ def accelerometer_point(
     expected_g = -2j * np.pi * swing.frequency_hz * swing.rate * RAD_PER_DEG * arm.y_m / sweep.local_g_mps2 * kept
     response = complex(sensed.phasors[0] / expected_g)
     u_relative = np.hypot(swing.u_relative, arm.u_y_m / abs(arm.y_m))
-    u_output = float(sensed.u[0] / abs(expected_g))
-    return SweepPoint(nominal_hz, swing, response, float(np.hypot(u_output, abs(response) * u_relative)), u_output)
+    u_output, u_across = (float(u[0] / abs(expected_g)) for u in (sensed.u, sensed.u_across))
+    u_gain = float(np.hypot(u_output, abs(response) * u_relative))
+    return SweepPoint(nominal_hz, swing, response, u_gain, u_output, u_across)
 
 
 def _swing(block: Block, nominal_hz: float, sweep: AccelerometerSweep, remarks: Remarks) -> Swing | None:

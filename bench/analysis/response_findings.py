@@ -119,7 +119,7 @@ class ResponseFindings:
     def _of_phase(self, point: ResponsePoint) -> list[BudgetLine]:
         own = self._sweep_point(point)
         return [
-            BudgetLine(self._noise, "A", float(np.degrees(own.u_output / abs(own.response)))),
+            BudgetLine(self._noise, "A", float(np.degrees(own.u_across_output / abs(own.response)))),
             BudgetLine(ENCODER, "A", float(np.degrees(own.swing.u_relative))),
             *self._of_time(own.swing.frequency_hz),
         ]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from bench.analysis.codes import hidden_from_a_swing
+from bench.analysis.counting_steps import along_and_across, errors_of_counting, slowly
 from bench.analysis.fit import Array, GatedFit, LinearFit, NotDetermined, least_squares, reject_outliers
 from bench.analysis.table_blocks import coarseness
 
@@ -27,10 +28,9 @@ GRID_PER_PERIOD = 3  # frequencies tried, per period more or less over the recor
 HARMLESS = 1e-4  # of the amplitude; what deviates less moves it by less, and that is below any encoder's figure
 PHASE_BINS = 1009  # prime, so that phases at whole fractions of a turn do not fall on edges
 MANY_PHASES = 500
+EVERY = 4  # of the remainders, which are enough for the mean of many lines
 TURNS = 20
 TURNS_OF_NOISE = 4  # its weights depend on it
-SAW_TOOTH = 20  # sines that it is taken for
-PHASES = 720  # at which it is looked for where a count turns round
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +40,9 @@ class SineFit:
     `u_random` (m,) are the standard uncertainties of the amplitudes from the noise that stands around each line in the
     spectrum of the residuals: the noise need not be white. `u_repeating` is that of any of them from errors that are
     the same in every period, as those of a counting encoder are when few different phases are sampled; `u_counting`
-    (m,) are those from the steps of an output that was counted or rounded. `kept` (n,) marks the samples that were
-    used.
+    (m,) are those from the steps of an output that was counted or rounded, which are not in `u_random`, and
+    `u_across_counting` (m,) those of what is moved at right angles to the phasors. `kept` (n,) marks the samples that
+    were used.
     """
 
     frequency_hz: float
@@ -49,6 +50,7 @@ class SineFit:
     u_random: Array
     u_repeating: float
     u_counting: Array
+    u_across_counting: Array
     kept: NDArray[np.bool_]
     excessive: bool
 
@@ -62,6 +64,11 @@ class SineFit:
         """Standard uncertainties (m,) of the amplitudes of independent readings."""
         return np.hypot(np.hypot(self.u_random, self.u_repeating), self.u_counting)
 
+    @property
+    def u_across(self) -> Array:
+        """The same (m,) at right angles to the phasors: over an amplitude it is that of the phase, in rad."""
+        return np.hypot(np.hypot(self.u_random, self.u_repeating), self.u_across_counting)
+
 
 def fit_sine(
     time_s: Array,
@@ -71,13 +78,14 @@ def fit_sine(
     harmonics: int = 1,
     origin_s: float = 0.0,
     step: float = 0.0,
-    at_turns: float = 1.0,
+    behind: Array | None = None,
     rounding: float = 0.0,
 ) -> SineFit:
     """Fits a sine of known frequency, and its harmonics up to `harmonics`, to samples (n,) by increasing time.
 
-    `step` is by what the samples go, where they were counted, `at_turns` how much farther off they are where they turn
-    round than those of a counter without play. `rounding` is by what samples go that are codes of an output.
+    `step` is by what the samples go, where they were counted; `behind` (n,) is by how much the counts stood behind for
+    the play of the counter, where that has been taken out of them. `rounding` is by what samples go that are codes of
+    an output.
 
     Outliers are left out; `excessive` tells that they were too many. Raises NotDetermined when the samples cannot tell
     the columns apart: a small part of a period, or a harmonic with hardly two samples in its period.
@@ -86,18 +94,26 @@ def fit_sine(
         raise NotDetermined([f"harmonic {harmonics}"], rank=harmonics - 1, of=harmonics, condition=np.inf)
     design = _design(time_s, frequency_hz, harmonics, origin_s)
     gated = _without_outliers(design, value)
+    kept, fit = gated.kept, gated.fit
     lines_hz: Array = frequency_hz * np.arange(1.0, harmonics + 1)
-    used_s, fit = time_s[gated.kept], gated.fit
+    fitted = design[kept] @ fit.coefficients + slowly(fit.residuals, time_s[kept], 1 / frequency_hz)
+    errors = _errors_of_steps(fitted, step, None if behind is None else behind[kept])
+    moved = errors @ fit.gain.T
+    of_counting = (errors - moved @ design[kept].T)[::EVERY]
+    noise, counted = (
+        _variances(time_s[kept], each, fit.dof, lines_hz) for each in (fit.residuals[np.newaxis], of_counting)
+    )
     pairs = fit.coefficients[2:].reshape(-1, 2)
-    u = [_u_amplitude(fit, 2 + 2 * i, _sd_around(used_s, fit, line_hz, lines_hz)) for i, line_hz in enumerate(lines_hz)]
+    along, across = along_and_across(pairs, moved[:, 2:].reshape(-1, harmonics, 2))
     hidden = hidden_from_a_swing(np.linalg.norm(pairs, axis=1), fit.residual_sd, rounding)
     return SineFit(
         frequency_hz=frequency_hz,
         phasors=pairs[:, 0] - 1j * pairs[:, 1],
-        u_random=np.array(u),
-        u_repeating=_u_repeating(used_s, fit.residuals, frequency_hz),
-        u_counting=np.hypot(hidden, at_turns * _u_counting(used_s, fit, frequency_hz, step)),
-        kept=gated.kept,
+        u_random=_u_amplitudes(fit, np.sqrt(np.maximum(noise - counted, 0.0))),
+        u_repeating=_u_repeating(time_s[kept], fit.residuals, frequency_hz),
+        u_counting=np.hypot(hidden, along),
+        u_across_counting=np.hypot(hidden, across),
+        kept=kept,
         excessive=gated.excessive,
     )
 
@@ -118,7 +134,7 @@ def find_frequency(time_s: Array, value: Array, near_hz: float) -> float:
     reach_hz = min(max(least_hz, min(REACH * near_hz, most_hz)), near_hz / 2)
     level = least_squares(_design(time_s, near_hz, 0, 0.0), value)
     steps = int(GRID_PER_PERIOD * reach_hz * span_s)
-    grid_hz, sums = _spectrum(time_s, level.residuals, near_hz, 1 / (GRID_PER_PERIOD * span_s), steps)
+    grid_hz, sums = _spectrum(time_s, level.residuals[np.newaxis], near_hz, 1 / (GRID_PER_PERIOD * span_s), steps)
     return _refined(time_s, value, float(grid_hz[np.argmax(np.abs(sums))]), within_hz=1 / span_s)
 
 
@@ -162,65 +178,63 @@ def _without_outliers(design: Array, value: Array) -> GatedFit:
     return reject_outliers(design, value, resolution=coarseness(value), harmless=HARMLESS * waves)
 
 
-def _spectrum(time_s: Array, value: Array, middle_hz: float, step_hz: float, reach: int) -> tuple[Array, Phasors]:
-    """Frequencies `middle_hz` + k `step_hz` with k from -`reach` to `reach`, and Σ value exp(-i 2π f t) at each."""
+def _spectrum(time_s: Array, values: Array, middle_hz: float, step_hz: float, reach: int) -> tuple[Array, Phasors]:
+    """Frequencies (j,) `middle_hz` + i `step_hz` with i from -`reach` to `reach`, and Σ values exp(-i 2π f t), (j, k).
+
+    Values are (k, n), samples of k signals at the same times.
+    """
     time_s = time_s - time_s[0]
     frequency_hz = middle_hz + step_hz * np.arange(-reach, reach + 1.0)
-    sums = np.empty(len(frequency_hz), dtype=np.complex128)
-    turned = value * np.exp(-2j * np.pi * frequency_hz[0] * time_s)
+    sums = np.empty((len(frequency_hz), len(values)), dtype=np.complex128)
+    turned = np.exp(-2j * np.pi * frequency_hz[0] * time_s)
     step = np.exp(-2j * np.pi * step_hz * time_s)
-    for k in range(len(frequency_hz)):
-        sums[k] = np.sum(turned)
+    for i in range(len(frequency_hz)):
+        sums[i] = values @ turned.view(np.float64).reshape(-1, 2) @ (1, 1j)
         turned *= step
     return frequency_hz, sums
 
 
-def _u_amplitude(fit: LinearFit, column: int, sd: float) -> float:
-    """Of the sine whose cosine stands in `column` and whose sine follows: the part of the covariance along it."""
-    pair = slice(column, column + 2)
-    size = np.linalg.norm(fit.coefficients[pair])
-    direction = fit.coefficients[pair] / size if size else np.array([1.0, 0.0])
-    return float(sd * np.sqrt(direction @ fit.unscaled_covariance[pair, pair] @ direction))
-
-
-def _u_counting(time_s: Array, fit: LinearFit, frequency_hz: float, step: float) -> float:
-    """Of any amplitude, from the steps of counting.
-
-    The error of counting is a saw tooth of the count n, Σ sin(2π m n) / (π m). It averages out but where the count
-    turns round, there the less, the more slowly it turns (stationary phase). Where the counts go on by a whole number
-    in a period, or by a fraction with a small denominator, all periods have the same error, and no spectrum of
-    residuals shows it.
-    """
+def _errors_of_steps(fitted: Array, step: float, behind: Array | None) -> Array:
+    """What the steps of a counter may have made of samples (n,), (k, n); none of what was not counted."""
     if not step:
-        return 0.0
-    counts = fit.coefficients[1:] / step
-    orders = np.arange(1, len(counts) // 2 + 1)
-    waves = (counts[1::2] - 1j * counts[2::2]) * np.exp(1j * np.outer(np.arange(PHASES) / PHASES * 2 * np.pi, orders))
-    on_the_way = float(counts[0]) / frequency_hz
-    speed = on_the_way / (2 * np.pi) + np.real(waves @ (1j * orders))  # counts per radian of the phase
-    turns = np.sign(speed) != np.sign(np.roll(speed, -1))
-    bends = np.maximum(np.abs(np.real(waves @ orders**2))[turns], 1.0)
-    m = np.arange(1.0, SAW_TOOTH + 1)
-    beat = np.remainder(m * on_the_way + 0.5, 1.0) - 0.5  # of a turn, from period to period
-    alike = np.sinc(beat * max(1.0, float(np.ptp(time_s)) * frequency_hz)) / np.sinc(beat)
-    return float(step * np.sqrt(np.sum(alike**2 / m**3) * np.sum(1 / bends) / 2) / np.pi**2)
+        return np.zeros((1, len(fitted)))
+    charge = fitted if behind is None else fitted + behind
+    return step * errors_of_counting(charge / step)
 
 
-def _sd_around(time_s: Array, fit: LinearFit, line_hz: float, fitted_hz: Array) -> float:
-    """Standard deviation of one sample if the noise were as strong at all frequencies as it is around `line_hz`.
+def _u_amplitudes(fit: LinearFit, sd: Array) -> Array:
+    """Of the sines (m,) from the standard deviation of a sample for each: the part of the covariance along them."""
+    found = []
+    for column, each in zip(range(2, len(fit.coefficients), 2), sd, strict=True):
+        pair = slice(column, column + 2)
+        size = np.linalg.norm(fit.coefficients[pair])
+        direction = fit.coefficients[pair] / size if size else np.array([1.0, 0.0])
+        found.append(each * np.sqrt(direction @ fit.unscaled_covariance[pair, pair] @ direction))
+    return np.array(found)
 
-    From the residuals' spectrum at whole numbers of periods over the record, without the lines that the fit took out.
-    Of few samples it is that of the residuals.
+
+def _variances(time_s: Array, residuals: Array, dof: int, lines_hz: Array) -> Array:
+    """Variances (m,) of one sample if the noise were as strong at all frequencies as it is around each of `lines_hz`.
+
+    From the spectra of residuals (k, n) of fits with those lines, at whole numbers of periods over the record and
+    without the lines, as a mean over all k. Of few samples it is that of the residuals.
     """
+    if not residuals.any():
+        return np.zeros(len(lines_hz))
     if len(time_s) < 4 * NEIGHBOURS:
-        return fit.residual_sd
+        of_all = float(np.mean(np.sum(residuals**2, axis=1))) / dof if dof else np.nan
+        return np.full(len(lines_hz), of_all)
+    return np.array([_variance_around(line_hz, time_s, residuals, lines_hz) for line_hz in lines_hz])
+
+
+def _variance_around(line_hz: float, time_s: Array, residuals: Array, fitted_hz: Array) -> float:
     step_hz = 1 / float(np.ptp(time_s))
-    around_hz, sums = _spectrum(time_s, fit.residuals, line_hz, step_hz, NEIGHBOURS_REACH)
+    around_hz, sums = _spectrum(time_s, residuals, line_hz, step_hz, NEIGHBOURS_REACH)
     free = around_hz > 1.5 * step_hz
     free &= np.all(np.abs(around_hz[:, np.newaxis] - fitted_hz) > 1.5 * step_hz, axis=1)
     nearest = np.argsort(np.abs(around_hz[free] - line_hz), kind="stable")[:NEIGHBOURS]
-    power = np.abs(sums[free][nearest]) ** 2
-    return float(np.sqrt(_power_at(line_hz, around_hz[free][nearest], power) / len(time_s)))
+    power = np.mean(np.abs(sums[free][nearest]) ** 2, axis=1)
+    return _power_at(line_hz, around_hz[free][nearest], power) / len(time_s)
 
 
 def _power_at(line_hz: float, around_hz: Array, power: Array) -> float:

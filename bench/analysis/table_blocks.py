@@ -35,9 +35,9 @@ class TableRecord:
 class Block:
     """The usable samples of one block by increasing time; `scheduled` is how many there should have been.
 
-    `step` is by what an output goes that was counted up, 0 for any other; `at_turns` is how much farther off it is
-    where it turns round than that of a counter without play. `rounding` is by what samples go that were not, and `kept`
-    what the output leaves of a sine.
+    `step` is by what an output goes that was counted up, 0 for any other; `behind` is by how much it stood behind for
+    the play of its counter, which is no longer in it. `rounding` is by what samples go that were not counted, and
+    `kept` what the output leaves of a sine.
     """
 
     time_s: Array
@@ -45,7 +45,7 @@ class Block:
     output: Array
     scheduled: int
     step: float = 0.0
-    at_turns: float = 1.0
+    behind: Array | None = None
     rounding: float = 0.0
     kept: Kept = at_once
 

@@ -35,8 +35,8 @@ class TableSamples:
 
     `temperature_c` is the mean of the thermometer at the unit, not-a-number where it said nothing. `total` is what its
     output has summed up to: net pulses, or code·s or V·s. `angle_deg` is that of the encoder over whole turns;
-    `interval_s` is the time between two latches, `problems` make the acquisition unusable. `at_turns` is how much
-    farther off pulses are where they turn round than those of a counter without play. Of samples that came at the
+    `interval_s` is the time between two latches, `problems` make the acquisition unusable. `behind` is by how
+    much the converter's pulses stood behind for its play, which is no longer in `total`. Of samples that came at the
     latches `sampled` is what they leave of a sine, None of what was counted up; `step_of_codes` is how far two codes
     are apart, and `hidden_u` what that hides from a mean. `readings` are those that were taken at other times.
     """
@@ -51,7 +51,7 @@ class TableSamples:
     interval_s: float
     resolution_deg: float
     problems: tuple[str, ...]
-    at_turns: float = 1.0
+    behind: Array | None = None
     sampled: Kept | None = None
     step_of_codes: float = 0.0
     hidden_u: float = 0.0
@@ -75,8 +75,9 @@ class TableSamples:
     def summed(self, per_pulse: float) -> Block:
         """Latch by latch: time, angle, and what the output has summed up to; a lost latch is no loss."""
         scheduled = int(np.ptp(self.latch)) + 1
+        behind = None if self.behind is None else self.behind * per_pulse
         return Block(
-            self.time_s, self.angle_deg, self.total * per_pulse, scheduled, per_pulse, self.at_turns, kept=integration
+            self.time_s, self.angle_deg, self.total * per_pulse, scheduled, per_pulse, behind, kept=integration
         )
 
 

@@ -92,7 +92,9 @@ def accelerometer_response(unit: UnitTruth, truth: dict, lever_hz: float = 0.5) 
         at, low = unit.dynamics.response(np.array([hz, lever_hz]))
         return complex(at / abs(low))
 
-    x_m, y_m, _ = truth["bench"]["arms_m"]["a"]
+    # What its scale factor is in the room is not what is stated of it at its reference.
+    warm = float(np.polynomial.polynomial.polyval(START_C - unit.reference_c, unit.scale))
+    x_m, y_m, _ = warm * np.array(truth["bench"]["arms_m"]["a"])
     return _response(response) | {
         "lever_arm/x": lambda _: x_m - unit.misalignment_p * y_m,
         "lever_arm/y": lambda _: y_m + unit.misalignment_p * x_m,

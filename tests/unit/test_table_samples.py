@@ -191,6 +191,17 @@ def test_the_play_is_taken_out_of_twice_the_frequency_too():
     assert abs(after - 1) < 2e-3 < abs(before - 1)
 
 
+def test_what_counts_with_play_are_off_is_in_the_uncertainty():
+    """Where they turn round they stand still for a pulse: twice as far off as those of a counter without play."""
+    ratios = []
+    for amplitude in np.linspace(100, 101, 20):
+        samples, _ = swung(float(amplitude), 0.5, drift=1.5, seconds=6.0)
+        block = without_play(samples, 0.5, 1.0).swing(1.0)
+        fit = fit_sine(block.time_s, block.output, 0.5, harmonics=2, step=block.step, behind=block.behind)
+        ratios.append((abs(fit.phasors[0]) - amplitude) / fit.u[0])
+    assert 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.1
+
+
 @pytest.mark.parametrize(("amplitude", "drift", "play"), [(20.0, 15.0, 0.0), (0.3, 15.0, 1.0), (20.0, 9000.0, 1.0)])
 def test_without_play_or_without_reversals_nothing_changes(amplitude, drift, play):
     samples, _ = swung(amplitude, 30.37, drift=drift)

@@ -305,6 +305,17 @@ def test_counts_never_go_back_when_current_swings_through_zero() -> None:
     assert np.abs((positive - negative) - swing.cumsum()).max() <= 1 + 1e-9
 
 
+@pytest.mark.parametrize("frequency_hz", [30.37, 100.37])
+def test_a_swing_between_latches_counts_as_far_as_it_goes(frequency_hz: float) -> None:
+    """As when it is followed forty times as finely; to an extreme that is a little short, pulses would be missing."""
+    time_s = np.arange(40 * 5000 + 1) / 40_000
+    charge = 14.0 * np.sin(2 * np.pi * frequency_hz * time_s) + 6.0 * time_s
+    finely, at_latches = Integrator(0.3, 0, 0), Integrator(0.3, 0, 0)
+    expected = np.subtract(*finely.count(np.diff(charge)))[39::40]
+    found = np.subtract(*at_latches.count_through_turns(np.diff(charge[::40])))
+    assert np.mean(found != expected) < 1e-3
+
+
 def test_a_wander_does_not_depend_on_how_long_the_blocks_are() -> None:
     by_second, at_once = (Wander(1.0, np.random.default_rng(5)) for _ in range(2))
     intervals_s = np.full(100, 0.1)
