@@ -184,21 +184,27 @@ def test_steps_of_counting_are_in_the_uncertainty(rng):
     assert np.mean(counted(rng, 3.0)[1]) > 2 * np.mean(counted(rng, np.sqrt(8))[1])
 
 
-def counted_at_latches(rng, rate_pps):
-    """Five seconds of a swing of 28 pulses, latched 1000 times a second: errors of it over u, along and across; u."""
+def counted_at_latches(rng, rate_pps, size, walk=0.0):
+    """Five seconds of a swing, latched 1000 times a second: errors of it over u, along and across; u."""
     time_s, start = np.arange(5001) / 1000, rng.uniform(0, 2 * np.pi)
-    charge = 28 * np.cos(2 * np.pi * 63.37 * time_s + start) + rate_pps * time_s
+    charge = size * np.cos(2 * np.pi * 63.37 * time_s + start) + rate_pps * time_s
+    charge += walk * np.cumsum(rng.standard_normal(len(time_s)))
     fit = fit_sine(time_s, np.round(charge + rng.uniform()), 63.37, step=1.0)
-    error = 28 * (fit.phasors[0] / (28 * np.exp(1j * start)) - 1)
+    error = size * (fit.phasors[0] / (size * np.exp(1j * start)) - 1)
     return error.real / fit.u[0], error.imag / fit.u_across[0], fit.u[0]
 
 
 def test_steps_of_counting_that_latches_fold_onto_the_swing_are_in_the_uncertainty(rng):
     """142 times 63.37 Hz and 1.46 pulses a second are nine times 1000 Hz: a line of the saw tooth is on the swing."""
     u = {}
-    for rate_pps, least in ((1.46, 0.8), (2.9, 0.6)):
-        *ratios, of_amplitude = np.transpose([counted_at_latches(rng, rate_pps) for _ in range(40)])
+    for rate_pps, least in ((1.46, 0.7), (2.9, 0.6)):
+        *ratios, of_amplitude = np.transpose([counted_at_latches(rng, rate_pps, 28.0) for _ in range(40)])
         for each in ratios:
             assert least < np.sqrt(np.mean(np.square(each))) < 1.25, rate_pps
         u[rate_pps] = np.mean(of_amplitude)
     assert u[1.46] > 1.5 * u[2.9]
+
+
+def test_noise_that_is_summed_up_to_pulses_takes_the_lines_of_counting_elsewhere(rng):
+    ratios = [counted_at_latches(rng, rate_pps, 200.0, 0.03)[:2] for rate_pps in np.linspace(1, 10, 60)]
+    assert np.all(np.sqrt(np.mean(np.square(ratios), axis=0)) < 1.25)

@@ -194,8 +194,8 @@ def test_the_play_is_taken_out_of_twice_the_frequency_too():
 def test_what_counts_with_play_are_off_is_in_the_uncertainty():
     """Where they turn round they stand still for a pulse: twice as far off as those of a counter without play."""
     ratios = []
-    for amplitude in np.linspace(100, 101, 20):
-        samples, _ = swung(float(amplitude), 0.5, drift=1.5, seconds=6.0)
+    for amplitude in np.linspace(100, 101, 14):
+        samples, _ = swung(float(amplitude), 0.5, drift=1.5, seconds=10.0)
         block = without_play(samples, 0.5, 1.0).swing(1.0)
         fit = fit_sine(block.time_s, block.output, 0.5, harmonics=2, step=block.step, behind=block.behind)
         ratios.append((abs(fit.phasors[0]) - amplitude) / fit.u[0])
