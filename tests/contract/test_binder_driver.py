@@ -213,7 +213,7 @@ def test_a_mode_that_nobody_knows_is_told_as_it_is() -> None:
 def test_a_process_value_that_is_no_temperature_is_a_bad_answer() -> None:
     async def use(rig: Rig) -> None:
         async with rig.driver() as driver:
-            rig.instrument._process_value_c = lambda: 3e4
+            rig.instrument.measured_c = lambda: 3e4
             with pytest.raises(BadAnswer, match=r"30000 °C is no temperature; sent read 2 registers at 0x11a9"):
                 await driver.poll()
 

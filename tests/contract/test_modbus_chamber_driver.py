@@ -113,7 +113,7 @@ def test_what_must_hold_and_does_not_is_another_controller(held: dict[int, tuple
 
 def test_a_process_value_that_is_no_temperature_is_another_controller() -> None:
     class Hot(SimulatedProfile):
-        def _process_value_c(self) -> float:
+        def measured_c(self) -> float:
             return 3000.0
 
     async def use(rig: Rig) -> None:

@@ -209,7 +209,7 @@ def test_a_process_value_may_rest_while_the_set_point_rests() -> None:
 
 def test_a_process_value_that_is_no_number_is_a_bad_answer() -> None:
     class Broken(SimulatedF4T):
-        def _process_value_c(self) -> float:
+        def measured_c(self) -> float:
             return math.inf
 
     async def use(chamber: Chamber) -> None:

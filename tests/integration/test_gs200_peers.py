@@ -104,6 +104,7 @@ def test_qcodes_sets_and_reads_range_limit_level_and_output() -> None:
             told = gs200.snapshot(update=True)["parameters"]
             assert (told["four_wire"]["value"], told["line_freq"]["value"]) == ("off", 50)
             gs200.output("off")
+            assert gs200.output() == "off"  # by when it has been read
             assert source.current_a == 0
             assert gs200.ask(":SYST:ERR?").startswith("0,")
         finally:
