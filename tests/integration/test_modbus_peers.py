@@ -64,6 +64,16 @@ def on_a_line(make: Make, use: Use, path: Path) -> None:
     run(main())
 
 
+def leaves_at(set_point_c: float, talk: Callable[[Any], None]) -> Use:
+    """Lets `talk` do what it does in a thread of its own; the chamber then has this set point."""
+
+    async def use(where: object, world: World) -> None:
+        await asyncio.to_thread(talk, where)
+        assert world.thermal.set_point_c == set_point_c
+
+    return use
+
+
 async def mbpoll(where: object, register: int, kind: str, *written: str) -> str:
     """What mbpoll says of one value at a wire address; its own references begin with 1."""
     link = ["-m", "tcp", "-p", str(where)] if isinstance(where, int) else ["-m", "rtu", "-b", "9600", "-P", "none"]
@@ -146,11 +156,7 @@ def test_pymodbustcp_reads_and_writes_an_f4t() -> None:
         assert client.last_except == 1
         client.close()
 
-    async def use(port: int, world: World) -> None:
-        await asyncio.to_thread(talk, port)
-        assert world.thermal.set_point_c == -40.0
-
-    on_tcp(TCP_F4T, use)
+    on_tcp(TCP_F4T, leaves_at(-40.0, talk))
 
 
 @pytest.mark.peer("pyModbusTCP")
@@ -193,11 +199,7 @@ def test_modbus_tk_reads_and_writes_an_f4t_and_is_told_what_it_has_not() -> None
             assert refused.value.get_exception_code() == code
         master.close()
 
-    async def use(port: int, world: World) -> None:
-        await asyncio.to_thread(talk, port)
-        assert world.thermal.set_point_c == -40.0
-
-    on_tcp(TCP_F4T, use)
+    on_tcp(TCP_F4T, leaves_at(-40.0, talk))
 
 
 @pytest.mark.peer("modbus_tk")
@@ -213,11 +215,7 @@ def test_modbus_tk_reads_and_writes_an_f4_on_a_serial_line(tmp_path: Path) -> No
         assert master.execute(1, defines.READ_HOLDING_REGISTERS, 300, 1) == (0xFE6B,)
         master.close()
 
-    async def use(path: Path, world: World) -> None:
-        await asyncio.to_thread(talk, path)
-        assert world.thermal.set_point_c == -40.5
-
-    on_a_line(SimulatedF4, use, tmp_path / "chamber")
+    on_a_line(SimulatedF4, leaves_at(-40.5, talk), tmp_path / "chamber")
 
 
 @pytest.mark.peer("watlow_f4")
@@ -233,8 +231,4 @@ def test_the_driver_of_somebody_else_reads_and_sets_an_f4(tmp_path: Path) -> Non
         finally:
             f4.instrument.serial.close()
 
-    async def use(path: Path, world: World) -> None:
-        await asyncio.to_thread(talk, path)
-        assert world.thermal.set_point_c == -40.5
-
-    on_a_line(SimulatedF4, use, tmp_path / "chamber")
+    on_a_line(SimulatedF4, leaves_at(-40.5, talk), tmp_path / "chamber")
