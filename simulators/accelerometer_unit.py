@@ -14,7 +14,7 @@ from simulators.faults import OPEN_C, FaultPlan
 from simulators.noise import Noise
 from simulators.unit_file import UnitFile, stream
 from simulators.uut import Hysteresis, Sent, UnitTruth, draw_unit, noise_of
-from simulators.warmth import Board, Thermometer, Warmth
+from simulators.warmth import Board, Thermometer, Warmth, followed_c
 
 if TYPE_CHECKING:  # it is the world that makes it
     from simulators.settings import WorldSettings
@@ -212,8 +212,7 @@ class SimulatedUnit:
 
     def thermometer_c(self, at_s: Array) -> Array:
         """Readings of the thermometer at the unit at times since the last call, with its errors and noise."""
-        detached = self.faults.active("detached_thermometer")
-        now_c = self._world.settings.ambient_c if detached else self.warmth.thermometer_c
+        now_c = followed_c(self.faults, self.warmth.thermometer_c, self._world.settings.ambient_c)
         read_c = self._thermometer.readings_c(at_s, self._world.thermal.now_s, now_c)
         return np.full_like(read_c, OPEN_C) if self.faults.active("open_thermometer") else read_c
 

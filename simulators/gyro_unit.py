@@ -18,7 +18,7 @@ from simulators.gyro import GyroModel, GyroTruth, Vectors, draw_gyro, noise_of_g
 from simulators.noise import Noise
 from simulators.unit_file import Draw, DrawIn, SupplyModel, TelemetryModel, ThermalModel, stream
 from simulators.uut import Sent
-from simulators.warmth import Thermometer
+from simulators.warmth import Thermometer, followed_c
 
 if TYPE_CHECKING:  # it is the world that makes it
     from simulators.settings import WorldSettings
@@ -158,7 +158,6 @@ class SimulatedGyro:
     def thermometer_c(self, at_s: Array) -> Array:
         """Readings of the thermometer at the unit at times since the last call, with its errors and noise."""
         thermal = self._world.thermal
-        detached = self.faults.active("detached_thermometer")
-        now_c = self._world.settings.ambient_c if detached else thermal.thermometer_c(self._index)
+        now_c = followed_c(self.faults, thermal.thermometer_c(self._index), self._world.settings.ambient_c)
         read_c = self._thermometer.readings_c(at_s, thermal.now_s, now_c)
         return np.full_like(read_c, OPEN_C) if self.faults.active("open_thermometer") else read_c

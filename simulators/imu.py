@@ -24,7 +24,7 @@ from simulators.noise import mean_noise
 from simulators.thermal import UnitPhysics
 from simulators.unit_file import stream
 from simulators.uut import Decoding, Hysteresis, Sent, noise_of
-from simulators.warmth import Thermometer
+from simulators.warmth import Thermometer, followed_c
 
 if TYPE_CHECKING:  # which holds the units here
     from simulators.settings import WorldSettings
@@ -149,8 +149,8 @@ class SimulatedImu:
         if self.faults.active("open_thermometer"):
             return np.full(len(at_s), OPEN_C)
         number, thermal = SENSORS.index(sensor), self._world.thermal
-        detached = self.faults.active("detached_thermometer")
-        now_c = self._world.settings.ambient_c if detached else thermal.thermometer_c(self._sensors[number])
+        at_unit_c = thermal.thermometer_c(self._sensors[number])
+        now_c = followed_c(self.faults, at_unit_c, self._world.settings.ambient_c)
         return self._thermometers[number].readings_c(at_s, thermal.now_s, now_c)
 
     def _pulses(self, edges_s: Array) -> Array:

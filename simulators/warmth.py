@@ -9,6 +9,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from simulators.corrections import Table, read_of
+from simulators.faults import FaultPlan
 from simulators.thermal import Thermal
 from simulators.thermostat import Thermostat
 from simulators.unit_file import UnitFile
@@ -110,6 +111,11 @@ class Board:
         warmth = self._warmth
         self._last_c = warmth.board_c
         self.history.append(BoardState(now_s, self._last_c, warmth.board_thermometer_c, warmth.sensor_c, drifted_g))
+
+
+def followed_c(faults: FaultPlan, at_unit_c: float, room_c: float) -> float:
+    """What an ideal thermometer at a unit has followed to, or the room in which it lies when it has come off."""
+    return room_c if faults.active("detached_thermometer") else at_unit_c
 
 
 class Thermometer:
