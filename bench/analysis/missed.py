@@ -59,17 +59,25 @@ def missed_in(found: Counts | Codes) -> Missed | None:
     """What did not come of a channel in an acquisition; None when everything did."""
     if not len(found.gaps):
         return None
-    of_codes = isinstance(found, Codes)
-    problems = mean_code(found).problems if isinstance(found, Codes) else mean_rate(found).problems
-    came = len(found.sequence) + (found.invalid if isinstance(found, Codes) else 0)
+    what: Literal["latches", "samples"]
+    if isinstance(found, Codes):
+        what, came, problems = "samples", len(found.sequence) + found.invalid, mean_code(found).problems
+    else:
+        what, came, problems = "latches", len(found.sequence), mean_rate(found).problems
     return Missed(
-        what="samples" if of_codes else "latches",
+        what=what,
         gaps=len(found.gaps),
         lost=found.lost,
         expected=came + found.lost,
         listed=gaps_of(found, MOST_LISTED),
         unusable=tuple(problem for problem in problems if problem not in NOT_OF_GAPS),
     )
+
+
+def missed_of(device: str, decoded: Mapping[str, Counts] | Mapping[str, Codes]) -> dict[tuple[str, str], Missed]:
+    """What did not come of the channels of a device in an acquisition, by device and channel; those that lack any."""
+    found = {(device, channel): missed_in(each) for channel, each in decoded.items()}
+    return {name: missed for name, missed in found.items() if missed is not None}
 
 
 def gaps_of(found: Counts | Codes, at_most: int | None = None) -> tuple[Gap, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from bench.analysis.acquired import Acquisition, Codes, Counts, Currents, Motion, Mount, Positions, Turned, Voltages
 from bench.analysis.bench_record import AxisRecord, BenchRecord, ClockRecord, SourceRecord
-from bench.analysis.missed import Missed, missed_in
+from bench.analysis.missed import Missed, missed_of
 from bench.analysis.outputs import windows_of
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.config.fixture import Vector
@@ -83,13 +83,13 @@ def acquisitions(
         missed: dict[tuple[str, str], Missed] = {}
         for role, decoder in decoders.items():
             decoded = decoder.counts(frames.get(role, FrameBlock.empty()))
-            missed |= _missed(role, decoded)
+            missed |= missed_of(role, decoded)
             counts |= {channel: corrections.counts(role, each) for channel, each in decoded.items()}
             positions |= decoder.positions(frames.get(role, FrameBlock.empty()))
         codes: dict[str, Codes] = {}
         for role, sent in telemetry.items():
             of_role = sent.codes(frames.get(role, FrameBlock.empty()))
-            missed |= _missed(role, of_role)
+            missed |= missed_of(role, of_role)
             codes |= of_role
             positions |= sent.positions(frames.get(role, FrameBlock.empty()))
         read = {role: each.T for role, each in samples.get(event.step, {}).items()}
@@ -105,11 +105,6 @@ def acquisitions(
             codes=codes,
             missed=missed,
         )
-
-
-def _missed(role: str, decoded: Mapping[str, Counts] | Mapping[str, Codes]) -> dict[tuple[str, str], Missed]:
-    found = {(role, channel): missed_in(each) for channel, each in decoded.items()}
-    return {name: missed for name, missed in found.items() if missed is not None}
 
 
 def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnderTest:

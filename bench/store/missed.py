@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from bench.analysis.missed import Missed, missed_in
+from bench.analysis.missed import Missed, missed_of
 from bench.store.codes import CodeDecoder
 from bench.store.counts import CountDecoder
 from bench.store.reader import RunReader
@@ -28,7 +28,5 @@ def missed_in_step(
             if isinstance(options, TelemetryOptions)
             else CountDecoder(options, folder).counts(block)
         )
-        for channel, each in decoded.items():
-            if (missed := missed_in(each)) is not None:
-                found[role, channel] = missed
+        found |= missed_of(role, decoded)
     return found
