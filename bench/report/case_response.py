@@ -151,9 +151,7 @@ def _range_result(
     return {
         "points": [point(each) for each in found.points],
         "passed": found.passed,
-        "flags": [flag for flag in found.flags if flag not in UNITS],
-        "notes": [*notes, *found.notes, *(UNITS[flag] for flag in found.flags if flag in UNITS)],
-        "rejected": found.excluded,
+        **_remarks(found, notes),
     }
 
 
@@ -221,6 +219,13 @@ def _response(found: FrequencyResponse, notes: Iterable[str] = ()) -> dict[str, 
         "bandwidth_status": found.bandwidth.status,
         "bandwidth_crossings": found.bandwidth.crossings,
         "phase_at_bandwidth_deg": found.bandwidth.phase_deg,
+        **_remarks(found, notes),
+    }
+
+
+def _remarks(found: RangeTest | FrequencyResponse, notes: Iterable[str]) -> dict[str, Any]:
+    """Published flags, and among the notes in words what has none."""
+    return {
         "flags": [flag for flag in found.flags if flag not in UNITS],
         "notes": [*notes, *found.notes, *(UNITS[flag] for flag in found.flags if flag in UNITS)],
         "rejected": found.excluded,
