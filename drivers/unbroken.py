@@ -57,9 +57,16 @@ class Unbroken:
     is_whole: bool = field(default=True, init=False)
     _in_step: bool = field(default=True, init=False)  # so far all others have followed the leading one at once
     _places: Integers | None = field(default=None, init=False)  # of the others behind it
+    _ids: NDArray[np.uint32] = field(init=False)  # of the others, (n, 1)
+    _lengths: NDArray[np.uint8] = field(init=False)
     _last_tick: int | None = field(default=None, init=False)
     _least_ticks: int = field(default=1 << 62, init=False)
     _most_ticks: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        messages = [each.field.message for each in self.others]
+        self._ids = np.array([message.id for message in messages], np.uint32)[:, np.newaxis]
+        self._lengths = np.array([message.length for message in messages], np.uint8)[:, np.newaxis]
 
     @classmethod
     def of(cls, sequence: Field, tick: Field, others: Sequence[Field] = ()) -> Unbroken:
@@ -96,8 +103,7 @@ class Unbroken:
         if self._places is None or not len(rows) or rows[-1] + self._places[-1] >= len(block):
             return False
         at = rows + self._places[:, np.newaxis]
-        ids, lengths = self._ids_and_lengths
-        if (block.ids.take(at) != ids).any() or (block.dlc.take(at) != lengths).any():
+        if (block.ids.take(at) != self._ids).any() or (block.dlc.take(at) != self._lengths).any():
             return False
         signal = self.others[0].field.signal
         mask = (1 << min(signal.length, self.leading.field.signal.length)) - 1
@@ -107,13 +113,6 @@ class Unbroken:
         for each, own in zip(self.others, numbers, strict=True):
             each.note(own)
         return True
-
-    @property
-    def _ids_and_lengths(self) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
-        """Those of the others, each (n, 1)."""
-        messages = [each.field.message for each in self.others]
-        ids, lengths = [message.id for message in messages], [message.length for message in messages]
-        return np.array(ids, np.uint32)[:, np.newaxis], np.array(lengths, np.uint8)[:, np.newaxis]
 
     def _places_behind(self, block: FrameBlock, rows: NDArray[np.intp]) -> Integers | None:
         """How far behind the first of the leading ones the others come; None where they are not all there, or alike."""

@@ -28,7 +28,7 @@ class ModbusChamber(Chamber):
         how: ChamberOptions = options
         if profile.ramp is not None:
             how = ChamberOptions.model_construct(
-                poll=options.poll, answer_timeout=options.answer_timeout, follow=options.follow
+                **{name: getattr(options, name) for name in ChamberOptions.model_fields}
             )
         controller = ProfiledController(link, setup.identity, profile, setup.note)
         super().__init__(setup.name, controller, setup.limits, setup.safe, how)
