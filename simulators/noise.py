@@ -22,14 +22,6 @@ class Wander:
         self._sd, self._draws = sd, draws
         self._value = sd * float(draws.standard_normal())
 
-    def at_ends(self, interval_s: Array) -> Array:
-        """What it has come to at the end of each of the consecutive intervals, which are about equal."""
-        return np.asarray(at_ends([self], interval_s)[0])
-
-    def pass_over(self, passed_s: float) -> float:
-        """What it has come to after a time."""
-        return self.passed(passed_s, 1)[1]
-
     def passed(self, step_s: float, steps: int) -> list[float]:
         """What it is now, and what it comes to after each of so many steps."""
         keep = math.exp(-step_s / INSTABILITY_S)
@@ -63,9 +55,7 @@ def _even(intervals: int, steps: int) -> tuple[NDArray[np.intp], Array]:
 class Noise:
     """White noise and a slow wander of the zero, each from its own stream; the mean of 1 s has `white_1s` of white."""
 
-    def __init__(
-        self, white_1s: float, wander: float, streams: tuple[np.random.Generator, np.random.Generator]
-    ) -> None:
+    def __init__(self, white_1s: float, wander: float, streams: tuple[Generator, Generator]) -> None:
         self.white_1s, self.white = white_1s, streams[0]
         self.wander = Wander(wander, streams[1])
 
@@ -75,7 +65,7 @@ class Noise:
 
     def pass_over(self, passed_s: float) -> None:
         """Lets time pass in which nobody looks; the zero wanders on meanwhile."""
-        self.wander.pass_over(passed_s)
+        self.wander.passed(passed_s, 1)
 
 
 def mean_noise(channels: Sequence[Noise], interval_s: Array) -> Array:

@@ -49,13 +49,12 @@ def imu_record(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, A
 
 def _drifted(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, dict[str, list[float]]]:
     told = ("accelerometers_g", "gyros_dps", "moving_g", "sensors_c")
+    known_at_s = {place: np.array([state.true_s for state in imu.history]) for place, imu in world.imus.items()}
     found = {}
-    for place, imu in world.imus.items():
-        at_s = np.array([state.true_s for state in imu.history])
-        for window in windows:
-            if window.place == place:
-                nearest = imu.history[int(np.argmin(np.abs(at_s - world.true_time(window.at_s))))]
-                found[window.key] = {name: list(getattr(nearest, name)) for name in told}
+    for window in (each for each in windows if each.place in world.imus):
+        nearest = int(np.argmin(np.abs(known_at_s[window.place] - world.true_time(window.at_s))))
+        state = world.imus[window.place].history[nearest]
+        found[window.key] = {name: list(getattr(state, name)) for name in told}
     return found
 
 

@@ -111,7 +111,7 @@ def _fitted(
     terms: Sequence[str],
     full_scale: float,
     common: frozenset[str],
-    in_proportion: frozenset[str] = frozenset(),
+    in_proportion: frozenset[str],
 ) -> tuple[Linearity, Mapping[str, list[BudgetLine]]]:
     true = np.array([point.true for point in points])
     error = np.array([point.reading for point in points]) - true

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.analysis.tumble import solve_tumble
-from simulators.noise import Wander
+from simulators.noise import Wander, at_ends
 from simulators.unit_file import UnitFile
 from simulators.uut import Hysteresis, Integrator, UnitTruth, draw_unit, noise_of
 from tests.support.laboratory import Laboratory, place, unit
@@ -319,6 +319,6 @@ def test_a_swing_between_latches_counts_as_far_as_it_goes(frequency_hz: float) -
 def test_a_wander_does_not_depend_on_how_long_the_blocks_are() -> None:
     by_second, at_once = (Wander(1.0, np.random.default_rng(5)) for _ in range(2))
     intervals_s = np.full(100, 0.1)
-    expected = np.concatenate([by_second.at_ends(part_s) for part_s in np.split(intervals_s, 10)])
-    assert at_once.at_ends(intervals_s) == pytest.approx(expected, abs=1e-12)
+    expected = np.concatenate([at_ends([by_second], part_s)[0] for part_s in np.split(intervals_s, 10)])
+    assert at_ends([at_once], intervals_s)[0] == pytest.approx(expected, abs=1e-12)
     assert np.ptp(expected) > 0.1
