@@ -121,8 +121,11 @@ class FrameSource(Device, Protocol):
     async def news(self) -> None:
         """Returns when frames have been taken in since it last did, or a fault is known: `poll` then tells.
 
-        That is at the latest as often as a reading may be on its way (`reports_every_s`).
+        That is at the latest as often as a reading may be on its way (`reports_every_s`), and after every `take_in`.
         """
+
+    def take_in(self) -> None:
+        """Takes in what has arrived by now."""
 
     def heard(self) -> Mapping[str, Heard]:
         """When each channel was last heard of, as far as its frames have been taken in."""

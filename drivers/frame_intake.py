@@ -83,29 +83,33 @@ class FrameIntake:
         """
         if self._acquisition is not None:
             raise InstrumentFault(self._name, "an acquisition is under way already")
-        self._absorb()
+        self.absorb()
         self.check()
-        link_s = self._link.block_s
-        blocks = self._acquisition = _Blocks(link_s if block_s is None else min(block_s, link_s))
+        blocks = self._acquisition = _Blocks(math.inf if block_s is None else block_s)
         self.acquiring_since_s = asyncio.get_running_loop().time()
         self._wake.set()
         try:
             yield blocks
-            self._absorb()
-            self._absorb()  # a link that is gone says so behind its last frames
+            self.absorb()
+            self.absorb()  # a link that is gone says so behind its last frames
         finally:
             self._acquisition = self.acquiring_since_s = None
             blocks.end(self._failure)
 
     async def _take_in(self) -> None:
         while self._failure is None:
-            block_s = IDLE_BLOCK_S if self._acquisition is None else self._acquisition.block_s
             try:
-                async with asyncio.timeout(block_s):
+                async with asyncio.timeout(self._block_s):
                     await self._wake.wait()
                 self._wake.clear()
             except TimeoutError:
-                self._absorb()
+                self.absorb()
+
+    @property
+    def _block_s(self) -> float:
+        """How long frames are left with the link from now on."""
+        link_s = self._link.block_s
+        return max(IDLE_BLOCK_S, link_s) if self._acquisition is None else min(link_s, self._acquisition.block_s)
 
     def look_now(self) -> None:
         """Takes in what has arrived by now; raises what has gone wrong with the frames."""
@@ -113,7 +117,8 @@ class FrameIntake:
             self._take()
         self.check()
 
-    def _absorb(self) -> None:
+    def absorb(self) -> None:
+        """Takes in what has arrived by now, and says that there may be news."""
         self._news.set()
         self._take()
 
@@ -161,7 +166,7 @@ class FrameIntake:
 
 
 class _Blocks(AsyncIterator[FrameBlock]):
-    """Blocks from the intake to whoever acquires, one every `block_s`."""
+    """Blocks from the intake to whoever acquires, at least one every `block_s`."""
 
     def __init__(self, block_s: float) -> None:
         self.block_s = block_s
@@ -227,6 +232,10 @@ class FrameDriver(ABC, Generic[OptionsT]):
     async def news(self) -> None:
         """Returns when `poll` may tell more than it has: frames have been taken in, or something is wrong."""
         await self._intake.news()
+
+    def take_in(self) -> None:
+        """Takes in what has arrived by now, so that `news` returns."""
+        self._intake.absorb()
 
     def heard(self) -> Mapping[str, Heard]:
         """When each channel was last heard of, as far as its frames have been taken in."""

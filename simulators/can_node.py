@@ -44,11 +44,12 @@ class CanNode(ABC):
         self._draws = stream(world.settings.seed, "bus", name)
         self._told_off = False
         self.may_swap: frozenset[int] = frozenset()  # the identifiers of frames that are alike
+        self.longest_block_s = IDLE_BLOCK_S
 
     @property
     def block_s(self) -> float:
-        """As long as frames are left together at all: what a power cut costs a rehearsal is done again."""
-        return IDLE_BLOCK_S
+        """As long as its temperatures go straight on: what a power cut costs a rehearsal is done again."""
+        return max(IDLE_BLOCK_S, min(self.longest_block_s, self._world.straight_for_s))
 
     def take(self) -> FrameBlock:
         """Every frame sent since the last call; LinkLost when the connection is cut."""

@@ -7,6 +7,7 @@ integrates catch up, so that no part of the time is counted under the wrong stim
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
@@ -27,6 +28,8 @@ from simulators.thermal import Thermal, UnitPhysics
 from simulators.unit_file import stream
 
 Array = NDArray[np.float64]
+
+STRAIGHT_C = 0.001
 
 
 class World:
@@ -109,6 +112,12 @@ class World:
         for unit in self.units.values():
             unit.warmth.follow(now, unit.powered_at_s is not None)
         return now
+
+    @property
+    def straight_for_s(self) -> float:
+        """How long a straight line stays as close to the temperature of every sensor as STRAIGHT_C."""
+        bend_c_per_s2 = self.thermal.bend_c_per_s2
+        return math.sqrt(8 * STRAIGHT_C / bend_c_per_s2) if bend_c_per_s2 else math.inf
 
     def integrate_with(self, catch_up: Callable[[], None]) -> None:
         """Registers somebody who integrates over time and must be told before a stimulus changes."""

@@ -80,13 +80,14 @@ def least_squares(
     scale = np.where(size > 0, size, 1.0)
     left, singular, right = np.linalg.svd(design / scale, full_matrices=False)
     columns = design.shape[1]
-    tiny = np.finfo(np.float64).eps * max(design.shape)
-    rank = int(np.sum(singular > tiny * singular.max(initial=0.0)))
+    largest = singular.max(initial=0.0)
+    told = singular > np.finfo(np.float64).eps * max(design.shape) * largest
+    rank = int(np.sum(told))
     condition = float(singular[0] / singular[-1]) if rank == columns else np.inf
     if condition > condition_limit:
-        known = right[: min(rank, columns - 1)]
+        told &= singular >= largest / condition_limit  # of equals none stands for the others
         raise NotDetermined(
-            _undetermined(known, names or [f"coefficient {i}" for i in range(columns)]),
+            _undetermined(right[told], names or [f"coefficient {i}" for i in range(columns)]),
             rank=rank, of=columns, condition=condition,
         )  # fmt: skip
     gain = right.T / singular / scale[:, np.newaxis] @ left.T

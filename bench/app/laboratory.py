@@ -73,6 +73,11 @@ class Laboratory:
         factory = protocol_factory(self.instruments[role])
         return self.lines[role].in_front_of(factory) if role in self.lines else factory
 
+    def leave_frames(self, longest_s: float) -> None:
+        """Frames may be left with the nodes so long, which is faster; what is in them is told later."""
+        for node in self.nodes.values():
+            node.longest_block_s = longest_s
+
 
 def unit_files(
     bench: BenchFile, override: Path | None, places: Collection[str] | None = None

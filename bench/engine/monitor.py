@@ -75,7 +75,9 @@ class Monitor:
             self._tasks.append(asyncio.create_task(self._watch(role), name=f"monitor {role}"))
 
     async def stop(self) -> None:
-        """Stops polling; what was read until now is with the writer."""
+        """Stops polling; what was read until now, and what has come unasked, is with the writer."""
+        for role in self._rig.devices:
+            await self.freshen(role)
         for task in self._tasks:
             task.cancel()
         if self._tasks:
@@ -90,6 +92,13 @@ class Monitor:
         """The newest value of a named reading, or of DEVICE.CHANNEL."""
         channel = self._channels.get(self._source(name))
         return channel.newest if channel is not None else None
+
+    async def freshen(self, name: str) -> None:
+        """Returns when what has come unasked of a reading, or of all of a device, has been taken in."""
+        device = self._rig.devices[self._source(name).partition(".")[0]]
+        if isinstance(device, FrameSource):
+            device.take_in()
+            await asyncio.sleep(0)  # whoever waits for news of the device goes first
 
     def newest(self) -> dict[str, tuple[Reading, str]]:
         """The newest value of every channel that was read, by its name on this bench, with its unit."""

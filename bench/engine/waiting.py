@@ -28,6 +28,8 @@ async def until(step: WaitUntil, monitor: Monitor) -> Mapping[str, Any]:
     low = -math.inf if step.above is None else step.above.to(unit)
     high = math.inf if step.below is None else step.below.to(unit)
     while True:
+        for name in monitor.units.members(step.reading):
+            await monitor.freshen(name)
         windows = {name: monitor.last(name, step.hold_s) for name in monitor.units.members(step.reading)}
         waiting = [name for name, window in windows.items() if not _holds(window, low, high, began_s, step.hold_s)]
         if not waiting:

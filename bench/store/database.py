@@ -89,7 +89,7 @@ def unpack_all(packed: Sequence[tuple[bytes, int, int]]) -> FrameBlock:
     payloads = np.empty((total, 8), np.uint8)
     begin = 0
     for data, frames, crc in packed:
-        plain, block = _plain(data, frames, crc), slice(begin, begin + frames)
+        plain, block = plain_of(data, frames, crc), slice(begin, begin + frames)
         np.cumsum(np.frombuffer(plain, "<i8", frames), out=times[block])
         ids[block] = np.frombuffer(plain, "<u4", frames, 8 * frames)
         dlc[block] = np.frombuffer(plain, np.uint8, frames, 12 * frames)
@@ -99,7 +99,8 @@ def unpack_all(packed: Sequence[tuple[bytes, int, int]]) -> FrameBlock:
     return FrameBlock(ids, times / _NS, dlc, payloads)
 
 
-def _plain(data: bytes, frames: int, crc: int) -> bytes:
+def plain_of(data: bytes, frames: int, crc: int) -> bytes:
+    """The bytes that `pack` compressed, which are the same for the same frames; StoreError when they are damaged."""
     try:
         plain = zlib.decompress(data, bufsize=FRAME_BYTES * frames)
     except zlib.error as problem:

@@ -7,12 +7,12 @@ import json
 import sqlite3
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,12 @@ from drivers.frame_block import FrameBlock
 BLOCKS_AHEAD = 8  # which are unpacked while one is looked at
 BATCH_ROWS = 10_000
 STEPS_AHEAD = 1  # whose blocks are
+_BLOCKS = "SELECT stream, step, data, frames, crc FROM block ORDER BY seq"
 _SEQS_OF_STEPS = "SELECT step, MIN(seq), MAX(seq) FROM block GROUP BY step ORDER BY MIN(seq)"
 _BLOCKS_OF_STEP = "SELECT stream, data, frames, crc FROM block WHERE step = ? AND seq BETWEEN ? AND ? ORDER BY seq"
+
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,9 +100,14 @@ class RunReader:
 
     def blocks(self) -> Iterator[tuple[str, str, FrameBlock]]:
         """(stream, step, frames) in order."""
-        ahead: deque[tuple[str, str, Future[FrameBlock]]] = deque()
-        for stream, step, *packed in self._rows("SELECT stream, step, data, frames, crc FROM block ORDER BY seq"):
-            ahead.append((stream, step, self._unpackers.submit(database.unpack, *packed)))
+        for stream, step, _, block in self._unpacking(database.unpack):
+            yield stream, step, block
+
+    def _unpacking(self, unpack: Callable[[bytes, int, int], T]) -> Iterator[tuple[str, str, int, T]]:
+        """(stream, step, number of frames, what is unpacked) of all blocks in order; some are unpacked ahead."""
+        ahead: deque[tuple[str, str, int, Future[T]]] = deque()
+        for stream, step, data, frames, crc in self._rows(_BLOCKS):
+            ahead.append((stream, step, frames, self._unpackers.submit(unpack, data, frames, crc)))
             if len(ahead) > BLOCKS_AHEAD:
                 yield _done(ahead.popleft())
         yield from map(_done, ahead)
@@ -172,23 +181,20 @@ class RunReader:
         total = hashlib.sha256()
         for row in self._rows("SELECT seq, at_s, kind, step, data FROM journal ORDER BY seq"):
             total.update(repr(row).encode())
-        for stream, step, block in self.blocks():
-            total.update(repr((stream, step, len(block))).encode())
-            for column in (np.rint(block.at_s * 1e9).astype("<i8"), block.ids.astype("<u4"), block.dlc, block.data):
-                total.update(np.ascontiguousarray(column).tobytes())
-        query = (
-            "SELECT name, reading.at_s, value FROM reading JOIN channel ON channel.id = channel ORDER BY reading.seq"
-        )
-        for rows in self._batches(query):
-            total.update("".join(map(repr, rows)).encode())
+        for stream, step, frames, plain in self._unpacking(database.plain_of):
+            total.update(repr((stream, step, frames)).encode())
+            total.update(plain)
+        total.update(repr(self.channels()).encode())
+        for rows in self._batches("SELECT channel, at_s, value FROM reading ORDER BY seq"):
+            total.update(np.array(rows, "<f8").tobytes())
         for row in self._samples():
             total.update(repr(row).encode())
         return total.hexdigest()
 
 
-def _done(unpacking: tuple[str, str, Future[FrameBlock]]) -> tuple[str, str, FrameBlock]:
-    stream, step, block = unpacking
-    return stream, step, block.result()
+def _done(unpacking: tuple[str, str, int, Future[T]]) -> tuple[str, str, int, T]:
+    stream, step, frames, unpacked = unpacking
+    return stream, step, frames, unpacked.result()
 
 
 def _unpacked(blocks: Iterable[tuple[str, bytes, int, int]]) -> dict[str, FrameBlock]:

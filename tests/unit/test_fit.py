@@ -115,6 +115,15 @@ def test_what_is_not_determined_is_named(columns, names):
     assert names[-1] in str(caught.value)
 
 
+def test_of_equally_uncertain_coefficients_all_are_named():
+    """Which of two equal singular values comes last is rounding, and differs from one processor to another."""
+    alike = np.array([np.ones(4), [1.0001, 0.9999, 1.0001, 0.9999]]).T
+    design = np.kron(np.eye(2), alike)
+    with pytest.raises(NotDetermined) as caught:
+        least_squares(design, np.ones(8), names="abcd")
+    assert (caught.value.names, caught.value.rank) == (tuple("abcd"), 4)
+
+
 def test_the_condition_limit_can_be_raised():
     design = np.array([[1, 1, 1, 1], [1, 1, 1, 1.0001]]).T
     assert least_squares(design, np.arange(4.0), condition_limit=1e6).condition > 1e4
