@@ -176,29 +176,30 @@ class SimulatedImu:
         self._last_c = now_c
         hysteresis_g = np.array([play.bias_g(float(now_c[0])) for play in self._hysteresis])
         moving_g = self._accelerometers.kd * self._world.thermal.sensor_rate_c_per_s(self._sensors[0])
-        state = self._state(float(edges_s[-1]), hysteresis_g, moving_g, now_c)
-        self.history.append(state)
+        begun, ended = self._slow(float(edges_s[0])), self._slow(float(edges_s[-1]))
+        self.history.append(_state(float(edges_s[-1]), hysteresis_g + ended[0], ended[1], moving_g, now_c))
         if self.powered_at_s is None or self.faults.active("dead"):
             return None, np.empty(0)
         force_g, rate_dps = self._stimulus(edges_s, middle)
         noise = mean_noise(self._noise, interval)
-        drifting_g = np.array(state.accelerometers_g)[:, np.newaxis] + moving_g + noise[: len(NAMES)]
-        drifting_dps = np.array(state.gyros_dps)[:, np.newaxis] + noise[len(NAMES) :]
+        slow_g, slow_dps = (
+            from_[:, np.newaxis] + passed * (to - from_)[:, np.newaxis] for from_, to in zip(begun, ended, strict=True)
+        )
+        drifting_g = slow_g + hysteresis_g[:, np.newaxis] + moving_g + noise[: len(NAMES)]
+        drifting_dps = slow_dps + noise[len(NAMES) :]
         current_a = self._accelerometers.current_a(force_g, accelerometer_c, drifting_g)
         gyro_pps = self._gyros.output_pps(rate_dps, force_g, gyro_c, drifting_dps)
         return current_a, self._gyros.clipped_pps(gyro_pps)
 
-    def _state(self, true_s: float, hysteresis_g: Array, moving_g: Array | float, sensors_c: Array) -> ImuState:
-        """Drift and warm-up are slow: what they are at the end of an interval stands for all of it."""
+    def _slow(self, true_s: float) -> tuple[Array, Array]:
+        """What drift and warm-up add to the zeros of its accelerometers (g) and its gyros (°/s), (3,) each."""
         accelerometers, gyros = self._accelerometers, self._gyro_drift
         drift_g, drift_dps = accelerometers.drift_g_per_s * true_s, gyros.drift_dps2 * true_s
         if self.powered_at_s is not None:
             powered_s = true_s - self.powered_at_s
             drift_g = drift_g + accelerometers.warm_up_g * np.exp(-powered_s / accelerometers.warm_up_s)
             drift_dps = drift_dps + gyros.warm_up_dps * np.exp(-powered_s / gyros.warm_up_s)
-        drifted_g, drifted_dps = hysteresis_g + np.ravel(drift_g), np.ravel(drift_dps)
-        added = (tuple(np.ravel(each).tolist()) for each in (drifted_g, drifted_dps, moving_g, sensors_c))
-        return ImuState(true_s, *added)
+        return np.ravel(drift_g), np.ravel(drift_dps)
 
     def _stimulus(self, edges_s: Array, middle_s: Array) -> tuple[Seen, Seen]:
         """Specific force in g and rate in °/s as its sensors see them, (3, n) each, or (3, 1) at rest."""
@@ -289,6 +290,10 @@ class ImuChannel:
         of_gyro = self.row >= len(NAMES)
         codes = truth.gyros_send[axis] if of_gyro else truth.accelerometers[axis]
         return Sent(truth.clock, codes.zero_code, codes.noise_code)
+
+
+def _state(true_s: float, *added: Array | float) -> ImuState:
+    return ImuState(true_s, *(tuple(np.ravel(each).tolist()) for each in added))
 
 
 def _along(vectors: Array) -> Seen:

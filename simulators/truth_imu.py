@@ -48,13 +48,18 @@ def imu_record(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, A
 
 
 def _drifted(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, dict[str, list[float]]]:
+    """What was added to the zeros in the middle of each window, and how warm the sensors were."""
     told = ("accelerometers_g", "gyros_dps", "moving_g", "sensors_c")
-    known_at_s = {place: np.array([state.true_s for state in imu.history]) for place, imu in world.imus.items()}
+    known = {
+        place: {name: np.array([getattr(state, name) for state in imu.history]).T for name in ("true_s", *told)}
+        for place, imu in world.imus.items()
+    }
     found = {}
     for window in (each for each in windows if each.place in world.imus):
-        nearest = int(np.argmin(np.abs(known_at_s[window.place] - world.true_time(window.at_s))))
-        state = world.imus[window.place].history[nearest]
-        found[window.key] = {name: list(getattr(state, name)) for name in told}
+        of_unit, true_s = known[window.place], world.true_time(window.at_s)
+        found[window.key] = {
+            name: [float(np.interp(true_s, of_unit["true_s"], each)) for each in of_unit[name]] for name in told
+        }
     return found
 
 

@@ -72,8 +72,8 @@ def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
     rate_gain = 1 / count + (reference_c - centre_c) * slope_gain
     smooth = fit_polynomial(gates.converter_c, gates.rate_pps, SMOOTH_DEGREE).residuals
     line = fit_polynomial(gates.converter_c, gates.rate_pps, 1).residuals
-    own_pps = _own_scatter_pps(smooth, gates)
-    counting_slope, counting_rate = np.linalg.norm(_unresolved(np.stack([slope_gain, rate_gain]), gates), axis=1)
+    own_pps = own_scatter_pps(smooth, gates)
+    counting_slope, counting_rate = np.linalg.norm(unresolved_pps(np.stack([slope_gain, rate_gain]), gates), axis=1)
     accelerometer_c = np.where(np.isfinite(gates.accelerometer_c), gates.accelerometer_c, 0.0)
     return LineScatter(
         counting_rate=float(counting_rate),
@@ -81,7 +81,7 @@ def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
         scatter_rate=float(own_pps * np.linalg.norm(rate_gain)),
         scatter_slope=float(own_pps * np.linalg.norm(slope_gain)),
         dof=WAVES_DEGREE - SMOOTH_DEGREE,
-        excess_pps=_excess_pps(smooth, gates),
+        excess_pps=excess_pps(smooth, gates),
         gate_s=float(np.mean(gates.seconds)),
         residuals_pps=_stretches(line, gates.seconds)[0],
         stretch_u_pps=_stretch_u_pps(smooth, gates),
@@ -91,8 +91,8 @@ def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
     )
 
 
-def _own_scatter_pps(smooth_pps: Array, gates: Gates) -> float:
-    """As `_excess_pps` of departures (n,) from a smooth curve, but without what goes with the rate of the temperature.
+def own_scatter_pps(smooth_pps: Array, gates: Gates) -> float:
+    """As `excess_pps` of departures (n,) from a smooth curve, but without what goes with the rate of the temperature.
 
     The gates at the ends have no such rate, and are left out.
     """
@@ -102,10 +102,10 @@ def _own_scatter_pps(smooth_pps: Array, gates: Gates) -> float:
     own_pps, size = smooth_pps[inner], float(lag @ lag)
     if size:
         own_pps = own_pps - lag * (lag @ own_pps) / size
-    return _excess_pps(own_pps, gates.rows(inner))
+    return excess_pps(own_pps, gates.rows(inner))
 
 
-def _unresolved(gains: Array, gates: Gates) -> Array:
+def unresolved_pps(gains: Array, gates: Gates) -> Array:
     """What a count leaves uncounted in sums of gates with gains (k, n), or the steps of codes hide: (k, m) by cause.
 
     Gates whose means are on one step err alike.
@@ -132,7 +132,7 @@ def _of_latches(gains: Array, gates: Gates) -> Array:
     return np.asarray(LATCH_COUNTS * found)
 
 
-def _excess_pps(residual_pps: Array, gates: Gates) -> float:
+def excess_pps(residual_pps: Array, gates: Gates) -> float:
     """The standard deviation of a gate that is not of the count, as far as slow waves of the gates have it.
 
     So large that the squares of the waves are together what they should be (Paule and Mandel, J. Res. NBS 87, 377):
@@ -140,7 +140,7 @@ def _excess_pps(residual_pps: Array, gates: Gates) -> float:
     """
     through = chebyshev.chebvander(np.linspace(-1, 1, len(residual_pps)), WAVES_DEGREE)
     waves = np.linalg.qr(through)[0][:, SMOOTH_DEGREE + 1 :].T
-    unresolved = _unresolved(waves, gates)
+    unresolved = unresolved_pps(waves, gates)
     counted, apart = np.linalg.eigh(unresolved @ unresolved.T)  # waves share the latches at the ends
     squares = (apart.T @ waves @ residual_pps) ** 2
     if not unresolved.any():

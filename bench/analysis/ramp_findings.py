@@ -9,7 +9,7 @@ rate itself, is part of the loop.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,11 +21,13 @@ from bench.analysis.fit import Array, PolynomialFit
 from bench.analysis.models import TemperatureModel
 from bench.analysis.ramp_samples import RampLeg
 from bench.analysis.ramp_scale import RampScale
+from bench.analysis.ramp_scatter import SlopeScatter, slope_scatter
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.temperature_dynamic import UG_PER_G, Differences, DynamicCharacteristic, RampJump, RampLimits
 from bench.analysis.tilt_findings import TiltOrigin, tilt_findings
 
 SCATTER = "samples: scatter"
+COUNTING = "samples: resolution of the count"
 SELECTION = "samples: scatter makes the largest of many larger"
 LAG = "lag behind the thermometer, and the unit's response to the rate: contained"
 COUNT_STRIDE = 2  # neighbours share a latch, and so the error of a count
@@ -70,7 +72,7 @@ class RampFindings:
         line = self.found.line
         slope = float(line.coefficients[1]) / line.scale
         at = {"temperature_c": line.centre}
-        lines = [self._scatter_of_slope(line, self._sd_g()), self._thermometer(slope), self._scale_error(slope)]
+        lines = [*self._scatter_of_slope(), self._thermometer(slope), self._scale_error(slope)]
         name = "slope of the straight line over temperature"
         return self._finding("K0/temperature_coefficient", name, slope, "g/°C", lines, at)
 
@@ -189,10 +191,8 @@ class RampFindings:
         line = self.scale.line
         relative = 1 / float(line.coefficients[0])
         slope = float(line.coefficients[1]) / line.scale * relative
-        sd = _known_sd(scatter_sd([_finite(leg.output) for leg in self.upright], COUNT_STRIDE), line.residual_sd)
-        at_1g = self._scatter_of_slope(line, abs(sd * relative))
         lines = [
-            replace(at_1g, u=float(np.hypot(at_1g.u, self._sd_g() * _slope_gain(self.level)))),
+            *self._scatter_of_scale_slope(),
             self._thermometer(slope),
             BudgetLine("bias: its change between the 0 g part and the 1 g part", "B", self._bias_slope_change()),
         ]
@@ -235,9 +235,27 @@ class RampFindings:
         cycles = len({leg.cycle for leg in self.level})
         return float(np.sqrt(max(np.mean(squares) if squares else 0.0, 0.0) / cycles))
 
-    def _scatter_of_slope(self, line: PolynomialFit, sd: float) -> BudgetLine:
-        gain = float(np.linalg.norm(line.fit.gain[1])) / line.scale
-        return BudgetLine(SCATTER, "A", sd * gain, line.dof or None)
+    def _scatter_of_slope(self) -> list[BudgetLine]:
+        """Of the bias, in g/°C."""
+        found = slope_scatter(self.level)
+        if found is None:
+            return [BudgetLine(SCATTER, "A", self._sd_g() * _slope_gain(self.level), self.found.line.dof or None)]
+        return _scatter_lines(found, self._per_g)
+
+    def _scatter_of_scale_slope(self) -> list[BudgetLine]:
+        """Of the scale factor, relative to it, in 1/°C."""
+        at_0g, at_1g = slope_scatter(self.level), slope_scatter(self.upright)
+        if at_0g is not None and at_1g is not None:
+            return _scatter_lines(at_1g.together(at_0g), self._per_g)
+        line = self.scale.line
+        sd = _known_sd(scatter_sd([_finite(leg.output) for leg in self.upright], COUNT_STRIDE), line.residual_sd)
+        gains = sd * self._per_g * _slope_gain(self.upright), self._sd_g() * _slope_gain(self.level)
+        return [BudgetLine(SCATTER, "A", float(np.hypot(*gains)), line.dof or None)]
+
+    @property
+    def _per_g(self) -> float:
+        """The g that are one unit of the output."""
+        return 1 / abs(float(self.scale.line.coefficients[0]))
 
     def _thermometer(self, slope: float) -> BudgetLine:
         _, gain = self.data.bench.thermometer_u(self.unit.temperature)
@@ -282,6 +300,11 @@ class RampFindings:
     ) -> Finding:
         steps = steps or tuple(leg.step for leg in self.level)
         return self._subject.finding(quantity, name, value, unit, lines, at, steps, id_tail, flags, interval)
+
+
+def _scatter_lines(found: SlopeScatter, scale: float) -> list[BudgetLine]:
+    counting = [BudgetLine(COUNTING, "B", found.counted * scale)] if found.counted else []
+    return [*counting, BudgetLine(SCATTER, "A", found.own * scale, found.dof)]
 
 
 def _at_jump(jump: RampJump) -> dict[str, Any]:

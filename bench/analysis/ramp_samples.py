@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.analysis.acquired import Acquisition, Array
+from bench.analysis.acquired import Acquisition, Array, Counts
 from bench.analysis.outputs import means_between, measured, outputs_between
 from bench.analysis.rundata import UnitUnderTest
 
@@ -16,7 +16,8 @@ from bench.analysis.rundata import UnitUnderTest
 class RampLeg:
     """The samples of one acquisition, (n,) each; what could not be read is not-a-number. `output` is in its unit.
 
-    `direction` is that of the chamber's set point: 1 rising, -1 falling, 0 for an acquisition that is no leg.
+    `direction` is that of the chamber's set point: 1 rising, -1 falling, 0 for an acquisition that is no leg. Samples
+    that are `counted` share a latch with their neighbours.
     `problems` tells how many samples were left out for which reason, with the flags of `mean_rate`.
     """
 
@@ -27,6 +28,8 @@ class RampLeg:
     time_s: Array
     temperature_c: Array
     output: Array
+    seconds: Array
+    counted: bool
     problems: Mapping[str, int]
 
     @property
@@ -46,7 +49,8 @@ def cut_into_samples(acquisition: Acquisition, unit: UnitUnderTest, angle_rad: f
     A temperature is the mean of the reading in between.
     """
     begins_s = np.arange(acquisition.begin_s, acquisition.end_s, sample_s)
-    edges_s, output, problems = outputs_between(measured(acquisition, unit), begins_s)
+    found = measured(acquisition, unit)
+    edges_s, output, problems = outputs_between(found, begins_s)
     temperature_c = means_between(
         acquisition.temperatures_at_s[unit.temperature], acquisition.temperatures_c[unit.temperature], edges_s
     )
@@ -59,5 +63,7 @@ def cut_into_samples(acquisition: Acquisition, unit: UnitUnderTest, angle_rad: f
         time_s=(edges_s[:-1] + edges_s[1:]) / 2,
         temperature_c=temperature_c,
         output=output,
+        seconds=np.diff(edges_s),
+        counted=isinstance(found, Counts),
         problems={problem: count for problem, count in problems.items() if count},
     )

@@ -40,7 +40,7 @@ from drivers.can_telemetry.description import TelemetryOptions
 from drivers.fields import DocumentFile
 
 SCENARIO_COPY = "scenario.yaml"
-UNWATCHED_BLOCK_S = 30.0  # how long frames are left together where nothing breaks and nobody watches
+HEALTHY_BLOCK_S = 30.0  # how long frames are left together where nothing is to break
 CALLED = "called"  # the folder of sequences that the one of a run calls
 
 
@@ -98,8 +98,8 @@ def _execute(prepared: PreparedRun, observer: RunObserver) -> RunResult:
             laboratory = None
             if bench.needs_simulators:
                 laboratory = make_laboratory(bench, units, prepared.seed, asyncio.get_running_loop().time)
-                if prepared.speed >= AS_FAST_AS_POSSIBLE and not bench.simulation.faults:
-                    laboratory.leave_frames(UNWATCHED_BLOCK_S)
+                if not bench.simulation.faults:
+                    laboratory.leave_frames(HEALTHY_BLOCK_S)
             return await _run(prepared, directory.path, laboratory, observer, keep)
 
         trace = prepared.request.trace

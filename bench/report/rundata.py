@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -75,23 +76,9 @@ def acquisitions(
     temperatures = {name: corrections.temperatures(reader.series(name)) for name in dict.fromkeys(thermometers)}
     samples = reader.samples_by_step()
     found = list(_acquired(reader, bench, label))
-    recorded = reader.frames_of(event.step for event, _, _ in found)
-    for (event, dwell, state), frames in zip(found, recorded, strict=True):
+    sent = reader.of_steps((event.step for event, _, _ in found), partial(_sent, decoders, telemetry, corrections))
+    for (event, dwell, state), (counts, positions, codes, missed) in zip(found, sent, strict=True):
         acquired = _acquisition(event, dwell, state, temperatures)
-        counts: dict[str, Counts] = {}
-        positions: dict[str, Positions] = {}
-        missed: dict[tuple[str, str], Missed] = {}
-        for role, decoder in decoders.items():
-            decoded = decoder.counts(frames.get(role, FrameBlock.empty()))
-            missed |= missed_of(role, decoded)
-            counts |= {channel: corrections.counts(role, each) for channel, each in decoded.items()}
-            positions |= decoder.positions(frames.get(role, FrameBlock.empty()))
-        codes: dict[str, Codes] = {}
-        for role, sent in telemetry.items():
-            of_role = sent.codes(frames.get(role, FrameBlock.empty()))
-            missed |= missed_of(role, of_role)
-            codes |= of_role
-            positions |= sent.positions(frames.get(role, FrameBlock.empty()))
         read = {role: each.T for role, each in samples.get(event.step, {}).items()}
         through = {role: Currents(*read.pop(role)) for role in bench.with_capability("ammeter") if role in read}
         yield replace(
@@ -105,6 +92,30 @@ def acquisitions(
             codes=codes,
             missed=missed,
         )
+
+
+def _sent(
+    counters: Mapping[str, CountDecoder],
+    telemetry: Mapping[str, CodeDecoder],
+    corrections: Corrections,
+    frames: Mapping[str, FrameBlock],
+) -> tuple[dict[str, Counts], dict[str, Positions], dict[str, Codes], dict[tuple[str, str], Missed]]:
+    """What frames tell: counts, positions of encoders, codes, and what did not come of them."""
+    counts: dict[str, Counts] = {}
+    positions: dict[str, Positions] = {}
+    codes: dict[str, Codes] = {}
+    missed: dict[tuple[str, str], Missed] = {}
+    for role, counter in counters.items():
+        decoded = counter.counts(frames.get(role, FrameBlock.empty()))
+        missed |= missed_of(role, decoded)
+        counts |= {channel: corrections.counts(role, each) for channel, each in decoded.items()}
+        positions |= counter.positions(frames.get(role, FrameBlock.empty()))
+    for role, sender in telemetry.items():
+        of_role = sender.codes(frames.get(role, FrameBlock.empty()))
+        missed |= missed_of(role, of_role)
+        codes |= of_role
+        positions |= sender.positions(frames.get(role, FrameBlock.empty()))
+    return counts, positions, codes, missed
 
 
 def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnderTest:

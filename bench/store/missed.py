@@ -19,7 +19,7 @@ def missed_in_step(
 ) -> dict[tuple[str, str], Missed]:
     """What did not come of these devices during a step of a run, finished or not, by device and channel; StoreError."""
     with RunReader(folder) as reader:
-        frames = next(reader.frames_of([step]))
+        frames = reader.frames_of(step)
     found: dict[tuple[str, str], Missed] = {}
     for role, options in devices.items():
         block = frames.get(role, FrameBlock.empty())

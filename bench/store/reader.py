@@ -23,13 +23,15 @@ from drivers.frame_block import FrameBlock
 
 BLOCKS_AHEAD = 8  # which are unpacked while one is looked at
 BATCH_ROWS = 10_000
-STEPS_AHEAD = 1  # whose blocks are
+STEPS_AHEAD = 2  # whose blocks are
 _BLOCKS = "SELECT stream, step, data, frames, crc FROM block ORDER BY seq"
 _SEQS_OF_STEPS = "SELECT step, MIN(seq), MAX(seq) FROM block GROUP BY step ORDER BY MIN(seq)"
 _BLOCKS_OF_STEP = "SELECT stream, data, frames, crc FROM block WHERE step = ? AND seq BETWEEN ? AND ? ORDER BY seq"
 
 
 T = TypeVar("T")
+Frames = dict[str, FrameBlock]
+"""All of a step, by stream."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,19 +119,23 @@ class RunReader:
         """The first and the last block of each step, so that one is found without going through all."""
         return {step: (first, last) for step, first, last in self._rows(_SEQS_OF_STEPS)}
 
-    def frames_of(self, steps: Iterable[str]) -> Iterator[dict[str, FrameBlock]]:
-        """All frames of one step after the other, by stream; those of the next are unpacked meanwhile."""
-        ahead: deque[Future[dict[str, FrameBlock]]] = deque()
+    def frames_of(self, step: str) -> Frames:
+        """All frames of a step, by stream."""
+        return next(self.of_steps([step], dict))
+
+    def of_steps(self, steps: Iterable[str], make: Callable[[Frames], T]) -> Iterator[T]:
+        """What `make` makes of all frames of one step after the other, by stream; threads are some steps ahead."""
+        ahead: deque[Future[T]] = deque()
         for step in steps:
-            packed = self._rows(_BLOCKS_OF_STEP, step, *self._seqs_of_steps.get(step, (0, -1)))
-            ahead.append(self._unpackers.submit(_unpacked, list(packed)))
+            packed = list(self._rows(_BLOCKS_OF_STEP, step, *self._seqs_of_steps.get(step, (0, -1))))
+            ahead.append(self._unpackers.submit(lambda packed: make(_unpacked(packed)), packed))
             if len(ahead) > STEPS_AHEAD:
                 yield ahead.popleft().result()
         yield from (each.result() for each in ahead)
 
-    def frames_by_step(self) -> dict[str, dict[str, FrameBlock]]:
+    def frames_by_step(self) -> dict[str, Frames]:
         """All frames of each step, by step and stream."""
-        return dict(zip(self._seqs_of_steps, self.frames_of(self._seqs_of_steps), strict=True))
+        return dict(zip(self._seqs_of_steps, self.of_steps(self._seqs_of_steps, dict), strict=True))
 
     def samples_by_step(self) -> dict[str, dict[str, NDArray[np.float64]]]:
         """What was read during steps, by step and stream: (N, 2), bench time and value."""
@@ -197,7 +203,7 @@ def _done(unpacking: tuple[str, str, int, Future[T]]) -> tuple[str, str, int, T]
     return stream, step, frames, unpacked.result()
 
 
-def _unpacked(blocks: Iterable[tuple[str, bytes, int, int]]) -> dict[str, FrameBlock]:
+def _unpacked(blocks: Iterable[tuple[str, bytes, int, int]]) -> Frames:
     """Packed blocks with their streams as one block of each stream."""
     collected: dict[str, list[tuple[bytes, int, int]]] = {}
     for stream, data, frames, crc in blocks:

@@ -284,6 +284,24 @@ def test_blocks_come_as_often_as_the_link_or_whoever_acquires_needs_them(
     with_driver(use)
 
 
+@pytest.mark.parametrize(("link_s", "every_s"), [(1.0, IDLE_BLOCK_S), (10.0, 10.0), (30.0, 30.0)])
+def test_while_nobody_acquires_frames_are_left_together_longer(link_s: float, every_s: float) -> None:
+    async def use(bench: Bench, driver: CanCounter) -> None:
+        bench.bus.block_s = link_s
+        await driver.news()  # of the wait that had begun before
+        heard_s = []
+        for _ in range(3):
+            await driver.news()
+            heard_s.append(now_s())
+        assert np.diff(heard_s) == pytest.approx(np.full(2, every_s))
+        await asyncio.sleep(3)
+        driver.take_in()
+        await driver.news()
+        assert now_s() == pytest.approx(heard_s[-1] + 3), "whoever needs them sooner gets them"
+
+    with_driver(use)
+
+
 def test_a_power_cut_costs_a_second_of_real_frames_at_most() -> None:
     assert (Slcan.block_s, PythonCan.block_s) == (1.0, 1.0)
 

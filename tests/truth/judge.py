@@ -23,11 +23,10 @@ def by_quantity(comparisons: Iterable[Comparison]) -> dict[str, list[Comparison]
     return dict(found)
 
 
-def beyond(found: Mapping[str, Sequence[Comparison]], kind: str, cautious: Sequence[str] = ()) -> Iterator[str]:
+def beyond(found: Mapping[str, Sequence[Comparison]], kind: str) -> Iterator[str]:
     """What is beyond the bars of a "perfect" or of a "full" bench; largest values by their intervals (methods.md 8.8).
 
-    A largest value is not symmetric about its truth: only that its uncertainty is not too small is asked of it beside,
-    as it is of what is known to be stated with caution.
+    A largest value is not symmetric about its truth: only that its uncertainty is not too small is asked of it beside.
     """
     low, high = RMS[kind]
     for name, comparisons in found.items():
@@ -35,7 +34,7 @@ def beyond(found: Mapping[str, Sequence[Comparison]], kind: str, cautious: Seque
         held = sum(each.held for each in comparisons) / len(comparisons)
         if held < LEAST_HELD:
             yield f"{name}: {held:.0%} of {len(comparisons)} intervals hold the truth"
-        if not (0.0 if largest or name in cautious else low) <= rms <= high:
+        if not (0.0 if largest else low) <= rms <= high:
             yield f"{name}: rms(error/u) is {rms:.3g} over {len(comparisons)} values"
         far = sum(abs(each.ratio) > 3 for each in comparisons)
         if far > max(1, FAR[kind] * len(comparisons)):

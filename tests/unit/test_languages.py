@@ -7,8 +7,8 @@ from typing import get_args
 
 import pypdf
 import pytest
-import yaml
 from jinja2 import Environment, nodes
+from ruamel.yaml import YAML
 
 from bench.config.fixture import Compass, Direction
 from bench.report import flag_words, languages, note_words, svg, words
@@ -111,7 +111,7 @@ def test_every_text_of_a_report_is_in_the_catalogue(name):
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_the_titles_of_shipped_sequences_are_in_the_catalogue(name):
-    titles = {yaml.safe_load(path.read_text("utf-8"))["title"] for path in (ROOT / "sequences").glob("*.yaml")}
+    titles = {YAML(typ="safe").load(path)["title"] for path in (ROOT / "sequences").glob("*.yaml")}
     assert len(titles) > 10
     assert sorted(titles - set(catalogue_of(name))) == []
 
