@@ -181,7 +181,7 @@ def decode_positions(form: CounterFormat, name: str, block: FrameBlock, latches:
 
 def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latches) -> _Paired:
     """The frames with a sequence number `other` and their latches."""
-    rows, data, raw = _numbered(other, block)
+    rows, data, raw = _numbered(other, block, latches.rows)
     sequence, tick, host_s, stale = latches.numbers, latches.tick, latches.host_s, 0
     if other.signal.length != form.sequence.signal.length or not _in_step(latches, rows, raw):
         bits = min(other.signal.length, form.sequence.signal.length)  # of a longer one the rest is not known of latches
@@ -252,8 +252,10 @@ def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDAr
     return readings_of(form.temperatures, block)
 
 
-def _numbered(sequence: Field, block: FrameBlock) -> tuple[NDArray[np.intp], NDArray[np.uint8], Integers]:
-    """The rows of a block with a message, their data, and the raw sequence numbers in it."""
-    rows = sequence.message.rows(block)
+def _numbered(
+    sequence: Field, block: FrameBlock, beside: NDArray[np.intp] | None = None
+) -> tuple[NDArray[np.intp], NDArray[np.uint8], Integers]:
+    """The rows of a block with a message, perhaps `beside` others, their data, and the raw sequence numbers in it."""
+    rows = sequence.message.rows(block, beside)
     data = block.payloads(rows)
     return rows, data, sequence.signal.raw(data)
