@@ -28,7 +28,7 @@ PARTS: Mapping[str, Part] = {"K0": "zero", "K1": "scale", "D0": "zero", "KG": "s
 UNITS = {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}
 GYRO = ("D0", "KG")
 LIMITS = {"K0": "accelerometer_zero_g", "K1": "accelerometer_scale", "D0": "gyro_zero_dps", "KG": "gyro_scale"}
-AT_POWER_ON = "left after compensation at power-on, told back from the readings"
+FIRST = "left after compensation at the first reading after power-on"
 WARM = "left after compensation when the watch ended"
 SETTLING = "time from power-on until what is left after compensation stays within its limit"
 FROM_THE_START = "within_from_the_start"
@@ -148,7 +148,8 @@ class _Watch:
         points = courses.points(part) - nominal
         self.watched.append(Watched(quantity, AXES[axis], grid_s, off, u, courses.at_s, points, limit, found))
         steps = tuple(window.step for window in readings.windows)
-        for name, index, told in (("power_on", 0, AT_POWER_ON), ("warm", -1, WARM)):
+        first = int(np.searchsorted(grid_s, courses.at_s.min()))
+        for name, index, told in (("power_on", first, FIRST), ("warm", -1, WARM)):
             lines = _lines(sources, index, 1.0)
             yield self._finding(f"{quantity}/{name}", axis, told, float(off[index]), UNITS[quantity], lines, steps)
         yield self._settling(quantity, axis, found, sources, grid_s, u, steps)

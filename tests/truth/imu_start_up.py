@@ -36,10 +36,7 @@ class TrueCourses:
     steps: dict[str, float]
 
     def at(self, quantity: str, axis: str, when_s: float) -> float:
-        off = self.off[quantity, axis]
-        if when_s < self.at_s[0]:
-            return float(off[0] + (when_s - self.at_s[0]) * (off[1] - off[0]) / (self.at_s[1] - self.at_s[0]))
-        return float(np.interp(when_s, self.at_s, off))
+        return float(np.interp(when_s, self.at_s, self.off[quantity, axis]))
 
     def settling_s(self, quantity: str, axis: str) -> float:
         size = np.abs(self.off[quantity, axis]) - LIMITS[quantity]
@@ -110,7 +107,7 @@ def compare_start_up(folder: Path, results: dict | None = None) -> list[Comparis
             if (not each["value"] and not truth) or "more_than" in each["flags"] or truth >= max(own_s):
                 continue
         else:
-            truth = course.at(quantity, axis, 0.0 if what == "power_on" else max(own_s))
+            truth = course.at(quantity, axis, min(own_s) if what == "power_on" else max(own_s))
         ends = [(each["interval"]["low"], each["interval"]["high"])] if each["interval"] else []
         found.append(Comparison(0, each["at"]["visit"], each["quantity"], each["value"], truth, each["u"], *ends))
     return found

@@ -118,11 +118,13 @@ class Watch:
 
 
 def truths(data):
-    """True values of what is found, which end with the last reading of their kind and axis."""
+    """True values of what is found, from the first to the last reading of their kind and axis."""
     middle_s = {each.step: (each.begin_s + each.end_s) / 2 - np.mean(POWER_ON_S) for each in data.acquisitions}
     found = {}
     for quantity in AT_POWER_ON:
-        found[f"{quantity}/power_on"] = lambda _, quantity=quantity: left(quantity, 0.0)
+        found[f"{quantity}/power_on"] = lambda each, quantity=quantity: left(
+            quantity, min(middle_s[step] for step in each.steps)
+        )
         found[f"{quantity}/warm"] = lambda each, quantity=quantity: left(
             quantity, max(middle_s[step] for step in each.steps)
         )
