@@ -80,7 +80,10 @@ async def _value_since(began_s: float, name: str, monitor: Monitor) -> None:
     """Returns when a reading has a value of its own time, not of the step before; StepError when none comes."""
     loop = asyncio.get_running_loop()
     give_up_s = loop.time() + VALUE_WITHIN_S
-    while (newest := monitor.latest(name)) is None or newest.at_s < began_s:
+    while True:
+        await monitor.freshen(name)
+        if (newest := monitor.latest(name)) is not None and newest.at_s >= began_s:
+            return
         if loop.time() >= give_up_s:
             raise StepError(f"{name} has given no value for {VALUE_WITHIN_S:g} s. Check the device.")
         await asyncio.sleep(VALUE_LOOK_S)

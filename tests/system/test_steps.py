@@ -35,6 +35,12 @@ def test_a_run_waits_until_the_unit_is_warm_and_has_been_so_for_the_time_it_is_t
     assert 5 * 60 <= done.at_s - first_s <= 5 * 60 + 7, "it looks every 5 s, at readings of a second ago"
 
 
+def test_a_value_is_there_as_soon_as_its_sensor_has_told_one(tmp_path):
+    result = ran(tmp_path, "{wait: 3 s}", "{measure: unit_temperature, as: t}")
+    done = ended(result)
+    assert done["steps/measure"].at_s - done["steps/wait"].at_s < 1.5, "its readings come every second"
+
+
 @pytest.mark.parametrize(
     ("condition", "expected"),
     [
