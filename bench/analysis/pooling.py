@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from math import sqrt
+from collections.abc import Sequence
+from math import log, sqrt
 from typing import NamedTuple
 
-from scipy.special import fdtr
+from scipy.special import chdtr, fdtr
 
-SIGNIFICANT = 0.95  # of the distribution of F under which a fit leaves no more than the readings' scatter
+SIGNIFICANT = 0.95  # of the distribution under which scatters differ by chance
 
 
 class Scatter(NamedTuple):
@@ -25,3 +26,14 @@ def pooled(left: Scatter, of_readings: Scatter) -> Scatter | None:
         return None
     dof = left.dof + of_readings.dof
     return Scatter(sqrt((left.dof * left.sd**2 + of_readings.dof * of_readings.sd**2) / dof), dof)
+
+
+def alike(scatters: Sequence[Scatter]) -> Scatter | None:
+    """One scatter for all that differ as by chance, else None (M. S. Bartlett, Proc. R. Soc. A 160, 268, 1937)."""
+    if len(scatters) < 2 or not all(each.sd > 0 and each.dof > 0 for each in scatters):
+        return None
+    dof = sum(each.dof for each in scatters)
+    together = Scatter(sqrt(sum(each.dof * each.sd**2 for each in scatters) / dof), dof)
+    apart = sum(each.dof * log((together.sd / each.sd) ** 2) for each in scatters)
+    few = 1 + (sum(1 / each.dof for each in scatters) - 1 / dof) / (3 * (len(scatters) - 1))
+    return together if chdtr(len(scatters) - 1, apart / few) <= SIGNIFICANT else None

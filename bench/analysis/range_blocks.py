@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from bench.analysis.acquired import Counts
 from bench.analysis.bench_record import AxisRecord
 from bench.analysis.counts import mean_rate
+from bench.analysis.pooling import Scatter, alike
 from bench.analysis.rest import Rest, RestReading, fit_rest
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.steady_turning import Steady
@@ -85,7 +86,7 @@ def range_blocks(
             found.leave_out(acquisition.step, ["not_at_rest"])
     if at_rest:
         found.rest = fit_rest(at_rest, axis_wobbles=feels_gravity)
-        found.turning = list(_without_drift(turning, found.rest))
+        found.turning = _of_one_scatter(list(_without_drift(turning, found.rest)))
     else:
         found.flags.append("rest_missing")
         found.left_out += [each.step.partition("/")[2] for _, each in turning]
@@ -100,3 +101,11 @@ def _without_drift(turning: Sequence[tuple[float, Turning]], rest: Rest) -> Iter
     for at_s, each in turning:
         output = each.steady.output - rest.change(at_s)
         yield replace(each, steady=replace(each.steady, output=output))
+
+
+def _of_one_scatter(turning: list[Turning]) -> list[Turning]:
+    """The same, each as uncertain as all together tell, where they scatter alike: one sensor does at all rates."""
+    together = alike([Scatter(each.steady.u_output, each.steady.dof) for each in turning])
+    if together is None:
+        return turning
+    return [replace(each, steady=replace(each.steady, u_output=together.sd, dof=together.dof)) for each in turning]
