@@ -188,7 +188,8 @@ def ramp_leg(number, angle_deg, misalignment, change_g_per_c, errors, turn, rng)
         step=f"steps/position={angle_deg:g}/leg={number}/acquire", cycle=1 + number // 2,
         direction=1 if number % 2 == 0 else -1, angle_rad=known_elevation_rad(angle_deg),
         time_s=(8 * angle_deg + number) * SAMPLES * SAMPLE_S + SAMPLE_S * np.arange(SAMPLES),
-        temperature_c=errors.indicated_c(middle_c), output=rates / (1 + errors.clock), problems={},
+        temperature_c=errors.indicated_c(middle_c), output=rates / (1 + errors.clock),
+        seconds=np.full(SAMPLES, SAMPLE_S), counted=False, problems={},
     )  # fmt: skip
 
 

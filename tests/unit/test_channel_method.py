@@ -480,7 +480,7 @@ def errors_over_u(rng):
 def test_what_a_thermometer_tells_of_a_cycle_later_is_no_scatter(monkeypatch):
     ratios = np.sqrt(np.mean(np.square(list(errors_over_u(np.random.default_rng(4)))), axis=0))
     assert ratios == pytest.approx(1.0, abs=0.15)
-    monkeypatch.setattr(channel_scatter, "_own_scatter_pps", channel_scatter._excess_pps)
+    monkeypatch.setattr(channel_scatter, "own_scatter_pps", channel_scatter.excess_pps)
     taken_for_scatter = np.square(list(errors_over_u(np.random.default_rng(4))))
     assert np.max(np.sqrt(np.mean(taken_for_scatter, axis=0))) < 0.5
 
