@@ -24,16 +24,19 @@ def pooled(left: Scatter, of_readings: Scatter) -> Scatter | None:
         return None
     if fdtr(left.dof, of_readings.dof, (left.sd / of_readings.sd) ** 2) > SIGNIFICANT:
         return None
-    dof = left.dof + of_readings.dof
-    return Scatter(sqrt((left.dof * left.sd**2 + of_readings.dof * of_readings.sd**2) / dof), dof)
+    return _together((left, of_readings))
 
 
 def alike(scatters: Sequence[Scatter]) -> Scatter | None:
     """One scatter for all that differ as by chance, else None (M. S. Bartlett, Proc. R. Soc. A 160, 268, 1937)."""
     if len(scatters) < 2 or not all(each.sd > 0 and each.dof > 0 for each in scatters):
         return None
-    dof = sum(each.dof for each in scatters)
-    together = Scatter(sqrt(sum(each.dof * each.sd**2 for each in scatters) / dof), dof)
+    together = _together(scatters)
     apart = sum(each.dof * log((together.sd / each.sd) ** 2) for each in scatters)
-    few = 1 + (sum(1 / each.dof for each in scatters) - 1 / dof) / (3 * (len(scatters) - 1))
+    few = 1 + (sum(1 / each.dof for each in scatters) - 1 / together.dof) / (3 * (len(scatters) - 1))
     return together if chdtr(len(scatters) - 1, apart / few) <= SIGNIFICANT else None
+
+
+def _together(scatters: Sequence[Scatter]) -> Scatter:
+    dof = sum(each.dof for each in scatters)
+    return Scatter(sqrt(sum(each.dof * each.sd**2 for each in scatters) / dof), dof)

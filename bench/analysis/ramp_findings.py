@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -237,20 +238,25 @@ class RampFindings:
 
     def _scatter_of_slope(self) -> list[BudgetLine]:
         """Of the bias, in g/°C."""
-        found = slope_scatter(self.level)
+        found = self._level_scatter
         if found is None:
             return [BudgetLine(SCATTER, "A", self._sd_g() * _slope_gain(self.level), self.found.line.dof or None)]
         return _scatter_lines(found, self._per_g)
 
     def _scatter_of_scale_slope(self) -> list[BudgetLine]:
         """Of the scale factor, relative to it, in 1/°C."""
-        at_0g, at_1g = slope_scatter(self.level), slope_scatter(self.upright)
+        at_0g, at_1g = self._level_scatter, slope_scatter(self.upright)
         if at_0g is not None and at_1g is not None:
             return _scatter_lines(at_1g.together(at_0g), self._per_g)
         line = self.scale.line
         sd = _known_sd(scatter_sd([_finite(leg.output) for leg in self.upright], COUNT_STRIDE), line.residual_sd)
         gains = sd * self._per_g * _slope_gain(self.upright), self._sd_g() * _slope_gain(self.level)
         return [BudgetLine(SCATTER, "A", float(np.hypot(*gains)), line.dof or None)]
+
+    @cached_property
+    def _level_scatter(self) -> SlopeScatter | None:
+        """Of the slope of the 0 g part, which is in that of the scale factor too."""
+        return slope_scatter(self.level)
 
     @property
     def _per_g(self) -> float:

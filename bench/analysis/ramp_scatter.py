@@ -55,7 +55,7 @@ def slope_scatter(legs: Sequence[RampLeg]) -> SlopeScatter | None:
     spread = sum(float(np.sum((each - centre_c) ** 2)) for each in away_c)
     gains = [(each - centre_c) / spread for each in away_c]
     counted = [unresolved_pps(gain[np.newaxis], part) for gain, part in zip(gains, parts, strict=True)]
-    own = list(_between_cycles(legs)) or [own_scatter_pps(_departures(part), part) for part in parts]
+    own = list(_between_cycles(legs, parts)) or [own_scatter_pps(_departures(part), part) for part in parts]
     return SlopeScatter(
         counted=float(np.sqrt(sum(float(np.sum(each**2)) for each in counted))),
         own=float(np.sqrt(np.mean(np.square(own)) * sum(float(np.sum(gain**2)) for gain in gains))),
@@ -63,11 +63,11 @@ def slope_scatter(legs: Sequence[RampLeg]) -> SlopeScatter | None:
     )
 
 
-def _between_cycles(legs: Sequence[RampLeg]) -> Iterator[float]:
-    """The standard deviation of a sample by which each leg differs from that of the cycle before."""
+def _between_cycles(legs: Sequence[RampLeg], parts: Sequence[Gates]) -> Iterator[float]:
+    """The standard deviation of a sample by which each leg, with its part, differs from that of the cycle before."""
+    in_order = sorted(zip(legs, parts, strict=True), key=lambda pair: pair[0].cycle)
     for direction in (1, -1):
-        alike = sorted((leg for leg in legs if leg.direction == direction), key=lambda leg: leg.cycle)
-        for before, after in pairwise(map(_gates, alike)):
+        for before, after in pairwise(part for leg, part in in_order if leg.direction == direction):
             samples = min(len(before.seconds), len(after.seconds))
             rows = np.arange(int(TURN_SHARE * samples), samples)
             change = _departures(after.rows(rows)) - _departures(before.rows(rows))

@@ -367,7 +367,6 @@ def test_a_counter_that_restarts_begins_anew_and_says_so() -> None:
 
 
 BENCH = load_bench(ROOT / "config" / "simulated.yaml").bench
-IMU_UNITS = unit_files(load_bench(ROOT / "config/imu.yaml").bench, None)
 UNITS = unit_files(BENCH, None)
 
 
@@ -414,7 +413,8 @@ def test_the_laboratory_holds_every_device_of_the_bench() -> None:
 
 def test_frames_are_left_together_as_long_as_no_temperature_bends() -> None:
     clock_s = [0.0]
-    lab = make_laboratory(load_bench(ROOT / "config/imu.yaml").bench, IMU_UNITS, 1, lambda: clock_s[0])
+    bench = load_bench(ROOT / "config/imu.yaml").bench
+    lab = make_laboratory(bench, unit_files(bench, None), 1, lambda: clock_s[0])
     node, thermal = lab.nodes["counter"], lab.world.thermal
     assert node.block_s == 10.0
     lab.leave_frames(30.0)
