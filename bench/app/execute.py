@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +32,7 @@ from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, StoredRun, released_c
 from bench.runner import manifest
 from bench.runner.held import holding, real_addresses
 from bench.runner.run import run_plan
-from bench.store.reader import RunReader
+from bench.store.reader import RunReader, digest_of
 from bench.store.runs import RunDirectory
 from bench.store.writer import RunWriter
 from drivers.can_counter.description import CounterOptions
@@ -207,12 +208,14 @@ def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: S
     directory.use_reserve()
     stored, results = None, None
     record |= {"state": outcome.how, "instruments": ran.instruments, "bench_s": ran.bench_s}
-    with ExitStack() as stack:
+    with ExitStack() as stack, ThreadPoolExecutor(1, "digest") as beside:
         try:
-            reader = stack.enter_context(RunReader(path))
-            record["digest"] = reader.digest()
-            stored = StoredRun(path, record, reader)
-            results = stored.evaluate()
+            digest = beside.submit(digest_of, path)
+            try:
+                stored = StoredRun(path, record, stack.enter_context(RunReader(path)))
+                results = stored.evaluate()
+            finally:
+                record["digest"] = digest.result()
             record["verdict"] = results.verdict
             if ran.laboratory is not None:
                 directory.write_json("truth.json", truth_of(stored, ran.laboratory))

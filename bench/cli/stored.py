@@ -47,11 +47,10 @@ def list_runs(runs: Runs = RUNS) -> None:
 @group.command()
 def digest(run: Run, runs: Runs = RUNS) -> None:
     """Print the digest of a run's data: equal for equal runs."""
-    from bench.store.reader import RunReader
+    from bench.store.reader import digest_of
     from bench.store.runs import find_run
 
-    with RunReader(find_run(run, runs)) as reader:
-        sys.stdout.write(reader.digest() + "\n")
+    sys.stdout.write(digest_of(find_run(run, runs)) + "\n")
 
 
 @group.command()

@@ -40,6 +40,7 @@ class StoredRun:
         self.document, self.sequence = load_sequence(folder / SEQUENCE_COPY)
         self.serials = {unit["place"]: unit["uut"] for unit in manifest["units"]}
         self._data: dict[str, RunData] = {}
+        self._evaluated: dict[str, Results] = {}  # by the state of the run
 
     @property
     def began(self) -> datetime:
@@ -68,14 +69,16 @@ class StoredRun:
         return [self.data(label) for label in dict.fromkeys(label for entry in entries for label in entry.labels)]
 
     def evaluate(self) -> Results:
-        """The findings of the methods that the sequence asks for."""
-        results = evaluate(self.sequence, self.data, str(self.manifest["state"]), on_the_way(self.reader))
-        return replace(
-            results,
-            corrections=tuple(self.corrections()),
-            past_due=self.bench.past_due(self.began.date()),
-            missed=self.missed(),
-        )
+        """The findings of the methods that the sequence asks for; worked out once for a state of the run."""
+        state = str(self.manifest["state"])
+        if state not in self._evaluated:
+            self._evaluated[state] = replace(
+                evaluate(self.sequence, self.data, state, on_the_way(self.reader)),
+                corrections=tuple(self.corrections()),
+                past_due=self.bench.past_due(self.began.date()),
+                missed=self.missed(),
+            )
+        return self._evaluated[state]
 
     def corrections(self) -> Iterator[str]:
         """A line for each instrument whose readings are corrected in the reduction of this run."""

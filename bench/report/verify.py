@@ -6,7 +6,7 @@ import hashlib
 from pathlib import Path
 
 from bench.errors import StoreError
-from bench.store.reader import RunReader
+from bench.store.reader import digest_of
 from bench.store.runs import summary
 
 
@@ -23,8 +23,7 @@ def verify(folder: Path) -> list[str]:
         elif expected != "sha256:" + hashlib.sha256(path.read_bytes()).hexdigest():
             damage.append(f"{path}: has changed since it was written")
     try:
-        with RunReader(folder) as reader:
-            digest = reader.digest()
+        digest = digest_of(folder)
     except StoreError as problem:
         return [*damage, str(problem)]
     if digest != found.manifest.get("digest", digest):

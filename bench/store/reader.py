@@ -198,6 +198,12 @@ class RunReader:
         return total.hexdigest()
 
 
+def digest_of(folder: Path) -> str:
+    """The digest of a run directory; for another thread than the one that reads it for something else."""
+    with RunReader(folder) as reader:
+        return reader.digest()
+
+
 def _done(unpacking: tuple[str, str, int, Future[T]]) -> tuple[str, str, int, T]:
     stream, step, frames, unpacked = unpacking
     return stream, step, frames, unpacked.result()
