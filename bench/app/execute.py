@@ -41,7 +41,7 @@ from drivers.can_telemetry.description import TelemetryOptions
 from drivers.fields import DocumentFile
 
 SCENARIO_COPY = "scenario.yaml"
-HEALTHY_BLOCK_S = 30.0  # how long frames are left together where nothing is to break
+HEALTHY_BLOCK_S = 60.0  # how long frames are left together where nothing is to break
 CALLED = "called"  # the folder of sequences that the one of a run calls
 
 

@@ -417,14 +417,14 @@ def test_frames_are_left_together_as_long_as_no_temperature_bends() -> None:
     lab = make_laboratory(bench, unit_files(bench, None), 1, lambda: clock_s[0])
     node, thermal = lab.nodes["counter"], lab.world.thermal
     assert node.block_s == 10.0
-    lab.leave_frames(30.0)
+    lab.leave_frames(60.0)
     lab.world.ramp(50.0, 3 / 60)
     left_s, bent_c = [], []
     for clock_s[0] in range(0, 4 * 3600, 600):
         node.take()
         left_s.append(node.block_s)
         bent_c.append(thermal.bend_c_per_s2 * node.block_s**2 / 8)
-    assert left_s[0] == left_s[-1] == 30.0, "before it warms, and when it is warm"
+    assert left_s[0] == left_s[-1] == 60.0, "before it warms, and when it is warm"
     assert 10.0 <= min(left_s) < 20.0, "and not while it does"
     assert max(bent for left, bent in zip(left_s, bent_c, strict=True) if left > 10.0) < 0.0010001
 
