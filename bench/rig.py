@@ -44,20 +44,22 @@ class Rig:
         self._open = AsyncExitStack()
 
     async def __aenter__(self) -> Self:
-        """Opens all devices in parallel."""
-        opened = await self._each(lambda device: device.__aenter__(), OPEN_S)
-        for name, result in opened.items():
-            if not isinstance(result, BaseException):
-                self._open.push_async_exit(self.devices[name])
-        failed = {name: result for name, result in opened.items() if isinstance(result, BaseException)}
-        if not failed:
+        """Opens all devices in parallel; none stays open when that fails, or is cancelled."""
+        try:
+            self._check(await self._each(self._open.enter_async_context, OPEN_S))
             identities = await self._each(lambda device: device.identify(), OPEN_S)
-            failed = {name: result for name, result in identities.items() if isinstance(result, BaseException)}
-            self.identities = {n: result for n, result in identities.items() if isinstance(result, Identity)}
-        if failed:
+            self._check(identities)
+        except BaseException:
             await self._open.aclose()
-            raise OpenError("\n".join(str(problem) for problem in failed.values()))
+            raise
+        self.identities = {name: found for name, found in identities.items() if isinstance(found, Identity)}
         return self
+
+    def _check(self, results: Mapping[str, object]) -> None:
+        """Raises OpenError for those devices that gave an exception."""
+        failed = [str(result) for result in results.values() if isinstance(result, Exception)]
+        if failed:
+            raise OpenError("\n".join(failed))
 
     async def __aexit__(self, *exc: object) -> None:
         """Closes the devices in reverse."""
@@ -128,8 +130,8 @@ class Rig:
                 return problem
             except TimeoutError:
                 return TimeoutError(f"{name}: not within {limit_s:g} s")
-            except (OSError, ValueError) as problem:
-                return problem
+            except Exception as problem:  # noqa: BLE001  the other devices are made safe all the same
+                return RuntimeError(f"{name}: {type(problem).__name__}: {problem}")
 
         names = list(self.devices)
         results = await asyncio.gather(*(one(name, self.devices[name]) for name in names))

@@ -20,10 +20,13 @@ class StepUnderWay:
         self.step, self._limit = step, limit
         self.wish: Wish | None = None
 
-    def cut(self, wish: Wish) -> None:
-        """Ends the step now."""
+    def cut(self, wish: Wish) -> bool:
+        """Ends the step now; false when it is ending already, and being brought to rest."""
+        if self._limit.expired():
+            return False
         self.wish = wish
         self._limit.reschedule(asyncio.get_running_loop().time())
+        return True
 
 
 class Control:
@@ -68,10 +71,8 @@ class Control:
 
     def cut(self, wish: Wish, kind: type[StepBase] = StepBase) -> list[str]:
         """Cuts the steps of a kind that are under way short; their ids."""
-        cut = {step_id: found for step_id, found in self.under_way.items() if isinstance(found.step, kind)}
-        for under_way in cut.values():
-            under_way.cut(wish)
-        return list(cut)
+        of_kind = [(step_id, found) for step_id, found in self.under_way.items() if isinstance(found.step, kind)]
+        return [step_id for step_id, found in of_kind if found.cut(wish)]
 
     def repeat_last(self) -> None:
         """Lets the step before the one that is held back be done again."""

@@ -141,10 +141,7 @@ class Engine:
             self._body_task = asyncio.create_task(steps, name="setup and steps")
             await self._watched(self._body_task)
             if not self._control.aborting:
-                teardown = self._walk.teardown(self._plan.teardown)
-                self._teardown_task = asyncio.create_task(teardown, name="teardown")
-                await asyncio.wait([self._teardown_task])
-                self._settle(self._teardown_task)
+                await self._tear_down()
         finally:
             for timer in self._giving_up.values():
                 timer.cancel()
@@ -152,6 +149,16 @@ class Engine:
                 switching_off.cancel()  # all is made safe now
             self.outcome.unsafe = await finish(self._make_safe(), MAKE_SAFE_S + 5)
         return self.outcome
+
+    async def _tear_down(self) -> None:
+        """The teardown to its end, whatever the monitor finds meanwhile: that is told when it is over."""
+        told = self._monitor.fault.done()
+        teardown = self._walk.teardown(self._plan.teardown)
+        self._teardown_task = asyncio.create_task(teardown, name="teardown")
+        await asyncio.wait([self._teardown_task])
+        self._settle(self._teardown_task)
+        if self._monitor.fault.done() and not told:
+            self._failed(self._monitor.fault.result())
 
     def _interlock(self, change: Change) -> None:
         """What an interlock that has tripped, or is good again, does to the run."""
@@ -237,9 +244,9 @@ class Engine:
             if not task.done():
                 task.cancel()
                 await asyncio.wait([task])
-        if self._monitor.fault.done() and task.cancelled():
+        if self._monitor.fault.done():
             self._failed(self._monitor.fault.result())
-        else:
+        if not (self._monitor.fault.done() and task.cancelled()):
             self._settle(task)
 
     def _settle(self, task: asyncio.Task[None]) -> None:

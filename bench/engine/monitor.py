@@ -136,10 +136,9 @@ class Monitor:
                         raise
                 due_s = max(due_s + every_s, loop.time())
                 await (news() if news is not None else asyncio.sleep(due_s - loop.time()))
-        except (DriverError, BenchError) as problem:
+        except Exception as problem:  # noqa: BLE001  nobody looks at the device any more, which the run must not outlast
             self._writer_event("fault", device=role, problem=str(problem))
-            if not self.fault.done():
-                self.fault.set_result(problem)
+            self.report(problem)
 
     def _take(self, role: str, readings: Mapping[str, Sequence[Reading]], units: Mapping[str, str]) -> None:
         believed = {
@@ -284,5 +283,4 @@ class Monitor:
         try:
             self._writer.event(kind, **data)
         except BenchError as problem:
-            if not self.fault.done():
-                self.fault.set_result(problem)
+            self.report(problem)

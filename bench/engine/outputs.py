@@ -13,6 +13,7 @@ import numpy as np
 from bench.analysis.acquired import Voltages
 from bench.analysis.outputs import STABLE_PART_S, Measured
 from bench.config.models import BenchFile
+from bench.engine.safety import grouped
 from bench.rig import Rig
 from bench.store.codes import CodeDecoder
 from bench.store.counts import CountDecoder
@@ -42,14 +43,15 @@ async def taken_in(
     last. Frames come every `block_s`, or as often as what is recorded must be on the disk.
     """
     over = asyncio.Event()
-    try:
+
+    async def all_of_them() -> None:
         async with asyncio.TaskGroup() as group:
             for role in roles:
                 group.create_task(_take_in(role, rig, keepers, over, block_s), name=f"take in {role}")
             await end
             over.set()
-    except BaseExceptionGroup as problems:
-        raise first_of(problems) from problems
+
+    await grouped(all_of_them())
 
 
 async def _take_in(role: str, rig: Rig, keepers: Sequence[Keeper], over: asyncio.Event, block_s: float | None) -> None:
@@ -97,12 +99,6 @@ async def _take_frames(
         if not taking.cancelled() and (problem := taking.exception()) is not None:
             raise problem
     await keep(blocks)
-
-
-def first_of(problems: BaseExceptionGroup[BaseException]) -> BaseException:
-    """The first of several errors that came at once."""
-    problem = problems.exceptions[0]
-    return first_of(problem) if isinstance(problem, BaseExceptionGroup) else problem
 
 
 class Watched:

@@ -3,33 +3,63 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
 T = TypeVar("T")
 
 
-async def finish(work: Coroutine[Any, Any, T], limit_s: float) -> T:
+def _never() -> bool:
+    return False
+
+
+async def finish(work: Coroutine[Any, Any, T], limit_s: float, unless: Callable[[], bool] = _never) -> T:
     """Runs `work` to its end, at most `limit_s`, however often the caller is cancelled; then the cancellation goes on.
 
-    Raises TimeoutError when the limit passes.
+    A cancellation while `unless` is true ends the work as well. Raises TimeoutError when the limit passes.
     """
-    task = asyncio.create_task(_limited(work, limit_s))
-    if (cancelled := await outlast(task)) is not None:
-        task.exception()  # seen; the cancellation is what the caller hears of
-        raise cancelled
-    return task.result()
+    return await _unless_cancelled(asyncio.create_task(_limited(work, limit_s)), unless)
 
 
-async def outlast(task: asyncio.Task[Any]) -> asyncio.CancelledError | None:
-    """Waits for a task to end, however often the caller is cancelled; the last cancellation, which is to be raised."""
+async def outlast(task: asyncio.Task[Any], unless: Callable[[], bool] = _never) -> asyncio.CancelledError | None:
+    """Waits for a task to end, however often the caller is cancelled; the last cancellation, which is to be raised.
+
+    A cancellation while `unless` is true is passed on to the task.
+    """
     cancelled: asyncio.CancelledError | None = None
     while not task.done():
         try:
             await asyncio.wait([task])
         except asyncio.CancelledError as request:
             cancelled = request
+            if unless():
+                task.cancel()
     return cancelled
+
+
+async def grouped(work: Coroutine[Any, Any, None]) -> None:
+    """Awaits what waits for a TaskGroup; raises the first of its errors, but CancelledError when the caller is to end.
+
+    In a task of its own, because a group that ends by an error forgets that it was cancelled from outside as well.
+    """
+    try:
+        await _unless_cancelled(asyncio.create_task(work), lambda: True)
+    except BaseExceptionGroup as problems:
+        raise _first_of(problems) from problems
+
+
+async def _unless_cancelled(task: asyncio.Task[T], unless: Callable[[], bool]) -> T:
+    """What a task gives or raises when it has ended; the cancellation of the caller goes before that."""
+    if (cancelled := await outlast(task, unless)) is not None:
+        if not task.cancelled():
+            task.exception()  # seen; the cancellation is what the caller hears of
+        raise cancelled
+    return task.result()
+
+
+def _first_of(problems: BaseExceptionGroup[BaseException]) -> BaseException:
+    problem = problems.exceptions[0]
+    return _first_of(problem) if isinstance(problem, BaseExceptionGroup) else problem
 
 
 async def _limited(work: Coroutine[Any, Any, T], limit_s: float) -> T:

@@ -9,7 +9,9 @@ from typing import Protocol
 from bench.engine.actions import Bench, Found, begin_turning, leave, perform
 from bench.engine.control import Control, StepUnderWay, Wish
 from bench.engine.recording import acquire_during
+from bench.engine.safety import finish
 from bench.errors import BenchError, StepError, StoreError
+from bench.rig import MAKE_SAFE_S
 from bench.sequence.check_steps import limit_problems
 from bench.sequence.measuring import Acquire
 from bench.sequence.plan import Plan, PlannedStep
@@ -138,9 +140,11 @@ class Stepper:
         if self._control.aborting:
             return
         try:
-            await leave(step, self._bench)
+            await finish(leave(step, self._bench), MAKE_SAFE_S, unless=lambda: self._control.aborting)
         except DriverError as problem:
             self._watcher.notice(str(problem))
+        except TimeoutError:
+            self._watcher.notice(f"What the step has set going is not at rest within {MAKE_SAFE_S:g} s.")
 
     async def _begin(self, planned: PlannedStep) -> None:
         """The intent is on the disk, with all before it, before anything moves; the teardown goes on without a disk."""

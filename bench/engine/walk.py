@@ -12,10 +12,9 @@ from typing import Any, assert_never
 
 from bench.engine.actions import Bench
 from bench.engine.control import Control
-from bench.engine.outputs import first_of
 from bench.engine.people import answered
 from bench.engine.questions import Question
-from bench.engine.safety import outlast
+from bench.engine.safety import grouped, outlast
 from bench.engine.stepper import Stepper, Stopped, Watcher
 from bench.errors import BenchError, StepError, StoreError
 from bench.sequence.plan import (
@@ -136,12 +135,12 @@ class Walk:
             except Stopped:  # the other branches end the steps that they are at
                 stopped = True
 
-        try:
+        async def all_of_them() -> None:
             async with asyncio.TaskGroup() as group:
                 for name, nodes in node.branches.items():
                     group.create_task(branch(nodes), name=f"{node.id}/{name}")
-        except BaseExceptionGroup as problems:
-            raise first_of(problems) from problems
+
+        await grouped(all_of_them())
         if stopped:
             raise Stopped
 

@@ -51,7 +51,10 @@ def commands_of(  # noqa: C901  one small function for each command
     def answer(said: Arguments) -> str:
         if "answer" not in said:
             raise InputError("an answer is missing")
-        question = engine.desk.answer(said["answer"], said.get("by") or "operator", said.get("step") or None)
+        by = said.get("by") or "operator"
+        if not by.isprintable():
+            raise InputError("who answers is told in characters that cannot be printed")
+        question = engine.desk.answer(said["answer"], by, said.get("step") or None)
         return f"answered: {question.text}"
 
     def status(_: Arguments) -> str:

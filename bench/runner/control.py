@@ -132,6 +132,8 @@ def _in_loop(loop: asyncio.AbstractEventLoop, handler: Callable[[], str]) -> con
             future.set_result(handler())
         except InputError as problem:
             future.set_exception(problem)
+        except Exception as problem:  # noqa: BLE001  whoever asked is told, and does not wait for nothing
+            future.set_exception(InputError(f"a mistake of this program: {problem!r}"))
 
     loop.call_soon_threadsafe(call)
     return future

@@ -130,10 +130,10 @@ class RunWriter:
         if self._failure is None and any(rows.values()):
             try:
                 self._insert(rows)
-            except (sqlite3.Error, OSError) as problem:
+            except Exception as problem:  # noqa: BLE001  whatever it is: nothing more is acknowledged
                 failure = StoreError(
-                    f"the run store cannot write ({problem}). Free space on the disk of the run directory; "
-                    "everything up to the last completed step is kept."
+                    f"the run store cannot write ({problem}). Free space on the disk of the run directory, if there is "
+                    "none; everything up to the last completed step is kept."
                 )
                 with self._changed:
                     self._failure = failure

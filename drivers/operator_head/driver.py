@@ -151,7 +151,7 @@ class OperatorHead:
         """Withdraws the question that is open; unless it is kept, nobody knows from now on how the head stands."""
         self._order += 1
         self._stands_deg = keeping
-        if self._question is not None:
+        if self._question is not None and not self._question.expired():
             self._question.reschedule(asyncio.get_running_loop().time())
         return self._order
 

@@ -96,3 +96,16 @@ def test_what_never_trips_changes_nothing(tmp_path, action):
     result = ran(tmp_path, never, "{ramp: chamber, to: 21 °C, at: 1 °C/min}")
     assert result.outcome.how == "completed"
     assert told(result, "interlock", "held", "step_cut") == []
+
+
+def test_what_fails_in_the_teardown_is_told_and_the_teardown_goes_on(tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text(
+        steps("wait: 1 s") + "teardown:\n  - {wait: 2 min}\n  - {set: supply, output: off}\n" + TAIL, "utf-8"
+    )
+    fault = "[{after: steps/wait, at: 20 s, device: chamber, kind: silent, for: 30 s}]"
+    bench = copy_bench(tmp_path / "config", faults=fault)
+    result = run_short(tmp_path / "runs", sequence=str(path), bench=bench)
+    assert begun(result)[-1] == "teardown/set"
+    assert result.outcome.how == "error"
+    assert result.problems[0].startswith("chamber: no answer")
