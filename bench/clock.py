@@ -21,10 +21,9 @@ class Clock:
         """Seconds of bench time; differences are durations."""
         return asyncio.get_running_loop().time()
 
-    def utc(self, at_s: float | None = None) -> datetime:
-        """The UTC instant of a monotonic time, now by default."""
-        at = self.monotonic() if at_s is None else at_s
-        return self._start + timedelta(seconds=at - self._origin_s)
+    def utc(self) -> datetime:
+        """The UTC instant now."""
+        return self._start + timedelta(seconds=self.monotonic() - self._origin_s)
 
     async def sleep(self, seconds: float) -> None:
         """Waits for bench time to pass."""

@@ -267,12 +267,16 @@ class FrameDriver(ABC, Generic[OptionsT]):
         """Opens the link anew; where that fails, what was lost stays lost."""
         try:
             link = await self._open()
-            link.take()  # what has come by now belongs to nothing; raises where the link is gone again
+            try:
+                link.take()  # what has come by now belongs to nothing; raises where the link is gone again
+                await self._intake.end()
+            except BaseException:
+                link.close()
+                raise
         except DriverError:
             self._pauses.failed()
             return
         self._pauses = Pauses()
-        await self._intake.end()
         self._begin(link)
         self._setup.note(f"connected again at {self._setup.address}")
 

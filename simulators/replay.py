@@ -10,10 +10,6 @@ from simulators.faults import FaultPlan
 from simulators.serve import Later
 
 
-class ReplayError(ValueError):
-    """A request that the trace does not have at this place."""
-
-
 class ReplayedInstrument:
     """One device of a trace as a simulated instrument: the next connection of the trace for each new connection.
 

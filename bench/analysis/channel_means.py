@@ -14,7 +14,7 @@ from bench.analysis.channel_temperature import (
     ChannelRun,
     Gates,
     away_from_thermostat,
-    ramp_rate,
+    ramp_of,
     run_through,
 )
 from bench.analysis.codes import hidden_by_steps, sampled_at_s
@@ -74,10 +74,10 @@ def reduce_means(means: Means, rules: ChannelRules) -> ChannelRun:
     excluded["missing"] += int(np.sum(good & untold))
     good &= ~untold
     broken = np.zeros_like(good)
-    broken[good] = broken_on_a_ramp(gates.converter_c[good])
+    broken[good] = broken_on_a_ramp(gates.time_s[good], gates.converter_c[good])
     excluded["thermometer"] = int(np.sum(broken))
     good &= ~broken
-    course_c_per_h = ramp_rate(gates.time_s[good], gates.converter_c[good])
+    ramp = ramp_of(gates.time_s[good], gates.converter_c[good])
     away = good & away_from_thermostat(gates, rules)
     excluded["accelerometer_temperature"] = int(np.sum(away))
-    return run_through(gates.rows(good & ~away), rules, excluded, len(gates.seconds), course_c_per_h)
+    return run_through(gates.rows(good & ~away), rules, excluded, len(gates.seconds), ramp)

@@ -12,9 +12,9 @@ from bench.analysis.acquired import Acquisition, Array, Counts
 from bench.analysis.channel_means import Means, joined, means_of
 from bench.analysis.channel_meter import Metered, believes_meter, metered
 from bench.analysis.channel_temperature import ChannelRecord
-from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
+from bench.analysis.counts import mean_rate
 from bench.analysis.orientation import specific_force_g
-from bench.analysis.outputs import Output, mean_output, means_between, measured
+from bench.analysis.outputs import mean_output, means_between, measured
 from bench.analysis.rundata import RunData, UnitUnderTest
 
 LEVEL_DIGITS_G = 3  # levels closer to each other are one level
@@ -68,15 +68,14 @@ class Point:
 class LevelData:
     """One input level of one unit: what was read on its ramps, and the points at rest in the order of the run.
 
-    `steps` are the acquisitions on ramps, `temperature_set_c` the set points that these went between. `metered` is what
-    an ammeter read meanwhile, on the ramps where there are any; None of gravity, and without one.
+    `steps` are the acquisitions on ramps. `metered` is what an ammeter read meanwhile, on the ramps where there are
+    any; None of gravity, and without one.
     """
 
     level: InputLevel
     record: ChannelRecord | Means
     points: tuple[Point, ...]
     steps: tuple[str, ...]
-    ends_c: tuple[tuple[float, float], ...]
     metered: Metered | None = None
 
 
@@ -128,7 +127,6 @@ def _level_data(unit: UnitUnderTest, members: list[tuple[InputLevel, Acquisition
         record=_record(ramps, unit, gate_s),
         points=tuple(_point(acquisition, unit) for _, acquisition in members if not _is_ramp(acquisition)),
         steps=tuple(acquisition.step for acquisition in ramps),
-        ends_c=tuple((acquisition.set_from_c, acquisition.set_c) for acquisition in ramps),
         metered=_metered(unit, members),
     )
 
@@ -218,13 +216,8 @@ def _columns(record: ChannelRecord) -> Mapping[str, Array]:
 
 
 def _point(acquisition: Acquisition, unit: UnitUnderTest) -> Point:
-    found = measured(acquisition, unit)
-    if isinstance(found, Counts):
-        rate = mean_rate(found)
-        span_s = rate.span_s
-        output = Output(rate.net_pps, RESOLUTION_COUNTS / span_s if span_s else np.nan, rate.problems)
-    else:
-        output, span_s = mean_output(acquisition, unit), acquisition.end_s - acquisition.begin_s
+    found, output = measured(acquisition, unit), mean_output(acquisition, unit)
+    span_s = mean_rate(found).span_s if isinstance(found, Counts) else acquisition.end_s - acquisition.begin_s
     temperatures_c = acquisition.temperatures_c.get(unit.converter, np.zeros(0))
     return Point(
         step=acquisition.step,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from bench.analysis.fit import (
     fit_polynomial,
     reject_outliers,
 )
-from bench.analysis.thermometer import broken_on_a_ramp
+from bench.analysis.thermometer import broken_on_a_ramp, rates_c_per_s
 
 NARROW, FAST, INVALID = "insufficient_temperature_span", "ramp_too_fast", "invalid"
 RAMP_SLACK = 1.02  # of the ramp's limit
@@ -143,6 +144,16 @@ class ChannelRun:
         return not {NARROW, INVALID} & set(self.flags)
 
 
+class ConverterRamp(NamedTuple):
+    """The rate at which the converter's temperature usually changed, negative where it mostly fell, NaN without one.
+
+    And the faster one of those at which it rose and fell.
+    """
+
+    usual_c_per_h: float
+    fastest_c_per_h: float
+
+
 @np.errstate(over="ignore", invalid="ignore")  # of absurd numbers come such that none of the rules lets pass
 def reduce_run(record: ChannelRecord, rules: ChannelRules) -> ChannelRun:
     """The pulse rate of one run as a straight line over the converter's temperature.
@@ -153,11 +164,11 @@ def reduce_run(record: ChannelRecord, rules: ChannelRules) -> ChannelRun:
     excluded: Counter[str] = Counter()
     readings, scheduled = _good_readings(record, rules, excluded)
     gates = _good_gates(_gates(readings, rules.counter_bits), rules, excluded)
-    return run_through(gates, rules, excluded, scheduled, ramp_rate(readings.time_s, readings.converter_c))
+    return run_through(gates, rules, excluded, scheduled, ramp_of(readings.time_s, readings.converter_c))
 
 
 def run_through(
-    gates: Gates, rules: ChannelRules, excluded: Counter[str], scheduled: int, ramp_c_per_h: float
+    gates: Gates, rules: ChannelRules, excluded: Counter[str], scheduled: int, ramp: ConverterRamp
 ) -> ChannelRun:
     """The line through good gates, of which so many were scheduled; what was left out is counted by reason."""
     line, kept = _line(gates.converter_c - rules.reference_c, gates, rules.outlier_sigmas)
@@ -167,7 +178,7 @@ def run_through(
     shortage = _shortage(used, scheduled, excluded["outlier"])
     raised = {
         NARROW: span_c < rules.min_span_c,
-        FAST: abs(ramp_c_per_h) > RAMP_SLACK * rules.max_ramp_c_per_h,
+        FAST: ramp.fastest_c_per_h > RAMP_SLACK * rules.max_ramp_c_per_h,
         INVALID: bool(shortage),
     }
     rate_pps, slope_pps_per_c = map(float, line.powers) if line else UNKNOWN
@@ -180,7 +191,7 @@ def run_through(
         residual_rms_pps=float(np.sqrt(np.mean(line.residuals**2))) if line else np.nan,
         gates_used=used,
         span_c=span_c,
-        ramp_c_per_h=ramp_c_per_h,
+        ramp_c_per_h=ramp.usual_c_per_h,
         flags=tuple(flag for flag, is_raised in raised.items() if is_raised),
         notes=(*shortage, *_thermostat_notes(excluded["accelerometer_temperature"], scheduled)),
         excluded=dict(excluded),
@@ -200,7 +211,7 @@ def _good_readings(record: ChannelRecord, rules: ChannelRules, excluded: Counter
     excluded["missing"] = int(np.sum(~readable))
     excluded["duplicate"] = int(np.sum(readable)) - int(np.sum(readable[order]))
     readings = record.rows(order[readable[order]])
-    broken = broken_on_a_ramp(readings.converter_c)
+    broken = broken_on_a_ramp(readings.time_s, readings.converter_c)
     excluded["thermometer"] = int(np.sum(broken))
     return readings.rows(~broken), max(len(order) - 1, 0)
 
@@ -275,17 +286,20 @@ def _line(away_c: Array, gates: Gates, sigmas: float) -> tuple[PolynomialFit | N
         return None, kept
 
 
-def ramp_rate(time_s: Array, temperature_c: Array) -> float:
-    """The usual rate of temperature, by the median over stretches of a tenth of the run; NaN without a stretch.
+def ramp_of(time_s: Array, temperature_c: Array) -> ConverterRamp:
+    """How fast the temperature of a run went, by the lines through stretches of a tenth of it.
 
-    The median passes over soaks at the ends, and a run up and down again has the rate of its two ramps.
+    Medians pass over soaks at the ends, and over the turn of a run that goes up and down again.
     """
     reach = max(len(time_s) // RAMP_PARTS, 1)
-    rate_c_per_h = (temperature_c[reach:] - temperature_c[:-reach]) / (time_s[reach:] - time_s[:-reach]) * 3600.0
-    if not len(rate_c_per_h):
-        return np.nan
-    usual = float(np.median(np.abs(rate_c_per_h)))
-    return -usual if np.mean(rate_c_per_h < 0) > 0.5 else usual
+    if len(time_s) <= reach:
+        return ConverterRamp(*UNKNOWN)
+    every = max(reach // RAMP_PARTS, 1)
+    rate_c_per_h = rates_c_per_s(time_s, temperature_c, reach + 1, every) * 3600.0
+    pace_c_per_h, falls = np.abs(rate_c_per_h), rate_c_per_h < 0
+    usual = float(np.median(pace_c_per_h))
+    fastest = max(float(np.median(pace_c_per_h[way])) for way in (falls, ~falls) if way.any())
+    return ConverterRamp(-usual if np.mean(falls) > 0.5 else usual, fastest)
 
 
 def _shortage(used: int, scheduled: int, outliers: int) -> tuple[str, ...]:

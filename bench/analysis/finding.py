@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from bench.analysis.limits import Limits, judge
+from bench.analysis.limits import U_UNKNOWN, Limits, judge
 from bench.analysis.models import Model
 
 if TYPE_CHECKING:  # findings are shown where no arithmetic is loaded
@@ -151,7 +151,12 @@ class Subject:
         flags: tuple[str, ...] = (),
         interval: Interval | None = None,
     ) -> Finding:
-        """A finding with what contributes of the lines of its budget, not judged yet."""
+        """A finding with what contributes of the lines of its budget, not judged yet.
+
+        INVALID where a line is not a finite number: how far off the value may be is not known.
+        """
+        known = [line for line in lines if math.isfinite(line.u)]
+        is_known = len(known) == len(lines)
         return Finding(
             id=f"{self.id(quantity)}{tail}",
             uut=self.uut,
@@ -160,9 +165,10 @@ class Subject:
             at=at,
             value=float(value),
             unit=unit,
-            budget=combined(lines),
+            budget=combined(known),
             steps=steps,
-            flags=flags,
+            verdict=None if is_known else "INVALID",
+            flags=flags if is_known else (*flags, U_UNKNOWN),
             interval=interval,
         )
 

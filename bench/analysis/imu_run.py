@@ -27,7 +27,7 @@ from bench.analysis.imu_closure import Sensitivity, closure_findings
 from bench.analysis.imu_compensation import SAME_KNOT_C, TemperatureTable, check_model, temperature_table
 from bench.analysis.imu_findings import AxisAtVisit
 from bench.analysis.imu_noise import noise_of
-from bench.analysis.imu_windows import Visit, readings, visits
+from bench.analysis.imu_windows import readings, visits
 from bench.analysis.models import KnotModel
 from bench.analysis.rundata import RunData, UnitUnderTest
 
@@ -39,12 +39,11 @@ LONG = {"K0": "bias", "K1": "scale factor of the accelerometer", "D0": "zero of 
 
 @dataclass(frozen=True, slots=True)
 class ImuDetail:
-    """What the report draws: the calibration at each visit, and the knots of each quantity of each axis.
+    """What the report draws: the calibration, and the knots of each quantity of each axis.
 
     `curves` are temperature (k,), value (k,), by quantity and axis.
     """
 
-    visits: tuple[Visit, ...]
     calibration: ImuCalibration
     curves: Mapping[tuple[str, int], tuple[Array, Array]]
 
@@ -91,7 +90,7 @@ class _Unit:
             models=tuple(self._models(at_visits)),
             left_out=tuple(self._left_out()),
             flags=(*self._found.flags, *self._found.notes, *unplaced, *(f"{each}:moved" for each in moved)),
-            detail=ImuDetail(tuple(self._visits), self._found, self._curves),
+            detail=ImuDetail(self._found, self._curves),
             compensations=tuple(self._compensations(at_visits)),
         )
 

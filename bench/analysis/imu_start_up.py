@@ -178,7 +178,7 @@ class _Watch:
         weights = courses.weights(PARTS[quantity], courses.grid_s)
         fit, always = courses.fit, np.ones(len(courses.grid_s))
         scatter = max(fit.residual_sd if fit.dof else 0.0, readings.alone)
-        yield _Source(SCATTER, scatter * np.linalg.norm(weights, axis=-1), max(fit.dof, 1))
+        yield _Source(SCATTER, scatter * np.linalg.norm(weights, axis=-1), fit.dof or None)
         own = OwnErrors(self._unit, self._bench, f"{'gyro' if quantity in GYRO else 'acc'}_{AXES[axis]}")
         if own.is_sent:
             yield _Source(own.steps, readings.hidden(weights))

@@ -8,6 +8,7 @@ are the terms of methods.md 8.6, for an accelerometer the second-order one of 1.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -139,8 +140,7 @@ def _fitted(
     scale = np.where(u > 0, u, 1.0)
     lines = {
         name: [
-            _line(source, by_source.get(source), float(np.linalg.norm(columns[row])), fit.dof)
-            for source, columns in effects.items()
+            _line(points, source, by_source.get(source), columns[row], fit.dof) for source, columns in effects.items()
         ]
         + contained
         for row, name in enumerate(terms)
@@ -166,7 +166,16 @@ def _column(points: Sequence[LinearityPoint], source: str) -> Array:
     return np.array([sum(line.u for line in point.lines if line.source == source) for point in points])
 
 
-def _line(source: str, line: BudgetLine | None, u: float, dof: int) -> BudgetLine:
+def _line(
+    points: Sequence[LinearityPoint], source: str, line: BudgetLine | None, parts: Array, of_fit: int
+) -> BudgetLine:
+    """A source of a coefficient: of one part, or of one for each point, whose degrees of freedom combine as in G.4."""
+    u = float(np.linalg.norm(parts))
     if line is None:
-        return BudgetLine(source, "A", u, dof or None)
-    return BudgetLine(source, line.type, u, line.dof, line.shared)
+        return BudgetLine(source, "A", u, of_fit or None)
+    dof = line.dof
+    if len(parts) == len(points) > 1:
+        dofs = [next((each.dof for each in point.lines if each.source == source), None) for point in points]
+        limited = sum(float(part) ** 4 / each for part, each in zip(parts, dofs, strict=True) if each)
+        dof = math.floor(u**4 / limited + 0.5) if limited else None
+    return BudgetLine(source, line.type, u, dof, line.shared)

@@ -55,20 +55,18 @@ def mean_output(acquisition: Acquisition, unit: UnitUnderTest) -> Output:
     did not.
     """
     found = measured(acquisition, unit)
-    span_s = acquisition.end_s - acquisition.begin_s
-    if acquisition.over_s is not None:
-        found, span_s = _last(found, acquisition.over_s), acquisition.over_s
-    output = mean_of(found, span_s)
+    output = mean_of(found if acquisition.over_s is None else _last(found, acquisition.over_s))
     if acquisition.stable is None or unit.place in acquisition.stable:
         return output
     return replace(output, problems=(*output.problems, "unstable"))
 
 
-def mean_of(found: Measured, span_s: float) -> Output:
-    """The mean of what was measured over a time; problems as in `mean_output`."""
+def mean_of(found: Measured) -> Output:
+    """The mean of what was measured; problems as in `mean_output`."""
     match found:
         case Counts():
-            return _mean_rate(found, span_s)
+            rate = mean_rate(found)
+            return Output(rate.net_pps, _resolution_pps(rate), rate.problems)
         case Voltages():
             return _mean_voltage(found)
         case Codes():
@@ -76,9 +74,9 @@ def mean_of(found: Measured, span_s: float) -> Output:
             return Output(mean.value, mean.scatter_u, mean.problems, mean.step_u)
 
 
-def _mean_rate(counts: Counts, span_s: float) -> Output:
-    rate = mean_rate(counts)
-    return Output(rate.net_pps, RESOLUTION_COUNTS / span_s, rate.problems)
+def _resolution_pps(rate: Rate) -> float:
+    """What the resolution of the counts leaves of a rate; NaN without a time between latches."""
+    return RESOLUTION_COUNTS / rate.span_s if rate.span_s else float("nan")
 
 
 def _mean_voltage(read: Voltages) -> Output:
@@ -104,8 +102,7 @@ def windows_of(channels: Mapping[str, Counts | Codes], turned: Turned | None = N
 
 def _counted(counts: Counts, rate: Rate) -> Window:
     host_span_s = float(counts.host_s[-1] - counts.host_s[0]) if len(counts.host_s) else 0.0
-    alone_u = RESOLUTION_COUNTS / rate.span_s if rate.span_s else float("nan")
-    return Window(rate.net_pps, rate.span_s, host_span_s, rate.problems, alone_u)
+    return Window(rate.net_pps, rate.span_s, host_span_s, rate.problems, _resolution_pps(rate))
 
 
 def _sent(codes: Codes, turned: Turned | None) -> Window:

@@ -65,7 +65,7 @@ def cut_into_legs(record: RampRecord) -> tuple[list[Leg], dict[str, int]]:
     starts = np.flatnonzero(np.any(np.diff(keys[order, :2], axis=0) != 0, axis=-1)) + 1
     for scheduled in np.split(order, starts) if len(order) else []:
         rows = scheduled[good[scheduled]]
-        broken = broken_on_a_ramp(record.temperature_c[rows])
+        broken = broken_on_a_ramp(record.time_s[rows], record.temperature_c[rows])
         excluded["thermometer"] += int(np.sum(broken))
         rows = rows[~broken]
         cycle, falling = keys[scheduled[0], :2]

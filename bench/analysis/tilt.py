@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.analysis.fit import Array
+from bench.analysis.thermometer import beyond_possible
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,11 +34,13 @@ def compare_tilt(
 ) -> TiltComparison:
     """Tilt = asin((U - K0) / K1) of samples (n,) with K0 nominal, and with K0 = bias_v[0] + bias_v[1] T.
 
-    A sample with something missing is left out, and so is one beyond ±90° in either way; the latter raises the flag
-    `out_of_range`.
+    A sample with something missing is left out, one with a temperature that no working thermometer says, and one beyond
+    ±90° in either way; the last raises the flag `out_of_range`.
     """
     present = np.isfinite(temperature_c) & np.isfinite(output_v)
-    temperature_c, output_v = temperature_c[present], output_v[present]
+    broken = present & beyond_possible(temperature_c)
+    told = present & ~broken
+    temperature_c, output_v = temperature_c[told], output_v[told]
     raw = (output_v - nominal_bias_v) / scale_v_per_g
     compensated = (output_v - bias_v[0] - bias_v[1] * temperature_c) / scale_v_per_g
     possible = (np.abs(raw) <= 1) & (np.abs(compensated) <= 1)
@@ -49,7 +52,11 @@ def compare_tilt(
         raw_mean_deg=float(np.mean(raw_deg)) if some else None,
         compensated_mean_deg=float(np.mean(compensated_deg)) if some else None,
         flags=() if possible.all() else ("out_of_range",),
-        excluded={"missing": int(np.sum(~present)), "out_of_range": int(np.sum(~possible))},
+        excluded={
+            "missing": int(np.sum(~present)),
+            "thermometer": int(np.sum(broken)),
+            "out_of_range": int(np.sum(~possible)),
+        },
     )
 
 

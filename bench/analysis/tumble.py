@@ -156,9 +156,9 @@ def solve_tumble(angle_rad: Array, reading: Array, extra: Sequence[str] = (), ti
         raise IncompleteTumble(cause, missing_positions_deg(np.degrees(angle_rad))) from None
 
 
-def missing_positions_deg(angle_deg: Array, wanted_deg: Sequence[float] = FOUR_POINTS_DEG) -> list[float]:
-    """Which of the positions `wanted_deg` have none of the angles within 45°, the half of the way to the next."""
-    return [wanted for wanted in wanted_deg if not np.any(np.abs(turn_between_deg(wanted, angle_deg)) < 45)]
+def missing_positions_deg(angle_deg: Array) -> list[float]:
+    """Which of four positions have none of the angles within 45°, the half of the way to the next."""
+    return [wanted for wanted in FOUR_POINTS_DEG if not np.any(np.abs(turn_between_deg(wanted, angle_deg)) < 45)]
 
 
 def turn_between_deg(start_deg: float, end_deg: Array) -> Array:

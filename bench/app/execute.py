@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -221,13 +222,15 @@ def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: S
                 directory.write_json("truth.json", truth_of(stored, ran.laboratory))
                 record["hashes"]["truth.json"] = manifest.file_hash(path / "truth.json")
             directory.write_json("results.json", results.to_json())
+            record["hashes"]["results.json"] = manifest.file_hash(path / "results.json")
             for name, content in calibration_files(results.units, record, stored.bench):
                 directory.write_json(name, content)
                 record["hashes"][name] = manifest.file_hash(path / name)
-        except BenchError as problem:
-            outcome.problems.append(str(problem))
+        except Exception as problem:  # noqa: BLE001  what was measured is on the disk; the run says how it ended
+            outcome.problems.append(_in_words(problem))
             outcome.how = record["state"] = "error"
             record["verdict"] = "ERROR"
+            results = None if results is None else replace(results, verdict="ERROR")
         record |= {
             "problems": outcome.problems,
             "unsafe": outcome.unsafe,
@@ -238,6 +241,12 @@ def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: S
         if stored is not None:
             _report(stored, outcome)
     return RunResult(path, outcome, results, ran.bench_s, watch.elapsed_s())
+
+
+def _in_words(problem: Exception) -> str:
+    if isinstance(problem, BenchError):
+        return str(problem)
+    return "a mistake of this program: " + "".join(traceback.format_exception(problem))
 
 
 def _report(stored: StoredRun, outcome: Outcome) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import asyncio
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from bench.analysis.indexing_static import attempts_of
+from bench.analysis.indexing_static import Attempt, attempts_of
 from bench.engine.actions import Bench
 from bench.errors import StepError
 from bench.report.stored import open_run
@@ -18,19 +20,27 @@ async def compare_ends(settings: CompareEndsSettings, bench: Bench) -> Mapping[s
     The scale factors are compared as the results will be, by the settings of `indexing_static` in the sequence.
     """
     await bench.writer.commit()
-    with open_run(bench.writer.folder) as run:
-        entry = next(
-            (each for each in run.sequence.results
-             if each.method == INDEXING_STATIC.name and each.data == settings.data), None,
-        )  # fmt: skip
-        if entry is None:
-            raise StepError(f"no result of the sequence is {INDEXING_STATIC.name} of '{settings.data}'; add one")
-        wanted = INDEXING_STATIC.settings.model_validate(entry.settings).model_dump()
-        data = run.data(settings.data)
-        attempts = {unit.place: attempts_of(data, unit, wanted) for unit in data.units}
+    loop = asyncio.get_running_loop()
+    attempts = await loop.run_in_executor(None, _attempts, bench.writer.folder, settings.data)
     differ = [place for place, made in attempts.items() if not made or not made[-1].agrees]
     done = max((len(made) for made in attempts.values()), default=0)
     value = "accept" if not differ else "repeat" if done <= settings.max_repeats else "marginal"
     if value == "repeat" and done:
         bench.notice(f"Both ends of the unit in place {', '.join(differ)} differ by more than they may: measure again.")
     return {"value": value, "attempts": done}
+
+
+def _attempts(folder: Path, label: str) -> dict[str, Sequence[Attempt]]:
+    """The attempts at both ends of each unit that a run holds so far; StepError without a result that is made of them.
+
+    It takes a while, for a thread of its own.
+    """
+    with open_run(folder) as run:
+        entry = next(
+            (each for each in run.sequence.results if each.method == INDEXING_STATIC.name and each.data == label), None
+        )
+        if entry is None:
+            raise StepError(f"no result of the sequence is {INDEXING_STATIC.name} of '{label}'; add one")
+        wanted = INDEXING_STATIC.settings.model_validate(entry.settings).model_dump()
+        data = run.data(label)
+        return {unit.place: attempts_of(data, unit, wanted) for unit in data.units}

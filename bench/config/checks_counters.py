@@ -9,7 +9,7 @@ from bench.config.devices import DeviceEntry
 from bench.config.document import Place, Problem
 from bench.config.models import BenchFile
 from drivers.can_counter.description import CounterOptions, bus_bits_per_latch
-from drivers.can_options import PositionOptions, position_bits
+from drivers.can_options import PositionOptions, position_bits, text_of
 from drivers.can_telemetry.description import TelemetryOptions, bus_bits_per_s
 from drivers.suggest import did_you_mean
 from drivers.transport.address import Address
@@ -32,6 +32,19 @@ def counter_misfits(bench: BenchFile) -> Iterator[Problem]:
             yield from _bus(where, entry.connection, bus_bits_per_s(options), "the samples of all channels")
             for device, sampled in options.positions.items():
                 yield from _encoder(bench, role, device, sampled, options.channels[sampled.channel].period)
+    yield from files_of_one_name(bench)
+
+
+def files_of_one_name(bench: BenchFile) -> Iterator[Problem]:
+    """Different DBC files with one name, of which a run, that keeps them side by side, could keep only one."""
+    texts: dict[str, str] = {}
+    for role, entry in bench.devices.items():
+        options = entry.options
+        if isinstance(options, CounterOptions | TelemetryOptions) and options.dbc.is_file():
+            text = text_of(options.dbc)
+            if texts.setdefault(options.dbc.name, text) != text:
+                where: Place = ("devices", role, "options", "dbc")
+                yield where, f"another device has another file that is called {options.dbc.name} as well; rename one"
 
 
 def _bus(place: Place, connection: Address, needed: float, what: str) -> Iterator[Problem]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import AsyncIterator, Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
@@ -13,6 +14,7 @@ from bench.config.models import BenchFile
 from bench.engine.missed import Watch
 from bench.engine.monitor import Monitor
 from bench.engine.recording import output_of
+from bench.engine.state import Tared
 from bench.errors import StepError
 from bench.sequence.limits import limits_in
 from bench.sequence.measuring import Measure, Tare
@@ -31,12 +33,13 @@ VALUE_WITHIN_S = 60.0  # every device is polled more often
 
 async def measure(step: Measure, step_id: str, bench: Bench) -> Mapping[str, Any]:
     """One value, less the tare where asked, and what the limits say of it; its standard uncertainty where known."""
-    value, u, unit = await _value(step.reading, step.duration_s, step_id, bench)
+    single = await _value(step.reading, step.duration_s, step_id, bench)
     if step.net:
         tares = bench.journal.state.tares
         if step.reading not in tares:
             raise StepError(f"{step.reading} has not been tared; put a tare step before this one")
-        value -= tares[step.reading]
+        single = single.beyond(tares[step.reading])
+    value, u, unit = single.value, single.u, single.unit
     found: dict[str, Any] = {"reading": step.reading, "value": value, "unit": unit, "u": u}
     if step.name is not None:
         found["as"] = step.name
@@ -54,17 +57,42 @@ async def measure(step: Measure, step_id: str, bench: Bench) -> Mapping[str, Any
 
 async def tare(step: Tare, step_id: str, bench: Bench) -> Mapping[str, Any]:
     """The mean that later measures start from."""
-    value, u, unit = await _value(step.reading, step.duration_s, step_id, bench)
-    return {"tare": step.reading, "value": value, "unit": unit, "u": u}
+    single = await _value(step.reading, step.duration_s, step_id, bench)
+    found = {"tare": step.reading, "value": single.value, "unit": single.unit, "u": single.u}
+    return {**found, "scatter": single.scatter}
 
 
-async def _value(name: str, duration_s: float | None, step_id: str, bench: Bench) -> tuple[float, float | None, str]:
-    """A reading's mean over a time or its newest value, its standard uncertainty where it is known, and its unit."""
+@dataclass(frozen=True, slots=True)
+class _Single:
+    """A measured value: what its scatter leaves, and the standard uncertainties of its certificate, None without one.
+
+    The offset of an instrument is in the tare as well, so that it is not in what goes beyond that.
+    """
+
+    value: float
+    unit: str
+    scatter: float
+    offset_u: float | None = 0.0
+    gain_u: float = 0.0
+
+    @property
+    def u(self) -> float | None:
+        """Standard uncertainty; None where it is not known."""
+        return None if self.offset_u is None else math.hypot(self.scatter, self.offset_u, self.gain_u * self.value)
+
+    def beyond(self, tared: Tared) -> _Single:
+        """What it is more than the tare."""
+        scatter, offset_u = math.hypot(self.scatter, tared.scatter), None if self.offset_u is None else 0.0
+        return replace(self, value=self.value - tared.value, scatter=scatter, offset_u=offset_u)
+
+
+async def _value(name: str, duration_s: float | None, step_id: str, bench: Bench) -> _Single:
+    """A reading's mean over a time or its newest value."""
     name = bench.file.members(name)[0]
     if (place := measured_place(name, bench.file)) is not None:
-        return *await _output_in_g(place, duration_s or 0.0, step_id, bench), BY_NOMINAL
+        return await _output_in_g(place, duration_s or 0.0, step_id, bench)
     if is_pulse_rate(name, bench.file):
-        return *await _pulse_rate(name, duration_s or 0.0, step_id, bench), PULSE_RATE
+        return await _pulse_rate(name, duration_s or 0.0, step_id, bench)
     unit = bench.monitor.unit_of(name)
     began_s = asyncio.get_running_loop().time()
     await asyncio.sleep(duration_s or 0.0)
@@ -73,7 +101,7 @@ async def _value(name: str, duration_s: float | None, step_id: str, bench: Bench
     values = window[window[:, 0] >= began_s, 1]
     mean = float(values.mean())
     scatter = float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0
-    return mean, _uncertainty(name, mean, scatter, bench.file), unit
+    return _Single(mean, unit, scatter, *_certified(name, bench.file))
 
 
 async def _value_since(began_s: float, name: str, monitor: Monitor) -> None:
@@ -89,16 +117,16 @@ async def _value_since(began_s: float, name: str, monitor: Monitor) -> None:
         await asyncio.sleep(VALUE_LOOK_S)
 
 
-def _uncertainty(name: str, value: float, scatter: float, file: BenchFile) -> float | None:
-    """Of the scatter of the mean and the certificate of a named reading; None without a certificate."""
+def _certified(name: str, file: BenchFile) -> tuple[float | None, float]:
+    """The standard uncertainties of offset and gain by the certificate of a named reading; None without one."""
     entry = file.readings.get(name)
     if entry is None or entry.calibration is None:
-        return None
+        return None, 0.0
     certificate = entry.calibration
-    return math.hypot(scatter, certificate.U.offset / certificate.k, certificate.U.gain * value / certificate.k)
+    return certificate.U.offset / certificate.k, certificate.U.gain / certificate.k
 
 
-async def _output_in_g(place: str, duration_s: float, step_id: str, bench: Bench) -> tuple[float, float | None]:
+async def _output_in_g(place: str, duration_s: float, step_id: str, bench: Bench) -> _Single:
     """The mean output of a unit over a time, in g by what it is made to be; its zero is in it."""
     found, per_g = await output_of(place, duration_s, step_id, bench), bench.file.nominal_per_g(place)
     if per_g is None:
@@ -108,10 +136,10 @@ async def _output_in_g(place: str, duration_s: float, step_id: str, bench: Bench
             f"the output of the unit in place {place}: too little came in {duration_s:g} s; measure longer, or check "
             f"{bench.file.measured_by(place)}"
         )
-    return found.value / per_g, math.hypot(found.alone_u, found.step_u) / abs(per_g)
+    return _Single(found.value / per_g, BY_NOMINAL, math.hypot(found.alone_u, found.step_u) / abs(per_g))
 
 
-async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) -> tuple[float, float | None]:
+async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) -> _Single:
     """The net pulse rate of a counter's channel, counted for a time; the frames are kept with the step."""
     role, _, channel = name.partition(".")
     options = bench.file.devices[role].options
@@ -127,7 +155,7 @@ async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) 
     rate = mean_rate(CountDecoder(options, options.dbc.parent).counts(block)[channel])
     if math.isnan(rate.net_pps):
         raise StepError(f"{name}: too few latches came in {duration_s:g} s; count longer, or check the counter")
-    return rate.net_pps, RESOLUTION_COUNTS / rate.span_s
+    return _Single(rate.net_pps, PULSE_RATE, RESOLUTION_COUNTS / rate.span_s)
 
 
 async def frames_of(counter: PulseCounter, duration_s: float) -> FrameBlock:

@@ -65,7 +65,7 @@ async def output_of(place: str, duration_s: float, step_id: str, bench: Bench) -
     await taken_in((bench.file.measured_by(place),), bench.rig, keepers, asyncio.sleep(duration_s), WATCHED_BLOCK_S)
     await gaps.tell()
     found = watched.measured(place)
-    return mean_of(found, duration_s) if found is not None else NOTHING
+    return mean_of(found) if found is not None else NOTHING
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from bench.sequence.expressions import Value
 from drivers.quantities import Quantity
@@ -30,6 +30,13 @@ class Entry(Protocol):
         """What is known of it."""
 
 
+class Tared(NamedTuple):
+    """The mean that later measures start from, and the standard uncertainty that its scatter leaves."""
+
+    value: float
+    scatter: float
+
+
 @dataclass(frozen=True, slots=True)
 class RunState:
     """Which steps are under way and how many are done, what was measured, what holds the run, and what went wrong.
@@ -44,7 +51,7 @@ class RunState:
     under_way: tuple[str, ...] = ()
     done: int = 0
     variables: Mapping[str, Value] = field(default_factory=dict)
-    tares: Mapping[str, float] = field(default_factory=dict)
+    tares: Mapping[str, Tared] = field(default_factory=dict)
     held: frozenset[str] = frozenset()
     left_out: tuple[str, ...] = ()
     limits_failed: tuple[str, ...] = ()
@@ -114,7 +121,8 @@ def _ended(state: RunState, step: str, data: Mapping[str, Any]) -> RunState:
     if "mount" in data:
         state = replace(state, mount=str(data["mount"]))
     if "tare" in data:
-        state = replace(state, tares={**state.tares, str(data["tare"]): float(data["value"])})
+        tared = Tared(float(data["value"]), float(data.get("scatter", 0.0)))
+        state = replace(state, tares={**state.tares, str(data["tare"]): tared})
     if data.get("verdict") == "FAIL":
         return replace(state, limits_failed=(*state.limits_failed, step))
     if data.get("verdict") == "INVALID":

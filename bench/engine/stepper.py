@@ -14,9 +14,10 @@ from bench.errors import BenchError, StepError, StoreError
 from bench.rig import MAKE_SAFE_S
 from bench.sequence.check_steps import limit_problems
 from bench.sequence.measuring import Acquire
+from bench.sequence.orienting import Orient
 from bench.sequence.plan import Plan, PlannedStep
 from bench.sequence.steps import Step
-from bench.sequence.stimulus import Move, Oscillate, Rotate
+from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate
 from bench.sequence.waiting import completed
 from drivers.errors import DriverError
 
@@ -57,8 +58,8 @@ class UnitFailed(StepFailed):
 class Stepper:
     """Does the steps of a plan, one by one; what they fail with is raised as StepFailed, with where they stand.
 
-    Whatever begins also ends in the journal: `step_ended`, `step_failed`, or `step_cut` with who wished it. `indices`
-    are the places of steps in the plan by their ids.
+    Whatever begins also ends in the journal, while that can be written: `step_ended`, `step_failed`, or `step_cut` with
+    who wished it. `indices` are the places of steps in the plan by their ids.
     """
 
     def __init__(
@@ -75,13 +76,14 @@ class Stepper:
             step = self._ready(planned)
             found = await self._within_its_time(step, planned, body)
         except (asyncio.CancelledError, Stopped):
-            self._journal.try_to_write("step_cut", planned.id, wish="end")
+            self._journal.try_to_write("step_cut", planned.id, wish="end", **self._unknown_after(step))
             await self._bring_to_rest(step)
             raise
         except StoreError:
             raise
         except (DriverError, BenchError) as problem:
-            self._journal.try_to_write("step_failed", planned.id, code=problem.code, text=str(problem))
+            told = {"code": problem.code, "text": str(problem), **self._unknown_after(step)}
+            self._journal.try_to_write("step_failed", planned.id, **told)
             if isinstance(step, (Rotate, Oscillate)):
                 await self._bring_to_rest(step)
             raise self._in_words(planned, problem) from problem
@@ -131,9 +133,19 @@ class Stepper:
     async def _cut(self, planned: PlannedStep, step: Step, wish: Wish) -> None:
         """Brings to rest what was cut short."""
         await leave(step, self._bench)
-        self._journal.write("step_cut", planned.id, wish=wish)
+        self._journal.write("step_cut", planned.id, wish=wish, **self._unknown_after(step))
         if wish == "skip":
             self._journal.write("left_out", planned.id, why="skipped by the operator", text="")
+
+    def _unknown_after(self, step: Step) -> Found:
+        """The axes that stand nobody knows where, or the chamber, after a step that did not get to its end."""
+        match step:
+            case Move() | Ramp():
+                return {"unknown": [step.role]}
+            case Orient():
+                return {"unknown": list(self._bench.file.axes)}
+            case _:
+                return {}
 
     async def _bring_to_rest(self, step: Step) -> None:
         """What a step has set going ends with it, as far as the device obeys; an abort leaves it to the making safe."""

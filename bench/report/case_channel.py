@@ -59,7 +59,7 @@ class ChannelSettings(Settings):
     """Of the whole case; without `acc_temp_set_C` the accelerometer's temperature is not looked at."""
 
     reference_c: float = Field(alias="T_ref_C", ge=-273.15, le=1000)
-    counter_bits: int = Field(ge=1, le=53)
+    counter_bits: int = Field(ge=1, le=64)
     max_rate_pps: float = Field(gt=0)
     threshold: Limit
     basis: Literal["raw", "normalised"] = Field("normalised", alias="compare_basis")

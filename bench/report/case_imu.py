@@ -42,7 +42,7 @@ class ImuSettings(Settings):
     nominal_c: float | None = Field(None, alias="T_nominal_C", ge=-273.15, le=1000)
     extrapolation: Extrapolation = "hold"
     attitude_tolerance_g: float = Field(0.05, alias="attitude_tol_g", gt=0)
-    rate_tolerance: Limit = Field(0.1, alias="rate_tol")
+    rate_tolerance: Limit = Field(0.5, alias="rate_tol")  # farther off is another unit, or another row's command
     least_squares_set_c: float | None = Field(None, alias="ls24_T_set_C")
 
 

@@ -172,6 +172,16 @@ class _InForce:
         now = replace(now, on_since_s=_supplies_on(now.on_since_s, data, (begun_s, event.at_s)))
         return replace(now, set_c=float(data["set_point_c"])) if "set_point_c" in data else now
 
+    def without(self, roles: set[str]) -> _InForce:
+        """What it stands at when nobody knows where axes stand, or what the chamber has been told."""
+        angles_deg = {role: math.nan if role in roles else angle for role, angle in self.angles_deg.items()}
+        return replace(self, angles_deg=angles_deg, set_c=self.set_c if roles <= set(angles_deg) else math.nan)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it is known where all axes stand."""
+        return not any(math.isnan(angle) for angle in self.angles_deg.values())
+
 
 def _supplies_on(
     before_s: Mapping[str, tuple[float, float]], data: Mapping[str, Any], now_s: tuple[float, float]
@@ -206,16 +216,23 @@ def _mount(bench: BenchFile, name: str | None = None) -> Mount:
 def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple[Event, str, _InForce]]:
     """Finished acquisitions under a label, each with its dwell and with what was in force.
 
-    Of a step that was done again only the last time counts.
+    Of a step that was done again only the last time counts. None after a move that did not get to its end: what was
+    acquired there was acquired at an angle that nobody knows.
     """
     state = _InForce(dict.fromkeys(bench.axes, 0.0), _mount(bench), math.nan)
     dwells = DwellNames()
     found: dict[str, tuple[Event, str, _InForce]] = {}
     begun: dict[str, tuple[float, float]] = {}
     turning: dict[str, Motion] = {}
-    for event in reader.events("step_begins", "turning", "step_ended"):
+    for event in reader.events("step_begins", "turning", "step_ended", "step_failed", "step_cut"):
         if event.kind == "turning":
             turning[first_visit(event.step)] = Motion(**event.data)
+            continue
+        if event.kind in ("step_failed", "step_cut"):
+            unknown = set(event.data.get("unknown", ()))
+            if unknown - set(bench.axes):
+                dwells.ramped(first_visit(event.step))
+            state = state.without(unknown)
             continue
         if event.kind == "step_begins":
             begun[event.step] = event.at_s, state.set_c
@@ -224,7 +241,7 @@ def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple
         state = state.after(event, bench, begun_s)
         if "set_point_c" in event.data:
             dwells.ramped(first_visit(event.step))
-        if event.data.get("label") == label:
+        if event.data.get("label") == label and state.is_known:
             step = first_visit(event.step)
             found.pop(step, None)
             motion = next((told for outer, told in turning.items() if step.startswith(f"{outer}/")), None)

@@ -68,7 +68,7 @@ class Table:
 
 
 def read_table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> Table:
-    """Reads `columns` of a CSV file in UTF-8; other columns and blank lines are passed over.
+    """Reads `columns` of a CSV file in UTF-8; other columns and blank lines, also above the header, are passed over.
 
     A line of blank cells, one for each column, is a row.
     A column of `optional` that the file lacks is blank. Raises InputError, with the line, when the file is too large,
@@ -77,7 +77,7 @@ def read_table(path: Path, columns: Sequence[str], optional: Sequence[str] = ())
     text = read_text(path, SIZE_LIMIT_BYTES)
     reader = _reader(text)
     try:
-        header = [name.strip() for name in next(reader, [])]
+        header = [name.strip() for name in _header(reader)]
         rows = [row for row in reader if len(row) == len(header) or not _is_blank(row)]
     except csv.Error as problem:
         raise InputError(f"{path.name}: line {reader.line_num}: {problem}") from None
@@ -121,10 +121,15 @@ def _reader(text: str) -> Any:  # the standard library does not name the type
     return csv.reader(io.StringIO(text, newline=""), strict=True)
 
 
+def _header(reader: Any) -> list[str]:
+    """The first line that is not blank; empty without one."""
+    return next((cells for cells in reader if not _is_blank(cells)), [])
+
+
 def _line_of_row(text: str, row: int) -> int:
     """The line on which a row ends; rows are counted from 0 behind the header, without empty ones."""
     reader = _reader(text)
-    width = len(next(reader))
+    width = len(_header(reader))
     filled = (reader.line_num for cells in reader if len(cells) == width or not _is_blank(cells))
     return int(next(islice(filled, row, None)))
 

@@ -39,7 +39,7 @@ async def open_can(device: str, address: Address) -> FrameLink:
 async def open_slcan(
     device: str, address: Address, join: Callable[[Callable[[], Slcan]], Awaitable[Slcan]]
 ) -> FrameLink:
-    """Opens a serial-line adapter: closes its channel, sets the bit rate, opens it; raises CannotConnect."""
+    """Opens a serial-line adapter: closes its channel, sets the bit rate, opens it; raises CannotConnect, LinkLost."""
     bitrate = address.option("bitrate", 500_000)
     if bitrate not in slcan.BITRATES:
         raise CannotConnect(device, f"{address}: slcan knows the bit rates {', '.join(map(str, slcan.BITRATES))}")

@@ -6,7 +6,10 @@ import math
 
 import pytest
 
+from bench.errors import StoreError
+from bench.report.stored import StoredRun
 from bench.store.reader import RunReader
+from bench.store.runs import RunDirectory
 from tests.support.runs import ROOT, SHORT, copy_bench, read_json, run_short
 from tests.truth.campaign import compare_one
 
@@ -212,3 +215,28 @@ def test_the_full_default_cycle_is_what_the_method_says():
     assert ramps == [*range(20, 71, 10), *range(60, -41, -10), *range(-30, 21, 10)]
     assert len(ramps) - 1 == 22
     assert SHORT
+
+
+def test_a_mistake_in_a_reduction_ends_a_run_that_says_so(tmp_path, monkeypatch):
+    def slip(_self):
+        raise ZeroDivisionError("float division by zero")
+
+    monkeypatch.setattr(StoredRun, "evaluate", slip)
+    result = run_short(tmp_path, sequence="smoke")
+    manifest = read_json(result, "manifest.json")
+    assert (manifest["state"], manifest["verdict"], result.outcome.how) == ("error", "ERROR", "error")
+    assert "a mistake of this program" in result.problems[0]
+    assert "float division by zero" in result.problems[0]
+
+
+def test_results_that_cannot_be_written_are_no_pass(tmp_path, monkeypatch):
+    write = RunDirectory.write_json
+
+    def full(self, name, content):
+        if name == "results.json":
+            raise StoreError("the disk is full")
+        write(self, name, content)
+
+    monkeypatch.setattr(RunDirectory, "write_json", full)
+    result = run_short(tmp_path, sequence="smoke")
+    assert (result.results.verdict, read_json(result, "manifest.json")["verdict"]) == ("ERROR", "ERROR")

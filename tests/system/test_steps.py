@@ -1,5 +1,7 @@
 """Steps that only whole runs show: what waits for a reading, what must end in time, what is only said."""
 
+import math
+
 import pytest
 
 from bench.report.stored import open_run
@@ -139,3 +141,17 @@ def test_a_unit_outside_its_limits_fails_which_is_no_error_of_the_bench(tmp_path
     assert (result.outcome.how, result.results.verdict) == (how, "FAIL")
     assert ("steps/note" in ended(result)) == noted
     assert "teardown/set" in ended(result)
+
+
+def test_what_is_acquired_where_a_move_did_not_end_is_not_reduced(tmp_path):
+    lines = [
+        line
+        for angle_deg, way in ((90, ""), (270, ", timeout: 3 s, on_failure: continue"), (180, ""))
+        for line in (f"{{move: head, to: {angle_deg}°{way}}}", "{acquire: counter, for: 5 s, label: a}")
+    ]
+    result = ran(tmp_path, "{ramp: chamber, to: 25 °C, at: 3 °C/min, timeout: 30 s, on_failure: continue}", *lines)
+    assert result.outcome.how == "completed"
+    with open_run(result.path) as run:
+        acquired = run.data("a").acquisitions
+    assert [each.angles_deg["head"] for each in acquired] == pytest.approx([90, 180], abs=1e-3)
+    assert all(math.isnan(each.set_c) for each in acquired), "the chamber has not come to its set point"

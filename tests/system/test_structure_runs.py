@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 
 import numpy as np
 import pytest
@@ -401,7 +402,9 @@ def test_a_tare_is_the_zero_of_later_measurements(tmp_path):
     assert completed(run)
     tare, gross, net = (run.ended(f"steps/{step}").data["value"] for step in ("tare", "measure", "measure#2"))
     assert abs(gross) == pytest.approx(11_300, rel=0.02), "one g"
-    assert run.state.tares == {"counter.x": tare}
+    assert run.state.tares["counter.x"].value == tare
+    alone_u, net_u = (run.ended(f"steps/{step}").data["u"] for step in ("measure", "measure#2"))
+    assert net_u == pytest.approx(math.sqrt(2) * alone_u, rel=0.02), "the tare scatters as well"
     assert net == pytest.approx(0, abs=2)
     assert gross == pytest.approx(tare, abs=2)
 

@@ -246,6 +246,19 @@ def test_a_missing_rate_takes_its_axis_out_at_that_temperature(tmp_path, spoil):
     assert entry(result, 25)["z"] is not None
 
 
+def test_the_rate_of_the_table_counts_and_not_the_command(tmp_path):
+    unit = Unit()
+    made, slow = records(unit, FEW_C), records(unit, FEW_C)
+    row = slow.rate(0, "z", 3)
+    for axis in "xyz":
+        row[f"W{axis}"] = row[f"W{axis}"] and 0.8 * row[f"W{axis}"]
+    row["dwell_s"] *= 0.8  # as many pulses a second ...
+    row["rate_cmd_dps"] /= 0.8  # ... at a rate that is a fifth off the command
+    expected, found = reduced(tmp_path, made), reduced(tmp_path, slow)
+    assert found["flags"] == expected["flags"] == []
+    assert entry(found, 0)["z"]["KG_p_per_deg"] == pytest.approx(entry(expected, 0)["z"]["KG_p_per_deg"], rel=1e-9)
+
+
 def test_six_commands_that_were_one_rate_determine_no_scale_factor(tmp_path):
     made = records(Unit(), FEW_C)
     for n, row in enumerate(row for row in made.rates if (row["T_set_C"], row["axis"]) == (25, "y")):

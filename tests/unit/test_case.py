@@ -72,6 +72,13 @@ def test_result_has_the_keys_of_the_tilt_method(tmp_path):
     ]  # fmt: skip
 
 
+def test_a_thermometer_that_is_open_spoils_no_tilt(tmp_path):
+    whole = reduce_case(case(tmp_path, csv="T_C,U_V\n20,0.1\n30,0.12\n"))
+    broken = reduce_case(case(tmp_path, csv="T_C,U_V\n20,0.1\n-273,0.11\n30,0.12\n850,0.1\n"))
+    assert broken["rejected"]["thermometer"] == 2
+    assert {**broken, "rejected": {}} == {**whole, "rejected": {}}
+
+
 def test_what_lies_beyond_a_right_angle_is_among_the_notes(tmp_path):
     result = reduce_case(case(tmp_path, csv="T_C,U_V\n20,0.1\n20,7\n"))
     assert (result["flags"], result["notes"]) == ([], ["samples beyond ±90° are left out"])
@@ -194,6 +201,7 @@ def test_positions_are_named_as_the_record_names_them(tmp_path):
         lambda t: "\ufeff" + t,
         lambda t: t.replace("\n", "\r\n"),
         lambda t: t + "\n\n",
+        lambda t: "\n , \n" + t,
         lambda t: t + "  \n",
         lambda t: t.replace("\n", "\n\t\n, ,,,\n", 1),
     ],

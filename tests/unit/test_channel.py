@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bench.analysis.channel_levels import compare, out_of_proportion
-from bench.analysis.channel_temperature import ChannelRun, Gates
+from bench.analysis.channel_temperature import ChannelRun, Gates, ramp_of
 from bench.analysis.fit import reject_outliers
 from bench.errors import InputError
 from bench.report.case import reduce_case
@@ -96,6 +96,17 @@ def test_no_rate_no_relative_slope():
     assert (found.decision, found.remarks) == ("invalid", ("no decision: a rate is 0",))
 
 
+def test_how_fast_a_run_was_heated_and_cooled():
+    up, down = np.arange(0.0, 6480.0, 10.0), np.arange(10.0, 3610.0, 10.0)
+    time_s = np.concatenate([up, up[-1] + down])
+    course_c = np.concatenate([10 + 25 * up / 3600, 10 + 25 * up[-1] / 3600 - 45 * down / 3600])
+    found = ramp_of(time_s, course_c)
+    assert (found.usual_c_per_h, found.fastest_c_per_h) == (pytest.approx(25), pytest.approx(45))
+    coarse = ramp_of(up, np.round(10 + 30 * up / 3600))
+    assert coarse.fastest_c_per_h == pytest.approx(30, rel=0.02), "a thermometer with steps of 1 °C"
+    assert np.isnan(ramp_of(up[:1], course_c[:1])).all()
+
+
 def test_a_run_heated_too_fast_decides_and_a_narrow_one_does_not():
     assert compare(replace(RUN, flags=("ramp_too_fast",)), RUN, threshold=1, basis="raw").decision == "share"
     narrow = replace(RUN, flags=("insufficient_temperature_span",))
@@ -159,7 +170,7 @@ def test_a_record_without_a_row_is_reduced_to_nothing(tmp_path):
         ({"threshold": None}, "threshold: is missing"),
         ({"threshold": -0.1}, "threshold: is -0.1, expected at least 0"),
         ({"counter_bits": 0}, "counter_bits: is 0, expected at least 1"),
-        ({"counter_bits": 64}, "counter_bits: is 64, expected at most 53"),
+        ({"counter_bits": 65}, "counter_bits: is 65, expected at most 64"),
         ({"max_rate_pps": 0}, "max_rate_pps: is 0, expected more than 0"),
         ({"compare_basis": "relative"}, "compare_basis: is 'relative', expected 'raw' or 'normalised'"),
         ({"reference_policy": "seed"}, "reference_policy: is 'seed', expected 'claim' or 'embodiment'"),

@@ -1,11 +1,14 @@
 """Counters against the rest of a bench file: their bus, and the encoders that they latch."""
 
 import shutil
+from types import SimpleNamespace
 
 import pytest
 
 from bench.config.bench import load_bench
+from bench.config.checks_counters import files_of_one_name
 from bench.errors import InputError
+from drivers.can_counter.description import CounterOptions
 from drivers.dbc_outline import frames_bits
 from tests.support.laboratory import ROOT
 
@@ -86,3 +89,16 @@ def test_an_encoder_latched_with_samples_is_that_of_an_axis_and_of_a_channel(tmp
     short = ("Position : 0|32@1+", "Position : 0|15@1+")
     (problem,) = told(tmp_path / "short", dbc=(short,), name=TELEMETRY)
     assert problem.startswith("its signal has 15 bits; at 2160 °/s it goes 21600 counts in a period, half round")
+
+
+@pytest.mark.parametrize(("second", "problems"), [("BU_:\n", 0), ("BU_: Other\n", 1)])
+def test_different_files_of_one_name_are_refused(tmp_path, second, problems):
+    devices = {}
+    for role, text in (("left", "BU_:\n"), ("right", second)):
+        path = tmp_path / role / "bus.dbc"
+        path.parent.mkdir()
+        path.write_text(text, "utf-8")
+        devices[role] = SimpleNamespace(options=CounterOptions.model_construct(dbc=path))
+    found = list(files_of_one_name(SimpleNamespace(devices=devices)))
+    assert len(found) == problems
+    assert all(place == ("devices", "right", "options", "dbc") and "rename one" in what for place, what in found)

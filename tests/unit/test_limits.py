@@ -9,7 +9,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from pydantic import ValidationError
 
-from bench.analysis.finding import BudgetLine, Finding, UnitResult
+from bench.analysis.finding import BudgetLine, Finding, Subject, UnitResult
 from bench.analysis.limits import Judgement, Limits, judge
 from bench.report.findings import Results
 from bench.report.tables import over_run_rows, verdict_rows
@@ -135,6 +135,15 @@ def test_a_finding_that_is_invalid_stays_so():
 
 def test_a_finding_without_a_budget_has_no_uncertainty_for_a_guard_band():
     assert finding(0.0, u=0.0).judged(Limits(high=5e-3, guard_k=2)).flags == ("u_unknown",)
+
+
+@pytest.mark.parametrize("unknown", [math.inf, math.nan])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_finding_is_invalid_where_a_part_of_its_uncertainty_is_not_known(unknown, first):
+    lines = [BudgetLine("sensor", "A", unknown), BudgetLine("time base", "B", 0.01)]
+    found = Subject("s", "a", "QF-1").finding("gain", "", 1.0, "1", lines if first else lines[::-1], {}, ())
+    assert ([line.source for line in found.budget], found.flags) == (["time base"], ("u_unknown",))
+    assert found.judged(Limits(0.9, 1.1)).verdict == INVALID
 
 
 def test_a_finding_without_limits_is_never_marginal():

@@ -86,7 +86,7 @@ def test_a_leg_without_intervals_is_one_stretch(samples):
     assert [part.stop - part.start for part in legs[0].stretches(longest_hole=3)] == [samples]
 
 
-RAMP = np.linspace(20, 30, 21)
+RAMP, TIME_S = np.linspace(20, 30, 21), 10.0 * np.arange(21)
 
 
 @pytest.mark.parametrize(
@@ -95,19 +95,33 @@ RAMP = np.linspace(20, 30, 21)
 def test_a_temperature_that_jumps_on_a_ramp_is_broken(broken, value):
     temperature_c = RAMP.copy()
     temperature_c[broken] = value
-    assert np.flatnonzero(broken_on_a_ramp(temperature_c)).tolist() == broken
+    assert np.flatnonzero(broken_on_a_ramp(TIME_S, temperature_c)).tolist() == broken
 
 
 def test_an_open_sensor_is_broken_for_as_long_as_it_is_open():
     temperature_c = RAMP.copy()
     temperature_c[4:15] = 850.0
-    assert np.flatnonzero(broken_on_a_ramp(temperature_c)).tolist() == list(range(4, 15))
-    assert broken_on_a_ramp(np.full(5, 850.0)).all()
+    assert np.flatnonzero(broken_on_a_ramp(TIME_S, temperature_c)).tolist() == list(range(4, 15))
+    assert broken_on_a_ramp(TIME_S[:5], np.full(5, 850.0)).all()
     assert broken_at_rest(np.full(5, -242.0)).all()
 
 
 def test_a_steep_and_coarse_ramp_is_not_broken():
-    assert not broken_on_a_ramp(np.arange(-40.0, 80.0, 4.9)).any()
+    assert not broken_on_a_ramp(np.arange(25.0), np.arange(-40.0, 80.0, 4.9)).any()
+    assert not broken_on_a_ramp(np.arange(20.0), np.arange(-40.0, 80.0, 6.0)).any(), "6 °C from each sample to the next"
+
+
+@pytest.mark.parametrize("broken", [slice(0, 2), slice(19, 21), slice(8, 13), slice(10, 20)])
+@pytest.mark.parametrize("value", [150.0, -60.0, 40.0])
+def test_a_sensor_that_says_something_else_for_a_while_is_broken_for_that_while(broken, value):
+    temperature_c = RAMP.copy()
+    temperature_c[broken] = value
+    assert np.flatnonzero(broken_on_a_ramp(TIME_S, temperature_c)).tolist() == list(range(21))[broken]
+
+
+def test_a_ramp_goes_on_after_a_hole_in_the_record():
+    kept = np.r_[:5, 35:41]
+    assert not broken_on_a_ramp(np.arange(41.0)[kept], np.linspace(20, 60, 41)[kept]).any()
 
 
 def test_a_temperature_far_from_its_dwell_is_broken():

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.engine.state import RunState, advanced, replayed
+from bench.engine.state import RunState, Tared, advanced, replayed
 from drivers.quantities import Quantity, parse
 
 
@@ -133,4 +133,4 @@ def test_verdicts_holds_and_tares_are_kept():
     )  # fmt: skip
     assert (state.limits_failed, state.undecided) == (("a",), ("b",))
     assert state.held == {"interlock hot"}
-    assert state.tares == {"counter.x": 5.0}
+    assert state.tares == {"counter.x": Tared(5.0, 0.0)}

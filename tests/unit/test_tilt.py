@@ -28,7 +28,7 @@ def test_what_is_missing_or_beyond_the_vertical_is_left_out():
     assert found.compensated_mean_deg == pytest.approx(1.0)
     assert (found.raw_span_deg, found.compensated_span_deg) == (0, 0)
     assert found.flags == ("out_of_range",)
-    assert found.excluded == {"missing": 2, "out_of_range": 2}
+    assert found.excluded == {"missing": 2, "thermometer": 0, "out_of_range": 2}
 
 
 def test_a_sample_is_left_out_of_both_when_one_of_them_is_impossible():
