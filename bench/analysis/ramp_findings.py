@@ -8,6 +8,7 @@ rate itself, is part of the loop.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -305,6 +306,8 @@ class RampFindings:
         interval: Interval | None = None,
     ) -> Finding:
         steps = steps or tuple(leg.step for leg in self.level)
+        if interval is not None:
+            interval = interval.beside(abs(value), math.hypot(*(line.u for line in lines if line.type == "B")))
         return self._subject.finding(quantity, name, value, unit, lines, at, steps, id_tail, flags, interval)
 
 

@@ -106,7 +106,7 @@ class TumbleConstants:
             lines.append(type_b(f"{thermometer}: offset, gain", u, thermometer))
         if quantity == "K2" and "asymmetry" not in self.extra:
             instrument = "converter" if self.of.unit.voltmeter is None else "voltmeter"
-            contained = f"asymmetry of the {instrument}: contained, inseparable at four positions"
+            contained = f"asymmetry of the {instrument}: contained, inseparable at these angles"
             lines.append(BudgetLine(contained, "alias", 0))
         return lines
 

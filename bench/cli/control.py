@@ -70,7 +70,8 @@ def status(run: Run, runs: Runs = RUNS) -> None:
     from bench.store.runs import find_run, summary
 
     path = find_run(run, runs)
-    if summary(path).state == "running":
+    found = summary(path)
+    if found.state == "running":
         sys.stdout.write(tell(path, "status") + "\n")
         return
     from bench.engine.state import replayed
@@ -78,7 +79,8 @@ def status(run: Run, runs: Runs = RUNS) -> None:
     from bench.store.reader import RunReader
 
     with RunReader(path) as reader:
-        sys.stdout.write(json.dumps(state_to_json(replayed(reader.events())), ensure_ascii=False) + "\n")
+        came_to = {"state": found.state, "verdict": found.manifest.get("verdict")}
+        sys.stdout.write(json.dumps(came_to | state_to_json(replayed(reader.events())), ensure_ascii=False) + "\n")
 
 
 def _tell(run: str, runs: Path, command: str, **arguments: str) -> None:

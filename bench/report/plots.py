@@ -243,7 +243,7 @@ def _side_by_side(unit: UnitResult, name: str, titles: Mapping[str, str]) -> Plo
         if points is not None:
             _draw_legs(axes, points, points.values, points.expanded)
             bars.append(f"{title} {_largest(axes, points.expanded, symbol)}")
-        axes.set(xlabel=temperature_label(), ylabel=f"{tr(quantity)} / {symbol}", title=title)
+        axes.set(xlabel=temperature_label(), ylabel=f"{title} / {symbol}", title=title)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="upper right", ncols=2)
     heading = tr("{what}, over temperature", what=tr(" and ").join(titles.values()))
     return Plot(heading, rendered(figure, name, heading), _of_bars(tr("; ").join(bars)))

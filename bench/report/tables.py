@@ -303,7 +303,7 @@ def model_table(model: TemperatureModel) -> ModelTable:
         rows.append(
             (str(power), value, f"{u * factor:.{digits}f}" if u else tr("not known"), f"{of_t * factor:.9g}", per)
         )
-    degree = len(model.coefficients) - 1
+    degree, largest = len(model.coefficients) - 1, f"{model.max_residual * factor:.3g} {unit}"
     form = tr("straight line") if degree == 1 else tr("polynomial of degree {degree}", degree=degree)
     return ModelTable(
         title=f"{model.quantity}{tr(': ')}{form}",
@@ -311,5 +311,5 @@ def model_table(model: TemperatureModel) -> ModelTable:
         model=model,
         rows=tuple(rows),
         residual_sd=tr("not known") if model.residual_sd is None else f"{model.residual_sd * factor:.3g} {unit}",
-        largest_residual=f"{model.max_residual * factor:.3g} {unit}",
+        largest_residual=largest if model.dof else tr("none: it goes through every point"),
     )

@@ -10,7 +10,7 @@ from bench.report.flag_words import flag_in_words
 from bench.report.measured import OnTheWay
 from bench.report.shown import shown
 from bench.report.tables import over_run_rows, verdict_rows
-from bench.report.words import unit_shown
+from bench.report.words import quantity_of, unit_shown
 
 _AT_DWELLS = ("K0", "K1_si", "K2", "misalignment")
 
@@ -49,7 +49,8 @@ def _dwell_table(unit: UnitResult) -> Iterator[str]:
     if not by_dwell:
         return
     units = {name: unit_shown(name, found.unit) for at in by_dwell.values() for name, found in at.items()}
-    heads = "".join(f"{' / '.join((name, units.get(name, ''))):>28}" for name in _AT_DWELLS)
+    names = {name: quantity_of(found) for at in by_dwell.values() for name, found in at.items()}
+    heads = "".join(f"{' / '.join((names.get(name, name), units.get(name, ''))):>28}" for name in _AT_DWELLS)
     yield f"{'set':>6} {'unit':>8}  leg {heads}"
     yield f"{'°C':>6} {'°C':>8}"
     for found in by_dwell.values():

@@ -58,7 +58,8 @@ def commands_of(  # noqa: C901  one small function for each command
         return f"answered: {question.text}"
 
     def status(_: Arguments) -> str:
-        return json.dumps(state_to_json(engine.journal.state) | _now(engine, monitor), ensure_ascii=False)
+        told = {"state": "running"} | state_to_json(engine.journal.state) | _now(engine, monitor)
+        return json.dumps(told, ensure_ascii=False)
 
     return {
         "pause": pause, "resume": resume, "stop": stop, "stop_after_step": stop_after_step, "abort": abort,

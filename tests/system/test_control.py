@@ -212,7 +212,7 @@ def test_a_question_is_answered_over_the_socket_by_name_and_the_status_shows_wha
     run = started(str(path), "--speed", "20")
     run.wait_for(lambda: "steps/prompt" in run.steps("asked"))
     status = json.loads(run.tell("status").stdout)
-    assert status["under_way"] == ["steps/prompt"]
+    assert (status["state"], status["under_way"]) == ("running", ["steps/prompt"])
     assert status["variables"].keys() == {"t"}
     assert status["questions"][0]["expected"] == "a value in °C from 0 °C to 50 °C"
     assert "unit_temperature" in status["readings"]
@@ -227,7 +227,8 @@ def test_a_question_is_answered_over_the_socket_by_name_and_the_status_shows_wha
     assert (answered["value"], answered["unit"], answered["by"]) == (23.5, "°C", "A. Person")
     over = json.loads(run.tell("status").stdout)
     assert over["variables"]["room"] == "23.5 °C"
-    assert over["under_way"] == []
+    assert (over["state"], over["under_way"]) == ("completed", [])
+    assert over["verdict"] == json.loads((run.path / "manifest.json").read_text("utf-8"))["verdict"]
 
 
 def test_a_head_is_turned_by_whoever_answers_over_the_socket_or_on_the_terminal(started, tmp_path):

@@ -73,7 +73,7 @@ def test_the_closure_is_what_the_bias_really_did_between_the_ends(perfect_runs):
 def test_a_bias_that_does_not_come_back_makes_every_verdict_marginal(perfect_runs):
     with open_run(perfect_runs[0]) as stored:
         data = stored.data("tumble")
-    for limit_g, marginal in ((100e-6, False), (1e-9, True)):
+    for limit_g, marginal in ((100e-6, False), (1e-15, True)):
         settings = TEMPERATURE_TUMBLE.settings.model_validate({}).model_dump() | {"closure_limit_g": limit_g}
         (unit,) = reduce(data, settings)
         judged = [finding.judged(Limits(-1, 1)) for finding in unit.findings if finding.quantity == "K0"]

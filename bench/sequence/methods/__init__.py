@@ -23,9 +23,9 @@ GYRO_OUTPUT = "gyro_output"  # likewise, of the gyros of an inertial unit
 
 CHANNEL = (
     "The unit is measured together with its I/F converter. K0, in units of local g, contains the converter's zero. K1 "
-    "contains K3, and the converter's scale. K2 contains the converter's asymmetry, which four positions cannot "
-    "separate from it. The misalignment contains the zero error of the head and the level of the fixture, both within "
-    "its uncertainty."
+    "contains the converter's scale, and K3 where the angles do not tell it by itself; so K2 contains the converter's "
+    "asymmetry. The misalignment contains the zero error of the head and the level of the fixture, both within its "
+    "uncertainty."
 )
 
 
