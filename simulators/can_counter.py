@@ -18,8 +18,8 @@ from simulators.can_node import TEMPERATURE_PERIOD_S, CanNode, in_order, tempera
 from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
 from simulators.gyro_unit import SimulatedGyro
 from simulators.imu import ImuChannel
+from simulators.integrator import Counts, Integrator
 from simulators.unit_file import stream
-from simulators.uut import Counts, Integrator
 from simulators.world import World
 
 Array = NDArray[np.float64]

@@ -15,7 +15,6 @@ from simulators.unit_file import Draw, Polynomial, UnitFile, stream
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 _CONVERTER_REFERENCE_C = 25.0
-TURNS_OF_EXTREME = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,84 +248,6 @@ class Hysteresis:
         self._jumped_g += sum(size_g for _, size_g in passed)
         self._last_c = temperature_c
         return self._jumped_g
-
-
-class Integrator:
-    """Signed charge integrators with a + and a - threshold; fractions of a pulse are carried exactly.
-
-    One, whose increments of charge are (n,), or several beside each other, (c, n), which begin with columns (c, 1).
-    """
-
-    def __init__(self, residue: Array | float, positive: Counts | int, negative: Counts | int) -> None:
-        self._residue = residue
-        self.positive, self.negative = positive, negative
-
-    def count(self, pulses: Array) -> tuple[Counts, Counts]:
-        """Cumulative + and - counts after each of the consecutive increments of charge, in pulses."""
-        if not pulses.size:
-            return np.empty(pulses.shape, np.int64), np.empty(pulses.shape, np.int64)
-        charge = self._residue + pulses.cumsum(-1)
-        net = _fired(charge)
-        steps = net.copy()
-        steps[..., 1:] -= net[..., :-1]
-        positive = np.maximum(steps, 0).cumsum(-1).astype(np.int64)
-        negative = np.maximum(-steps, 0).cumsum(-1).astype(np.int64)
-        self._residue = charge[..., -1:] - net[..., -1:]
-        positive += self.positive
-        negative += self.negative
-        self.positive, self.negative = positive[..., -1:], negative[..., -1:]
-        return positive, negative
-
-    def count_through_turns(self, pulses: Array) -> tuple[Counts, Counts]:
-        """The same of increments (n,) in equal times between which the charge may turn round.
-
-        It goes to its extreme first: to where the quartic through five latches has it.
-        """
-        into, first = _extremes(pulses)
-        single = np.flatnonzero(np.diff(into, prepend=-1) > 0)
-        into, first = into[single], first[single]
-        rest = pulses.copy()
-        rest[into] -= first
-        latches = np.arange(len(pulses)) + np.searchsorted(into, np.arange(len(pulses)), side="right")
-        positive, negative = self.count(np.insert(rest, into, first))
-        return positive[latches], negative[latches]
-
-
-def _extremes(pulses: Array) -> tuple[Counts, Array]:
-    """The increments, of (n,), in which the charge turns round, and how far it goes in each before it does.
-
-    From the quartic through the five latches about each turn: a parabola through three takes 4 parts in 10 000 off a
-    sine of ten latches a period. Beyond both ends the increments are taken to go on evenly.
-    """
-    if len(pulses) < 2:
-        return np.empty(0, np.int64), np.empty(0)
-    turns = np.flatnonzero(pulses[:-1] * pulses[1:] < 0)
-    ends = 2 * pulses[0] - pulses[1], 2 * pulses[-1] - pulses[-2]
-    one, two, three, four = (np.concatenate([ends[:1], pulses, ends[1:]])[turns + k] for k in range(4))
-    slope, bend = (7 * (two + three) - one - four) / 12, (15 * (three - two) - (four - one)) / 24
-    cubic, quartic = (one + four - two - three) / 12, (four - one - 3 * (three - two)) / 24
-    at = np.zeros_like(two)  # of the extreme, from the middle latch in intervals
-    for _ in range(TURNS_OF_EXTREME):
-        speed = slope + at * (2 * bend + at * (3 * cubic + at * 4 * quartic))
-        at = np.clip(at + speed / (two - three), -1.0, 1.0)
-    extreme = at * (slope + at * (bend + at * (cubic + at * quartic)))
-    later = at > 0
-    return turns + later, np.where(later, extreme, two + extreme)
-
-
-def _fired(charge: Array) -> Array:
-    """Net counts after a charge (…, n), which may go to and fro; before it nothing has been fired.
-
-    A pulse is fired when the charge is a whole one away from what was fired: the net count is held between the whole
-    numbers below and above the charge. It changes where one of these passes it by, and is then that one.
-    """
-    low, high = np.floor(charge), np.ceil(charge)
-    up, down = low[..., 1:] > low[..., :-1], high[..., 1:] < high[..., :-1]
-    fired = np.where(up, low[..., 1:], high[..., 1:])
-    fired = np.concatenate([np.clip(0.0, low[..., :1], high[..., :1]), fired], axis=-1)
-    last = np.zeros(charge.shape, np.intp)  # where the count has changed last
-    np.maximum.accumulate(np.where(up | down, np.arange(1, charge.shape[-1]), 0), axis=-1, out=last[..., 1:])
-    return np.take_along_axis(fired, last, axis=-1)
 
 
 def _horner(coefficients: Polynomial, t: Array) -> Array:

@@ -17,9 +17,9 @@ from bench.config.models import BenchFile
 from bench.config.places import PlaceEntry
 from bench.config.simulation import SourceSimulation, TableSimulation
 from bench.errors import InputError
+from bench.report.bench_record import HOUR_S, bench_record
 from bench.report.corrections import Table as CorrectionTable
 from bench.report.corrections import corrections_of
-from bench.report.rundata import HOUR_S, bench_record
 from drivers.corrections import ARCSEC_PER_DEG
 from simulators import attitude
 from simulators.attitude import SOUTH, Fixture, Vector, tilted

@@ -8,15 +8,12 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from bench.analysis.acquired import Acquisition, Codes, Counts, Currents, Motion, Mount, Positions, Turned, Voltages
-from bench.analysis.bench_record import AxisRecord, BenchRecord, ClockRecord, SourceRecord
 from bench.analysis.missed import Missed, missed_of
 from bench.analysis.outputs import windows_of
 from bench.analysis.rundata import RunData, UnitUnderTest
-from bench.config.fixture import Vector
 from bench.config.models import BenchFile
+from bench.report.bench_record import bench_record
 from bench.report.corrections import Corrections, corrections_of
 from bench.sequence.dwells import DwellNames, first_visit, loop_values
 from bench.store.codes import CodeDecoder
@@ -26,8 +23,6 @@ from drivers.can_counter.description import CounterOptions
 from drivers.can_telemetry.description import TelemetryOptions
 from drivers.frame_block import FrameBlock
 
-ARCSEC_DEG = 1 / 3600
-HOUR_S = 3600.0
 AS_READ = Corrections({}, {}, {}, {}, {})
 
 
@@ -284,72 +279,3 @@ def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mappin
         over_s=event.data.get("over_s"),
         stable=frozenset(event.data["stable"]) if "stable" in event.data else None,
     )
-
-
-def bench_record(bench: BenchFile) -> BenchRecord:
-    """What the certificates and surveys of a bench file say, as standard uncertainties u = U / k."""
-    counter = next((_uncertainties(bench, role) for role in bench.with_capability("pulse_counter")), {})
-    gravity, level = bench.site.gravity, bench.fixture.level
-    azimuth, square = bench.fixture.azimuth, bench.fixture.orthogonality
-    clock = bench.site.host_clock
-    thermometers = {
-        name: (reading.calibration.U.offset / reading.calibration.k, reading.calibration.U.gain / reading.calibration.k)
-        for name, reading in bench.readings.items()
-        if reading.calibration is not None
-    }
-    meters = {role: _uncertainties(bench, role) for role in bench.with_capability("voltmeter")}
-    return BenchRecord(
-        gravity_mps2=gravity.value,
-        gravity_u_mps2=gravity.U / gravity.k,
-        axes={role: _axis(bench, role, points) for role, points in bench.axes.items()},
-        x=bench.fixture.x,
-        z=bench.fixture.z,
-        level_deg=level.value * ARCSEC_DEG,
-        level_u_deg=level.U / level.k * ARCSEC_DEG,
-        time_base_u=float(counter.get("time_base", 0.0)),
-        encoder_skew_u_s=float(counter.get("encoder_skew", 0.0)),
-        thermometers_u=thermometers,
-        voltmeters_u={name: (float(u.get("gain", 0)), float(u.get("offset", 0))) for name, u in meters.items()},
-        latitude_deg=bench.site.latitude,
-        azimuth_u_deg=azimuth.U / azimuth.k * ARCSEC_DEG if azimuth is not None else 0.0,
-        orthogonality_u_deg=square.U / square.k * ARCSEC_DEG if square is not None else 0.0,
-        sources=dict(_sources(bench)),
-        host_clock_u=clock.U / clock.k if clock is not None else 0.0,
-        telemetry=next(_latching(bench), None),
-    )
-
-
-def _latching(bench: BenchFile) -> Iterator[ClockRecord]:
-    """The clocks of what units send, where the encoder of a table is latched with that."""
-    for role, entry in bench.devices.items():
-        if isinstance(entry.options, TelemetryOptions) and entry.options.positions:
-            u = _uncertainties(bench, role)
-            yield ClockRecord("telemetry", float(u.get("time_base", 0.0)), float(u.get("encoder_skew", 0.0)))
-
-
-def _sources(bench: BenchFile) -> Iterator[tuple[str, SourceRecord]]:
-    """The current sources and ammeters that have a certificate."""
-    for role in bench.with_capability("current_source", "ammeter"):
-        if bench.devices[role].calibration is not None:
-            u = _uncertainties(bench, role)
-            yield role, SourceRecord(float(u["gain"]), float(u["offset"]), float(u["drift"]) / HOUR_S)
-
-
-def _axis(bench: BenchFile, role: str, points: Vector) -> AxisRecord:
-    known = _uncertainties(bench, role)
-    return AxisRecord(
-        points=points,
-        zero_u_deg=float(known.get("zero", 0.0)) * ARCSEC_DEG,
-        harmonics_u_deg=tuple(np.array(known.get("harmonics", ())) * ARCSEC_DEG),
-        repeatability_u_deg=float(known.get("repeatability", 0.0)) * ARCSEC_DEG,
-        wobble_u_deg=float(known.get("wobble", 0.0)) * ARCSEC_DEG,
-    )
-
-
-def _uncertainties(bench: BenchFile, role: str) -> dict[str, Any]:
-    """The calibrated uncertainties of a device, each divided by its k; none without a certificate."""
-    calibration = bench.devices[role].calibration
-    if calibration is None:
-        return {}
-    stated = calibration.U.model_dump()
-    return {name: np.array(U) / calibration.k for name, U in stated.items() if U is not None}

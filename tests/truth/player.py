@@ -19,14 +19,14 @@ from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.app.drawn import current_errors, world_settings
 from bench.app.laboratory import unit_files
 from bench.config.models import BenchFile
-from bench.report.rundata import bench_record
+from bench.report.bench_record import bench_record
 from bench.sequence.model import SequenceFile
 from drivers.can_counter.description import CounterOptions
 from drivers.can_telemetry.description import TelemetryOptions
 from simulators.current_source import Feed
 from simulators.imu import SENSORS
+from simulators.integrator import Integrator
 from simulators.unit_file import stream
-from simulators.uut import Integrator
 from simulators.world import World
 
 BLOCK_S = 2.0  # worked out together: much shorter than the wander of a bias takes

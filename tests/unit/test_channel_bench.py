@@ -12,8 +12,8 @@ from bench.analysis.acquired import Currents
 from bench.app.laboratory import make_laboratory, unit_files
 from bench.config.bench import load_bench, misfits
 from bench.errors import InputError
+from bench.report.bench_record import bench_record
 from bench.report.corrections import corrections_of
-from bench.report.rundata import bench_record
 from bench.sequence.estimate import estimate
 from bench.sequence.load import load_judged_plan
 from simulators.current_source import CurrentErrors

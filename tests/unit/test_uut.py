@@ -10,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.analysis.tumble import solve_tumble
+from simulators.integrator import Integrator
 from simulators.noise import Wander, at_ends
 from simulators.unit_file import UnitFile
-from simulators.uut import Hysteresis, Integrator, UnitTruth, draw_unit, noise_of
+from simulators.uut import Hysteresis, UnitTruth, draw_unit, noise_of
 from tests.support.laboratory import Laboratory, place, unit
 
 PERFECT = draw_unit(unit(), 1, "a")
