@@ -19,7 +19,7 @@ from drivers.framed.status import Status, StatusReader
 from drivers.framed.stream import StatusStream
 from drivers.framed.wire import NumberFormat, Raw
 from drivers.transport.address import Address
-from drivers.transport.dialogue import FIRST_PAUSE_S, LONGEST_PAUSE_S
+from drivers.transport.dialogue import Pauses
 from drivers.transport.exchange import printable_hex
 from drivers.transport.wires import Wires
 
@@ -56,8 +56,9 @@ class FramedLine:
         self._turn = asyncio.Lock()
         self._stream: StatusStream | None = None
         self._doubtful = False
-        self._number = self._cut_ins = self._silences = self._failures = 0
-        self._sent_at_s = self._next_attempt_s = self._told_at_s = -math.inf
+        self._number = self._cut_ins = self._silences = 0
+        self._sent_at_s = self._told_at_s = -math.inf
+        self._pauses, self._closed = Pauses(), False
         self._told = (0, 0)
 
     async def open(self) -> None:
@@ -79,7 +80,7 @@ class FramedLine:
 
     def close(self) -> None:
         """Closes the wire; closing twice is harmless."""
-        self._next_attempt_s = math.inf
+        self._closed = True
         if self._stream is not None:
             self._stream.close()
 
@@ -213,7 +214,7 @@ class FramedLine:
     # The life of the wire
 
     async def _connect(self) -> None:
-        why = ""
+        self._closed, why = False, ""
         if self._stream is not None:
             self._stream.close()
             why = self._stream.lost
@@ -225,19 +226,17 @@ class FramedLine:
         except BaseException:
             if self._stream is not None:
                 self._stream.close()
-            pause_s = min(FIRST_PAUSE_S * 2**self._failures, LONGEST_PAUSE_S)
-            self._failures, self._next_attempt_s = self._failures + 1, _now_s() + pause_s
+            self._pauses.failed()
             raise
-        self._failures, self._next_attempt_s = 0, -math.inf
+        self._pauses = Pauses()
         if why:
             self._note(f"connected and identified again at {self._address}: {why}")
 
     async def _revive(self) -> None:
         """Connects again, unless it is not time yet."""
-        wait_s = self._next_attempt_s - _now_s()
-        if wait_s == math.inf:
+        if self._closed:
             raise LinkLost(self._device, "is not connected")
-        if wait_s > 0:
+        if (wait_s := self._pauses.left_s()) > 0:
             raise LinkLost(self._device, f"is not connected; the next attempt is in {wait_s:.1f} s")
         await self._connect()
 
