@@ -22,7 +22,7 @@ LARGEST_U_RADIUS = 0.1  # of the radius; a radius that is less certain is none
 
 
 @dataclass(frozen=True, slots=True)
-class Linearity:
+class LinearityLimit:
     """The largest error: a fraction of the reading, or of `full_scale` where that is given."""
 
     fraction: float
@@ -78,7 +78,7 @@ class RangeTest:
 def gyro_range(
     record: TableRecord,
     commands_dps: Mapping[str, float],
-    linearity: Linearity,
+    linearity: LinearityLimit,
     *,
     clip_dps: float | None = None,
     rate_tolerance: float = 0.01,
@@ -105,7 +105,7 @@ def gyro_range(
 
 
 def accelerometer_range(
-    record: TableRecord, local_g_mps2: float, linearity: Linearity, *, clip_g: float | None = None
+    record: TableRecord, local_g_mps2: float, linearity: LinearityLimit, *, clip_g: float | None = None
 ) -> RangeTest:
     """Errors of an accelerometer on an arm, in g, against ω²r with the r that it found itself at low rates.
 
@@ -211,7 +211,7 @@ class Arm:
         return float(np.radians(turning.rate_dps) ** 2 / self._g)
 
 
-def _judged(point: RangePoint, linearity: Linearity) -> RangePoint:
+def _judged(point: RangePoint, linearity: LinearityLimit) -> RangePoint:
     if not point.stable or point.error is None or point.u_error is None or point.true is None:
         return point
     room = linearity.limit(point.true) - abs(point.error)

@@ -13,7 +13,7 @@ from bench.analysis.fit import Array
 from bench.analysis.frequency_response import FrequencyResponse, ResponsePoint, gyro_response
 from bench.analysis.gravity import normal_gravity_mps2
 from bench.analysis.lever_arm import AccelerometerSweep, accelerometer_response
-from bench.analysis.range_test import BIAS, Linearity, RangePoint, RangeTest, accelerometer_range, gyro_range
+from bench.analysis.range_test import BIAS, LinearityLimit, RangePoint, RangeTest, accelerometer_range, gyro_range
 from bench.analysis.table_blocks import TableRecord
 from bench.analysis.two_sample import velocity_increments
 from bench.errors import InputError
@@ -99,7 +99,7 @@ def _gyro_range(case: Case) -> dict[str, Any]:
         raise InputError(f"{case.name}: settings.commands_dps: {unknown[0]} is missing; {table.file} has that phase")
     found = gyro_range(
         record, settings.commands_dps,
-        Linearity(settings.fraction, settings.full_scale_dps if by_full_scale else None),
+        LinearityLimit(settings.fraction, settings.full_scale_dps if by_full_scale else None),
         clip_dps=settings.clip_dps, rate_tolerance=settings.rate_tolerance,
     )  # fmt: skip
     return {"bias_dps": found.bias, **_range_result(found, _gyro_point)}
@@ -111,7 +111,7 @@ def _acc_range(case: Case) -> dict[str, Any]:
     found = accelerometer_range(
         _range_record(case.record("range", "phase,t_s,enc_deg,acc_g"), "acc_g", ("low", "run")),
         local_g_mps2,
-        Linearity(settings.fraction, settings.range_g if settings.basis == "full_scale" else None),
+        LinearityLimit(settings.fraction, settings.range_g if settings.basis == "full_scale" else None),
         clip_g=settings.clip_g,
     )
     return {
