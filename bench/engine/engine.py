@@ -110,7 +110,7 @@ class Engine:
             raise InputError("the teardown is under way; its steps are not skipped or repeated")
         cut = self._control.cut(wish)
         if not cut:
-            raise InputError("no step is under way")
+            raise InputError("no step is under way, or it is ending already")
         for step in cut:
             self.journal.try_to_write("operator", step, action=wish)
         return ", ".join(cut)
