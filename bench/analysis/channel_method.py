@@ -37,7 +37,7 @@ ZERO_SHARE = 0.01  # of the rate at 1 g, that a channel fed with nothing may hav
 
 @dataclass(frozen=True, slots=True)
 class ChannelDetail:
-    """What a report draws: the levels in the order of the run, and how they compare."""
+    """What a report draws: the levels in the order of the run, and how they compare; `span_s` is that of the run."""
 
     levels: tuple[Level, ...]
     compared: tuple[Compared, ...]
@@ -45,6 +45,7 @@ class ChannelDetail:
     threshold: float
     basis: str
     output_unit: str
+    span_s: tuple[float, float] = (0.0, 0.0)
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
@@ -81,6 +82,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
             settings["threshold"],
             settings["compare_basis"],
             unit.output_unit,
+            data.span_s,
         ),
     )
 

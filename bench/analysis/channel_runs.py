@@ -121,11 +121,11 @@ def input_level(data: RunData, unit: UnitUnderTest, acquisition: Acquisition) ->
 
 
 def _level_data(unit: UnitUnderTest, members: list[tuple[InputLevel, Acquisition]], gate_s: float) -> LevelData:
-    ramps = [acquisition for _, acquisition in members if _is_ramp(acquisition)]
+    ramps = [acquisition for _, acquisition in members if is_ramp(acquisition)]
     return LevelData(
         level=members[0][0],
         record=_record(ramps, unit, gate_s),
-        points=tuple(_point(acquisition, unit) for _, acquisition in members if not _is_ramp(acquisition)),
+        points=tuple(_point(acquisition, unit) for _, acquisition in members if not is_ramp(acquisition)),
         steps=tuple(acquisition.step for acquisition in ramps),
         metered=_metered(unit, members),
     )
@@ -134,11 +134,12 @@ def _level_data(unit: UnitUnderTest, members: list[tuple[InputLevel, Acquisition
 def _metered(unit: UnitUnderTest, members: list[tuple[InputLevel, Acquisition]]) -> Metered | None:
     if members[0][0].kind != "source" or not unit.ammeter:
         return None
-    ramps = [acquisition for _, acquisition in members if _is_ramp(acquisition)]
+    ramps = [acquisition for _, acquisition in members if is_ramp(acquisition)]
     return metered(ramps or [acquisition for _, acquisition in members], unit)
 
 
-def _is_ramp(acquisition: Acquisition) -> bool:
+def is_ramp(acquisition: Acquisition) -> bool:
+    """Whether the chamber's set point moved meanwhile."""
     return acquisition.set_c != acquisition.set_from_c and np.isfinite(acquisition.set_from_c)
 
 

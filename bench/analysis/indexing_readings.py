@@ -67,7 +67,7 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
         reading = IndexingReading(
             number=number,
             step=acquisition.step,
-            kind=_kind(acquisition.step),
+            kind=kind_of(acquisition.step),
             attempt=int(acquisition.loops.get("pass", 1)),
             end="up" if axes[2] > 0 else "down",
             direction="rev" if "reverse" in acquisition.loops else "fwd",
@@ -105,7 +105,8 @@ def _turned(acquisition: Acquisition, bench: BenchRecord) -> Acquisition:
     return replace(acquisition, angles_deg=angles_deg)
 
 
-def _kind(step: str) -> Kind:
+def kind_of(step: str) -> Kind:
+    """What a reading is for, by the id of its step."""
     parts = step.split("/")
     return "clocking" if CLOCKING in parts else "verification" if VERIFICATION in parts else "sweep"
 

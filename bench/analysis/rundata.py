@@ -93,7 +93,8 @@ class UnitUnderTest:
 class RunData:
     """The acquisitions under one label, in the order of the run, and what is needed to reduce them.
 
-    `closure` are those that tell what has changed over the run.
+    `closure` are those that tell what has changed over the run. `span_s` is the bench time from the beginning of the
+    run to the end of what it recorded, zeros where nobody says.
     """
 
     label: str
@@ -101,6 +102,7 @@ class RunData:
     acquisitions: tuple[Acquisition, ...]
     bench: BenchRecord
     closure: tuple[Acquisition, ...] = ()
+    span_s: tuple[float, float] = (0.0, 0.0)
 
     def subject(self, unit: UnitUnderTest) -> Subject:
         """Whom findings of a unit are of."""

@@ -12,7 +12,7 @@ from bench.analysis.channel_method import ChannelDetail
 from bench.analysis.finding import COVERAGE, UnitResult
 from bench.analysis.fit import Array
 from bench.report.languages import tr
-from bench.report.plots import Plot
+from bench.report.plots import Plot, TimeOfRun
 from bench.report.shown import shown
 from bench.report.svg import new_figure, rendered
 from bench.report.tables import Sheet
@@ -33,7 +33,7 @@ def channel_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
     if drawn:
         yield _over_temperature(drawn, detail, f"{name}-rate")
         yield _slopes(drawn, detail, f"{name}-slopes")
-        yield _course(drawn, f"{name}-ramps")
+        yield _course(drawn, detail.span_s, f"{name}-ramps")
 
 
 # How the levels compare, in words
@@ -176,18 +176,19 @@ def _draw_allowed(axes: Axes, number: int, each: Compared, detail: ChannelDetail
     axes.bar(number, height, 0.6, reference - height / 2, color="#dddddd", zorder=0)
 
 
-def _course(levels: list[Level], name: str) -> Plot:
+def _course(levels: list[Level], span_s: tuple[float, float], name: str) -> Plot:
+    """On the axis of time that the course of the whole run has, so that both can be laid over each other."""
     figure = new_figure(3.4)
-    axes = figure.subplots()
-    begin_s = min(float(level.run.gates.time_s[0]) for level in levels)
+    axes, over_run = figure.subplots(), TimeOfRun(*span_s)
     for level, colour in zip(levels, _colours(levels), strict=True):
         gates = level.run.gates
-        hours = (gates.time_s - begin_s) / 3600
-        axes.plot(hours, gates.converter_c, ".", color=colour, markersize=2, label=_label(level))
+        at = over_run.at(gates.time_s)
+        axes.plot(at, gates.converter_c, ".", color=colour, markersize=2, label=_label(level))
         if not level.is_source:
-            axes.plot(hours, gates.accelerometer_c, ".", color="#999999", markersize=1)
+            axes.plot(at, gates.accelerometer_c, ".", color="#999999", markersize=1)
     title = tr("Temperature of the converter while each level was counted")
-    axes.set(xlabel=tr("time from the first read-out / h"), ylabel=tr("temperature / °C"), title=title)
+    axes.set(ylabel=tr("temperature / °C"), title=title)
+    over_run.finish(axes)
     axes.legend(ncols=2)
     caption = tr("The read-outs that were used. Grey: the accelerometer, where it was connected.")
     return Plot(title, rendered(figure, name, title), caption)

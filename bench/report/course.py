@@ -11,19 +11,20 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from bench.analysis.ladder import by_position
 from bench.analysis.rundata import RunData
+from bench.report.course_names import Span, spans_of
 from bench.report.languages import tr
-from bench.report.plots import Plot
+from bench.report.plots import Plot, TimeOfRun
 from bench.report.stored import StoredRun
 from bench.report.svg import new_figure, rendered
+from bench.sequence.methods import known_methods
 from bench.store.reader import Event, Series
 
 Array = NDArray[np.float64]
 
 BINS = 1000  # over the width of the page; more cannot be told apart
-MOST_NUMBERS = 60  # of dwells; more cannot be read
 CHARACTER = 0.0095  # of the width of the strip, in which its names are written
+MOST_INSIDE = 0.6  # of half a name stays within the strip; what is beyond has room in the margin
 FIRST_WIDE = "\u2e80"  # Chinese characters are twice as wide as others
 INCIDENTS = ("fault", "problem", "operator")
 PHASES = {"steps": "#dbeafe", "": "white"}  # "" is after everything was made safe; others are grey
@@ -35,19 +36,10 @@ COLOURS = ("#b45309", "#4d7c0f", "#7e22ce", "#be185d")
 
 
 @dataclass(frozen=True)
-class Span:
-    """A part of the run from `begin_s` to `end_s` of bench time."""
-
-    name: str
-    begin_s: float
-    end_s: float
-
-
-@dataclass(frozen=True)
 class Course:
     """What the journal says of when things happened; `incident_s` is when the run left its plan.
 
-    `dwells` are the legs where it counted on ramps, and the acquisitions where each is at an input level.
+    `dwells` are the parts that the report names, or that an acquisition is for which it has no name.
     """
 
     began_s: float
@@ -84,41 +76,19 @@ def course_of(run: StoredRun, data: Sequence[RunData]) -> Course:
         if event.kind in ("step_begins", "made_safe"):
             begins.setdefault(_phase(event), event.at_s)
     edges_s = [*begins.values(), ended_s]
-    spans = {part.label: _legs for part in run.counted_at("ramps")}
-    spans |= {part.label: _each for part in (*run.counted_at("levels"), *run.counted_at("table"))}
-    spans |= {part.label: _ladders for part in run.counted_at("steps")}
+    entries = {label: entry for entry in reversed(run.sequence.results) for label in entry.labels}
     return Course(
         began_s=began_s,
         ended_s=ended_s,
         phases=tuple(map(Span, begins, edges_s[:-1], edges_s[1:])),
-        dwells=tuple(span for part in data for span in spans.get(part.label, _dwells)(part)),
+        dwells=tuple(
+            span
+            for part in data
+            for span in spans_of(part, entries[part.label], known_methods()[entries[part.label].method])
+        ),
         acquisitions=tuple(Span(each.step, each.begin_s, each.end_s) for part in data for each in part.acquisitions),
         incident_s=next((event.at_s for event in events if event.kind in INCIDENTS), None),
     )
-
-
-def _dwells(data: RunData) -> Iterator[Span]:
-    """The groups of acquisitions, numbered as in the results."""
-    for number, members in enumerate(data.groups().values()):
-        yield Span(str(number), members[0].begin_s, members[-1].end_s)
-
-
-def _legs(data: RunData) -> Iterator[Span]:
-    """The legs of temperature ramps, an acquisition each, numbered from 1."""
-    for number, leg in enumerate(data.acquisitions, start=1):
-        yield Span(tr("leg {number}", number=number), leg.begin_s, leg.end_s)
-
-
-def _each(data: RunData) -> Iterator[Span]:
-    """The acquisitions, numbered from 1."""
-    for number, acquisition in enumerate(data.acquisitions, start=1):
-        yield Span(str(number), acquisition.begin_s, acquisition.end_s)
-
-
-def _ladders(data: RunData) -> Iterator[Span]:
-    """The ladders of small steps, by their positions."""
-    for position, steps in by_position(data).items():
-        yield Span(tr("about {angle}°", angle=f"{position:g}"), steps[0].begin_s, steps[-1].end_s)
 
 
 def _phase(event: Event) -> str:
@@ -132,21 +102,23 @@ def course_plot(run: StoredRun, course: Course) -> Plot | None:
     lines = [line for line in _lines(run) if len(line.series.at_s)]
     if not lines:
         return None
-    unit, unit_s = ("h", 3600.0) if course.ended_s - course.began_s > 2 * 3600 else ("min", 60.0)
+    over_run = TimeOfRun(course.began_s, course.ended_s)
+    _, unit_s = over_run.unit
     figure = new_figure(3.5, top_in=0.07, bottom_in=0.67)
     strip, axes = figure.subplots(2, 1, sharex=True, height_ratios=[1, 10], gridspec_kw={"hspace": 0.05})
     for line in lines:
         at_s, values = envelope(line.series.at_s, line.series.values)
-        axes.plot((at_s - course.began_s) / unit_s, values, label=line.name, **line.style)
+        axes.plot(over_run.at(at_s), values, label=line.name, **line.style)
     _draw_phases(strip, course, unit_s)
     _draw_measuring(axes, course, unit_s)
-    axes.set(xlabel=f"{tr('time since the run began')} / {unit}", ylabel=tr("temperature / °C"))
-    axes.set_xlim(0, (course.ended_s - course.began_s) / unit_s)
+    axes.set(ylabel=tr("temperature / °C"))
+    over_run.finish(axes)
     figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=6)
     title = tr("Course of the run")
     caption = tr(
-        "On top the phases of the run, and by their numbers the dwells, or the legs of its ramps. Shaded: these while "
-        "they were measured; the ticks at the lower edge are the single acquisitions."
+        "On top the phases of the run, and what it measured, by the numbers or names that the report has for it; one "
+        "that would touch another is left out. Shaded: while it was measured; the ticks at the lower edge are the "
+        "single acquisitions."
     )
     return Plot(title, rendered(figure, "course", title), caption)
 
@@ -172,7 +144,7 @@ def _lines(run: StoredRun) -> Iterator[_Line]:
 
 
 def _draw_phases(strip: Axes, course: Course, unit_s: float) -> None:
-    """Blocks with their names where these fit, above them the numbers of the dwells."""
+    """Blocks with their names where these fit, above them those of the dwells."""
     strip.set_axis_off()
     total_s = course.ended_s - course.began_s
     for phase in course.phases:
@@ -180,14 +152,23 @@ def _draw_phases(strip: Axes, course: Course, unit_s: float) -> None:
         strip.axvspan(begin, begin + width, ymax=0.45, color=PHASES.get(phase.name, "#e5e7eb"), linewidth=0)
         if phase.end_s - phase.begin_s > 0.06 * total_s and phase.name != "steps":
             strip.text(begin + width / 2, 0.22, tr(phase.name), ha="center", va="center", fontsize=6)
-    step = 1 + len(course.dwells) // MOST_NUMBERS
-    free_from_s = course.began_s
-    for dwell in sorted(course.dwells[::step], key=lambda one: one.begin_s):
-        middle_s = (dwell.begin_s + dwell.end_s) / 2
-        half_s = 0.5 * CHARACTER * total_s * sum(1 + (character >= FIRST_WIDE) for character in dwell.name)
-        if middle_s - half_s >= free_from_s:
-            strip.text((middle_s - course.began_s) / unit_s, 0.6, dwell.name, ha="center", va="bottom", fontsize=6.5)
-            free_from_s = middle_s + half_s
+    for name, middle_s in _legible(course):
+        strip.text((middle_s - course.began_s) / unit_s, 0.6, name, ha="center", va="bottom", fontsize=6.5)
+
+
+def _legible(course: Course) -> Iterator[tuple[str, float]]:
+    """The names of the dwells and where their middles are written: those that touch no name of an earlier dwell."""
+    total_s = course.ended_s - course.began_s
+    written: list[tuple[float, float]] = []  # middle and half of the width
+    for dwell in course.dwells:
+        characters = 1 + sum(1 + (character >= FIRST_WIDE) for character in dwell.name)  # one of them between names
+        half_s = 0.5 * CHARACTER * total_s * characters
+        edge_s = MOST_INSIDE * half_s
+        inside_s = max(course.began_s + edge_s, min((dwell.begin_s + dwell.end_s) / 2, course.ended_s - edge_s))
+        free = all(abs(inside_s - at_s) >= half_s + other_s for at_s, other_s in written)
+        if dwell.name and free:
+            written.append((inside_s, half_s))
+            yield dwell.name, inside_s
 
 
 def _draw_measuring(axes: Axes, course: Course, unit_s: float) -> None:

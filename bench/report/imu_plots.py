@@ -19,6 +19,7 @@ from bench.report.words import quantity_in_words, unit_shown
 
 AXES = ("x", "y", "z")
 STYLES = {"x": ("#0b5394", "o"), "y": ("#b45309", "s"), "z": ("#4d7c0f", "D")}
+BESIDE = 0.03  # of the temperatures, that an axis is drawn beside the next where all have the same
 SENSORS = {"accelerometers": ("K0", "K1", "K2"), "gyros": ("D0", "KG")}
 TITLES = {
     "accelerometers": "The accelerometers at the set points",
@@ -94,9 +95,12 @@ def _over_temperature(unit: UnitResult, detail: ImuDetail, pair: tuple[str, str]
                 continue
             start = _at_first(unit, quantity, letter, values)
             scale = factor / start if quantity in RELATIVE else factor
-            _draw(above, temperature_c, (values - start) * scale, letter, "-")
+            expanded = _expanded(unit, f"{quantity}/change", letter) * factor
+            _draw(above, temperature_c, (values - start) * scale, expanded, letter, "-")
             if len(temperature_c) > 2:
-                _draw(below, temperature_c[1:-1], check_model(temperature_c, values).error * scale, letter, "")
+                at_c = temperature_c[1:-1] + (axis - 1) * BESIDE * np.ptp(temperature_c)
+                expanded = _expanded(unit, f"{quantity}/interpolation", letter) * factor
+                _draw(below, at_c, check_model(temperature_c, values).error * scale, expanded, letter, "none")
         above.set(title=tr("{quantity}: without compensation", quantity=quantity), ylabel=f"Δ{quantity} / {symbol}")
         below.set_title(tr("{quantity}: a knot told by its neighbours", quantity=quantity))
         below.set_ylabel(f"{tr('error')} / {symbol}")
@@ -112,8 +116,10 @@ def _over_temperature(unit: UnitResult, detail: ImuDetail, pair: tuple[str, str]
     )
     caption = tr(
         "Above the change against the first set point; the lines are the compensation, straight between the knots. "
-        "Below each inner knot left out and told by its neighbours: about four times what the compensation leaves "
-        "between knots."
+        "Below each inner knot left out and told by its neighbours, the axes side by side: about four times what the "
+        "compensation leaves between knots. Bars: expanded uncertainty, k = {k}, of the readings; all else is common "
+        "to the visits.",
+        k=COVERAGE,
     )
     return Plot(title, rendered(figure, name, title), caption)
 
@@ -124,7 +130,15 @@ def _at_first(unit: UnitResult, quantity: str, letter: str, values: Array) -> fl
     return next((each.value for each in found if "visit" in each.at), float(np.mean(values)))
 
 
-def _draw(axes: Axes, temperature_c: Array, values: Array, letter: str, line: str) -> None:
+def _expanded(unit: UnitResult, quantity: str, letter: str) -> float:
+    """The expanded uncertainty of what was found of an axis over the run, which is that of each knot; 0 without it."""
+    found = (each for each in unit.findings if each.quantity == quantity and each.at.get("axis") == letter)
+    return COVERAGE * next((each.u for each in found), 0.0)
+
+
+def _draw(axes: Axes, temperature_c: Array, values: Array, expanded: float, letter: str, line: str) -> None:
     colour, marker = STYLES[letter]
-    axes.plot(temperature_c, values, color=colour, marker=marker, markersize=4, linestyle=line or "none",
-              linewidth=0.9, label=letter)  # fmt: skip
+    axes.errorbar(
+        temperature_c, values, expanded, color=colour, marker=marker, markersize=3.5, linestyle=line, linewidth=0.9,
+        elinewidth=0.8, capsize=2.5, label=letter,
+    )  # fmt: skip

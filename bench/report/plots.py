@@ -38,6 +38,29 @@ class Plot:
 
 
 @dataclass(frozen=True)
+class TimeOfRun:
+    """The axis of time of what is drawn over a run from `began_s` to `ended_s` of bench time, alike in all drawings."""
+
+    began_s: float
+    ended_s: float
+
+    @property
+    def unit(self) -> tuple[str, float]:
+        """What it is in, and how many seconds that has."""
+        return ("h", 3600.0) if self.ended_s - self.began_s > 2 * 3600 else ("min", 60.0)
+
+    def at(self, bench_s: Array) -> Array:
+        """Where bench times (n,) are on it."""
+        return (bench_s - self.began_s) / self.unit[1]
+
+    def finish(self, axes: Axes) -> None:
+        """Names it, and lets it reach over the whole run."""
+        unit, unit_s = self.unit
+        axes.set_xlabel(f"{tr('time since the run began')} / {unit}")
+        axes.set_xlim(0, (self.ended_s - self.began_s) / unit_s)
+
+
+@dataclass(frozen=True)
 class Points:
     """One quantity at the dwells in the order of the run, as it is shown; all (n,).
 

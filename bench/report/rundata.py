@@ -39,7 +39,8 @@ def run_data(
         name for unit in units for name in (unit.temperature, unit.gyro_temperature, unit.converter) if name
     ]
     corrected = acquisitions(reader, bench, thermometers, label, corrections_of(bench))
-    return RunData(label, units, tuple(map(_thin, corrected) if windows else corrected), bench_record(bench))
+    acquired = tuple(map(_thin, corrected) if windows else corrected)
+    return RunData(label, units, acquired, bench_record(bench), span_s=reader.span_s())
 
 
 def _thin(acquisition: Acquisition) -> Acquisition:

@@ -12,7 +12,8 @@ import pytest
 
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
-from bench.report.course import BINS, Course, Span, _draw_phases, envelope
+from bench.report.course import BINS, Course, _draw_phases, envelope
+from bench.report.course_names import Span
 from bench.report.flag_words import flag_in_words
 from bench.report.measured import Measurement
 from bench.report.page import simulated
@@ -449,7 +450,25 @@ def test_limits_of_a_single_measurement(limits, shown):
 
 
 def test_numbers_of_dwells_are_not_written_over_each_other():
-    spans = [Span(f"{number}", begin_s, begin_s + 1) for number, begin_s in ((12, 900.0), (10, 10.0), (11, 12.0))]
+    begin_s = {12: 900.0, 10: 10.0, 11: 12.0, 7: 500.0, 8: 517.0}
+    assert written(*(Span(f"{number}", at_s, at_s + 1) for number, at_s in begin_s.items())) == ["10", "7", "12"]
+
+
+def test_what_has_no_name_is_not_written_and_takes_no_room():
+    assert written(Span("", 500.0, 501.0), Span("skew", 501.0, 502.0)) == ["skew"]
+
+
+def test_names_at_the_ends_of_a_run_stay_in_the_picture():
     strip = new_figure(1.0).subplots()
-    _draw_phases(strip, Course(0.0, 1000.0, (), tuple(spans), (), None), 1.0)
-    assert [text.get_text() for text in strip.texts] == ["10", "12"]
+    spans = (Span("closure", 0.0, 1.0), Span("closure", 999.0, 1000.0))
+    _draw_phases(strip, Course(0.0, 1000.0, (), spans, (), None), 1.0)
+    at = [text.get_position()[0] for text in strip.texts]
+    assert at[0] == pytest.approx(1000 - at[1])
+    assert 15 < at[0] < 50
+
+
+def written(*spans):
+    """The names above a run of 1000 s, from left to right."""
+    strip = new_figure(1.0).subplots()
+    _draw_phases(strip, Course(0.0, 1000.0, (), spans, (), None), 1.0)
+    return [text.get_text() for text in sorted(strip.texts, key=lambda text: text.get_position()[0])]

@@ -41,11 +41,12 @@ class MethodDescription:
     which turns a run's data into findings.
     `counts_at` says what its acquisitions are: readings at dwells, each a leg of a temperature ramp, steps of a ladder,
     each at one input level, each a window of which only the means are wanted, each on a table at rest or in motion, or
-    each a record of its own. `drawn_by` is "module:function", which turns a unit's results into what a report shows of
-    them beside the tables that all methods have. `after` names the standards that it is made after (methods.md 7),
-    which is no claim of conformity. `meaning` says what its results contain, `measures` what kind of unit it is for,
-    `needs_calibration` whether it needs the calibration that was released for each unit, `closes` whether it looks at
-    what was acquired for `closure`, as its other data are.
+    each a record of its own. `first_dwell` is the number that the report gives to the first of its dwells. `drawn_by`
+    is "module:function", which turns a unit's results into what a report shows of them beside the tables that all
+    methods have. `after` names the standards that it is made after (methods.md 7), which is no claim of conformity.
+    `meaning` says what its results contain, `measures` what kind of unit it is for, `needs_calibration` whether it
+    needs the calibration that was released for each unit, `closes` whether it looks at what was acquired for `closure`,
+    as its other data are.
     """
 
     name: str
@@ -54,6 +55,7 @@ class MethodDescription:
     settings: type[BaseModel]
     quantities: Mapping[str, str]
     counts_at: CountsAt = "dwells"
+    first_dwell: int = 0
     drawn_by: str = ""
     after: tuple[str, ...] = ()
     meaning: str = CHANNEL

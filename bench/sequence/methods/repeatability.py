@@ -16,5 +16,6 @@ REPEATABILITY = MethodDescription(
     target="bench.analysis.repeatability:reduce",
     settings=RepeatabilitySettings,
     quantities={"K0/sd": "g", "K1/sd": "1", "misalignment/sd": "rad", "K0/closure": "g"},
+    first_dwell=1,
     drawn_by="bench.report.repeated:repeated_shown",
 )
