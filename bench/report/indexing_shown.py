@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from bench.analysis.finding import UnitResult
+from bench.analysis.finding import COVERAGE, UnitResult
 from bench.analysis.indexing_static import Attempt, IndexingDetail
 from bench.analysis.indexing_sweep import EndFit
+from bench.analysis.models import Equation
 from bench.report.languages import tr
 from bench.report.plots import Plot
+from bench.report.shown import decimals, shown, with_expanded
 from bench.report.svg import new_figure, rendered
 from bench.report.tables import Sheet
 from bench.report.words import end_in_words
 
 UG_PER_G = 1e6
 PPM = 1e6
+LEGEND_IN = 0.36  # above axes, for a legend of one line with its frame; Chinese characters make it higher
 COLOURS = {"up": "#0b5394", "down": "#b45309"}
 MARKERS = {"fwd": "^", "rev": "v"}
 
@@ -32,9 +35,9 @@ def indexing_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
     if fits:
         yield _sweep(fits, detail, f"{name}-sweep")
         yield _residuals(fits, detail, f"{name}-residuals")
-        yield _ends(fits, detail.unit)
+        yield _ends(unit, fits, detail.unit)
     if last.found.both is not None:
-        yield _attempts(detail.attempts, detail.unit)
+        yield _attempts(unit, detail)
 
 
 def _sweep(fits: dict[str, EndFit], detail: IndexingDetail, name: str) -> Plot:
@@ -55,7 +58,7 @@ def _sweep(fits: dict[str, EndFit], detail: IndexingDetail, name: str) -> Plot:
 
 def _residuals(fits: dict[str, EndFit], detail: IndexingDetail, name: str) -> Plot:
     """What the line of each end leaves, one above the other; readings of the verification where they were taken."""
-    figure = new_figure(2.2 + 1.9 * len(fits))
+    figure = new_figure(2.3 + 1.9 * len(fits), top_in=LEGEND_IN)
     panels = figure.subplots(len(fits), 1, squeeze=False, sharex=True, gridspec_kw={"hspace": 0.35})[:, 0]
     for axes, (end, fit) in zip(panels, fits.items(), strict=True):
         axes.axhline(0, color="#444444", linewidth=0.6)
@@ -94,42 +97,71 @@ def _angle_label() -> str:
     return f"{tr('angle of the table')} / °"
 
 
-def _ends(fits: dict[str, EndFit], unit: str) -> Sheet:
+def _ends(unit: UnitResult, fits: dict[str, EndFit], output: str) -> Sheet:
+    linearity = {found.at["end"]: shown(found) for found in unit.findings if found.quantity == "linearity"}
+    hysteresis = next((found for found in unit.findings if found.quantity == "hysteresis"), None)
+    digits = 1 if hysteresis is None else decimals(COVERAGE * hysteresis.u * UG_PER_G)
     rows = tuple(
         (
-            end_in_words(end), str(len(fit.dwells)), f"{fit.bias_v:.6g}", f"{fit.scale_v_per_g:.8g}",
-            f"{fit.reading_sd_v / abs(fit.scale_v_per_g) * UG_PER_G:.2g}", f"{fit.linearity * PPM:.2g}",
-            "–" if fit.hysteresis_v is None else f"{fit.hysteresis_v:.2g}",
+            end_in_words(end), str(len(fit.dwells)), _constant(unit, end, "b"), _constant(unit, end, "K1"),
+            f"{fit.reading_sd_v / abs(fit.scale_v_per_g) * UG_PER_G:.2g}", linearity.get(end, "–"),
+            "–" if fit.hysteresis_v is None else f"{fit.hysteresis_v / abs(fit.scale_v_per_g) * UG_PER_G:.{digits}f}",
         )
         for end, fit in fits.items()
     )  # fmt: skip
     heads = (
-        (tr("End"), ""), (tr("Readings"), ""), ("b", unit), ("K1", f"{unit}/g"), (tr("Scatter"), "µg"),
-        (tr("Linearity"), "ppm"), (tr("Hysteresis"), unit),
+        (tr("End"), ""), (tr("Readings"), ""), ("b", output), ("K1", f"{output}/g"), (tr("Scatter"), "µg"),
+        (tr("Linearity"), "ppm"), (tr("Hysteresis"), "µg"),
     )  # fmt: skip
-    caption = tr("U = b + K1·sin θ of each end, for tests on the ground in that orientation.")
+    caption = " ".join([
+        tr("U = b + K1·sin θ of each end, for tests on the ground in that orientation."),
+        tr("Value ± expanded uncertainty, k = {k}. An exclamation mark: FAIL, or INVALID.", k=COVERAGE),
+        tr("The larger hysteresis is a result, with its uncertainty, in the results of the whole run."),
+    ])  # fmt: skip
     return Sheet(tr("The two ends"), caption, heads, rows)
 
 
-def _attempts(attempts: Sequence[Attempt], unit: str) -> Sheet:
-    rows = tuple(_attempt(number, attempt) for number, attempt in enumerate(attempts, start=1))
+def _constant(unit: UnitResult, end: str, name: str) -> str:
+    """A constant of the equation of an end, as the results have it."""
+    for model in unit.models:
+        if isinstance(model, Equation) and model.quantity == f"acceleration_{end}":
+            constant = model.constants[name]
+            return with_expanded(constant.value, constant.u or 0.0)
+    return "–"
+
+
+def _attempts(unit: UnitResult, detail: IndexingDetail) -> Sheet:
+    *earlier, last = detail.attempts
+    rows = [_earlier_attempt(number, attempt) for number, attempt in enumerate(earlier, start=1)]
+    difference = next(shown(found) for found in unit.findings if found.quantity == "scale_difference")
+    scales = [_constant(unit, end, "K1") for end in ("up", "down")]
+    rows.append((str(len(detail.attempts)), *scales, difference, _decision(last)))
     heads = (
-        (tr("Attempt"), ""), (tr("K1, +Z up"), f"{unit}/g"), (tr("K1, +Z down"), f"{unit}/g"),
-        (tr("Difference"), "ppm, k = 2"), (tr("Decision"), ""),
+        (tr("Attempt"), ""), (tr("K1, +Z up"), f"{detail.unit}/g"), (tr("K1, +Z down"), f"{detail.unit}/g"),
+        (tr("Difference"), "ppm"), (tr("Decision"), ""),
     )  # fmt: skip
-    caption = tr(
-        "Both ends are measured again when their scale factors differ by more than they may; the last attempt counts. "
-        "A difference that stays is the cross coupling."
-    )
-    return Sheet(tr("Scale factors of both ends"), caption, heads, rows)
+    parts = [
+        tr(
+            "Both ends are measured again when their scale factors differ by more than they may; the last attempt "
+            "counts. A difference that stays is the cross coupling."
+        ),
+        tr("Value ± expanded uncertainty, k = {k}. An exclamation mark: FAIL, or INVALID.", k=COVERAGE),
+    ]
+    if earlier:
+        parts.append(tr("That of earlier attempts is only of what each line leaves, without the instruments."))
+    return Sheet(tr("Scale factors of both ends"), " ".join(parts), heads, tuple(rows))
 
 
-def _attempt(number: int, attempt: Attempt) -> tuple[str, ...]:
+def _earlier_attempt(number: int, attempt: Attempt) -> tuple[str, ...]:
+    """An attempt that does not count has no findings: its uncertainties are those of its own lines."""
     both = attempt.found.both
-    scales = [sweep.fit.scale_v_per_g if sweep and sweep.fit else None for sweep in attempt.found.ends.values()]
-    told = ["–" if scale is None else f"{scale:.8g}" for scale in scales]
+    fits = [sweep.fit if sweep else None for sweep in attempt.found.ends.values()]
+    scales = ["–" if fit is None else with_expanded(fit.scale_v_per_g, float(fit.u[1])) for fit in fits]
     if both is None:
-        return (str(number), *told, "–", tr("invalid"))
-    difference, scale = both.scale_difference_v_per_g, abs(both.scale_v_per_g.value)
-    decided = tr("agree") if attempt.agrees else tr("differ")
-    return (str(number), *told, f"{difference.value / scale * PPM:.0f} ± {2 * difference.u / scale * PPM:.0f}", decided)
+        return (str(number), *scales, "–", tr("invalid"))
+    difference, ppm = both.scale_difference_v_per_g, PPM / abs(both.scale_v_per_g.value)
+    return (str(number), *scales, with_expanded(difference.value * ppm, difference.u * ppm), _decision(attempt))
+
+
+def _decision(attempt: Attempt) -> str:
+    return tr("agree") if attempt.agrees else tr("differ")

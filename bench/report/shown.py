@@ -6,7 +6,7 @@ import datetime as dt
 import math
 from zoneinfo import ZoneInfo
 
-from bench.analysis.finding import Finding
+from bench.analysis.finding import COVERAGE, Finding
 from bench.report.languages import tr
 
 # How a quantity is shown to a person: the factor from its unit, and the unit shown.
@@ -129,12 +129,17 @@ def shown(finding: Finding) -> str:
     What is counted has no budget and is exact.
     """
     factor, _ = SHOWN.get(finding.quantity, (1.0, ""))
-    value, expanded = finding.value * factor, 2 * finding.u * factor
-    digits = decimals(expanded)
     mark = " !" if finding.verdict in ("FAIL", "INVALID") else ""
     if not finding.budget:
-        return f"{value:.9g}{mark}"
-    return f"{value:.{digits}f} ± {expanded:.{digits}f}{mark}"
+        return f"{finding.value * factor:.9g}{mark}"
+    return f"{with_expanded(finding.value * factor, finding.u * factor)}{mark}"
+
+
+def with_expanded(value: float, u: float) -> str:
+    """A value ± its expanded uncertainty, to the digits that this justifies; `u` is the standard uncertainty."""
+    expanded = COVERAGE * u
+    digits = decimals(expanded)
+    return f"{value:.{digits}f} ± {expanded:.{digits}f}"
 
 
 def decimals(u: float) -> int:

@@ -259,11 +259,7 @@ def _notes(finding: Finding) -> Iterator[str]:
 def model_sheet(model: Equation | KnotModel) -> Sheet:
     """The constants of an equation, or the knots of a model of straight lines."""
     if isinstance(model, Equation):
-        valid = tr(", ").join(
-            tr(VARIABLES.get(name, name.replace("_", " ")))
-            + f" {tr('{low} to {high}', low=f'{low:.6g}', high=f'{high:.6g}')}"
-            for name, (low, high) in model.valid.items()
-        )
+        valid = tr(", ").join(_range_in_words(name, *ends) for name, ends in model.valid.items())
         rows = tuple((name, *_constant(each), each.unit) for name, each in model.constants.items())
         return Sheet(
             f"{quantity_in_words(model.quantity)}{tr(': ')}{form_in_words(model.form)}",
@@ -279,6 +275,13 @@ def model_sheet(model: Equation | KnotModel) -> Sheet:
         ((tr("Temperature"), "°C"), (tr("Value"), unit), ("u", f"{unit}, k = 1")),
         tuple((f"{at_c:.2f}", *_constant(Constant(value * factor, unit, u * factor))) for at_c, value, u in knots),
     )
+
+
+def _range_in_words(name: str, low: float, high: float) -> str:
+    """A variable of an equation from `low` to `high`; no thermometer tells more than hundredths of a degree."""
+    form = ".2f" if name == "temperature_c" else ".6g"
+    ends = tr("{low} to {high}", low=format(low, form), high=format(high, form))
+    return f"{tr(VARIABLES.get(name, name.replace('_', ' ')))} {ends}"
 
 
 def _constant(constant: Constant) -> tuple[str, str]:

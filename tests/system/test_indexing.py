@@ -8,7 +8,12 @@ import pytest
 from bench.analysis import indexing_readings, indexing_static
 from bench.analysis.indexing_budget import SCATTER
 from bench.analysis.indexing_sweep import EndFit
+from bench.report import indexing_shown
+from bench.report.languages import language
+from bench.report.shown import shown
 from bench.report.stored import open_run
+from bench.report.svg import drawing
+from bench.report.tables import Sheet, model_sheet
 from bench.sequence.methods.indexing import INDEXING_STATIC
 from bench.store.reader import RunReader
 from tests.support.runs import ROOT, read_json, run_short
@@ -221,3 +226,66 @@ def test_the_files_say_the_same_bench():
     volts, pulses = ((ROOT / "config" / f"{name}.yaml").read_text("utf-8") for name in ("indexing", "indexing_pulses"))
     same = volts.partition("fixture:")[2].partition("places:")[0]
     assert same == pulses.partition("fixture:")[2].partition("places:")[0]
+
+
+def sheets(unit):
+    """The tables of a unit by their titles."""
+    shown_of = indexing_shown.indexing_shown(unit, "a")
+    return {each.title: each for each in shown_of if isinstance(each, Sheet)}
+
+
+def test_the_tables_of_the_ends_have_the_uncertainties_of_the_results(data):
+    unit, found = reduced(data)
+    constants = {
+        model.quantity.removeprefix("acceleration_"): {
+            name: f"± {2 * constant.u:.2g}" for name, constant in model.constants.items()
+        }
+        for model in unit.models
+    }
+    ends, attempts = sheets(unit)["The two ends"], sheets(unit)["Scale factors of both ends"]
+    linearity = [shown(each) for each in unit.findings if each.quantity == "linearity"]
+    for row, end in zip(ends.rows, ("up", "down"), strict=True):
+        assert row[2].endswith(constants[end]["b"])
+        assert row[3].endswith(constants[end]["K1"])
+    assert [row[5] for row in ends.rows] == linearity
+    assert max((row[6] for row in ends.rows), key=float) == shown(found["hysteresis"]).split(" ")[0]
+    assert ends.heads[6] == ("Hysteresis", "µg")
+    (row,) = attempts.rows
+    assert row[1:4] == (ends.rows[0][3], ends.rows[1][3], shown(found["scale_difference"]))
+    assert "earlier attempts" not in attempts.caption
+
+
+def test_an_attempt_that_does_not_count_tells_what_its_uncertainty_leaves_out(data):
+    unit, found = reduced(data)
+    (attempt,) = unit.detail.attempts
+    twice = dataclasses.replace(unit, detail=dataclasses.replace(unit.detail, attempts=(attempt, attempt)))
+    attempts = sheets(twice)["Scale factors of both ends"]
+    earlier, last = attempts.rows
+    both = attempt.found.both
+    u_ppm = 2e6 * both.scale_difference_v_per_g.u / both.scale_v_per_g.value
+    assert earlier[3].endswith(f"± {u_ppm:.0f}")
+    assert last[3] == shown(found["scale_difference"])
+    assert "earlier attempts is only of what each line leaves" in attempts.caption
+
+
+def test_an_equation_is_valid_to_hundredths_of_a_degree(data):
+    unit, _ = reduced(data)
+    low_c, high_c = unit.models[0].valid["temperature_c"]
+    assert f"temperature / °C {low_c:.2f} to {high_c:.2f}." in model_sheet(unit.models[0]).caption
+
+
+@pytest.mark.parametrize("name", ["en", pytest.param("zh", marks=pytest.mark.peer("a Chinese font"))])
+def test_the_legends_above_the_residuals_are_inside_the_figure(data, monkeypatch, name):
+    figures = {}
+    rendered = indexing_shown.rendered
+    monkeypatch.setattr(
+        indexing_shown,
+        "rendered",
+        lambda figure, key, title: figures.update({key: figure}) or rendered(figure, key, title),
+    )
+    unit, _ = reduced(data)
+    with language(name), drawing():
+        list(indexing_shown.indexing_shown(unit, "a"))
+        figure = figures["a-residuals"]
+        tops = [axes.get_legend().get_frame().get_window_extent().ymax for axes in figure.axes]
+    assert max(tops) < figure.bbox.ymax - 1
