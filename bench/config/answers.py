@@ -10,6 +10,8 @@ from pydantic import BeforeValidator, Field
 from drivers.fields import Degrees, Name, Seconds, StrictModel
 from drivers.wording import expected
 
+SCRIPTED = "scripted technician"  # his name, unless the file gives him another
+
 
 def _as_text(raw: Any) -> Any:
     """What would be typed: numbers and truths as they are written."""
@@ -36,7 +38,7 @@ class ScriptedAnswer(StrictModel):
         None, description="how long he takes; by default a minute, or the turn_time of a head"
     )
     does: Deed | None = Field(None, description="what he does instead of what is expected; {} for nothing")
-    by: str = Field("scripted technician", description="his name in the record", min_length=1, max_length=100)
+    by: str = Field(SCRIPTED, description="his name in the record", min_length=1, max_length=100)
 
 
 class AnswersFile(StrictModel):

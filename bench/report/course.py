@@ -140,7 +140,7 @@ def _lines(run: StoredRun) -> Iterator[_Line]:
                 yield _Line(f"{role}{tr(': ')}{tr(name)}", run.reader.series(f"{role}.{channel}"), style)
     thermometers = dict.fromkeys(run.bench.places[place].temperature for place in run.serials)
     for name, colour in zip(thermometers, cycle(COLOURS), strict=False):
-        yield _Line(name.replace("_", " "), run.reader.series(name), {"color": colour})
+        yield _Line(tr(name.replace("_", " ")), run.reader.series(name), {"color": colour})
 
 
 def _draw_phases(strip: Axes, course: Course, unit_s: float) -> None:

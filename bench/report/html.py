@@ -26,6 +26,7 @@ from bench.report.revision import Revision
 from bench.report.stored import BENCH_COPY, StoredRun
 from bench.report.svg import drawing, font_of
 from bench.report.timeline import clock
+from bench.report.words import said_in_words
 from bench.sequence.limits import limits_in
 from bench.sequence.methods import CHANNEL, MethodDescription, known_methods
 
@@ -99,7 +100,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals["tr"], environment.globals["clock"] = tr, clock
+    environment.globals |= {"tr": tr, "clock": clock, "said_in_words": said_in_words}
     return environment
 
 

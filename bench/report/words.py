@@ -8,9 +8,11 @@ from typing import Any
 
 from bench.analysis.finding import LOWER_BOUND, Finding
 from bench.analysis.limits import GUARD_BANDS_MEET, IN_GUARD_BAND, U_UNKNOWN, Limits
+from bench.config.answers import SCRIPTED
 from bench.report import imu_words, table_words
 from bench.report.languages import tr
 from bench.report.shown import SHOWN
+from bench.sequence.talk import DONE
 
 ENDINGS = {
     "completed": "It ran to its end.",
@@ -58,6 +60,7 @@ CONTENTS = {
     "contains:K3": "contains K3",
     "contains:asymmetry": "contains the asymmetry of converter or voltmeter",
 }
+SAID = (DONE, SCRIPTED)  # words of the program among the answers, and among those who gave them
 _SLOPES = re.compile(r"of the slope of (\S+) from that of (\S+)")
 
 
@@ -90,6 +93,11 @@ def source_in_words(source: str) -> str:
     """A source of uncertainty: "head: zero", "src_1g: source: gain"; the name of a reading is nothing to translate."""
     what, colon, part = source.partition(": ")
     return f"{tr(what) if what in SOURCES else what}{tr(colon)}{source_in_words(part)}" if colon else tr(source)
+
+
+def said_in_words(text: str) -> str:
+    """An answer, or who gave it; what people typed stays as they typed it."""
+    return tr(text) if text in SAID else text
 
 
 def end_in_words(end: str) -> str:

@@ -95,7 +95,7 @@ def texts_in_tables():
         *get_args(Direction),
         *get_args(Compass),
     )
-    yield from VERDICTS
+    yield from (*VERDICTS, *words.SAID, "unit temperature")
     for method in known_methods().values():
         yield from (method.title, method.meaning)
         for quantity in method.quantities:
@@ -160,6 +160,12 @@ def test_sentences_of_analyses_are_in_the_language_of_the_report(note, chinese):
         assert flag_words.flag_in_words(note) == chinese
 
 
+def test_what_people_type_stays_as_they_typed_it_and_what_the_program_says_is_told_in_the_language():
+    with language("zh"):
+        said = [words.said_in_words(text) for text in ("done", "scripted technician", "air", "93 °", HOSTILE)]
+    assert said == ["已完成", "脚本模拟的操作员", "air", "93 °", HOSTILE]
+
+
 def test_an_equation_keeps_its_symbols_and_tells_what_they_are():
     form = "up_1g: D = D_ref + k · (T - T_ref), slope from up_1g, which serves this level too"
     with language("zh"):
@@ -188,6 +194,7 @@ def test_a_report_misses_no_word_and_is_in_chinese(run, missing):
     for text in ("Decision rule", "degrees of freedom", "Serial number", "temperature of the unit"):
         assert text not in page
     assert "{text.__class__}&lt;b&gt;，安装位置 a" in page
+    assert ">被测件温度<" in page  # the legend of the course
     english = report(run, "html", "en")
     assert english.name == "report.html"
     assert not CHINESE.search(english.read_text("utf-8"))
