@@ -98,7 +98,7 @@ def budgets_of_dwells(unit: UnitResult, quantity: str) -> BudgetsOfDwells:
 
 
 def budgets_of_points(found: Sequence[Finding]) -> BudgetsOfDwells:
-    """The budgets of one quantity at the points of a range or a sweep, side by side."""
+    """The budgets of one quantity at the points of a range or a sweep, or at visits of set points, side by side."""
     return _side_by_side(found, tr("Point"), [where(finding.at, {}) for finding in found])
 
 

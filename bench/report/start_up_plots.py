@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +13,7 @@ from bench.analysis.imu_start_up import FROM_THE_START, StartUpDetail, Watched
 from bench.report.imu_plots import AXES, STYLES
 from bench.report.languages import tr
 from bench.report.plots import Plot
-from bench.report.shown import SHOWN, shown
+from bench.report.shown import SHOWN, decimals, shown
 from bench.report.svg import new_figure, rendered
 from bench.report.tables import Sheet
 
@@ -23,40 +23,65 @@ TITLES = {
     "D0": "Gyros: zero",
     "KG": "Gyros: scale factor",
 }
+WHEN = {"power_on": "first", "warm": "warm"}
 S_PER_MIN = 60.0
 ROOM = 2.2  # of the limit, that a panel shows at least on either side
+
+
+Found = Mapping[tuple[int, str, str], Finding]
+"""By the number of the power-on, the axis, and the quantity."""
 
 
 def start_up_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
     """The times after which all stays within its limits, then the courses after each power-on."""
     if not isinstance(unit.detail, StartUpDetail):
         return
-    if found := {_place(each): each for each in unit.findings if each.quantity.endswith("/settling")}:
+    found = {(each.at["visit"], each.at["axis"], each.quantity): each for each in unit.findings if "visit" in each.at}
+    if found:
+        yield _errors(found)
         yield _settling(found)
     for number, (set_c, watched) in enumerate(unit.detail.power_ons):
         if watched:
             yield _courses(set_c, watched, f"{name}-start-up-{number}")
 
 
-def _place(finding: Finding) -> tuple[int, str, str]:
-    return finding.at["visit"], finding.at["axis"], finding.quantity.partition("/")[0]
-
-
-def _settling(found: Mapping[tuple[int, str, str], Finding]) -> Sheet:
-    rows = []
+def _rows(found: Found, told: Mapping[str, Callable[[Finding], str]]) -> Iterator[tuple[str, ...]]:
+    """A row for each axis at each power-on: the quantities, each as it is told."""
     for visit, axis in dict.fromkeys(key[:2] for key in found):
-        of_axis = {quantity: found.get((visit, axis, quantity)) for quantity in TITLES}
-        set_c = next(each.at["temperature_set_c"] for each in of_axis.values() if each is not None)
-        cells = ("–" if each is None else _time(each) for each in of_axis.values())
-        rows.append(("–" if set_c is None else f"{set_c:g}", axis, *cells))
+        of_axis = {quantity: found.get((visit, axis, quantity)) for quantity in told}
+        set_c = next((each.at["temperature_set_c"] for each in of_axis.values() if each is not None), None)
+        cells = ("–" if each is None else told[quantity](each) for quantity, each in of_axis.items())
+        yield ("–" if set_c is None else f"{set_c:g}", axis, *cells)
+
+
+def _errors(found: Found) -> Sheet:
+    """What compensation leaves right after power-on, and when the unit is warm."""
+    wanted = {f"{quantity}/{when}": shown for quantity in TITLES for when in WHEN}
+    heads = (
+        (f"{quantity}, {tr(told)}", SHOWN[f"{quantity}/{when}"][1])
+        for quantity in TITLES
+        for when, told in WHEN.items()
+    )
+    return Sheet(
+        tr("What compensation leaves after power-on"),
+        tr(
+            "By set points and axes: at the first reading, and at the end of the watch. Value ± expanded uncertainty, "
+            "k = {k}. K0 and D0 are zeros, K1 and KG scale factors.", k=COVERAGE,
+        ),
+        ((tr("set point"), "°C"), (tr("axis"), ""), *heads),
+        tuple(_rows(found, wanted)),
+    )  # fmt: skip
+
+
+def _settling(found: Found) -> Sheet:
     return Sheet(
         tr("Time from power-on until it stays within its limits"),
         tr(
-            "By set points and axes, with expanded uncertainties, k = {k}; > where it was outside to the end. K0 and "
-            "D0 are zeros, K1 and KG scale factors.", k=COVERAGE,
+            "By set points and axes; in brackets the range that holds the true time in 95 of 100 runs, up to the end "
+            "of the watch where it is not known. > where it was outside to the end, 0 where it never was outside."
         ),
         ((tr("set point"), "°C"), (tr("axis"), ""), *((quantity, "min") for quantity in TITLES)),
-        tuple(rows),
+        tuple(_rows(found, {f"{quantity}/settling": _time for quantity in TITLES})),
     )  # fmt: skip
 
 
@@ -64,7 +89,12 @@ def _time(finding: Finding) -> str:
     """In minutes; one that was never outside has no uncertainty that says anything."""
     if FROM_THE_START in finding.flags:
         return "0"
-    return f"> {shown(finding)}" if LOWER_BOUND in finding.flags else shown(finding)
+    if finding.interval is None or LOWER_BOUND in finding.flags:
+        return f"> {shown(finding)}"
+    ends = finding.interval.low / S_PER_MIN, finding.interval.high / S_PER_MIN
+    digits = decimals(ends[1] - ends[0])
+    low, high = (f"{end:.{digits}f}" for end in ends)
+    return f"{finding.value / S_PER_MIN:.{digits}f} ({tr('{low} to {high}', low=low, high=high)})"
 
 
 def _courses(set_c: float, watched: Sequence[Watched], name: str) -> Plot:

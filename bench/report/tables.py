@@ -123,10 +123,10 @@ def over_run(unit: UnitResult) -> list[Finding]:
 
 
 def at_points(unit: UnitResult) -> dict[str, list[Finding]]:
-    """The findings at points of a range or a sweep, by quantity."""
+    """The findings at points of a range or a sweep, or at visits of set points, by quantity."""
     found: dict[str, list[Finding]] = {}
     for finding in unit.findings:
-        if "point" in finding.at:
+        if {"point", "visit"} & finding.at.keys():
             found.setdefault(finding.quantity, []).append(finding)
     return found
 

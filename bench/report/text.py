@@ -62,11 +62,10 @@ def _dwell_table(unit: UnitResult) -> Iterator[str]:
 
 
 def _summary_table(unit: UnitResult) -> Iterator[str]:
-    """What is judged at the dwells or points, the worst of each; then what is found over all of them."""
-    at_dwells = {
-        found.quantity: found.limits for found in unit.findings if {"dwell", "point"} & set(found.at) and found.limits
-    }
-    judged, over_run = verdict_rows(unit, at_dwells), over_run_rows(unit)
+    """What is judged at the dwells, points or visits, the worst of each; then what is found over all of them."""
+    single = {"dwell", "point", "visit"}
+    limits = {found.quantity: found.limits for found in unit.findings if single & found.at.keys() and found.limits}
+    judged, over_run = verdict_rows(unit, limits), over_run_rows(unit)
     for row, where in [*((row, "") for row in judged), *((row, row.where) for row in over_run)]:
         verdict = row.verdict + (" marginal" if row.marginal else "")
         told = "; ".join(filter(None, (row.limits, row.bands, row.remark, where)))

@@ -10,6 +10,7 @@ from bench.analysis.imu_start_up_readings import PowerOn
 from bench.app.request import RunRequest
 from bench.report.reduced_again import reduced_again
 from bench.report.stored import open_run
+from bench.report.text import results_text
 from bench.report.verify import verify
 from tests.truth.campaign import full_bench, results_of, run_one
 from tests.truth.imu import rms_of
@@ -87,8 +88,12 @@ def test_the_report_tells_it_in_words_and_draws_it(run):
     for words in (
         "Time from power-on until it stays within its limits", "Zero and scale factor since power-on, set point 15 °C",
         "Calibration of unit SIM-A", "imu_calibration.json, of run", "Accelerometers: zero",
+        "What compensation leaves after power-on", "Budgets of all points",
     ):  # fmt: skip
         assert words in page
+    with open_run(run) as stored:
+        on_the_console = results_text(stored.evaluate())
+    assert all(f"{quantity}: {what}" in on_the_console for quantity in LIMITS for what in ("warm", "settling"))
     assert {each["quantity"] for each in results_of(run)["findings"]} == {
         f"{quantity}/{what}" for quantity in LIMITS for what in ("power_on", "warm", "settling")
     }
