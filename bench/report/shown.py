@@ -139,7 +139,7 @@ def with_expanded(value: float, u: float) -> str:
     """A value ± its expanded uncertainty, to the digits that this justifies; `u` is the standard uncertainty."""
     expanded = COVERAGE * u
     digits = decimals(expanded)
-    return f"{value:.{digits}f} ± {expanded:.{digits}f}"
+    return f"{round(value, digits) + 0.0:.{digits}f} ± {expanded:.{digits}f}"  # never -0.0
 
 
 def decimals(u: float) -> int:
