@@ -122,6 +122,7 @@ class Dialogue:
 
     async def order(self, command: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T | None:
         """Sends a command that moves or energises, once; see LineExchange.order."""
+        self.takes.ordered()
         return await self.line.order(command, read, answer_s=answer_s)
 
     async def reopen(self) -> bool:

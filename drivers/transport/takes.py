@@ -19,6 +19,11 @@ class Takes:
 
     def __init__(self, device: str, note: Callable[[str], object], *, checked: bool) -> None:
         self._device, self._note, self._checked = device, note, checked
+        self._orders = 0
+
+    def ordered(self) -> None:
+        """A command goes out: what the instrument says may change by it."""
+        self._orders += 1
 
     async def agreed(
         self, what: str, take: Callable[[], Awaitable[T]], *, alike: Callable[[T, T], object] = operator.eq,
@@ -28,21 +33,25 @@ class Takes:
 
         `alike` says by how much two takes of what changes may differ. `again` takes the same reading once more, where
         the instrument still has it. `what` is its name for a person, and `spell` writes its value. Raises BadAnswer
-        when the third is like neither.
+        when the third is like neither; where a command has gone out meanwhile, all are taken anew.
         """
-        first = await take()
-        if self._checked:
-            return first
         again = again or take
-        second = await again()
-        if alike(first, second):
-            return second
-        third = await again()
-        if not (alike(first, third) or alike(second, third)):
+        while True:
+            orders = self._orders
+            first = await take()
+            if self._checked:
+                return first
+            second = await again()
+            if alike(first, second):
+                return second
+            third = await again()
+            if alike(first, third) or alike(second, third):
+                self._note(f"{what} was told as {spell(first)}, then as {spell(second)}; asked again: {spell(third)}")
+                return third
+            if orders != self._orders:
+                continue
             raise BadAnswer(
                 self._device, f"{what} was told three times, and no two are alike",
                 received=f"{spell(first)}; {spell(second)}; {spell(third)}",
                 remedy="This line has no checksum: check its cable, its shield and its baud rate.",
             )  # fmt: skip
-        self._note(f"{what} was told as {spell(first)}, then as {spell(second)}; asked again: {spell(third)}")
-        return third

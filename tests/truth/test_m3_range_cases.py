@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.analysis.range_test import Linearity, accelerometer_range, gyro_range
+from bench.analysis.range_test import LinearityLimit, accelerometer_range, gyro_range
 from bench.analysis.table_blocks import TableRecord
 from bench.report.case import reduce_case
 from tests.support.m3_cases import G_MPS2, joined, shuffled, turning_block, write_case
@@ -154,7 +154,7 @@ def test_a_mean_over_whole_turns_is_free_of_what_comes_once_a_turn(rng):
     still = turning_block(rng, "bias", 0.0, lambda angle: 0 * angle, noise=0.0)
     columns = joined([still, block])
     record = TableRecord(*(columns[name] for name in ("phase", "t_s", "enc_deg", "out_dps")))
-    result = gyro_range(record, {"run1": 171.0}, Linearity(1e-3))
+    result = gyro_range(record, {"run1": 171.0}, LinearityLimit(1e-3))
     assert result.points[0].mean == pytest.approx(171, abs=0.03)
     assert abs(np.mean(block["out_dps"]) - 171) > 0.2
 
@@ -298,7 +298,7 @@ def test_the_rounding_of_a_print_is_no_outlier(form, start_s, start_deg, rate_dp
         np.repeat([0.01, 0.01 + rate_dps], len(time_s)),
     ]  # fmt: skip
     printed = [np.array([float(form.format(value)) for value in column.tolist()]) for column in columns[1:]]
-    found = gyro_range(TableRecord(columns[0], *printed), {"run1": rate_dps}, Linearity(1e-3))
+    found = gyro_range(TableRecord(columns[0], *printed), {"run1": rate_dps}, LinearityLimit(1e-3))
     assert (found.passed, found.excluded["outlier"]) == (True, 0)
     assert found.points[0].rate_dps == pytest.approx(rate_dps, rel=1e-5)
 
@@ -324,7 +324,7 @@ def test_uncertainties_of_the_arm_are_as_large_as_the_errors():
         rates = {"bias": 0.0, "low1": 160.0, "low2": 240.0, "run1": 1794.0}
         columns = joined(list(arm(rng, rates=rates, noise=0.05, seconds=2.3).values()))
         record = TableRecord(*(columns[name] for name in ("phase", "t_s", "enc_deg", "acc_g")))
-        found = accelerometer_range(record, G_MPS2, Linearity(1e-3, 50))
+        found = accelerometer_range(record, G_MPS2, LinearityLimit(1e-3, 50))
         radius = (found.radius_m - 0.5) / found.u_radius_m
         errors.append([radius, *(each.error / each.u_error for each in found.points)])
     assert rms(errors) == pytest.approx([1, 1], abs=0.15)
@@ -354,7 +354,7 @@ def test_uncertainties_of_a_gyro_are_as_large_as_the_errors():
             )
         columns = joined(blocks)
         record = TableRecord(*(columns[name] for name in ("phase", "t_s", "enc_deg", "out_dps")))
-        found = gyro_range(record, commands, Linearity(1e-3))
+        found = gyro_range(record, commands, LinearityLimit(1e-3))
         errors.append(found.points[0].error / found.points[0].u_error)
     assert rms(errors) == pytest.approx(1, abs=0.15)
 
@@ -366,6 +366,6 @@ def test_samples_at_always_one_angle_have_a_plain_mean(rng):
     ]
     columns = joined(blocks)
     record = TableRecord(*(columns[name] for name in ("phase", "t_s", "enc_deg", "out_dps")))
-    result = gyro_range(record, {"run1": 2160.0}, Linearity(1e-3))
+    result = gyro_range(record, {"run1": 2160.0}, LinearityLimit(1e-3))
     assert result.points[0].error == pytest.approx(0, abs=0.02)
     assert result.passed is True

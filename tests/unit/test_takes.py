@@ -78,3 +78,16 @@ def test_what_the_instrument_still_has_is_not_taken_anew() -> None:
 def test_a_take_without_an_answer_is_an_error() -> None:
     with pytest.raises(NoAnswer):
         agreed(1.0)
+
+
+def test_what_is_ordered_between_the_takes_explains_that_they_differ() -> None:
+    takes = Takes("calibrator", lambda _text: None, checked=False)
+    told_then = told(1.0, 2.0, 3.0, 3.0, 3.0)
+
+    async def take() -> float:
+        value = await told_then()
+        if value == 1.0:
+            takes.ordered()
+        return value
+
+    assert run(takes.agreed("what it does", take), AS_FAST_AS_POSSIBLE) == 3.0
