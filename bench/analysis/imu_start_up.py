@@ -33,6 +33,7 @@ WARM = "left after compensation when the watch ended"
 SETTLING = "time from power-on until what is left after compensation stays within its limit"
 FROM_THE_START = "within_from_the_start"
 PERHAPS_TO_THE_END = "perhaps_to_the_end"
+NOT_DETERMINED = "practically_not_determined"
 SCATTER = "readings: scatter about the courses"
 MODEL = "readings: their courses with other time constants"
 OTHERWISE = math.sqrt(3)  # times the time constants, which are usually a factor of three apart
@@ -163,9 +164,11 @@ class _Watch:
         begun_s, ended_s = self.power_on.between_s or (0.0, 0.0)
         lines = _lines(sources, index, found.u_s / float(u[index]))
         lines.append(BudgetLine("power-on: command to reading back", "B", (ended_s - begun_s) / math.sqrt(12)))
+        is_open = found.perhaps_to_the_end and not found.to_the_end
         marks = {
             LOWER_BOUND: found.to_the_end,
-            PERHAPS_TO_THE_END: found.perhaps_to_the_end and not found.to_the_end,
+            PERHAPS_TO_THE_END: is_open,
+            NOT_DETERMINED: is_open and found.interval_s.low == 0,
             FROM_THE_START: found.from_the_start,
         }
         flags = tuple(flag for flag, marked in marks.items() if marked)

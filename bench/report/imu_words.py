@@ -5,6 +5,7 @@ from __future__ import annotations
 REASONS = {
     "within_from_the_start": "it was never outside its limits",
     "perhaps_to_the_end": "it may take longer than was watched",
+    "practically_not_determined": "practically not determined",
 }
 READINGS = {
     "beyond_calibration": "the unit was colder or warmer than its calibration is known at",

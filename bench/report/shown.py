@@ -6,7 +6,7 @@ import datetime as dt
 import math
 from zoneinfo import ZoneInfo
 
-from bench.analysis.finding import COVERAGE, Finding
+from bench.analysis.finding import COVERAGE, LOWER_BOUND, Finding, Interval
 from bench.report.languages import tr
 
 # How a quantity is shown to a person: the factor from its unit, and the unit shown.
@@ -126,12 +126,14 @@ def megabytes(size_bytes: int) -> str:
 def shown(finding: Finding) -> str:
     """Value ± expanded uncertainty in the unit for people, to the digits that the uncertainty justifies.
 
-    What is counted has no budget and is exact.
+    What is counted has no budget and is exact. A time to settle is told with its range, for it cannot be less than 0.
     """
     factor, _ = SHOWN.get(finding.quantity, (1.0, ""))
     mark = " !" if finding.verdict in ("FAIL", "INVALID") else ""
     if not finding.budget:
         return f"{finding.value * factor:.9g}{mark}"
+    if finding.interval is not None and is_told_by_range(finding):
+        return f"{_with_range(finding, finding.interval)}{mark}"
     return f"{with_expanded(finding.value * factor, finding.u * factor)}{mark}"
 
 
@@ -140,6 +142,30 @@ def with_expanded(value: float, u: float) -> str:
     expanded = COVERAGE * u
     digits = decimals(expanded)
     return f"{round(value, digits) + 0.0:.{digits}f} ± {expanded:.{digits}f}"  # never -0.0
+
+
+def is_told_by_range(finding: Finding) -> bool:
+    """Whether its range stands in the place of its expanded uncertainty: that of a time to settle."""
+    return finding.interval is not None and finding.quantity.endswith("/settling")
+
+
+def _with_range(finding: Finding, interval: Interval) -> str:
+    """A time with its range, "14 (0 to 35)"; of one that is only known to be more, "> 52"."""
+    value, low, high = range_shown(finding, interval, finding.value, interval.low, interval.high)
+    return f"> {value}" if LOWER_BOUND in finding.flags else f"{value} ({tr('{low} to {high}', low=low, high=high)})"
+
+
+def range_shown(finding: Finding, interval: Interval, *values: float) -> list[str]:
+    """Values in the unit for people, to the digits that the width of the finding's interval justifies.
+
+    Of times to settle to a tenth of a minute at most.
+    """
+    factor, _ = SHOWN.get(finding.quantity, (1.0, ""))
+    digits = decimals((interval.high - interval.low) * factor)
+    if not is_told_by_range(finding):
+        return [f"{value * factor:.{digits}f}" for value in values]
+    digits = min(digits, 1)
+    return [f"{value * factor:.{digits}f}" if round(value * factor, digits) else "0" for value in values]
 
 
 def decimals(u: float) -> int:

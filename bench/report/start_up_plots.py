@@ -8,14 +8,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from bench.analysis.finding import COVERAGE, LOWER_BOUND, Finding, UnitResult
-from bench.analysis.imu_start_up import FROM_THE_START, StartUpDetail, Watched
+from bench.analysis.finding import COVERAGE, Finding, UnitResult
+from bench.analysis.imu_start_up import NOT_DETERMINED, StartUpDetail, Watched
 from bench.report.imu_plots import AXES, STYLES
 from bench.report.languages import tr
 from bench.report.plots import Plot
-from bench.report.shown import SHOWN, decimals, shown
+from bench.report.shown import SHOWN, shown
 from bench.report.svg import new_figure, rendered
 from bench.report.tables import Sheet
+from bench.report.words import where
 
 TITLES = {
     "K0": "Accelerometers: zero",
@@ -79,22 +80,20 @@ def _settling(found: Found) -> Sheet:
         tr(
             "By set points and axes; in brackets the range that holds the true time in 95 of 100 runs, up to the end "
             "of the watch where it is not known. > where it was outside to the end, 0 where it never was outside."
-        ),
+        ) + _hardly_determined(found),
         ((tr("set point"), "°C"), (tr("axis"), ""), *((quantity, "min") for quantity in TITLES)),
-        tuple(_rows(found, {f"{quantity}/settling": _time for quantity in TITLES})),
+        tuple(_rows(found, {f"{quantity}/settling": shown for quantity in TITLES})),
     )  # fmt: skip
 
 
-def _time(finding: Finding) -> str:
-    """In minutes; one that was never outside has no uncertainty that says anything."""
-    if FROM_THE_START in finding.flags:
-        return "0"
-    if finding.interval is None or LOWER_BOUND in finding.flags:
-        return f"> {shown(finding)}"
-    ends = finding.interval.low / S_PER_MIN, finding.interval.high / S_PER_MIN
-    digits = decimals(ends[1] - ends[0])
-    low, high = (f"{end:.{digits}f}" for end in ends)
-    return f"{finding.value / S_PER_MIN:.{digits}f} ({tr('{low} to {high}', low=low, high=high)})"
+def _hardly_determined(found: Found) -> str:
+    """Which times may be anything from power-on to the end of the watch; empty without one."""
+    names = [
+        f"{each.quantity.removesuffix('/settling')} {where(each.at, {})}"
+        for each in found.values()
+        if NOT_DETERMINED in each.flags
+    ]
+    return " " + tr("Practically not determined: {which}.", which=tr("; ").join(names)) if names else ""
 
 
 def _courses(set_c: float, watched: Sequence[Watched], name: str) -> Plot:

@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from bench.analysis.finding import CONFIDENCE, COVERAGE, Finding, UnitResult
+from bench.analysis.finding import CONFIDENCE, COVERAGE, LOWER_BOUND, Finding, UnitResult
 from bench.analysis.limits import Limits
 from bench.analysis.models import Constant, Equation, KnotModel, TemperatureModel
 from bench.report.languages import tr
 from bench.report.note_words import form_in_words
-from bench.report.shown import SHOWN, decimals, shown
+from bench.report.shown import SHOWN, decimals, is_told_by_range, range_shown, shown
 from bench.report.words import (
     CONTENTS,
     REASONS,
@@ -198,10 +198,14 @@ def _interval_in_words(finding: Finding) -> str:
     interval = finding.interval
     if interval is None:
         return ""
-    factor, _ = SHOWN.get(finding.quantity, (1.0, ""))
-    digits = decimals((interval.high - interval.low) * factor)
-    ends = (interval.low, interval.high, interval.from_scatter)
-    low, high, scatter = (f"{value * factor:.{digits}f}" for value in ends)
+    low, high, scatter = range_shown(finding, interval, interval.low, interval.high, interval.from_scatter)
+    if is_told_by_range(finding):
+        if LOWER_BOUND in finding.flags:
+            return ""
+        return tr(
+            "in brackets the range of {share}; scatter alone makes {scatter}",
+            share=f"{CONFIDENCE:.0%}", scatter=scatter,
+        )  # fmt: skip
     return tr(
         "{share}: {low} to {high}; scatter alone makes {scatter}",
         share=f"{CONFIDENCE:.0%}", low=low, high=high, scatter=scatter,

@@ -10,12 +10,18 @@ import pytest
 from bench.analysis.acquired import Mount, Turned
 from bench.analysis.attitudes import NAMES, SPECIFIC_FORCE_G, earth_rate_dps
 from bench.analysis.compensation import Compensation
+from bench.analysis.finding import BudgetLine, Interval, Subject, UnitResult
 from bench.analysis.imu_start_up import reduce
 from bench.analysis.imu_start_up_readings import PowerOn
 from bench.analysis.limits import Limits
 from bench.analysis.models import Constant, KnotModel
 from bench.analysis.rundata import ReleasedCalibration, RunData
+from bench.report.findings import Results
 from bench.report.flag_words import flag_in_words
+from bench.report.shown import shown
+from bench.report.start_up_plots import start_up_plots
+from bench.report.tables import verdict_rows
+from bench.report.text import results_text
 from bench.sequence.methods.imu import ImuStartUpSettings
 from tests.unit.test_imu_windows import BENCH, K1, KG, LATITUDE, UNIT, acquired, record
 
@@ -147,3 +153,51 @@ def test_a_run_that_does_not_tell_the_power_on_or_had_no_calibration_determines_
     without = result(watched(), dataclasses.replace(SUPPLIED, released=None))
     assert (without.flags, without.verdict) == (("calibration:not_given",), "INCOMPLETE")
     assert flag_in_words("calibration:not_given").startswith("calibration: the run was not given one")
+
+
+def time_to_settle(value_s, low_s, high_s, *flags, limit_s=1800.0):
+    interval = Interval(low_s, high_s, 0.0)
+    lines, at = [BudgetLine("readings", "B", 700.0)], {"visit": 0, "axis": "x", "temperature_set_c": 15.0}
+    found = Subject("s", "a", "SIM-A").finding("D0/settling", "t", value_s, "s", lines, at, (), "", flags, interval)
+    return found.judged(Limits(high=limit_s))
+
+
+@pytest.mark.parametrize(
+    ("found", "told"),
+    [
+        (time_to_settle(840.0, 0.0, 2100.0), "14 (0 to 35)"),
+        (time_to_settle(952.0, 858.0, 1056.0), "15.9 (14.3 to 17.6)"),
+        (time_to_settle(0.0, 0.0, 0.008, "within_from_the_start"), "0 (0 to 0)"),
+        (time_to_settle(0.0, 0.0, 2580.0, "within_from_the_start", "perhaps_to_the_end"), "0 (0 to 43)"),
+        (time_to_settle(2400.0, 0.0, 3000.0), "40 (0 to 50) !"),
+        (time_to_settle(3120.0, 2400.0, 3120.0, "more_than"), "> 52 !"),
+    ],
+)
+def test_a_time_to_settle_is_told_with_its_range_which_does_not_go_below_nought(found, told):
+    assert shown(found) == told
+    unit = UnitResult("a", "SIM-A", (found,), (), (), ())
+    (line,) = [each for each in results_text(Results("T", "PASS", (unit,))).splitlines() if "D0: settling" in each]
+    assert f" {told} min " in line
+    assert "±" not in line
+    assert ("in brackets the range of 95%" in line) == (">" not in told)
+
+
+def scattered(window, rng, sd_dps):
+    """The window with gyros that scatter."""
+    gyros = {
+        name: dataclasses.replace(each, mean=each.mean + KG * rng.normal(0, sd_dps)) if "gyro" in name else each
+        for name, each in window.windows.items()
+    }
+    return dataclasses.replace(window, windows=gyros)
+
+
+@pytest.mark.parametrize(("sd_dps", "is_open"), [(1e-9, False), (3e-5, True)])
+def test_a_time_that_may_be_anything_is_told_to_be_practically_not_determined(sd_dps, is_open):
+    rng = np.random.default_rng(1)
+    unit = result([scattered(each, rng, sd_dps) for each in watched()], gyro_zero_dps=1e-5)
+    (found,) = (each for each in unit.findings if "/x/D0/settling" in each.id)
+    assert ("practically_not_determined" in found.flags) == is_open
+    (row,) = verdict_rows(dataclasses.replace(unit, findings=(found,)), {found.quantity: Limits(high=1e5)})
+    assert ("practically not determined" in row.remark) == is_open
+    sheet = next(each for each in start_up_plots(unit, "a") if "D0" in [head for head, _ in each.heads])
+    assert ("Practically not determined: D0 axis x" in sheet.caption) == is_open
