@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import traceback
+
+from drivers.errors import DriverError
+
 
 class BenchError(Exception):
     """The bench is bad, not the unit. `code` is stable; the message says what, where, and what to do."""
@@ -51,3 +55,10 @@ class TimeError(BenchError):
 
 # Of what may be tried again in a sequence: a step that did not get there, a reading out of its window.
 CODES = tuple(error.code for error in (StepError, WindowError))
+
+
+def in_words(problem: BaseException) -> str:
+    """What a person is told of an error: its text, and of one that nobody foresaw where in the program it happened."""
+    if isinstance(problem, BenchError | DriverError):
+        return str(problem)
+    return "a mistake of this program: " + "".join(traceback.format_exception(problem))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, nullcontext, suppress
@@ -24,7 +23,7 @@ from bench.config.simulation import FaultSimulation
 from bench.engine.engine import Outcome
 from bench.engine.people import People
 from bench.engine.questions import Desk
-from bench.errors import BenchError, StoreError
+from bench.errors import StoreError, in_words
 from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.loop import run as run_loop
 from bench.report.calibration import calibration_files
@@ -227,7 +226,7 @@ def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: S
                 directory.write_json(name, content)
                 record["hashes"][name] = manifest.file_hash(path / name)
         except Exception as problem:  # noqa: BLE001  what was measured is on the disk; the run says how it ended
-            outcome.problems.append(_in_words(problem))
+            outcome.problems.append(in_words(problem))
             outcome.how = record["state"] = "error"
             record["verdict"] = "ERROR"
             results = None if results is None else replace(results, verdict="ERROR")
@@ -241,12 +240,6 @@ def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: S
         if stored is not None:
             _report(stored, outcome)
     return RunResult(path, outcome, results, ran.bench_s, watch.elapsed_s())
-
-
-def _in_words(problem: Exception) -> str:
-    if isinstance(problem, BenchError):
-        return str(problem)
-    return "a mistake of this program: " + "".join(traceback.format_exception(problem))
 
 
 def _report(stored: StoredRun, outcome: Outcome) -> None:

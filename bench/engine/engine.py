@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import traceback
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
@@ -19,7 +18,7 @@ from bench.engine.safety import finish
 from bench.engine.stepper import Stopped, UnitFailed, Watcher
 from bench.engine.units import UnitFailure
 from bench.engine.walk import Walk
-from bench.errors import BenchError, InputError, WindowError
+from bench.errors import InputError, WindowError, in_words
 from bench.rig import MAKE_SAFE_S, Rig
 from bench.sequence.plan import Plan
 from bench.sequence.stimulus import Ramp
@@ -267,9 +266,7 @@ class Engine:
 
     def _failed(self, problem: BaseException) -> None:
         self.outcome.how = "error"
-        text = str(problem)
-        if not isinstance(problem, (DriverError, BenchError)):
-            text = "a mistake of this program: " + "".join(traceback.format_exception(problem))
+        text = in_words(problem)
         self.outcome.problems.append(text)
         self._observer.notice(text)
         self.journal.try_to_write("problem", text=str(problem))

@@ -48,10 +48,9 @@ class Takes:
             if alike(first, third) or alike(second, third):
                 self._note(f"{what} was told as {spell(first)}, then as {spell(second)}; asked again: {spell(third)}")
                 return third
-            if orders != self._orders:
-                continue
-            raise BadAnswer(
-                self._device, f"{what} was told three times, and no two are alike",
-                received=f"{spell(first)}; {spell(second)}; {spell(third)}",
-                remedy="This line has no checksum: check its cable, its shield and its baud rate.",
-            )  # fmt: skip
+            if orders == self._orders:
+                raise BadAnswer(
+                    self._device, f"{what} was told three times, and no two are alike",
+                    received=f"{spell(first)}; {spell(second)}; {spell(third)}",
+                    remedy="This line has no checksum: check its cable, its shield and its baud rate.",
+                )  # fmt: skip

@@ -7,20 +7,13 @@ import pytest
 
 from bench.report import channel_plots as of_channels
 from bench.report.plots import TimeOfRun
+from tests.support.figures import kept_figures
 from tests.unit.test_channel_method import Made, reduced
 
 
 @pytest.fixture
 def drawn(monkeypatch):
-    """The figures that are rendered, by their titles."""
-    figures = {}
-
-    def keep(figure, _name, title):
-        figures[title] = figure
-        return ""
-
-    monkeypatch.setattr(of_channels, "rendered", keep)
-    return figures
+    return kept_figures(monkeypatch, of_channels)
 
 
 def test_the_converter_is_drawn_over_the_time_that_the_course_has(drawn):

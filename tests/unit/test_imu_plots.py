@@ -6,20 +6,13 @@ import numpy as np
 import pytest
 
 from bench.report import imu_plots as of_inertial_units
+from tests.support.figures import kept_figures
 from tests.unit.test_imu_windows import BENCH, block, result
 
 
 @pytest.fixture
 def drawn(monkeypatch):
-    """The figures that are rendered, by their titles."""
-    figures = {}
-
-    def keep(figure, _name, title):
-        figures[title] = figure
-        return ""
-
-    monkeypatch.setattr(of_inertial_units, "rendered", keep)
-    return figures
+    return kept_figures(monkeypatch, of_inertial_units)
 
 
 def test_what_knots_change_by_has_the_bars_of_its_findings(drawn):
