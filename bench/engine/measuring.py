@@ -8,8 +8,8 @@ from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
 from bench.analysis.limits import judge
+from bench.analysis.outputs import mean_of
 from bench.config.models import BenchFile
 from bench.engine.missed import Watch
 from bench.engine.monitor import Monitor
@@ -152,10 +152,10 @@ async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) 
         gaps = Watch(bench, step_id)
         gaps.frames(role, block)
         await gaps.tell()
-    rate = mean_rate(CountDecoder(options, options.dbc.parent).counts(block)[channel])
-    if math.isnan(rate.net_pps):
+    found = mean_of(CountDecoder(options, options.dbc.parent).counts(block)[channel])
+    if math.isnan(found.value):
         raise StepError(f"{name}: too few latches came in {duration_s:g} s; count longer, or check the counter")
-    return _Single(rate.net_pps, PULSE_RATE, RESOLUTION_COUNTS / rate.span_s)
+    return _Single(found.value, PULSE_RATE, found.alone_u)
 
 
 async def frames_of(counter: PulseCounter, duration_s: float) -> FrameBlock:
