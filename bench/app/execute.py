@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -117,6 +116,7 @@ class _Run:
     instruments: dict[str, Any]
     laboratory: Laboratory | None
     bench_s: float
+    digest: str  # of the data; "" when they could not be written
 
 
 async def _run(
@@ -125,7 +125,7 @@ async def _run(
     bench = prepared.loaded.bench
     clock = Clock(bench.simulation.start if bench.is_simulated else None)
     began_s = clock.monotonic()
-    writer = RunWriter(folder)
+    writer, digest = RunWriter(folder), ""
     try:
         writer.event("run_begins", utc=clock.utc().isoformat(), title=prepared.plan.sequence.title, seed=prepared.seed)
         observer.run_begins(folder, prepared.expected, clock)
@@ -162,11 +162,12 @@ async def _run(
     finally:
         try:
             writer.close()
+            digest = writer.digest()
         except StoreError as problem:
             outcome.how = "error"
             if str(problem) not in outcome.problems:
                 outcome.problems.append(str(problem))
-    return _Run(outcome, manifest.instruments(bench, identities), laboratory, clock.monotonic() - began_s)
+    return _Run(outcome, manifest.instruments(bench, identities), laboratory, clock.monotonic() - began_s, digest)
 
 
 def _technician(
@@ -208,14 +209,11 @@ def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: S
     directory.use_reserve()
     stored, results = None, None
     record |= {"state": outcome.how, "instruments": ran.instruments, "bench_s": ran.bench_s}
-    with ExitStack() as stack, ThreadPoolExecutor(1, "digest") as beside:
+    with ExitStack() as stack:
         try:
-            digest = beside.submit(digest_of, path)
-            try:
-                stored = StoredRun(path, record, stack.enter_context(RunReader(path)))
-                results = stored.evaluate()
-            finally:
-                record["digest"] = digest.result()
+            record["digest"] = ran.digest or digest_of(path)
+            stored = StoredRun(path, record, stack.enter_context(RunReader(path)))
+            results = stored.evaluate()
             record["verdict"] = results.verdict
             if ran.laboratory is not None:
                 directory.write_json("truth.json", truth_of(stored, ran.laboratory))

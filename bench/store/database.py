@@ -14,6 +14,7 @@ from drivers.frame_block import FrameBlock
 
 VERSION = 1
 FILE_NAME = "run.db"
+TABLES = {"journal": 5, "block": 8, "channel": 3, "reading": 4, "sample": 5}  # and how many columns they have
 _SCHEMA = """
 CREATE TABLE journal(seq INTEGER PRIMARY KEY, at_s REAL NOT NULL, kind TEXT NOT NULL, step TEXT NOT NULL,
   data TEXT NOT NULL);
@@ -62,10 +63,12 @@ def open_to_read(path: Path) -> sqlite3.Connection:
 
 
 def pack(block: FrameBlock) -> tuple[bytes, int]:
-    """A block of frames as bytes, a column at a time and compressed, and its CRC-32.
+    """A block of frames as bytes, compressed, and the CRC-32 of what was compressed."""
+    return compressed(plain_bytes(block))
 
-    Times are kept to the nanosecond, as differences.
-    """
+
+def plain_bytes(block: FrameBlock) -> bytes:
+    """A block of frames, a column at a time; times are kept to the nanosecond, as differences."""
     times = np.rint(block.at_s * _NS).astype("<i8")
     columns = (
         np.diff(times, prepend=np.int64(0)).astype("<i8"),
@@ -73,7 +76,11 @@ def pack(block: FrameBlock) -> tuple[bytes, int]:
         block.dlc,
         np.ascontiguousarray(block.data.T),
     )
-    plain = b"".join(column.tobytes() for column in columns)
+    return b"".join(column.tobytes() for column in columns)
+
+
+def compressed(plain: bytes) -> tuple[bytes, int]:
+    """Bytes as they are stored, and their CRC-32."""
     return zlib.compress(plain, 1), zlib.crc32(plain)
 
 

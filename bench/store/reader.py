@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import sqlite3
 from bisect import bisect_left
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from bench.errors import StoreError
 from bench.store import database
+from bench.store.digest import Digest
 from drivers.frame_block import FrameBlock
 
 BLOCKS_AHEAD = 8  # which are unpacked while one is looked at
@@ -149,8 +149,11 @@ class RunReader:
 
     def _samples(self) -> Iterator[tuple[Any, ...]]:
         """Rows of stream, step, time and value; a run from before there was such a table has none."""
-        if next(self._rows("SELECT COUNT(*) FROM sqlite_master WHERE name = 'sample'"))[0]:
+        if self._has_samples():
             yield from self._rows("SELECT stream, step, at_s, value FROM sample ORDER BY seq")
+
+    def _has_samples(self) -> bool:
+        return bool(next(self._rows("SELECT COUNT(*) FROM sqlite_master WHERE name = 'sample'"))[0])
 
     def frame_count(self) -> int:
         """How many frames were recorded."""
@@ -183,23 +186,19 @@ class RunReader:
         return self._series[name]
 
     def digest(self) -> str:
-        """SHA-256 over the journal, the frames and all readings; equal for equal runs, however they were compressed."""
-        total = hashlib.sha256()
-        for row in self._rows("SELECT seq, at_s, kind, step, data FROM journal ORDER BY seq"):
-            total.update(repr(row).encode())
+        """The digest of all that is stored; equal for equal runs, however they were compressed."""
+        digest = Digest()
         for stream, step, frames, plain in self._unpacking(database.plain_of):
-            total.update(repr((stream, step, frames)).encode())
-            total.update(plain)
-        total.update(repr(self.channels()).encode())
-        for rows in self._batches("SELECT channel, at_s, value FROM reading ORDER BY seq"):
-            total.update(np.array(rows, "<f8").tobytes())
-        for row in self._samples():
-            total.update(repr(row).encode())
-        return total.hexdigest()
+            digest.block(stream, step, frames, plain)
+        for table in database.TABLES.keys() - {"block"}:
+            if table != "sample" or self._has_samples():
+                for rows in self._batches(f"SELECT * FROM {table} ORDER BY 1"):  # noqa: S608  the names are our own
+                    digest.rows(table, rows)
+        return digest.hexdigest()
 
 
 def digest_of(folder: Path) -> str:
-    """The digest of a run directory; for another thread than the one that reads it for something else."""
+    """The digest of a run directory."""
     with RunReader(folder) as reader:
         return reader.digest()
 

@@ -17,6 +17,7 @@ from typing import Any
 from bench.errors import StoreError
 from bench.loop import BenchLoop
 from bench.store import database
+from bench.store.digest import Digest
 from drivers.frame_block import FrameBlock
 from drivers.values import Reading
 
@@ -25,7 +26,6 @@ WAITING_LIMIT = 50_000  # rows that may wait for the disk; more means that it is
 SLOW_DISK_S = 30.0
 
 ROWS_AT_ONCE = 100  # go in with one statement, and keep the loop's thread from its work once and not so often
-_COLUMNS = {"journal": 5, "block": 8, "channel": 3, "reading": 4, "sample": 5}
 Row = tuple[Any, ...]
 
 
@@ -39,13 +39,14 @@ class RunWriter:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._database = database.create(folder / database.FILE_NAME)
+        self._digest = Digest()
         self._changed = threading.Condition()
         self._rows = _no_rows()
         self._waiting = 0
         self._tickets: list[concurrent.futures.Future[None]] = []
         self._closing = False
         self._failure: StoreError | None = None
-        self._numbers = dict.fromkeys(_COLUMNS, 0)
+        self._numbers = dict.fromkeys(database.TABLES, 0)
         self._channels: dict[str, int] = {}
         self._thread = threading.Thread(target=self._write_for_ever, name="run store", daemon=True)
         self._thread.start()
@@ -91,6 +92,11 @@ class RunWriter:
             self._changed.notify_all()
         self._thread.join()
         self._raise_failure()
+
+    def digest(self) -> str:
+        """The digest of all that was written, as a reader finds it; after `close`. Raises StoreError as that does."""
+        self._raise_failure()
+        return self._digest.hexdigest()
 
     def _put(self, table: str, *rows: tuple[Any, ...]) -> None:
         with self._changed:
@@ -150,13 +156,22 @@ class RunWriter:
                 for begin in range(0, len(values), ROWS_AT_ONCE):
                     part = values[begin : begin + ROWS_AT_ONCE]
                     if table == "block":
-                        part = [_packed(each) for each in part]
+                        part = [self._packed(each) for each in part]
+                    else:
+                        self._digest.rows(table, part)
                     self._database.execute(_statement(table, len(part)), list(chain.from_iterable(part)))
             self._database.execute("COMMIT")
         except BaseException:
             if self._database.in_transaction:
                 self._database.execute("ROLLBACK")
             raise
+
+    def _packed(self, row: Row) -> Row:
+        number, stream, step, block = row
+        plain = database.plain_bytes(block)
+        self._digest.block(stream, step, len(block), plain)
+        data, crc = database.compressed(plain)
+        return (number, stream, step, len(block), float(block.at_s[0]), float(block.at_s[-1]), crc, data)
 
     def _close_database(self) -> None:
         try:
@@ -168,12 +183,12 @@ class RunWriter:
 
 
 def _no_rows() -> dict[str, list[Row]]:
-    return {table: [] for table in _COLUMNS}
+    return {table: [] for table in database.TABLES}
 
 
 @lru_cache
 def _statement(table: str, rows: int) -> str:
-    row = f"({', '.join('?' * _COLUMNS[table])})"
+    row = f"({', '.join('?' * database.TABLES[table])})"
     return f"INSERT INTO {table} VALUES {', '.join([row] * rows)}"  # noqa: S608  the names are those above
 
 
@@ -181,9 +196,3 @@ def _check_finite(name: str, readings: Sequence[Reading]) -> None:
     """Keeps out what would be found in a result years later; who reads an instrument has looked before."""
     if not all(math.isfinite(value) for _, value in readings):
         raise StoreError(f"{name}: what was read is no number, and is not stored; check the instrument")
-
-
-def _packed(row: Row) -> Row:
-    number, stream, step, block = row
-    data, crc = database.pack(block)
-    return (number, stream, step, len(block), float(block.at_s[0]), float(block.at_s[-1]), crc, data)

@@ -102,6 +102,23 @@ def test_a_disk_that_does_not_take_wal_is_refused():
         database.create(Path(":memory:"))
 
 
+def test_a_run_is_digested_while_it_is_written_as_when_it_is_read(tmp_path):
+    async def main() -> str:
+        writer = RunWriter(tmp_path)
+        for number in range(3):
+            writer.event("step_ended", "steps/ä", value=number)
+            writer.frames("counter", "s", block(50, number))
+            writer.readings("air", "°C", [Reading(np.float64(number), 20), Reading(number + 0.1, np.float64(20.1))])
+            writer.samples("dvm", "s", [Reading(np.float64(number), np.float64(1.1))])
+            await writer.commit()
+        writer.close()
+        return writer.digest()
+
+    digest = run(main(), AS_FAST_AS_POSSIBLE)
+    with RunReader(tmp_path) as reader:
+        assert reader.digest() == digest
+
+
 def test_equal_runs_have_equal_digests_and_different_ones_do_not(tmp_path):
     digests = []
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
@@ -118,7 +135,7 @@ def test_equal_runs_have_equal_digests_and_different_ones_do_not(tmp_path):
     assert digests[0] == digests[1] != digests[2]
 
 
-@pytest.mark.parametrize("table", ["journal", "block", "reading", "sample"])
+@pytest.mark.parametrize("table", ["journal", "block", "channel", "reading", "sample"])
 def test_the_digest_sees_a_change_in_every_table(tmp_path, table):
     written(
         tmp_path,
@@ -132,6 +149,7 @@ def test_the_digest_sees_a_change_in_every_table(tmp_path, table):
     change = {
         "journal": """UPDATE journal SET data = '{"value": 2}'""",
         "block": "UPDATE block SET step = 't'",
+        "channel": "UPDATE channel SET name = 'water'",
         "reading": "UPDATE reading SET value = 20.1",
         "sample": "UPDATE sample SET value = 1.2",
     }
@@ -172,7 +190,7 @@ def test_nothing_is_written_after_a_failure_and_everybody_hears_of_it(tmp_path, 
         writer.event("kept")
         await writer.commit()
         monkeypatch.setattr(
-            database, "pack", lambda block: (_ for _ in ()).throw(OSError(28, "No space left on device"))
+            database, "compressed", lambda plain: (_ for _ in ()).throw(OSError(28, "No space left on device"))
         )
         writer.frames("counter", "s", block(3))
         with pytest.raises(StoreError, match="No space left on device"):
