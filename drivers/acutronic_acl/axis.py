@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, TypeVar
 
 from drivers.acutronic_acl import wire
@@ -72,7 +72,7 @@ class AclAxis:
 
     async def look(self) -> State:
         """What the axis does now, its angle over whole turns."""
-        state = _understood(await self._ask(wire.ask_state(self._number), wire.read_state))
+        state = await self._ask(wire.ask_state(self._number), _read_state)
         return self._turns.count(asyncio.get_running_loop().time(), state)
 
     async def check_fault(self, state: State, sent: str = "") -> None:
@@ -204,8 +204,10 @@ class AclAxis:
         return found
 
 
-def _understood(told: wire.State) -> State:
-    """What the driver reads of what the controller tells; its words are its mode."""
+@lru_cache(maxsize=64)  # an axis at rest says the same again and again
+def _read_state(text: str) -> State:
+    """What the driver reads of what the controller tells, whose words are its mode; ValueError."""
+    told = wire.read_state(text)
     mode = _MODES.get(told.mode, Mode.OTHER)
     return State(
         told.angle_deg, told.rate_dps, _DRIVES[told.interlock], mode,
