@@ -26,11 +26,12 @@ class Integrator:
             return np.empty(pulses.shape, np.int64), np.empty(pulses.shape, np.int64)
         charge = self._residue + pulses.cumsum(-1)
         net = _fired(charge)
-        steps = net.copy()
-        steps[..., 1:] -= net[..., :-1]
-        positive = np.maximum(steps, 0).cumsum(-1).astype(np.int64)
-        negative = np.maximum(-steps, 0).cumsum(-1).astype(np.int64)
+        fired_up = net.copy()
+        fired_up[..., 1:] -= net[..., :-1]
+        np.maximum(fired_up, 0, out=fired_up)
+        fired_up = fired_up.cumsum(-1)
         self._residue = charge[..., -1:] - net[..., -1:]
+        positive, negative = fired_up.astype(np.int64), (fired_up - net).astype(np.int64)
         positive += self.positive
         negative += self.negative
         self.positive, self.negative = positive[..., -1:], negative[..., -1:]
@@ -79,10 +80,10 @@ def _fired(charge: Array) -> Array:
     A pulse is fired when the charge is a whole one away from what was fired: the net count is held between the whole
     numbers below and above the charge. It changes where one of these passes it by, and is then that one.
     """
-    low, high = np.floor(charge), np.ceil(charge)
-    up, down = low[..., 1:] > low[..., :-1], high[..., 1:] < high[..., :-1]
-    fired = np.where(up, low[..., 1:], high[..., 1:])
-    fired = np.concatenate([np.clip(0.0, low[..., :1], high[..., :1]), fired], axis=-1)
-    last = np.zeros(charge.shape, np.intp)  # where the count has changed last
-    np.maximum.accumulate(np.where(up | down, np.arange(1, charge.shape[-1]), 0), axis=-1, out=last[..., 1:])
-    return np.take_along_axis(fired, last, axis=-1)
+    low, fired = np.floor(charge), np.ceil(charge)
+    up, changes = low[..., 1:] > low[..., :-1], np.ones(charge.shape, np.bool_)
+    np.logical_or(up, fired[..., 1:] < fired[..., :-1], out=changes[..., 1:])
+    np.clip(0.0, low[..., :1], fired[..., :1], out=fired[..., :1])
+    np.copyto(fired[..., 1:], low[..., 1:], where=up)
+    at = np.flatnonzero(changes)
+    return fired.ravel()[at].repeat(np.diff(at, append=charge.size)).reshape(charge.shape)
