@@ -81,12 +81,12 @@ class Message:
 
         With the rows of another message `beside` it is found sooner where it is always as far from that one.
         """
-        here = block.ids == self.id
+        here = (block.ids == self.id) & (block.dlc == self.length)
         if beside is not None and len(beside):
             rows: NDArray[np.intp] = beside + (int(np.argmax(here)) - int(beside[0]))
-            if rows[0] >= 0 and rows[-1] < len(here) and np.count_nonzero(here) == len(rows) and here[rows].all():
-                return np.asarray(rows[block.dlc[rows] == self.length])
-        return np.flatnonzero(here & (block.dlc == self.length))
+            if rows[0] >= 0 and rows[-1] < len(here) and np.count_nonzero(here) == len(rows) and here.take(rows).all():
+                return rows
+        return np.flatnonzero(here)
 
 
 class Field(NamedTuple):

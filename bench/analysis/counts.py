@@ -36,6 +36,9 @@ class _Clock:
     tick: Integers
     sequence: Integers
     seconds: Array
+    span_s: float
+    shortest_s: float
+    longest_s: float
     irregular: bool
 
 
@@ -54,14 +57,15 @@ def mean_rate(counts: Counts) -> Rate:
 def _clock_of(counts: Counts) -> _Clock:
     """That of at least two latches."""
     seconds: Array = np.asarray(steps_of(counts.tick, counts.tick_bits) * counts.tick_period_s, np.float64)
-    return _Clock(counts.tick, counts.sequence, seconds, is_irregular(seconds / np.diff(counts.sequence)))
+    return _Clock(
+        counts.tick, counts.sequence, seconds, float(seconds.sum()), float(seconds.min()), float(seconds.max()),
+        is_irregular(seconds / np.diff(counts.sequence)),
+    )  # fmt: skip
 
 
 def _rate(counts: Counts, clock: _Clock) -> Rate:
-    seconds = clock.seconds
     positive = steps_of(counts.positive, counts.counter_bits)
     negative = steps_of(counts.negative, counts.counter_bits)
-    span_s = float(seconds.sum())
     problems = []
     if len(counts.tick) < LEAST_SHARE * (len(counts.tick) + counts.lost):
         problems.append("too_few_latches")
@@ -69,15 +73,16 @@ def _rate(counts: Counts, clock: _Clock) -> Rate:
         problems.append("counter_restarted")
     if clock.irregular:
         problems.append("irregular_clock")
-    if seconds.max() * counts.max_rate_pps >= 1 << counts.counter_bits:
+    if clock.longest_s * counts.max_rate_pps >= 1 << counts.counter_bits:
         problems.append("ambiguous_gap")
-    if not all(_possible(steps, RATE_MARGIN * counts.max_rate_pps, seconds) for steps in (positive, negative)):
+    if not all(_possible(steps, RATE_MARGIN * counts.max_rate_pps, clock) for steps in (positive, negative)):
         problems.append("impossible_rate")
     net = int(positive.sum()) - int(negative.sum())
-    net_pps = net / span_s if span_s else float("nan")
-    if _stands_still(seconds, positive + negative, abs(net_pps)):
+    net_pps = net / clock.span_s if clock.span_s else float("nan")
+    positive += negative
+    if _stands_still(clock, positive, abs(net_pps)):
         problems.append("dead_band")
-    return Rate(net_pps, span_s, tuple(problems))
+    return Rate(net_pps, clock.span_s, tuple(problems))
 
 
 def mean_rates(channels: Mapping[str, Counts]) -> dict[str, Rate]:
@@ -99,8 +104,10 @@ def mean_rates(channels: Mapping[str, Counts]) -> dict[str, Rate]:
 
 def steps_of(cumulative: Integers, bits: int) -> Integers:
     """Differences of a counter that wraps."""
-    steps = np.diff(cumulative)  # which of 64 bits wrap by themselves, and are below 0 where they go half round
-    return steps & ((1 << bits) - 1) if bits < 64 else steps
+    steps = cumulative[1:] - cumulative[:-1]
+    if bits < 64:  # which wrap by themselves, and are below 0 where they go half round
+        steps &= (1 << bits) - 1
+    return steps
 
 
 def is_irregular(latch_s: Array) -> bool:
@@ -111,13 +118,12 @@ def is_irregular(latch_s: Array) -> bool:
     return bool((np.abs(latch_s - usual_s) >= CLOCK_SLACK * usual_s).any())
 
 
-def _possible(steps: Integers, most_pps: float, seconds: Array) -> bool:
-    """Whether a converter can have fired so many pulses between the latches."""
-    if steps.min() < 0:
-        return False
-    if steps.max() <= most_pps * seconds.min() + 1:  # as a rule, and this is quickly seen
+def _possible(steps: Integers, most_pps: float, clock: _Clock) -> bool:
+    """Whether a converter can have fired so many pulses between the latches; none below 0."""
+    pulses = steps.view(np.uint64)  # in which those below 0 are very many
+    if pulses.max() <= most_pps * clock.shortest_s + 1:  # as a rule, and this is quickly seen
         return True
-    return not (steps > most_pps * seconds + 1).any()
+    return not (pulses > most_pps * clock.seconds + 1).any()
 
 
 def _fires_often(pulses: Integers, latches: float) -> bool:
@@ -129,14 +135,15 @@ def _fires_often(pulses: Integers, latches: float) -> bool:
     return bool(pulses[:whole].reshape(-1, part).any(axis=1).all())
 
 
-def _stands_still(seconds: Array, pulses: Integers, rate_pps: float) -> bool:
+def _stands_still(clock: _Clock, pulses: Integers, rate_pps: float) -> bool:
     """Whether no pulse came for much longer than the mean rate lets expect, and for at least three latches."""
-    if pulses.all() or _fires_often(pulses, STANDSTILL_PERIODS / rate_pps / seconds.max() if rate_pps else 0.0):
+    moves = rate_pps != 0 and clock.longest_s > 0
+    if pulses.all() or _fires_often(pulses, STANDSTILL_PERIODS / rate_pps / clock.longest_s if moves else 0.0):
         return False
     fired = np.concatenate(([-1], np.flatnonzero(pulses), [len(pulses)]))
     begins, ends = fired[:-1] + 1, fired[1:]  # of the times without a pulse, most of which last nothing
-    clock = np.concatenate(([0.0], np.cumsum(seconds)))
-    silent_s = clock[ends] - clock[begins]
+    at_s = np.concatenate(([0.0], np.cumsum(clock.seconds)))
+    silent_s = at_s[ends] - at_s[begins]
     longest = int(np.argmax(silent_s))
     if ends[longest] - begins[longest] < 3:
         return False

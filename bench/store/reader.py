@@ -25,6 +25,7 @@ BLOCKS_AHEAD = 8  # which are unpacked while one is looked at
 BATCH_ROWS = 10_000
 STEPS_AHEAD = 2  # whose blocks are
 _BLOCKS = "SELECT stream, step, data, frames, crc FROM block ORDER BY seq"
+_READINGS = "SELECT channel, at_s, value FROM reading ORDER BY seq"
 _SEQS_OF_STEPS = "SELECT step, MIN(seq), MAX(seq) FROM block GROUP BY step ORDER BY MIN(seq)"
 _BLOCKS_OF_STEP = "SELECT stream, data, frames, crc FROM block WHERE step = ? AND seq BETWEEN ? AND ? ORDER BY seq"
 
@@ -173,17 +174,19 @@ class RunReader:
         return dict(self._rows("SELECT name, unit FROM channel ORDER BY id"))
 
     def series(self, name: str) -> Series:
-        """One channel over the whole run, as it was when first asked for; empty when it was never read."""
+        """One channel over the whole run, as it was when any was first asked for; empty when it was never read."""
         if name in self._series:
             return self._series[name]
-        query = (
-            "SELECT reading.at_s, value FROM reading JOIN channel ON channel.id = channel "
-            "WHERE name = ? ORDER BY reading.seq"
-        )
-        batches = [np.array(rows, np.float64).T for rows in self._batches(query, name)]
-        at_s, values = np.concatenate(batches, axis=1) if batches else np.empty((2, 0))
+        ids = dict(self._rows("SELECT name, id FROM channel"))
+        at_s, values = self._readings[1:, self._readings[0] == ids.get(name, 0)]
         self._series[name] = Series(name, self.channels().get(name, ""), at_s, values)
         return self._series[name]
+
+    @cached_property
+    def _readings(self) -> NDArray[np.float64]:
+        """Channel, time and value of every reading, (3, N): whoever wants one channel wants others as well."""
+        batches = [np.array(rows, np.float64).T for rows in self._batches(_READINGS)]
+        return np.concatenate(batches, axis=1) if batches else np.empty((3, 0))
 
     def digest(self) -> str:
         """The digest of all that is stored; equal for equal runs, however they were compressed."""

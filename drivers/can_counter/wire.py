@@ -106,7 +106,7 @@ def unbroken(form: CounterFormat) -> Unbroken:
 class Latches:
     """The latches of a block: where they stand and when they came, their ticks and raw numbers, these also unwrapped.
 
-    `fresh` are those with a number above all before them.
+    `fresh` are those with a number above all before them, `newest` is the highest, -1 of no latch.
     """
 
     rows: NDArray[np.intp]
@@ -115,6 +115,7 @@ class Latches:
     raw: Integers
     numbers: Integers
     fresh: NDArray[np.bool_]
+    newest: int
     restarts: int
 
 
@@ -125,7 +126,8 @@ def latches_of(form: CounterFormat, block: FrameBlock) -> Latches:
     numbers = unwrapped_by_clock(raw, form.sequence.signal.length, ticks, tick_bits)
     boots = form.boot_count.signal.raw(data) if form.boot_count else np.empty(0, np.int64)
     restarts = int(np.count_nonzero(np.diff(boots))) or begun_anew(numbers, ticks, tick_bits)
-    return Latches(rows, block.at_s[rows], ticks, raw, numbers, ascending(numbers), restarts)
+    newest = int(numbers.max()) if len(numbers) else -1
+    return Latches(rows, block.at_s[rows], ticks, raw, numbers, ascending(numbers), newest, restarts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +196,7 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
         tick, host_s, data = tick[of_latch], host_s[of_latch], data[np.flatnonzero(fresh)[other_places]]
         stale = int(np.count_nonzero(~latches.fresh) + np.count_nonzero(~fresh))
     first = int(latches.numbers[0]) if len(latches.rows) else 0
-    last = int(latches.numbers.max()) if len(latches.rows) else -1
+    last = latches.newest
     if len(latches.rows) and (not len(sequence) or sequence[-1] != last):
         last -= 1  # whose other frames may have come after the end
     return _Paired(
