@@ -48,7 +48,7 @@ class _Timer(asyncio.TimerHandle):
     def __lt__(self, other: object) -> bool:
         if not isinstance(other, _Timer):
             return NotImplemented
-        return (self._when, self._order) < (other._when, other._order)
+        return self._when < other._when or (self._when == other._when and self._order < other._order)
 
 
 class BenchLoop(asyncio.SelectorEventLoop):
