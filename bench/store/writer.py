@@ -64,7 +64,7 @@ class RunWriter:
     def samples(self, stream: str, step: str, readings: Sequence[Reading]) -> None:
         """What a device read during a step that acquires; StoreError for what is no number."""
         _check_finite(stream, readings)
-        self._put("sample", *((at_s, stream, step, value) for at_s, value in readings))
+        self._put("sample", *((float(at_s), stream, step, float(value)) for at_s, value in readings))
 
     def readings(self, name: str, unit: str, readings: Sequence[Reading]) -> None:
         """Values of one channel; StoreError for what is no number."""

@@ -109,7 +109,7 @@ def test_a_run_is_digested_while_it_is_written_as_when_it_is_read(tmp_path):
             writer.event("step_ended", "steps/ä", value=number)
             writer.frames("counter", "s", block(50, number))
             writer.readings("air", "°C", [Reading(np.float64(number), 20), Reading(number + 0.1, np.float64(20.1))])
-            writer.samples("dvm", "s", [Reading(np.float64(number), np.float64(1.1))])
+            writer.samples("dvm", "s", [Reading(np.float64(number), np.float64(1.1)), Reading(number, 2)])
             await writer.commit()
         writer.close()
         return writer.digest()
