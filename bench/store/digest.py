@@ -26,7 +26,7 @@ class Digest:
             self._of[table].update(np.array(rows, "<f8").tobytes())
             return
         for row in rows:
-            plain = [float(value) if isinstance(value, float) else value for value in row]  # numpy's are spelled otherwise
+            plain = [float(value) if isinstance(value, float) else value for value in row]  # as it is read
             self._of[table].update(repr(plain).encode())
 
     def block(self, stream: str, step: str, frames: int, plain: bytes) -> None:
