@@ -8,12 +8,13 @@ import json
 import math
 import sqlite3
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from bench.clock import Stopwatch
 from bench.errors import StoreError
 from bench.loop import BenchLoop
 from bench.store import database
@@ -27,6 +28,8 @@ SLOW_DISK_S = 30.0
 
 ROWS_AT_ONCE = 100  # go in with one statement, and keep the loop's thread from its work once and not so often
 Row = tuple[Any, ...]
+Rows = Mapping[str, Sequence[Row]]
+"""By table."""
 
 
 class RunWriter:
@@ -109,6 +112,8 @@ class RunWriter:
             self._rows[table] += [(number, *row) for number, row in enumerate(rows, start=first)]
             self._numbers[table] += len(rows)
             self._waiting += len(rows)
+            if table == "block":
+                self._changed.notify_all()
 
     def _raise_failure(self) -> None:
         if self._failure is not None:
@@ -117,61 +122,63 @@ class RunWriter:
     # The thread
 
     def _write_for_ever(self) -> None:
-        closing = False
+        """Packs blocks as they come, so that who commits waits for the last of them alone."""
+        closing, group = False, _Group()
         while not closing:
             with self._changed:
-                self._changed.wait_for(lambda: bool(self._tickets) or self._closing or self._crowded(), GROUP_S)
+                self._changed.wait_for(self._has_work, group.due_in_s)
                 rows, self._rows, self._waiting = self._rows, _no_rows(), 0
                 tickets, self._tickets = self._tickets, []
                 closing = self._closing
                 self._changed.notify_all()
-            self._write(rows, tickets)
+            self._try(group.take, rows)
+            if tickets or closing or not group.due_in_s:
+                self._write(group, tickets)
+                group = _Group()
         self._close_database()
 
-    def _crowded(self) -> bool:
-        return self._waiting > WAITING_LIMIT // 2
+    def _has_work(self) -> bool:
+        crowded = self._waiting > WAITING_LIMIT // 2
+        return bool(self._tickets or self._rows["block"] or crowded or self._closing)
 
-    def _write(self, rows: Mapping[str, Sequence[Row]], tickets: Sequence[concurrent.futures.Future[None]]) -> None:
+    def _write(self, group: _Group, tickets: Sequence[concurrent.futures.Future[None]]) -> None:
         """One transaction; the tickets are answered when it is durable, or with why it is not."""
-        if self._failure is None and any(rows.values()):
-            try:
-                self._insert(rows)
-            except Exception as problem:  # noqa: BLE001  whatever it is: nothing more is acknowledged
-                failure = StoreError(
-                    f"the run store cannot write ({problem}). Free space on the disk of the run directory, if there is "
-                    "none; everything up to the last completed step is kept."
-                )
-                with self._changed:
-                    self._failure = failure
+        if any(group.rows.values()):
+            self._try(self._insert, group.rows)
         for ticket in tickets:
             if self._failure is not None:
                 ticket.set_exception(StoreError(str(self._failure)))
             else:
                 ticket.set_result(None)
+        if self._failure is None:
+            group.digest(self._digest)
 
-    def _insert(self, rows: Mapping[str, Sequence[Row]]) -> None:
+    def _try(self, action: Callable[[Rows], object], rows: Rows) -> None:
+        """Does it with rows, unless something has failed before."""
+        if self._failure is not None:
+            return
+        try:
+            action(rows)
+        except Exception as problem:  # noqa: BLE001  whatever it is: nothing more is acknowledged
+            failure = StoreError(
+                f"the run store cannot write ({problem}). Free space on the disk of the run directory, if there is "
+                "none; everything up to the last completed step is kept."
+            )
+            with self._changed:
+                self._failure = failure
+
+    def _insert(self, rows: Rows) -> None:
         self._database.execute("BEGIN IMMEDIATE")
         try:
             for table, values in rows.items():
                 for begin in range(0, len(values), ROWS_AT_ONCE):
                     part = values[begin : begin + ROWS_AT_ONCE]
-                    if table == "block":
-                        part = [self._packed(each) for each in part]
-                    else:
-                        self._digest.rows(table, part)
                     self._database.execute(_statement(table, len(part)), list(chain.from_iterable(part)))
             self._database.execute("COMMIT")
         except BaseException:
             if self._database.in_transaction:
                 self._database.execute("ROLLBACK")
             raise
-
-    def _packed(self, row: Row) -> Row:
-        number, stream, step, block = row
-        plain = database.plain_bytes(block)
-        self._digest.block(stream, step, len(block), plain)
-        data, crc = database.compressed(plain)
-        return (number, stream, step, len(block), float(block.at_s[0]), float(block.at_s[-1]), crc, data)
 
     def _close_database(self) -> None:
         try:
@@ -180,6 +187,39 @@ class RunWriter:
             self._database.close()
         except sqlite3.Error as problem:
             self._failure = self._failure or StoreError(f"the run store cannot be closed ({problem})")
+
+
+class _Group:
+    """What goes into the database together: rows as they are stored, and blocks as they are digested."""
+
+    def __init__(self) -> None:
+        self.rows = _no_rows()
+        self._blocks: list[tuple[str, str, int, bytes]] = []
+        self._since = Stopwatch()
+
+    @property
+    def due_in_s(self) -> float:
+        """How long it may still wait; 0 from then on."""
+        return max(0.0, GROUP_S - self._since.elapsed_s())
+
+    def take(self, rows: Rows) -> None:
+        """More rows; blocks of frames are packed."""
+        for table, given in rows.items():
+            self.rows[table] += [self._packed(*row) for row in given] if table == "block" else given
+
+    def digest(self, digest: Digest) -> None:
+        """Feeds a digest with all of it."""
+        for table, rows in self.rows.items():
+            if rows and table != "block":
+                digest.rows(table, rows)
+        for block in self._blocks:
+            digest.block(*block)
+
+    def _packed(self, number: int, stream: str, step: str, block: FrameBlock) -> Row:
+        plain = database.plain_bytes(block)
+        self._blocks.append((stream, step, len(block), plain))
+        data, crc = database.compressed(plain)
+        return (number, stream, step, len(block), float(block.at_s[0]), float(block.at_s[-1]), crc, data)
 
 
 def _no_rows() -> dict[str, list[Row]]:
