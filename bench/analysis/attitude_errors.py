@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -102,7 +103,7 @@ def _rotations(acquisition: Acquisition, bench: BenchRecord) -> Iterator[tuple[s
             yield f"{role}: harmonics", np.radians(u_deg), now * np.cos(order * angle_rad), False
             yield f"{role}: harmonics", np.radians(u_deg), now * np.sin(order * angle_rad), False
         yield f"{role}: repeatability", np.radians(axis.repeatability_u_deg), now, True
-        for across in _square_to(points) if number else ():
+        for across in _square_to(axis.points) if number else ():
             apart = carried @ (across - own @ across)
             yield "fixture: orthogonality", np.radians(bench.orthogonality_u_deg), apart, False
         carried = carried @ own
@@ -111,7 +112,8 @@ def _rotations(acquisition: Acquisition, bench: BenchRecord) -> Iterator[tuple[s
     yield "fixture: azimuth", np.radians(bench.azimuth_u_deg), UP, False
 
 
-def _square_to(axis: Array) -> tuple[Array, Array]:
+@lru_cache(maxsize=16)  # of the few axes of a bench
+def _square_to(axis: tuple[float, float, float]) -> tuple[Array, Array]:
     least = np.eye(3)[int(np.argmin(np.abs(axis)))]
     first = np.cross(axis, least) / np.linalg.norm(np.cross(axis, least))
     return np.cross(first, axis), first

@@ -144,12 +144,12 @@ class AxisAtVisit:
 
     def _leakage(self, rates: list[Turning]) -> float:
         """What earth rate across a misaligned gyro leaves, relative; it is gone over whole turns (methods.md 4.3)."""
-        across_dps = float(local_earth_rate_dps(self.bench.latitude_deg)[1])
+        leaking_dps = float(local_earth_rate_dps(self.bench.latitude_deg)[1]) * self._gyro_misalignment_rad()
         total = 0.0
         for weight, each in zip(rate_weights(rates), rates, strict=True):
             turned = each.acquisition.turned
             half = math.radians(turned.to_deg - turned.from_deg) / 2 if turned is not None else math.pi
-            total += (weight * across_dps * self._gyro_misalignment_rad() * math.sin(half) / half) ** 2
+            total += (weight * leaking_dps * math.sin(half) / half) ** 2
         return math.sqrt(total)
 
     def _gyro_misalignment_rad(self) -> float:
