@@ -14,7 +14,7 @@ from bench.analysis.channel_meter import Metered, believes_meter, metered
 from bench.analysis.channel_temperature import ChannelRecord
 from bench.analysis.counts import mean_rate
 from bench.analysis.orientation import specific_force_g
-from bench.analysis.outputs import mean_output, means_between, measured, output_of_rate
+from bench.analysis.outputs import mean_output, means_between, measured
 from bench.analysis.rundata import RunData, UnitUnderTest
 
 LEVEL_DIGITS_G = 3  # levels closer to each other are one level
@@ -217,12 +217,8 @@ def _columns(record: ChannelRecord) -> Mapping[str, Array]:
 
 
 def _point(acquisition: Acquisition, unit: UnitUnderTest) -> Point:
-    found = measured(acquisition, unit)
-    if isinstance(found, Counts):
-        rate = mean_rate(found)
-        output, span_s = output_of_rate(rate), rate.span_s
-    else:
-        output, span_s = mean_output(acquisition, unit), acquisition.end_s - acquisition.begin_s
+    found, output = measured(acquisition, unit), mean_output(acquisition, unit)
+    span_s = mean_rate(found).span_s if isinstance(found, Counts) else acquisition.end_s - acquisition.begin_s
     temperatures_c = acquisition.temperatures_c.get(unit.converter, np.zeros(0))
     return Point(
         step=acquisition.step,

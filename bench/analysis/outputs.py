@@ -65,17 +65,13 @@ def mean_of(found: Measured) -> Output:
     """The mean of what was measured; problems as in `mean_output`."""
     match found:
         case Counts():
-            return output_of_rate(mean_rate(found))
+            rate = mean_rate(found)
+            return Output(rate.net_pps, _resolution_pps(rate), rate.problems)
         case Voltages():
             return _mean_voltage(found)
         case Codes():
             mean = mean_code(found)
             return Output(mean.value, mean.scatter_u, mean.problems, mean.step_u)
-
-
-def output_of_rate(rate: Rate) -> Output:
-    """A mean rate of counts as the output that it is."""
-    return Output(rate.net_pps, _resolution_pps(rate), rate.problems)
 
 
 def _resolution_pps(rate: Rate) -> float:

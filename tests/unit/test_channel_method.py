@@ -341,6 +341,12 @@ def test_a_source_that_counts_at_zero_is_told():
     assert "still connected?" in flag_in_words("steps/acquire#9: not_zero")
 
 
+def test_a_point_that_was_to_become_stable_and_did_not_is_told():
+    made = Made().level("source", 1.0)
+    made.acquisitions[0] = replace(made.acquisitions[0], over_s=60.0, stable=frozenset())
+    assert "steps/acquire#1: unstable" in reduced(made).flags
+
+
 def test_a_rate_that_does_not_go_with_its_level_is_told():
     made = Made().level("gravity", 1.0).level("source", 12.0)
     wrong = [replace(each, sources_a={"source": 6 * K1}) if each.input == "source" else each
