@@ -159,7 +159,6 @@ class _VirtualSelector(selectors.DefaultSelector):
         self.now = 0.0
         self._turns_here = 0
         self._turns_since_poll = 0
-        self._alone = False  # the loop's own wake-up pipe
         self._real_s = 0.0  # real time owed before the clock may go on, when paced
         self._last_real = time.monotonic()
 
@@ -182,21 +181,9 @@ class _VirtualSelector(selectors.DefaultSelector):
         self._move_to(when)
         return ready
 
-    def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
-        """As any selector's."""
-        key = super().register(fileobj, events, data)
-        self._alone = len(self.get_map()) == 1
-        return key
-
-    def unregister(self, fileobj: Any) -> selectors.SelectorKey:
-        """As any selector's."""
-        key = super().unregister(fileobj)
-        self._alone = len(self.get_map()) == 1
-        return key
-
     def _poll(self) -> list[tuple[selectors.SelectorKey, int]]:
         self._turns_since_poll += 1
-        if self._alone and self._turns_since_poll < POLL_EVERY_TURNS:
+        if len(self.get_map()) == 1 and self._turns_since_poll < POLL_EVERY_TURNS:
             return []
         self._turns_since_poll = 0
         return super().select(0)

@@ -30,7 +30,12 @@ class FrameBlock:
 
     def payloads(self, rows: NDArray[np.intp]) -> NDArray[np.uint8]:
         """The data of these frames, (n, 8)."""
-        return self.data.view(np.uint64).ravel().take(rows).view(np.uint8).reshape(-1, 8)
+        return self.words.take(rows).view(np.uint8).reshape(-1, 8)
+
+    @property
+    def words(self) -> NDArray[np.uint64]:
+        """The data as one word of each frame, (N,), which is moved in one piece."""
+        return self.data.view(np.uint64).ravel()
 
     @classmethod
     def joined(cls, blocks: Sequence[FrameBlock]) -> FrameBlock:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntFlag
+from functools import lru_cache
 from typing import ClassVar, Self
 
 from drivers import scpi
@@ -29,11 +30,9 @@ BRAKE_DPS2 = 400.0  # how the table slows down when its drive drops out
 TURN_DEG = 360.0
 DEFAULT_DPS, DEFAULT_DPS2 = 100.0, 100.0
 MESSAGE_LIMIT_BYTES = 32_768
-PROGRAMS_KEPT = 64  # the same few questions come again and again
 SWINGING = Dynamics.AT_AMPLITUDE | Dynamics.AT_FREQUENCY
 OK = Reply(wire.NO_ERROR, "OK")
 Handler = Callable[[Sequence[str]], str | None]
-Program = Sequence[tuple[Handler, Sequence[str]]]
 
 
 class Refusal(Exception):
@@ -86,7 +85,7 @@ class SimulatedAcutrol:
             f"A{axis}INTLK": lambda: self._inputs,
             "SUP0": lambda: self.supervisor,
         }
-        self._programs: dict[str, Program] = {}
+        self._known: dict[str, Handler] = {}  # commands as they have come, cut short or not
         self._commands: dict[str, Handler] = {
             "*IDN?": lambda _: self._identity,
             "UTILITY:LOCKOUT": lambda words: self._lock(Supervisor.LOCKOUT, words),
@@ -139,26 +138,22 @@ class SimulatedAcutrol:
         """Carries one message out: the answers to its queries, or OK, or the first error."""
         answers: list[str] = []
         try:
-            for handler, words in self._program(message):
-                if (answer := handler(words)) is not None:
-                    answers.append(answer)
+            for command in scpi.commands(message):
+                answer = self._handler(command.header)(_words(command.argument))
+                answers += [] if answer is None else [answer]
         except Refusal as refusal:
             return refusal.reply
         except (ValueError, IndexError):
             return Reply(BAD_ARGUMENT, "bad argument")
         return Reply(wire.NO_ERROR, ";".join(answers)) if answers else OK
 
-    def _program(self, message: str) -> Program:
-        """What carries out each command of a message, and the words that it is told; known of the last messages."""
-        if message not in self._programs:
-            program = [(self._handler(each.header), _words(each.argument)) for each in scpi.commands(message)]
-            if len(self._programs) == PROGRAMS_KEPT:
-                self._programs.clear()
-            self._programs[message] = program
-        return self._programs[message]
-
     def _handler(self, header: str) -> Handler:
         """What carries out a command, each of whose words may be cut short; READ needs no question mark."""
+        if header not in self._known:
+            self._known[header] = self._looked_up(header)
+        return self._known[header]
+
+    def _looked_up(self, header: str) -> Handler:
         if "READ".startswith(header.partition(":")[0]):
             header = header.removesuffix("?") + "?"
         for spelled, handler in self._commands.items():
@@ -166,7 +161,7 @@ class SimulatedAcutrol:
             same_kind = spelled.endswith("?") == header.endswith("?") and len(full) == len(given)
             if same_kind and all(part and word.startswith(part) for word, part in zip(full, given, strict=True)):
                 return handler
-        return _unknown
+        raise Refusal(UNKNOWN, "unknown command")
 
     def _on_axis(self, answer: Callable[[], str]) -> Handler:
         def handle(words: Sequence[str]) -> str:
@@ -298,7 +293,7 @@ class SimulatedAcutrol:
         register = self._registers.get(words[0].upper())
         if register is None:
             raise Refusal(BAD_ARGUMENT, "no such register")
-        return str(int(register()))
+        return str(register().value)
 
     def _dynamics(self) -> Dynamics:
         if self._latched is not None:
@@ -337,10 +332,7 @@ class AclSession:
         return b"".join(self._controller.answer(line) for line in lines)
 
 
-def _unknown(_: Sequence[str]) -> None:
-    raise Refusal(UNKNOWN, "unknown command")
-
-
+@lru_cache(maxsize=256)
 def _words(argument: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in argument.split(","))
 

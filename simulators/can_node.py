@@ -107,7 +107,7 @@ def _merged(block: FrameBlock, other: FrameBlock) -> FrameBlock:
         merged[of_block], merged[others] = mine, theirs
         return merged
 
-    words = both(block.data.view(np.uint64).ravel(), other.data.view(np.uint64).ravel())
+    words = both(block.words, other.words)
     return FrameBlock(
         both(block.ids, other.ids), both(block.at_s, other.at_s), both(block.dlc, other.dlc),
         words.view(np.uint8).reshape(-1, 8),

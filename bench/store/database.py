@@ -62,11 +62,6 @@ def open_to_read(path: Path) -> sqlite3.Connection:
     return database
 
 
-def pack(block: FrameBlock) -> tuple[bytes, int]:
-    """A block of frames as bytes, compressed, and the CRC-32 of what was compressed."""
-    return compressed(plain_bytes(block))
-
-
 def plain_bytes(block: FrameBlock) -> bytes:
     """A block of frames, a column at a time; times are kept to the nanosecond, as differences."""
     times = np.rint(block.at_s * _NS).astype("<i8")
@@ -85,12 +80,12 @@ def compressed(plain: bytes) -> tuple[bytes, int]:
 
 
 def unpack(data: bytes, frames: int, crc: int) -> FrameBlock:
-    """The block that `pack` made; StoreError when it is damaged."""
+    """The block whose plain bytes were `compressed`; StoreError when it is damaged."""
     return unpack_all([(data, frames, crc)])
 
 
 def unpack_all(packed: Sequence[tuple[bytes, int, int]]) -> FrameBlock:
-    """Blocks that `pack` made, each with its frames and its CRC, as one; StoreError when one is damaged."""
+    """Blocks that were `compressed`, each with its frames and its CRC, as one; StoreError when one is damaged."""
     total = sum(frames for _, frames, _ in packed)
     times, ids, dlc = np.empty(total, np.int64), np.empty(total, np.uint32), np.empty(total, np.uint8)
     payloads = np.empty((total, 8), np.uint8)
@@ -107,7 +102,7 @@ def unpack_all(packed: Sequence[tuple[bytes, int, int]]) -> FrameBlock:
 
 
 def plain_of(data: bytes, frames: int, crc: int) -> bytes:
-    """The bytes that `pack` compressed, which are the same for the same frames; StoreError when they are damaged."""
+    """The bytes that were `compressed`, which are the same for the same frames; StoreError when they are damaged."""
     try:
         plain = zlib.decompress(data, bufsize=FRAME_BYTES * frames)
     except zlib.error as problem:

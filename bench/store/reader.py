@@ -177,9 +177,9 @@ class RunReader:
         """One channel over the whole run, as it was when any was first asked for; empty when it was never read."""
         if name in self._series:
             return self._series[name]
-        ids = dict(self._rows("SELECT name, id FROM channel"))
-        at_s, values = self._readings[1:, self._readings[0] == ids.get(name, 0)]
-        self._series[name] = Series(name, self.channels().get(name, ""), at_s, values)
+        number, unit = next(self._rows("SELECT id, unit FROM channel WHERE name = ?", name), (0, ""))
+        at_s, values = self._readings[1:, self._readings[0] == number]
+        self._series[name] = Series(name, unit, at_s, values)
         return self._series[name]
 
     @cached_property

@@ -7,7 +7,7 @@ the prefix come, how registers are spelled (read here as decimal numbers), and w
 from __future__ import annotations
 
 from enum import Enum, IntFlag
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Literal, NamedTuple, TypeVar
 
 from drivers import scpi
@@ -157,7 +157,6 @@ def lock_out(locked: bool) -> tuple[str, str]:
     return f":UTIL:LOCKOUT {word}", f":UTIL:REMOTELOCKOUT {word}"
 
 
-@cache
 def ask_state(axis: int) -> str:
     """Everything of a State, in one message."""
     return f":READ:POS? {axis};RATE? {axis};:INTERLOCK? {axis};:MODE? {axis};:STAT:CSR? A{axis}DYN;CSR? SUP0"
