@@ -76,17 +76,9 @@ class Message:
             raise DbcError(f"message {self.name} has no signal '{name}'; it has {', '.join(self.signals)}")
         return self.signals[name]
 
-    def rows(self, block: FrameBlock, beside: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
-        """Where this message stands in a block; frames of another length than the DBC's are passed over.
-
-        With the rows of another message `beside` it is found sooner where it is always as far from that one.
-        """
-        here = (block.ids == self.id) & (block.dlc == self.length)
-        if beside is not None and len(beside):
-            rows: NDArray[np.intp] = beside + (int(np.argmax(here)) - int(beside[0]))
-            if rows[0] >= 0 and rows[-1] < len(here) and np.count_nonzero(here) == len(rows) and here.take(rows).all():
-                return rows
-        return np.flatnonzero(here)
+    def rows(self, block: FrameBlock) -> NDArray[np.intp]:
+        """Where this message stands in a block; frames of another length than the DBC's are passed over."""
+        return np.flatnonzero((block.ids == self.id) & (block.dlc == self.length))
 
 
 class Field(NamedTuple):

@@ -44,8 +44,7 @@ def _turned_axes(
     turned = Rotation.from_rotvec(math.radians(level_deg) * SOUTH)
     for points, angle_deg in turns:
         turned *= Rotation.from_rotvec(math.radians(angle_deg) * np.array(points))
-    fixture = np.stack([x, np.cross(z, x), z])
-    return np.asarray(_into_unit(mount, own_deg) @ fixture @ turned.as_matrix().T)
+    return np.asarray(_unit_at_zero(x, z, mount, own_deg) @ turned.as_matrix().T)
 
 
 def specific_force_g(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord) -> Array:
@@ -64,10 +63,11 @@ def elevation_rad(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRec
     return math.atan2(along, pendulous)
 
 
-def _into_unit(mount: Mount, own_deg: float) -> Array:
-    """Fixture to unit: raised by the mount, rolled, clocked, raised by the angle of the place."""
+@lru_cache(maxsize=64)  # a unit lies in few mounts
+def _unit_at_zero(x: Vector, z: Vector, mount: Mount, own_deg: float) -> Array:
+    """The axes of a unit in a level fixture while all angles are 0: raised by the mount, rolled, clocked, raised."""
     steps = [("y", mount.angle_deg), ("x", mount.roll_deg), ("z", mount.clock_deg), ("y", own_deg)]
     turned = Rotation.identity()
     for axis, angle_deg in steps:
         turned *= Rotation.from_euler(axis, -angle_deg if axis == "y" else angle_deg, degrees=True)
-    return np.asarray(turned.as_matrix().T)
+    return np.asarray(turned.as_matrix().T @ np.stack([x, np.cross(z, x), z]))

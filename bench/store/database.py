@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sqlite3
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from isal import isal_zlib
 
 from bench.errors import StoreError
 from drivers.frame_block import FrameBlock
@@ -76,7 +76,7 @@ def plain_bytes(block: FrameBlock) -> bytes:
 
 def compressed(plain: bytes) -> tuple[bytes, int]:
     """Bytes as they are stored, and their CRC-32."""
-    return zlib.compress(plain, 1), zlib.crc32(plain)
+    return isal_zlib.compress(plain, 1), isal_zlib.crc32(plain)
 
 
 def unpack(data: bytes, frames: int, crc: int) -> FrameBlock:
@@ -104,9 +104,9 @@ def unpack_all(packed: Sequence[tuple[bytes, int, int]]) -> FrameBlock:
 def plain_of(data: bytes, frames: int, crc: int) -> bytes:
     """The bytes that were `compressed`, which are the same for the same frames; StoreError when they are damaged."""
     try:
-        plain = zlib.decompress(data, bufsize=FRAME_BYTES * frames)
-    except zlib.error as problem:
+        plain = isal_zlib.decompress(data, bufsize=FRAME_BYTES * frames)
+    except isal_zlib.error as problem:  # type: ignore[misc]  # its stubs say an exception where a class of them is
         raise StoreError(f"a block of {frames} frames is damaged ({problem})") from problem
-    if zlib.crc32(plain) != crc or len(plain) != FRAME_BYTES * frames:
+    if isal_zlib.crc32(plain) != crc or len(plain) != FRAME_BYTES * frames:
         raise StoreError(f"a block of {frames} frames is damaged: its checksum is wrong")
     return plain

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from drivers.dbc import Dbc, Field, readings_of
 from drivers.encoder_frames import PositionFormat, Positions, numbered_beside, position_formats
 from drivers.frame_block import FrameBlock
+from drivers.frame_cycles import Cycles, cycles_of
 from drivers.sequence_numbers import Integers, ascending, begun_anew, gaps_in, unwrapped_by_clock
 from drivers.unbroken import Unbroken
 
@@ -106,7 +107,8 @@ def unbroken(form: CounterFormat) -> Unbroken:
 class Latches:
     """The latches of a block: where they stand and when they came, their ticks and raw numbers, these also unwrapped.
 
-    `fresh` are those with a number above all before them, `newest` is the highest, -1 of no latch.
+    `fresh` are those with a number above all before them, `newest` is the highest, -1 of no latch. `cycles` are those
+    of the frames that follow them.
     """
 
     rows: NDArray[np.intp]
@@ -117,17 +119,20 @@ class Latches:
     fresh: NDArray[np.bool_]
     newest: int
     restarts: int
+    cycles: Cycles
 
 
 def latches_of(form: CounterFormat, block: FrameBlock) -> Latches:
     """The latches of a block, which all channels are paired with."""
-    rows, data, raw = _numbered(form.sequence, block)
+    rows = form.sequence.message.rows(block)
+    data, raw = _numbered(form.sequence, block, rows)
     ticks, tick_bits = form.tick.signal.raw(data), form.tick.signal.length
     numbers = unwrapped_by_clock(raw, form.sequence.signal.length, ticks, tick_bits)
     boots = form.boot_count.signal.raw(data) if form.boot_count else np.empty(0, np.int64)
     restarts = int(np.count_nonzero(np.diff(boots))) or begun_anew(numbers, ticks, tick_bits)
     newest = int(numbers.max()) if len(numbers) else -1
-    return Latches(rows, block.at_s[rows], ticks, raw, numbers, ascending(numbers), newest, restarts)
+    cycles = cycles_of(block, rows)
+    return Latches(rows, block.at_s[rows], ticks, raw, numbers, ascending(numbers), newest, restarts, cycles)
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,9 +188,13 @@ def decode_positions(form: CounterFormat, name: str, block: FrameBlock, latches:
 
 def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latches) -> _Paired:
     """The frames with a sequence number `other` and their latches."""
-    rows, data, raw = _numbered(other, block, latches.rows)
     sequence, tick, host_s, stale = latches.numbers, latches.tick, latches.host_s, 0
-    if other.signal.length != form.sequence.signal.length or not _in_step(latches, rows, raw):
+    data = _in_step(form, other, block, latches)
+    if data is not None and len(data) < len(sequence):
+        sequence, tick, host_s = sequence[:-1], tick[:-1], host_s[:-1]
+    elif data is None:
+        rows = other.message.rows(block)
+        data, raw = _numbered(other, block, rows)
         bits = min(other.signal.length, form.sequence.signal.length)  # of a longer one the rest is not known of latches
         ahead = latches.fresh
         numbers, fresh = numbered_beside(rows, raw, bits, latches.rows[ahead], latches.numbers[ahead])
@@ -212,12 +221,16 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
     )
 
 
-def _in_step(latches: Latches, rows: NDArray[np.intp], raw: Integers) -> bool:
-    """Whether after each latch comes one frame with its number, as when nothing is lost, late or twice."""
-    if len(rows) != len(latches.rows) or not latches.fresh.all():
-        return False
-    between = (rows > latches.rows).all() and (rows[:-1] < latches.rows[1:]).all()
-    return bool(between and (raw == latches.raw).all())
+def _in_step(form: CounterFormat, other: Field, block: FrameBlock, latches: Latches) -> NDArray[np.uint8] | None:
+    """The data of frames that come with each latch and have its number: when nothing is lost, late or twice; or None.
+
+    The last latch may be without one.
+    """
+    rows = latches.cycles.rows(other.message)
+    if rows is None or other.signal.length != form.sequence.signal.length or not latches.fresh.all():
+        return None
+    data, raw = _numbered(other, block, rows)
+    return data if (raw == latches.raw[: len(raw)]).all() else None
 
 
 def latches(form: CounterFormat, block: FrameBlock) -> tuple[Integers, NDArray[np.float64]]:
@@ -254,10 +267,7 @@ def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDAr
     return readings_of(form.temperatures, block)
 
 
-def _numbered(
-    sequence: Field, block: FrameBlock, beside: NDArray[np.intp] | None = None
-) -> tuple[NDArray[np.intp], NDArray[np.uint8], Integers]:
-    """The rows of a block with a message, perhaps `beside` others, their data, and the raw sequence numbers in it."""
-    rows = sequence.message.rows(block, beside)
+def _numbered(sequence: Field, block: FrameBlock, rows: NDArray[np.intp]) -> tuple[NDArray[np.uint8], Integers]:
+    """The data of the frames in these rows, and the raw sequence numbers in it."""
     data = block.payloads(rows)
-    return rows, data, sequence.signal.raw(data)
+    return data, sequence.signal.raw(data)

@@ -4,8 +4,6 @@ from pathlib import Path
 import cantools
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from drivers.dbc import Dbc, DbcError
 from drivers.dbc_outline import outline
@@ -92,30 +90,6 @@ def test_the_layout_of_our_dbc() -> None:
     assert {message.name: message.length for message in dbc.messages.values()} == {
         "Latch": 8, "AxisX": 8, "AxisY": 8, "AxisZ": 8, "Temperatures": 6,
     }  # fmt: skip
-
-
-@settings(max_examples=300, deadline=None)
-@given(
-    st.integers(1, 6), st.integers(0, 5),
-    st.lists(st.tuples(st.integers(0, 40), st.sampled_from(["drop", "double", "foreign", "short"])), max_size=3),
-)  # fmt: skip
-def test_what_follows_another_message_is_found_as_if_it_did_not(
-    count: int, apart: int, spoilt: list[tuple[int, str]]
-) -> None:
-    dbc = Dbc(dbc_text(*(f'BO_ {256 + i} M{i}: 8 A\n SG_ S : 0|8@1+ (1,0) [0|0] "" B' for i in range(6))))
-    ids, dlc = [256 + i for _ in range(count) for i in range(6)], [8] * (6 * count)
-    for row, how in (each for each in spoilt if each[0] < len(ids)):
-        if how == "drop":
-            del ids[row], dlc[row]
-        elif how == "short":
-            dlc[row] = 7
-        else:
-            ids.insert(row, ids[row] if how == "double" else 0x7FF)
-            dlc.insert(row, 8)
-    size = len(ids)
-    block = FrameBlock(np.array(ids, np.uint32), np.zeros(size), np.array(dlc, np.uint8), np.zeros((size, 8), np.uint8))
-    leading, other = dbc.message("M0").rows(block), dbc.message(f"M{apart}")
-    assert other.rows(block, leading).tolist() == other.rows(block).tolist()
 
 
 def test_a_message_is_found_by_its_identifier_and_length() -> None:
