@@ -38,31 +38,29 @@ class Cycles:
 
 def cycles_of(block: FrameBlock, begins: NDArray[np.intp]) -> Cycles:
     """The cycles of a block that begin with the frames at `begins` (N,), all those of one message, in order."""
-    if len(begins) < 2:
+    if not len(begins):
         return Cycles(begins, {}, len(block))
     steps = np.diff(begins, append=len(block))
-    first, length = int(begins[0]), int(steps[:-1].min())
-    ids, dlc = block.ids[first : first + length], block.dlc[first : first + length]
-    places = {kind: place for place, kind in enumerate(zip(ids.tolist(), dlc.tolist(), strict=True))}
+    first, length = int(begins[0]), int(steps[: max(len(steps) - 1, 1)].min())
+    kinds = _kinds(block, first, first + length)
+    places = {kind: place for place, kind in enumerate(kinds)}
+    ids = block.ids[first : first + length]
+    whole = begins if steps[-1] >= length else begins[:-1]
+    at = whole[:, np.newaxis] + np.arange(length)
     alike = (
         len(places) == length
-        and _ends_with(ids, block.ids[:first])
-        and all(_are_alike(block, begins + place) for place in range(1, length))
-        and not np.isin(block.ids[_between(begins, steps, length)], ids).any()
+        and first < length
+        and _kinds(block, 0, first) == kinds[length - first :]
+        and bool((block.ids.take(at) == ids).all() and (block.dlc.take(at) == block.dlc[first : first + length]).all())
+        and (len(whole) == len(begins) or _kinds(block, int(begins[-1]), len(block)) == kinds[: steps[-1]])
+        and set(ids.tolist()).isdisjoint(block.ids[_between(begins, steps, length)].tolist())
     )
     return Cycles(begins, places if alike else {}, len(block))
 
 
-def _ends_with(ids: NDArray[np.uint32], head: NDArray[np.uint32]) -> bool:
-    return len(head) < len(ids) and bool((ids[len(ids) - len(head) :] == head).all())
-
-
-def _are_alike(block: FrameBlock, rows: NDArray[np.intp]) -> bool:
-    """Whether one message stands in all these rows, the last of which may be past the end of the block."""
-    if rows[-1] >= len(block):
-        rows = rows[:-1]
-    first = rows[0]
-    return bool((block.ids.take(rows) == block.ids[first]).all() and (block.dlc.take(rows) == block.dlc[first]).all())
+def _kinds(block: FrameBlock, begin: int, end: int) -> list[tuple[int, int]]:
+    """The messages in a stretch of rows, by their ids and lengths."""
+    return list(zip(block.ids[begin:end].tolist(), block.dlc[begin:end].tolist(), strict=True))
 
 
 def _between(begins: NDArray[np.intp], steps: NDArray[np.intp], length: int) -> NDArray[np.intp]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from drivers.dbc import Field
 from drivers.frame_block import FrameBlock
+from drivers.frame_cycles import cycles_of
 from drivers.sequence_numbers import Integers
 
 
@@ -56,17 +57,9 @@ class Unbroken:
     others: Sequence[_Numbers]
     is_whole: bool = field(default=True, init=False)
     _in_step: bool = field(default=True, init=False)  # so far all others have followed the leading one at once
-    _places: Integers | None = field(default=None, init=False)  # of the others behind it
-    _ids: NDArray[np.uint32] = field(init=False)  # of the others, (n, 1)
-    _lengths: NDArray[np.uint8] = field(init=False)
     _last_tick: int | None = field(default=None, init=False)
     _least_ticks: int = field(default=1 << 62, init=False)
     _most_ticks: int = field(default=0, init=False)
-
-    def __post_init__(self) -> None:
-        messages = [each.field.message for each in self.others]
-        self._ids = np.array([message.id for message in messages], np.uint32)[:, np.newaxis]
-        self._lengths = np.array([message.length for message in messages], np.uint8)[:, np.newaxis]
 
     @classmethod
     def of(cls, sequence: Field, tick: Field, others: Sequence[Field] = ()) -> Unbroken:
@@ -95,35 +88,23 @@ class Unbroken:
         )
 
     def _are_followed(self, block: FrameBlock, rows: NDArray[np.intp], raw: Integers) -> bool:
-        """Whether all others come with each of the leading ones, at the same places behind it: most often they do."""
-        if not self.others:
-            return True
-        if self._places is None:
-            self._places = self._places_behind(block, rows)
-        if self._places is None or not len(rows) or rows[-1] + self._places[-1] >= len(block):
-            return False
-        at = rows + self._places[:, np.newaxis]
-        if (block.ids.take(at) != self._ids).any() or (block.dlc.take(at) != self._lengths).any():
-            return False
-        signal = self.others[0].field.signal
-        mask = (1 << min(signal.length, self.leading.field.signal.length)) - 1
-        numbers = signal.raw(block.payloads(at.ravel())).reshape(at.shape)
-        if (numbers & mask != raw & mask).any():
-            return False
-        for each, own in zip(self.others, numbers, strict=True):
-            each.note(own)
+        """Whether all others come in cycles with the leading ones and have their numbers: most often they do."""
+        cycles, found = cycles_of(block, rows), []
+        for each in self.others:
+            at = cycles.rows(each.field.message)
+            if at is None or len(at) < len(rows):
+                return False
+            numbers = each.field.signal.raw(block.payloads(at))
+            if ((numbers ^ raw) & self._common(each)).any():
+                return False
+            found.append(numbers)
+        for each, numbers in zip(self.others, found, strict=True):
+            each.note(numbers)
         return True
 
-    def _places_behind(self, block: FrameBlock, rows: NDArray[np.intp]) -> Integers | None:
-        """How far behind the first of the leading ones the others come; None where they are not all there, or alike."""
-        signals = [each.field.signal for each in self.others]
-        alike = {(signal.shift, signal.length, signal.big_endian) for signal in signals}
-        if not len(rows) or len(alike) > 1:
-            return None
-        near = block.ids[rows[0] : rows[0] + 2 * len(self.others)].tolist()
-        wanted = [each.field.message.id for each in self.others]
-        places = [near.index(frame_id) for frame_id in wanted if frame_id in near]
-        return np.array(places, np.int64) if len(places) == len(wanted) and places == sorted(places) else None
+    def _common(self, other: _Numbers) -> int:
+        """The bits that the number of another message has in common with the leading one."""
+        return (1 << min(other.field.signal.length, self.leading.field.signal.length)) - 1
 
     def _in_time(self, ticks: Integers) -> bool:
         """Whether the numbers cannot have gone round between any two."""
@@ -143,7 +124,7 @@ class Unbroken:
         leading = self.leading
         if not other.count or not leading.count:
             return max(other.count, leading.count) <= 1
-        mask = (1 << min(other.field.signal.length, leading.field.signal.length)) - 1
+        mask = self._common(other)
         ahead = (leading.first - other.first) & mask  # of the first latch, where its other frames came before it
         behind = (leading.last - other.last + 1 & mask) - 1
         return ahead in (0, 1) and behind in (-1, 0, 1) and other.count - leading.count == ahead - behind

@@ -67,6 +67,7 @@ def check_alike(found: Counts, expected: Counts) -> None:
     spoilt=st.lists(st.tuples(st.integers(0, 60), st.sampled_from(SPOILT)), max_size=2),
 )
 @example(latches=6, first=0, warmest=3, head=2, tail=3, spoilt=[])
+@example(latches=3, first=7, warmest=5, head=0, tail=1, spoilt=[(10, "short")])
 def test_counts_are_the_same(
     latches: int, first: int, warmest: int, head: int, tail: int, spoilt: list[tuple[int, str]]
 ) -> None:
