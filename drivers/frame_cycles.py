@@ -7,12 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.dbc import Message
 from drivers.frame_block import FrameBlock
+
+T = TypeVar("T", bound=np.generic)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,18 +47,23 @@ def cycles_of(block: FrameBlock, begins: NDArray[np.intp]) -> Cycles:
     first, length = int(begins[0]), int(steps[: max(len(steps) - 1, 1)].min())
     kinds = _kinds(block, first, first + length)
     places = {kind: place for place, kind in enumerate(kinds)}
-    ids = block.ids[first : first + length]
-    whole = begins if steps[-1] >= length else begins[:-1]
-    at = whole[:, np.newaxis] + np.arange(length)
+    tail = int(begins[-1]) if steps[-1] < length else len(block)  # where a cycle begins that lacks its end
+    between = _between(begins, steps, length)
     alike = (
         len(places) == length
         and first < length
         and _kinds(block, 0, first) == kinds[length - first :]
-        and bool((block.ids.take(at) == ids).all() and (block.dlc.take(at) == block.dlc[first : first + length]).all())
-        and (len(whole) == len(begins) or _kinds(block, int(begins[-1]), len(block)) == kinds[: steps[-1]])
-        and set(ids.tolist()).isdisjoint(block.ids[_between(begins, steps, length)].tolist())
+        and _kinds(block, tail, len(block)) == kinds[: len(block) - tail]
+        and set(block.ids[between].tolist()).isdisjoint(frame_id for frame_id, _ in kinds)
+        and all(_recurs(column[first:tail], between - first, length) for column in (block.ids, block.dlc))
     )
     return Cycles(begins, places if alike else {}, len(block))
+
+
+def _recurs(column: NDArray[T], between: NDArray[np.intp], length: int) -> bool:
+    """Whether a column, without what comes between cycles, is that of one cycle again and again."""
+    cycles = (np.delete(column, between) if len(between) else column).reshape(-1, length)
+    return bool((cycles == column[:length]).all())
 
 
 def _kinds(block: FrameBlock, begin: int, end: int) -> list[tuple[int, int]]:
