@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import compress
 
 import numpy as np
@@ -21,6 +21,7 @@ DROOP = 0.5  # of the rate amplitude at the lowest frequency; what is below was 
 COARSE_STEP_DEG = 120.0
 SIGNIFICANCE = 5.0
 OFF_FREQUENCY = 1e-3
+TURN_DEG = 360.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,11 +106,12 @@ class FrequencyResponse:
 def gyro_response(record: TableRecord, *, settle_s: float = 0.0, to_lowest: bool = False) -> FrequencyResponse:
     """Response of a gyro: `record.block` is the frequency, `table` the angle in degrees, `output` in deg/s.
 
-    Gains are absolute, or `to_lowest`: over that at the lowest frequency.
+    The angle may begin anew each turn. Gains are absolute, or `to_lowest`: over that at the lowest frequency.
     """
     remarks, points = Remarks(), []
     for nominal_hz, block in cut_into_blocks(record, remarks.excluded, settle_s=settle_s).items():
-        point = gyro_point(block, nominal_hz, remarks)
+        swung = replace(block, table=np.unwrap(block.table, period=TURN_DEG))
+        point = gyro_point(swung, nominal_hz, remarks)
         if point:
             points.append(point)
         else:
