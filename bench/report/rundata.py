@@ -38,14 +38,8 @@ def run_data(
     thermometers = [
         name for unit in units for name in (unit.temperature, unit.gyro_temperature, unit.converter) if name
     ]
-    corrected = acquisitions(reader, bench, thermometers, label, corrections_of(bench))
-    acquired = tuple(map(_thin, corrected) if windows else corrected)
+    acquired = tuple(acquisitions(reader, bench, thermometers, label, corrections_of(bench), windows=windows))
     return RunData(label, units, acquired, bench_record(bench), span_s=reader.span_s())
-
-
-def _thin(acquisition: Acquisition) -> Acquisition:
-    windows = windows_of({**acquisition.counts, **acquisition.codes}, acquisition.turned)
-    return replace(acquisition, counts={}, codes={}, windows=windows)
 
 
 def acquisitions(
@@ -54,64 +48,76 @@ def acquisitions(
     thermometers: Iterable[str],
     label: str,
     corrections: Corrections = AS_READ,
+    *,
+    windows: bool = False,
 ) -> Iterator[Acquisition]:
     """The acquisitions under a label with these named readings, one after the other; StoreError.
 
-    As they were read, but for the corrections given.
+    As they were read, but for the corrections given, and with `windows` in place of counts.
     """
-    decoders = {
-        role: CountDecoder(entry.options, reader.folder)
-        for role, entry in bench.devices.items()
-        if isinstance(entry.options, CounterOptions)
-    }
-    telemetry = {
-        role: CodeDecoder(entry.options, reader.folder)
-        for role, entry in bench.devices.items()
-        if isinstance(entry.options, TelemetryOptions)
-    }
+    sent = _Sent(
+        counters={
+            role: CountDecoder(entry.options, reader.folder)
+            for role, entry in bench.devices.items()
+            if isinstance(entry.options, CounterOptions)
+        },
+        telemetry={
+            role: CodeDecoder(entry.options, reader.folder)
+            for role, entry in bench.devices.items()
+            if isinstance(entry.options, TelemetryOptions)
+        },
+        corrections=corrections,
+        windows=windows,
+    )
     temperatures = {name: corrections.temperatures(reader.series(name)) for name in dict.fromkeys(thermometers)}
     samples = reader.samples_by_step()
-    found = list(_acquired(reader, bench, label))
-    sent = reader.of_steps((event.step for event, _, _ in found), partial(_sent, decoders, telemetry, corrections))
-    for (event, dwell, state), (counts, positions, codes, missed) in zip(found, sent, strict=True):
-        acquired = _acquisition(event, dwell, state, temperatures)
+    completed = {}
+    for event, dwell, state in _acquired(reader, bench, label):
         read = {role: each.T for role, each in samples.get(event.step, {}).items()}
         through = {role: Currents(*read.pop(role)) for role in bench.with_capability("ammeter") if role in read}
-        yield replace(
-            acquired,
+        acquired = replace(
+            _acquisition(event, dwell, state, temperatures),
             angles_deg={role: corrections.angle_deg(role, at_deg) for role, at_deg in state.angles_deg.items()},
             sources_a={role: corrections.current_a(role, told_a) for role, told_a in state.sources_a.items()},
-            counts=counts,
-            positions=positions,
             voltages={role: corrections.voltages(role, Voltages(*each)) for role, each in read.items()},
             currents={role: corrections.measured(role, each) for role, each in through.items()},
-            codes=codes,
-            missed=missed,
         )
+        completed[event.step] = partial(sent.during, acquired)
+    yield from reader.of_steps(completed)
 
 
-def _sent(
-    counters: Mapping[str, CountDecoder],
-    telemetry: Mapping[str, CodeDecoder],
-    corrections: Corrections,
-    frames: Mapping[str, FrameBlock],
-) -> tuple[dict[str, Counts], dict[str, Positions], dict[str, Codes], dict[tuple[str, str], Missed]]:
-    """What frames tell: counts, positions of encoders, codes, and what did not come of them."""
-    counts: dict[str, Counts] = {}
-    positions: dict[str, Positions] = {}
-    codes: dict[str, Codes] = {}
-    missed: dict[tuple[str, str], Missed] = {}
-    for role, counter in counters.items():
-        decoded = counter.counts(frames.get(role, FrameBlock.empty()))
-        missed |= missed_of(role, decoded)
-        counts |= {channel: corrections.counts(role, each) for channel, each in decoded.items()}
-        positions |= counter.positions(frames.get(role, FrameBlock.empty()))
-    for role, sender in telemetry.items():
-        of_role = sender.codes(frames.get(role, FrameBlock.empty()))
-        missed |= missed_of(role, of_role)
-        codes |= of_role
-        positions |= sender.positions(frames.get(role, FrameBlock.empty()))
-    return counts, positions, codes, missed
+@dataclass(frozen=True)
+class _Sent:
+    """What frames tell, corrected: counts, positions of encoders, codes, and what did not come of them.
+
+    With `windows` the means of counts and codes, and not these themselves.
+    """
+
+    counters: Mapping[str, CountDecoder]
+    telemetry: Mapping[str, CodeDecoder]
+    corrections: Corrections
+    windows: bool
+
+    def during(self, acquisition: Acquisition, frames: Mapping[str, FrameBlock]) -> Acquisition:
+        """An acquisition with what its frames tell."""
+        counts: dict[str, Counts] = {}
+        positions: dict[str, Positions] = {}
+        codes: dict[str, Codes] = {}
+        missed: dict[tuple[str, str], Missed] = {}
+        for role, counter in self.counters.items():
+            decoded = counter.counts(frames.get(role, FrameBlock.empty()))
+            missed |= missed_of(role, decoded)
+            counts |= {channel: self.corrections.counts(role, each) for channel, each in decoded.items()}
+            positions |= counter.positions(frames.get(role, FrameBlock.empty()))
+        for role, sender in self.telemetry.items():
+            of_role = sender.codes(frames.get(role, FrameBlock.empty()))
+            missed |= missed_of(role, of_role)
+            codes |= of_role
+            positions |= sender.positions(frames.get(role, FrameBlock.empty()))
+        if not self.windows:
+            return replace(acquisition, counts=counts, codes=codes, positions=positions, missed=missed)
+        means = windows_of({**counts, **codes}, acquisition.turned)
+        return replace(acquisition, windows=means, positions=positions, missed=missed)
 
 
 def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnderTest:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from isal import isal_zlib
+from numpy.typing import NDArray
 
 from bench.errors import StoreError
 from drivers.frame_block import FrameBlock
@@ -86,19 +88,16 @@ def unpack(data: bytes, frames: int, crc: int) -> FrameBlock:
 
 def unpack_all(packed: Sequence[tuple[bytes, int, int]]) -> FrameBlock:
     """Blocks that were `compressed`, each with its frames and its CRC, as one; StoreError when one is damaged."""
-    total = sum(frames for _, frames, _ in packed)
-    times, ids, dlc = np.empty(total, np.int64), np.empty(total, np.uint32), np.empty(total, np.uint8)
-    payloads = np.empty((total, 8), np.uint8)
-    begin = 0
-    for data, frames, crc in packed:
-        plain, block = plain_of(data, frames, crc), slice(begin, begin + frames)
-        np.cumsum(np.frombuffer(plain, "<i8", frames), out=times[block])
-        ids[block] = np.frombuffer(plain, "<u4", frames, 8 * frames)
-        dlc[block] = np.frombuffer(plain, np.uint8, frames, 12 * frames)
-        for byte in range(8):
-            payloads[block, byte] = np.frombuffer(plain, np.uint8, frames, (13 + byte) * frames)
-        begin += frames
-    return FrameBlock(ids, times / _NS, dlc, payloads)
+    plain = [(plain_of(data, frames, crc), frames) for data, frames, crc in packed]
+
+    def column(dtype: str, at_byte: int, out: NDArray[Any] | None = None) -> NDArray[Any]:
+        return np.concatenate([np.frombuffer(each, dtype, frames, at_byte * frames) for each, frames in plain], out=out)
+
+    times_ns = np.concatenate([np.cumsum(np.frombuffer(each, "<i8", frames)) for each, frames in plain])
+    payloads = np.empty((len(times_ns), 8), np.uint8)
+    for byte in range(8):
+        column("u1", 13 + byte, payloads[:, byte])
+    return FrameBlock(column("<u4", 8), times_ns / _NS, column("u1", 12), payloads)
 
 
 def plain_of(data: bytes, frames: int, crc: int) -> bytes:

@@ -24,8 +24,9 @@ from drivers.frame_block import FrameBlock
 BLOCKS_AHEAD = 8  # which are unpacked while one is looked at
 BATCH_ROWS = 10_000
 STEPS_AHEAD = 2  # whose blocks are
+_READING = np.dtype([("at_s", np.float64), ("value", np.float64)])
 _BLOCKS = "SELECT stream, step, data, frames, crc FROM block ORDER BY seq"
-_READINGS = "SELECT channel, at_s, value FROM reading ORDER BY seq"
+_READINGS = "SELECT at_s, value FROM reading WHERE channel = ? ORDER BY seq"
 _SEQS_OF_STEPS = "SELECT step, MIN(seq), MAX(seq) FROM block GROUP BY step ORDER BY MIN(seq)"
 _BLOCKS_OF_STEP = "SELECT stream, data, frames, crc FROM block WHERE step = ? AND seq BETWEEN ? AND ? ORDER BY seq"
 
@@ -122,21 +123,21 @@ class RunReader:
 
     def frames_of(self, step: str) -> Frames:
         """All frames of a step, by stream."""
-        return next(self.of_steps([step], dict))
+        return next(self.of_steps({step: dict}))
 
-    def of_steps(self, steps: Iterable[str], make: Callable[[Frames], T]) -> Iterator[T]:
-        """What `make` makes of all frames of one step after the other, by stream; threads are some steps ahead."""
+    def of_steps(self, make: Mapping[str, Callable[[Frames], T]]) -> Iterator[T]:
+        """What is made of all frames of each step, by stream, in order; threads are some steps ahead."""
         ahead: deque[Future[T]] = deque()
-        for step in steps:
+        for step, made_of in make.items():
             packed = list(self._rows(_BLOCKS_OF_STEP, step, *self._seqs_of_steps.get(step, (0, -1))))
-            ahead.append(self._unpackers.submit(lambda packed: make(_unpacked(packed)), packed))
+            ahead.append(self._unpackers.submit(_made, made_of, packed))
             if len(ahead) > STEPS_AHEAD:
                 yield ahead.popleft().result()
         yield from (each.result() for each in ahead)
 
     def frames_by_step(self) -> dict[str, Frames]:
         """All frames of each step, by step and stream."""
-        return dict(zip(self._seqs_of_steps, self.of_steps(self._seqs_of_steps, dict), strict=True))
+        return dict(zip(self._seqs_of_steps, self.of_steps(dict.fromkeys(self._seqs_of_steps, dict)), strict=True))
 
     def samples_by_step(self) -> dict[str, dict[str, NDArray[np.float64]]]:
         """What was read during steps, by step and stream: (N, 2), bench time and value."""
@@ -174,19 +175,12 @@ class RunReader:
         return dict(self._rows("SELECT name, unit FROM channel ORDER BY id"))
 
     def series(self, name: str) -> Series:
-        """One channel over the whole run, as it was when any was first asked for; empty when it was never read."""
-        if name in self._series:
-            return self._series[name]
-        number, unit = next(self._rows("SELECT id, unit FROM channel WHERE name = ?", name), (0, ""))
-        at_s, values = self._readings[1:, self._readings[0] == number]
-        self._series[name] = Series(name, unit, at_s, values)
+        """One channel over the whole run, as it was when it was first asked for; empty when it was never read."""
+        if name not in self._series:
+            number, unit = next(self._rows("SELECT id, unit FROM channel WHERE name = ?", name), (0, ""))
+            read = np.fromiter(self._rows(_READINGS, number), _READING)
+            self._series[name] = Series(name, unit, read["at_s"].copy(), read["value"].copy())
         return self._series[name]
-
-    @cached_property
-    def _readings(self) -> NDArray[np.float64]:
-        """Channel, time and value of every reading, (3, N): whoever wants one channel wants others as well."""
-        batches = [np.array(rows, np.float64).T for rows in self._batches(_READINGS)]
-        return np.concatenate(batches, axis=1) if batches else np.empty((3, 0))
 
     def digest(self) -> str:
         """The digest of all that is stored; equal for equal runs, however they were compressed."""
@@ -209,6 +203,10 @@ def digest_of(folder: Path) -> str:
 def _done(unpacking: tuple[str, str, int, Future[T]]) -> tuple[str, str, int, T]:
     stream, step, frames, unpacked = unpacking
     return stream, step, frames, unpacked.result()
+
+
+def _made(make: Callable[[Frames], T], packed: Iterable[tuple[str, bytes, int, int]]) -> T:
+    return make(_unpacked(packed))
 
 
 def _unpacked(blocks: Iterable[tuple[str, bytes, int, int]]) -> Frames:
