@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy.optimize import brentq
 
 from bench.analysis.channel_temperature import Gates
 from bench.analysis.codes import by_level
@@ -138,6 +137,8 @@ def excess_pps(residual_pps: Array, gates: Gates) -> float:
     So large that the squares of the waves are together what they should be (Paule and Mandel, J. Res. NBS 87, 377):
     those in which the count leaves the least tell the most. Nothing where the count alone would scatter as much.
     """
+    from scipy.optimize import brentq  # and much with it, which most runs do not need
+
     through = chebyshev.chebvander(np.linspace(-1, 1, len(residual_pps)), WAVES_DEGREE)
     waves = np.linalg.qr(through)[0][:, SMOOTH_DEGREE + 1 :].T
     unresolved = unresolved_pps(waves, gates)

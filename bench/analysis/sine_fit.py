@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from bench.analysis.codes import hidden_from_a_swing
 from bench.analysis.counting_steps import along_and_across, errors_of_counting, slowly
@@ -244,6 +243,8 @@ def _power_at(line_hz: float, around_hz: Array, power: Array) -> float:
     that was summed up: about a low frequency the mean of what is around is far from what is there. Both are fitted by
     least squares, weighted by themselves because powers scatter by as much as they are.
     """
+    from scipy.optimize import nnls  # and much with it, which most runs do not need
+
     shapes = np.column_stack([np.ones_like(around_hz), (line_hz / around_hz) ** 2])
     level = np.full(len(power), np.mean(power))
     if not level.all():
