@@ -60,6 +60,7 @@ class BenchLoop(asyncio.SelectorEventLoop):
 
     if TYPE_CHECKING:  # what asyncio's loop has and its type stubs do not tell
         _scheduled: list[_Timer]
+        _ready: deque[asyncio.Handle]
 
         def _check_closed(self) -> None: ...
 
@@ -128,6 +129,23 @@ class BenchLoop(asyncio.SelectorEventLoop):
         elif self._executor is not None:
             self._executor.shutdown(wait=True)
 
+    def run_now(self, timer: asyncio.TimerHandle) -> bool:
+        """Moves virtual time to a timer and runs it at once, if nothing at all is to happen before; whether it has.
+
+        Who waits for it then goes on in the same turn of the loop.
+        """
+        virtual, timers = self._virtual, self._scheduled
+        if virtual is None or virtual.is_paced or self._ready or self._answers or not timers or timers[0] is not timer:
+            return False
+        first = heapq.heappop(timers)
+        if timers and timers[0].when() <= first.when():
+            heapq.heappush(timers, first)
+            return False
+        first._scheduled = False
+        virtual.move_to(first.when())
+        first._run()
+        return True
+
     def take_in_answer(self) -> bool:
         """Waits for the oldest outstanding answer of another thread; False when there is none."""
         while self._answers:
@@ -176,9 +194,9 @@ class _VirtualSelector(selectors.DefaultSelector):
         when = self._loop.next_timer()
         if when is None:
             return self._wait_outside()
-        if self._speed < AS_FAST_AS_POSSIBLE and when > self.now:
+        if self.is_paced and when > self.now:
             return self._paced(when)
-        self._move_to(when)
+        self.move_to(when)
         return ready
 
     def _poll(self) -> list[tuple[selectors.SelectorKey, int]]:
@@ -188,7 +206,13 @@ class _VirtualSelector(selectors.DefaultSelector):
         self._turns_since_poll = 0
         return super().select(0)
 
-    def _move_to(self, when: float) -> None:
+    @property
+    def is_paced(self) -> bool:
+        """Whether real time passes with it."""
+        return self._speed < AS_FAST_AS_POSSIBLE
+
+    def move_to(self, when: float) -> None:
+        """Moves the clock; it never goes back."""
         if when > self.now:
             self.now = when
             self._turns_here = 0
@@ -207,7 +231,7 @@ class _VirtualSelector(selectors.DefaultSelector):
         after = time.monotonic()
         passed = min(when, self.now + (after - self._last_real) * self._speed) if ready else when
         self._last_real = after if ready else self._last_real + (when - self.now) / self._speed
-        self._move_to(passed)
+        self.move_to(passed)
         return ready
 
 

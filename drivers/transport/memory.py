@@ -10,6 +10,7 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 BITS_PER_BYTE = 10  # start, eight data bits, stop
 
@@ -30,6 +31,14 @@ class Line:
         return cls(latency_s, BITS_PER_BYTE / baud)
 
 
+@runtime_checkable
+class VirtualLoop(Protocol):
+    """An event loop whose time need not pass."""
+
+    def run_now(self, timer: asyncio.TimerHandle) -> bool:
+        """Moves time to a timer and runs it at once, if nothing at all is to happen before; whether it has."""
+
+
 class MemoryTransport(asyncio.Transport):
     """One end of a joined pair; the asyncio contract of a stream transport.
 
@@ -39,8 +48,10 @@ class MemoryTransport(asyncio.Transport):
     def __init__(self, loop: asyncio.AbstractEventLoop, line: Line, name: object, peer_name: object) -> None:
         super().__init__({"sockname": name, "peername": peer_name})
         self._loop = loop
+        self._run_now = loop.run_now if isinstance(loop, VirtualLoop) else _never
         self._line = line
         self._free_at = 0.0  # when the line has sent what was written before
+        self._under_way: deque[asyncio.TimerHandle] = deque()  # what was sent and has not arrived
         self._waiting: deque[bytes | None] = deque()
         self._paused = False
         self._closing = False
@@ -65,9 +76,24 @@ class MemoryTransport(asyncio.Transport):
         self._free_at = max(now, self._free_at) + len(data or b"") * self._line.byte_s
         arrives_at = self._free_at + self._line.latency_s
         if arrives_at > now:
-            self._loop.call_at(arrives_at, self._peer.receive, data)
+            self._under_way.append(self._loop.call_at(arrives_at, self._arrive, data))
         else:
             self._peer.receive(data)
+
+    def _arrive(self, data: bytes | None) -> None:
+        self._under_way.popleft()
+        self._peer.receive(data)
+
+    def let_arrive(self) -> bool:
+        """Lets what is under way to the other end or from there arrive now, if it is the next to happen; whether so.
+
+        For who waits for an answer and for nothing else: it goes on without a timer and a turn of the loop.
+        """
+        return self.hand_over() or self._peer.hand_over()
+
+    def hand_over(self) -> bool:
+        """Lets the first of what this end has sent arrive now, if it is the next to happen; whether it has."""
+        return bool(self._under_way) and self._run_now(self._under_way[0])
 
     def receive(self, data: bytes | None) -> None:
         """Bytes that arrived from the other end; None is its end of file."""
@@ -135,6 +161,15 @@ class MemoryTransport(asyncio.Transport):
         self._loop.call_soon(self._protocol.connection_lost, None)
         at = max(self._loop.time(), self._free_at) + self._line.latency_s
         self._loop.call_at(at, self._peer.close)
+
+
+def _never(_timer: asyncio.TimerHandle) -> bool:
+    return False
+
+
+def let_arrive(transport: asyncio.Transport | None) -> bool:
+    """As MemoryTransport.let_arrive; False for a wire that leaves this process."""
+    return isinstance(transport, MemoryTransport) and transport.let_arrive()
 
 
 def join(client: asyncio.Protocol, server: asyncio.Protocol, line: Line, address: object) -> MemoryTransport:

@@ -7,6 +7,7 @@ import math
 import pytest
 
 from bench.errors import StoreError
+from bench.loop import BenchLoop
 from bench.report.stored import StoredRun
 from bench.store.reader import RunReader
 from bench.store.runs import RunDirectory
@@ -137,6 +138,13 @@ def test_the_same_seed_gives_the_same_bytes_in_two_processes(tmp_path, bench_com
     assert len(digests[0]) == 65
     assert (paths[0] / "results.json").read_bytes() == (paths[1] / "results.json").read_bytes()
     assert (paths[0] / "truth.json").read_bytes() == (paths[1] / "truth.json").read_bytes()
+
+
+def test_a_run_is_the_same_to_the_byte_when_every_answer_is_waited_for_by_turns_of_the_loop(tmp_path, monkeypatch):
+    at_once = run_short(tmp_path / "at_once", sequence="smoke", seed=7)
+    monkeypatch.setattr(BenchLoop, "run_now", lambda _loop, _timer: False)
+    in_turns = run_short(tmp_path / "in_turns", sequence="smoke", seed=7)
+    assert read_json(at_once, "manifest.json")["digest"] == read_json(in_turns, "manifest.json")["digest"]
 
 
 def test_another_seed_gives_other_data(tmp_path):

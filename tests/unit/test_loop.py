@@ -216,6 +216,59 @@ def test_the_same_work_gives_the_same_history_twice():
     assert fast(main()) == fast(main())
 
 
+def test_the_next_timer_runs_at_once_and_at_its_own_time():
+    async def main():
+        loop, seen = asyncio.get_running_loop(), []
+        first = loop.call_later(2, lambda: seen.append(loop.time()))
+        loop.call_later(3, seen.append, "later")
+        return loop.run_now(first), seen, loop.time()
+
+    assert fast(main()) == (True, [2.0], 2.0)
+
+
+def test_a_timer_that_has_run_at_once_does_not_run_again():
+    async def main():
+        loop, seen = asyncio.get_running_loop(), []
+        loop.run_now(loop.call_later(2, seen.append, "once"))
+        await asyncio.sleep(10)
+        return seen, loop.time()
+
+    assert fast(main()) == (["once"], 12.0)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        lambda loop: loop.call_soon(lambda: None),
+        lambda loop: loop.call_later(1, lambda: None),
+        lambda loop: loop.call_later(2, lambda: None),
+        lambda loop: loop.admit(_answered(3)),
+    ],
+    ids=["something is ready", "an earlier timer", "a timer of the same instant", "a thread is to answer"],
+)
+def test_a_timer_does_not_run_at_once_while_anything_else_is_to_happen_before(other):
+    async def main():
+        loop, seen = asyncio.get_running_loop(), []
+        timer = loop.call_later(2, seen.append, "in its turn")
+        other(loop)
+        assert not loop.run_now(timer)
+        assert (seen, loop.time()) == ([], 0.0)
+        await asyncio.sleep(2)
+        return seen
+
+    assert fast(main()) == ["in its turn"]
+
+
+@pytest.mark.parametrize("speed", [1.0, 1000.0])
+def test_no_timer_runs_at_once_where_time_really_passes(speed):
+    async def main():
+        loop = asyncio.get_running_loop()
+        timer = loop.call_later(0.001, lambda: None)
+        return loop.run_now(timer)
+
+    assert run(main(), speed) is False
+
+
 def test_speed_one_is_the_ordinary_loop():
     async def main():
         loop = asyncio.get_running_loop()

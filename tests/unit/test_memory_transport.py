@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.transport.memory import Line, MemoryTransport, join, open_memory_stream
+from drivers.transport.memory import Line, MemoryTransport, join, let_arrive, open_memory_stream
 
 
 class End(asyncio.Protocol):
@@ -71,6 +71,34 @@ def test_a_serial_line_takes_its_time_for_every_byte_in_both_directions() -> Non
         assert client.arrived == [(pytest.approx(1.06), b"12345"), (pytest.approx(1.07), b"6")]
 
     joined(use, Line.serial(1000, latency_s=0.01))
+
+
+def test_who_waits_for_nothing_else_is_brought_the_question_and_then_the_answer_when_they_are_due() -> None:
+    async def use(client: End, server: End) -> None:
+        client.transport.write(b"12345")
+        assert let_arrive(client.transport)
+        assert server.arrived == [(pytest.approx(0.05), b"12345")]
+        assert not let_arrive(client.transport)
+        server.transport.write(b"6")
+        assert let_arrive(client.transport)
+        assert client.arrived == [(pytest.approx(0.07), b"6")]
+        await asyncio.sleep(1)
+        assert (len(server.arrived), len(client.arrived)) == (1, 1)
+
+    joined(use, Line.serial(1000, latency_s=0.01))
+
+
+def test_nothing_arrives_before_what_else_is_to_happen() -> None:
+    async def use(client: End, server: End) -> None:
+        other = asyncio.create_task(asyncio.sleep(0.001))
+        await asyncio.sleep(0)
+        server.transport.write(b"answer")
+        assert not let_arrive(client.transport)
+        await other
+        assert let_arrive(client.transport)
+        assert client.arrived == [(0.005, b"answer")]
+
+    joined(use, Line(latency_s=0.005))
 
 
 @settings(max_examples=50)
