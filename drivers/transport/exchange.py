@@ -159,12 +159,13 @@ class LineExchange(asyncio.Protocol):
 
     async def _exchange(self, question: bytes, read: Callable[[bytes], T], answer_s: float | None = None) -> T:
         deadline_s = self._pace.answer_s if answer_s is None else answer_s
+        until_s = asyncio.get_running_loop().time() + deadline_s
         self._doubts += 1  # until the whole answer is here and understood
         self._send(question)
-        while (line := self._taken()) is None and let_arrive(self._transport):  # of a simulator in this process
+        while (line := self._taken()) is None and let_arrive(self._transport, until_s):  # of a simulator in here
             pass
         if line is None:
-            line = await self._line_within(deadline_s, question)
+            line = await self._line_until(until_s, deadline_s, question)
         if self._received:
             raise BadAnswer(
                 self.device, "more than one line came back", sent=printable(question),
@@ -231,10 +232,10 @@ class LineExchange(asyncio.Protocol):
             raise LinkLost(self.device, self._lost, sent=printable(command))
         self._transport.write(self._wrap(command))
 
-    async def _line_within(self, deadline_s: float, question: bytes) -> bytes:
+    async def _line_until(self, until_s: float, deadline_s: float, question: bytes) -> bytes:
         """The answer to a question; raises NoAnswer, BadAnswer for one without an end, and LinkLost."""
         try:
-            async with asyncio.timeout(deadline_s):
+            async with asyncio.timeout_at(until_s):
                 while (line := self._taken()) is None:
                     if len(self._received) > ANSWER_LIMIT_BYTES:
                         raise BadAnswer(self.device, "an answer without an end", received=self._leftover())

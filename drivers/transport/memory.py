@@ -84,16 +84,16 @@ class MemoryTransport(asyncio.Transport):
         self._under_way.popleft()
         self._peer.receive(data)
 
-    def let_arrive(self) -> bool:
+    def let_arrive(self, before_s: float) -> bool:
         """Lets what is under way to the other end or from there arrive now, if it is the next to happen; whether so.
 
-        For who waits for an answer and for nothing else: it goes on without a timer and a turn of the loop.
+        For who waits until then for an answer and for nothing else: it goes on without a timer and a turn of the loop.
         """
-        return self.hand_over() or self._peer.hand_over()
+        return self.hand_over(before_s) or self._peer.hand_over(before_s)
 
-    def hand_over(self) -> bool:
+    def hand_over(self, before_s: float) -> bool:
         """Lets the first of what this end has sent arrive now, if it is the next to happen; whether it has."""
-        return bool(self._under_way) and self._run_now(self._under_way[0])
+        return bool(self._under_way) and self._under_way[0].when() < before_s and self._run_now(self._under_way[0])
 
     def receive(self, data: bytes | None) -> None:
         """Bytes that arrived from the other end; None is its end of file."""
@@ -167,9 +167,9 @@ def _never(_timer: asyncio.TimerHandle) -> bool:
     return False
 
 
-def let_arrive(transport: asyncio.Transport | None) -> bool:
+def let_arrive(transport: asyncio.Transport | None, before_s: float) -> bool:
     """As MemoryTransport.let_arrive; False for a wire that leaves this process."""
-    return isinstance(transport, MemoryTransport) and transport.let_arrive()
+    return isinstance(transport, MemoryTransport) and transport.let_arrive(before_s)
 
 
 def join(client: asyncio.Protocol, server: asyncio.Protocol, line: Line, address: object) -> MemoryTransport:

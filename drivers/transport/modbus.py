@@ -122,13 +122,14 @@ class ModbusLink:
             await asyncio.sleep(self._gap_s - stream.silent_s)
         if stream.received and self.framing == "rtu":
             raise self._misfit(f"{printable_hex(stream.received)} before anything was asked", sent)
+        until_s = asyncio.get_running_loop().time() + self._answer_s
         stream.write(self._frames.request(request))
         try:
-            while (answer := self._frames.answer(stream.received)) is None and stream.let_arrive():
+            while (answer := self._frames.answer(stream.received)) is None and stream.let_arrive(until_s):
                 pass
             if answer is not None:  # of a simulator in this process, which saves a timer
                 return answer
-            async with asyncio.timeout(self._answer_s):
+            async with asyncio.timeout_at(until_s):
                 while (answer := self._frames.answer(stream.received)) is None:
                     await stream.more()
         except TimeoutError:
@@ -197,9 +198,9 @@ class _Stream(asyncio.Protocol):
         if self._transport is not None:
             self._transport.write(data)
 
-    def let_arrive(self) -> bool:
+    def let_arrive(self, before_s: float) -> bool:
         """Lets what a simulator in this process says arrive, if that is what happens next; whether it has."""
-        return let_arrive(self._transport)
+        return let_arrive(self._transport, before_s)
 
     async def more(self) -> None:
         """Waits for the next bytes; raises ConnectionError when none will come."""

@@ -1,4 +1,5 @@
 import asyncio
+import math
 from collections.abc import Awaitable, Callable
 
 import pytest
@@ -76,11 +77,11 @@ def test_a_serial_line_takes_its_time_for_every_byte_in_both_directions() -> Non
 def test_who_waits_for_nothing_else_is_brought_the_question_and_then_the_answer_when_they_are_due() -> None:
     async def use(client: End, server: End) -> None:
         client.transport.write(b"12345")
-        assert let_arrive(client.transport)
+        assert let_arrive(client.transport, math.inf)
         assert server.arrived == [(pytest.approx(0.05), b"12345")]
-        assert not let_arrive(client.transport)
+        assert not let_arrive(client.transport, math.inf)
         server.transport.write(b"6")
-        assert let_arrive(client.transport)
+        assert let_arrive(client.transport, math.inf)
         assert client.arrived == [(pytest.approx(0.07), b"6")]
         await asyncio.sleep(1)
         assert (len(server.arrived), len(client.arrived)) == (1, 1)
@@ -88,14 +89,24 @@ def test_who_waits_for_nothing_else_is_brought_the_question_and_then_the_answer_
     joined(use, Line.serial(1000, latency_s=0.01))
 
 
+def test_who_waits_no_longer_is_brought_nothing_at_once() -> None:
+    async def use(client: End, server: End) -> None:
+        server.transport.write(b"answer")
+        assert not let_arrive(client.transport, before_s=0.005)
+        assert (now_s(), client.arrived) == (0.0, [])
+        assert let_arrive(client.transport, before_s=0.006)
+
+    joined(use, Line(latency_s=0.005))
+
+
 def test_nothing_arrives_before_what_else_is_to_happen() -> None:
     async def use(client: End, server: End) -> None:
         other = asyncio.create_task(asyncio.sleep(0.001))
         await asyncio.sleep(0)
         server.transport.write(b"answer")
-        assert not let_arrive(client.transport)
+        assert not let_arrive(client.transport, math.inf)
         await other
-        assert let_arrive(client.transport)
+        assert let_arrive(client.transport, math.inf)
         assert client.arrived == [(0.005, b"answer")]
 
     joined(use, Line(latency_s=0.005))

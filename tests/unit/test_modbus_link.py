@@ -354,3 +354,23 @@ def test_every_error_names_the_device() -> None:
 
     for answer in (None, ANSWER_25_C[:-2], bytes.fromhex("00 01 00 00 00 03 01 83 02")):
         with_server(once(answer), use)
+
+
+def test_the_time_for_an_answer_runs_from_the_request_however_slow_the_line_is() -> None:
+    class AtOnce(Server):
+        def data_received(self, data: bytes) -> None:
+            self.transport.write(ANSWER_25_C)
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, BenchLoop)
+        line = Line(byte_s=0.2)  # 2.4 s for the request, 2.6 s for the answer
+        loop.serve_in_memory("127.0.0.1", 1502, lambda: AtOnce(once(None), []), line)
+        link = ModbusLink("chamber", RealWires(), Address.parse("tcp://127.0.0.1:1502"), unit_id=1, answer_s=3.0)
+        await link.open()
+        with pytest.raises(NoAnswer, match="no answer within 3 s"):
+            await link.read(27586, 2)
+        assert elapsed_s() == 3.0
+        link.close()
+
+    run(main(), AS_FAST_AS_POSSIBLE)
