@@ -118,28 +118,25 @@ class SimulatedCounter(CanNode):
 
     def _before_change(self) -> None:
         """Makes the latches that are due, and counts what has come since under the stimulus that is about to change."""
-        self._count(and_of_the_next=True)
+        now = self._world.now()  # before the latches, which are due while it goes on
+        self._catch_up()
+        if now > self._counted_s:
+            for channel, unit in self._units.items():
+                self._owed[channel] += float(unit.charge_pulses(np.array([self._counted_s, now]))[0])
+            self._counted_s = now
 
     def _catch_up(self) -> None:
         """Makes the latches that are due."""
-        self._count(and_of_the_next=False)
-
-    def _count(self, *, and_of_the_next: bool) -> None:
-        """Makes the latches that are due, and counts what has come of the one after them if that is wanted as well."""
-        now_s = self._world.now()
         if self.faults.times("restart") > self._boots:
             self._restart()
-        due = max(math.floor((now_s - self._origin_s) / self._latch_s) - self._latch, 0)
+        due = math.floor((self._world.now() - self._origin_s) / self._latch_s) - self._latch
+        if due <= 0:
+            return
         numbers = np.arange(self._latch + 1, self._latch + due + 1)
-        edges_s = np.concatenate(([self._counted_s], self._origin_s + numbers * self._latch_s))
-        if and_of_the_next and now_s > edges_s[-1]:
-            edges_s = np.append(edges_s, now_s)
-        self._latch, self._counted_s = self._latch + due, float(edges_s[-1])
-        if due:
-            self._sent.append(self._frames(numbers, edges_s))
-        elif len(edges_s) > 1:
-            for channel in self._units:
-                self._pulses(channel, edges_s, 0)
+        at_s = self._origin_s + numbers * self._latch_s
+        edges_s = np.concatenate(([self._counted_s], at_s))
+        self._latch, self._counted_s = self._latch + due, float(at_s[-1])
+        self._sent.append(self._frames(numbers, edges_s))
 
     def _restart(self) -> None:
         """Power-on: the device's clock, the latches and all counts begin at 0, and the boot counter goes up."""
@@ -148,7 +145,7 @@ class SimulatedCounter(CanNode):
         self._converters = self._made(np.zeros((len(self._settings.form.channels), 3)))
 
     def _frames(self, numbers: NDArray[np.int64], edges_s: Array) -> FrameBlock:
-        form, at_s = self._settings.form, edges_s[1 : len(numbers) + 1]
+        form, at_s = self._settings.form, edges_s[1:]
         frozen = self.faults.active("frozen")
         shown = np.full_like(numbers, self._shown) if frozen else numbers
         self._shown = int(shown[-1])
@@ -162,7 +159,7 @@ class SimulatedCounter(CanNode):
         if form.boot_count is not None:
             put(form.boot_count, np.full_like(numbers, self._boots))
         spoils = self.faults.spans_s("cleared_count") or self.faults.spans_s("stuck_count")
-        for name, positive, negative in self._counts(edges_s, len(numbers), frozen):
+        for name, positive, negative in self._counts(edges_s, frozen):
             channel = form.channels[name]
             if spoils:
                 positive, negative = self._spoilt(name, at_s, positive), self._spoilt(f"-{name}", at_s, negative)
@@ -191,21 +188,21 @@ class SimulatedCounter(CanNode):
                     counts = np.where(during, self._held.setdefault(name, int(counts[np.argmax(during)])), counts)
         return counts
 
-    def _counts(self, edges_s: Array, due: int, frozen: bool) -> Iterator[tuple[str, Counts, Counts]]:
+    def _counts(self, edges_s: Array, frozen: bool) -> Iterator[tuple[str, Counts, Counts]]:
         """Every channel with its + and - counts at the latches."""
         for converters in self._converters:
-            pulses = np.array([self._pulses(channel, edges_s, due) for channel in converters.channels])
+            pulses = np.array([self._pulses(channel, edges_s) for channel in converters.channels])
             yield from zip(converters.channels, *converters.count(pulses, frozen), strict=True)
 
-    def _pulses(self, channel: str, edges_s: Array, due: int) -> Array:
-        """What a channel is owed at each latch that is due; what comes after these it is owed at the next."""
+    def _pulses(self, channel: str, edges_s: Array) -> Array:
+        """What a channel is owed at each latch."""
         unit = self._units.get(channel)
         if unit is None:
-            return np.zeros(due)
+            return np.zeros(len(edges_s) - 1)
         pulses = unit.charge_pulses(edges_s)
         pulses[0] += self._owed[channel]
-        self._owed[channel] = float(pulses[due:].sum())
-        return pulses[:due]
+        self._owed[channel] = 0.0
+        return pulses
 
     def _positions(self, role: str, at_s: Array) -> NDArray[np.int64]:
         """What the encoder of an axis reads at the times, in counts."""
