@@ -71,9 +71,8 @@ class Monitor:
 
     def start(self) -> None:
         """Begins to poll."""
-        count = len(self._rig.devices)
-        for number, role in enumerate(self._rig.devices, start=1):
-            self._tasks.append(asyncio.create_task(self._watch(role, number / count), name=f"monitor {role}"))
+        for role in self._rig.devices:
+            self._tasks.append(asyncio.create_task(self._watch(role), name=f"monitor {role}"))
 
     async def stop(self) -> None:
         """Stops polling; what was read until now, and what has come unasked, is with the writer."""
@@ -122,13 +121,12 @@ class Monitor:
         channel = self._channels.get(self._source(name))
         return channel.last(span_s) if channel is not None else np.empty((0, 2))
 
-    async def _watch(self, role: str, phase: float) -> None:
-        """Polls a device now and in every period, at a `phase` of it (0 to 1), so that not all are asked at once."""
+    async def _watch(self, role: str) -> None:
         every_s, device = period_s(role, self._bench), self._rig.devices[role]
         units = self._bench.devices[role].channels
         news = device.news if isinstance(device, FrameSource) and not self._interlocks.judge_age_of(role) else None
         loop = asyncio.get_running_loop()
-        due_s = loop.time() - every_s * (1 - phase)
+        due_s = loop.time()
         try:
             while True:
                 try:
