@@ -21,6 +21,7 @@ OF_THE_MOTOR = 0.5  # of their scatter is what readings keep without an order of
 TOLD = 1e-3  # of a reading, the least square of a wave beside what else is fitted; half of one where it stands apart
 BLURS = 1.5  # at most: the variance of a mean beside what goes with the table, over that of a plain mean
 LEAST_DOF = 8  # that the scatter is told by
+SUSPECTING_DOF = 4  # that an order of the motor must leave to be suspected where it cannot be told
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,18 +39,22 @@ class TurningReadings:
         """The output over whole turns at a mean rate of the table: mean, standard uncertainty, degrees of freedom.
 
         What goes with the table's rate and with the angle is fitted beside; not what so few readings, or so little of a
-        turn, do not tell from the mean.
+        turn, do not tell from the mean. An order of the motor of which they see but a part of a wave is in the
+        uncertainty, with all by which it would move the mean.
         """
         waves = [wave for order in range(1, HARMONICS + 1) for wave in self._waves(order)]
         for columns in owed_to_the_table(self.table_dps - rate_dps, waves):
             if (fit := self._fitted(columns)) is not None:
-                fit = self._beside_the_motor(columns, fit)
+                fit, moved = self._beside_the_motor(columns, fit)
                 u = fit.residual_sd * float(np.sqrt(fit.unscaled_covariance[0, 0]))
-                return float(fit.coefficients[0]), u, fit.dof
+                return float(fit.coefficients[0]), float(np.hypot(u, moved)), fit.dof
         raise ValueError("no readings")
 
-    def _beside_the_motor(self, columns: Sequence[Array], fit: LinearFit) -> LinearFit:
-        """The fit beside that order of the motor which leaves the least, where there plainly is one."""
+    def _beside_the_motor(self, columns: Sequence[Array], fit: LinearFit) -> tuple[LinearFit, float]:
+        """The fit beside that order of the motor which leaves the least, where there plainly is one.
+
+        Where readings are too few for it, the fit as it is, and by how much that order would move the mean.
+        """
         known = np.linalg.qr(np.column_stack(columns))[0]
         waves = np.array([self._waves(order) for order in MOTOR])
         waves -= waves @ known @ known.T
@@ -58,11 +63,13 @@ class TurningReadings:
         share = waves[told] @ fit.residuals
         explained = np.sum(share * np.linalg.solve(size[told], share[..., np.newaxis])[..., 0], axis=-1)
         if not len(told):
-            return fit
-        beside = self._fitted([*columns, *self._waves(MOTOR[told[np.argmax(explained)]])])
-        if beside is None or beside.residual_sd >= OF_THE_MOTOR * fit.residual_sd:
-            return fit
-        return replace(beside, dof=beside.dof - 1)  # which order it is was fitted too
+            return fit, 0.0
+        beside = self._solved([*columns, *self._waves(MOTOR[told[np.argmax(explained)]])])
+        if beside is None or beside.dof < SUSPECTING_DOF or beside.residual_sd >= OF_THE_MOTOR * fit.residual_sd:
+            return fit, 0.0
+        if self._tells_the_mean(beside):
+            return replace(beside, dof=beside.dof - 1), 0.0  # which order it is was fitted too
+        return fit, float(abs(beside.coefficients[0] - fit.coefficients[0]))
 
     def _waves(self, order: int) -> tuple[Array, Array]:
         angle = np.radians(order * self.angle_deg)
@@ -70,10 +77,15 @@ class TurningReadings:
 
     def _fitted(self, columns: Sequence[Array]) -> LinearFit | None:
         """The fit of a design that leaves the mean well told; the mean alone always does."""
+        fit = self._solved(columns)
+        return fit if fit is not None and (len(columns) == 1 or self._tells_the_mean(fit)) else None
+
+    def _tells_the_mean(self, fit: LinearFit) -> bool:
+        return fit.dof >= LEAST_DOF and fit.unscaled_covariance[0, 0] * len(self.output) <= BLURS
+
+    def _solved(self, columns: Sequence[Array]) -> LinearFit | None:
         with suppress(NotDetermined):
-            fit = least_squares(np.column_stack(columns), self.output)
-            tells = fit.dof >= LEAST_DOF and fit.unscaled_covariance[0, 0] * len(self.output) <= BLURS
-            return fit if tells or len(columns) == 1 else None
+            return least_squares(np.column_stack(columns), self.output)
         return None
 
 

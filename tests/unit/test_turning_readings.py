@@ -50,6 +50,25 @@ def test_what_goes_with_the_table_is_neither_in_the_mean_nor_in_its_uncertainty(
     assert plain > 10 * np.median(u)
 
 
+def test_a_wave_of_which_few_readings_see_a_part_is_in_the_uncertainty():
+    """14 readings of 20 ms at 400 °/s, 86.4° apart: of the fourth harmonic, -14.4° apart, they see half a wave."""
+    rng, at_s = np.random.default_rng(8), EVERY_S * np.arange(14)
+
+    def one(phases):
+        def dps(time_s):
+            return 400 * (1 + RIPPLE * sum(
+                np.cos(np.radians(order * 400 * time_s) + phase) for order, phase in zip((1, 2, 4), phases, strict=True)
+            ))  # fmt: skip
+
+        output = mean_over(dps, at_s, 0.02) + NOISE * rng.standard_normal(14)
+        return TurningReadings(output, 400 * at_s % 360, mean_over(dps, at_s, EVERY_S / 2)).at_rate(400.0)
+
+    found = np.array([one(rng.uniform(0, 2 * np.pi, 3)) for _ in range(200)])
+    ratios = (found[:, 0] - 400) / found[:, 1]
+    assert np.sqrt(np.mean(ratios**2)) < 1.35
+    assert np.mean(np.abs(ratios) > 3) <= 0.02
+
+
 def test_a_part_of_a_turn_does_not_tell_a_harmonic_from_the_mean():
     at_s = EVERY_S * np.arange(24)
     noise = 1e-6 * np.random.default_rng(6).standard_normal((2, 24))
