@@ -162,8 +162,8 @@ class LineExchange(asyncio.Protocol):
         until_s = asyncio.get_running_loop().time() + deadline_s
         self._doubts += 1  # until the whole answer is here and understood
         self._send(question)
-        while (line := self._taken()) is None and let_arrive(self._transport, until_s):  # of a simulator in here
-            pass
+        while (line := self._taken()) is None and let_arrive(self._transport, until_s):
+            pass  # what a simulator in this process answers, without a timer
         if line is None:
             line = await self._line_until(until_s, deadline_s, question)
         if self._received:

@@ -66,21 +66,14 @@ def test_an_answer_may_come_split_at_every_byte(end: bytes) -> None:
 @pytest.mark.parametrize("line", [Line(latency_s=1.5), Line.serial(25)], ids=["far away", "slow"])
 @pytest.mark.parametrize("answer", [b"4007\n", b""], ids=["answers", "is silent"])
 def test_the_time_for_an_answer_runs_from_the_question_however_it_travels(line: Line, answer: bytes) -> None:
-    class Server(asyncio.Protocol):
-        def connection_made(self, transport: asyncio.BaseTransport) -> None:
-            self.transport = transport
-
-        def data_received(self, data: bytes) -> None:
-            assert data == b"4\n"
-            assert isinstance(self.transport, asyncio.Transport)
-            self.transport.write(answer)
-
     async def main() -> None:
         exchange = LineExchange("oracle", Proof(WHO, check_name), pace=Pace(answer_s=1.0))
-        join(exchange, Server(), line, "oracle")
+        oracle = Oracle(lambda oracle, _question, _truth: oracle.transport.write(answer))
+        join(exchange, oracle, line, "oracle")
         with pytest.raises(NoAnswer, match="no answer within 1 s"):
             await value(exchange, 4)
         assert now_s() == 1.0
+        assert oracle.heard == [b"4"]
 
     run(main(), AS_FAST_AS_POSSIBLE)
 
