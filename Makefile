@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := bench drivers simulators
 
-.PHONY: demo test setup lint types contracts pytest coverage truth faults hostile profile benchmark peers clean
+.PHONY: demo test setup lint types contracts pytest slow newest coverage truth faults hostile trials profile benchmark peers clean
 
 demo: $(VENV)/.core
 	$(BIN)/bench run sequences/tumble_static.yaml --bench config/simulated.yaml --operator demo
@@ -25,7 +25,15 @@ contracts: $(VENV)/.dev
 	$(BIN)/lint-imports
 
 pytest: $(VENV)/.dev
-	$(BIN)/pytest -n 2 --dist worksteal --durations 20
+	$(BIN)/pytest -n 2 --dist worksteal -m 'not slow'
+
+# The other tests: truth over seeds, real stacks on loopback, whole benches. CI runs them after `make test`.
+slow: $(VENV)/.dev
+	$(BIN)/pytest -n 2 --dist worksteal -m slow --durations 20
+
+# Everything above is on the interpreter of .venv; this is a quick part on the newest one that is there (or: NEWEST=…).
+newest:
+	./.ci/newest
 
 # Which branches no test goes through; apart from the tests, because it makes them a quarter longer.
 coverage: $(VENV)/.dev
@@ -46,6 +54,7 @@ truth: $(VENV)/.dev
 	$(BIN)/python -m tests.truth.table --seeds 40          # records: 11 s, 18 min, three seeds through all wires
 	$(BIN)/python -m tests.truth.ladder --seeds 20
 	$(BIN)/python -m tests.truth.monte_carlo --draws 1500
+	$(BIN)/python -m tests.truth.units --seeds 40 --decide # units that differ in kind: hours, stopped it goes on
 
 # Bad lines: 20,000 readings over all dialects, each fault reported or borne, and none that makes a value wrong where the
 # line has a checksum; 2,000 orders, none of them sent twice; and what asking twice gains where it has none. Five minutes.
@@ -59,6 +68,10 @@ faults: $(VENV)/.dev
 # 100,000 mutated and hostile documents: each is read, or refused in our own words, within 100 ms.
 hostile: $(VENV)/.dev
 	$(BIN)/python -m tests.hostile --count 100000
+
+# Hostile trials of record, safe state, locks and control, in one table; `python -m tests.trials --scale 0.05` is a sample.
+trials: $(VENV)/.dev
+	$(BIN)/python -m tests.trials
 
 # Where the time of a simulated bench second goes, and our decoder beside cantools.
 profile: $(VENV)/.dev
@@ -86,7 +99,7 @@ $(VENV)/.made:
 	touch $@
 
 $(VENV)/.core: $(VENV)/.made pyproject.toml
-	$(BIN)/pip install --quiet -e .
+	$(BIN)/pip install --quiet -e '.[pdf]'
 	$(BIN)/python -m compileall -q $(PACKAGES)
 	touch $@
 
@@ -96,4 +109,4 @@ $(VENV)/.dev: $(VENV)/.made pyproject.toml
 	touch $@ $(VENV)/.core
 
 clean:
-	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .coverage*
+	rm -rf $(VENV) .venv-newest build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .coverage*

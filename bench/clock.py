@@ -6,6 +6,9 @@ import asyncio
 import time
 from datetime import UTC, datetime, timedelta
 
+SMALLEST_STEP_S = 0.5
+SLEWED = 0.001
+
 
 class Clock:
     """Bench time: `monotonic` of the running loop, and UTC counted on from `start`.
@@ -31,14 +34,42 @@ class Clock:
 
 
 class Stopwatch:
-    """Real seconds since it was made, whatever bench time does."""
+    """Real seconds since it was made, whatever bench time does; the computer's sleep counts."""
 
     def __init__(self) -> None:
-        self._start_s = time.monotonic()
+        self._start_s = _since_boot_s()
 
     def elapsed_s(self) -> float:
         """Real seconds gone by."""
-        return time.monotonic() - self._start_s
+        return _since_boot_s() - self._start_s
+
+
+class ClockWatch:
+    """Notices when the computer's clock is set, and when the computer sleeps, between two looks.
+
+    A clock that is kept in step with others is only made a little faster or slower, by at most `SLEWED`.
+    """
+
+    def __init__(self) -> None:
+        self._last = self._now()
+
+    def look(self) -> tuple[float, float]:
+        """Seconds by which the clock was set since the last look, and for which the computer slept; 0 for neither."""
+        wall_s, boot_s, awake_s = self._now()
+        wall_before_s, boot_before_s, awake_before_s = self._last
+        self._last = wall_s, boot_s, awake_s
+        passed_s = boot_s - boot_before_s
+        set_by_s, slept_s = wall_s - wall_before_s - passed_s, passed_s - (awake_s - awake_before_s)
+        smallest_s = SMALLEST_STEP_S + SLEWED * passed_s
+        return set_by_s if abs(set_by_s) > smallest_s else 0.0, slept_s if slept_s > SMALLEST_STEP_S else 0.0
+
+    @staticmethod
+    def _now() -> tuple[float, float, float]:
+        return time.time(), _since_boot_s(), time.monotonic()
+
+
+def _since_boot_s() -> float:
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 def wall_utc() -> datetime:

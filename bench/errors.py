@@ -36,7 +36,7 @@ class WindowError(BenchError):
 
 
 class InUseError(BenchError):
-    """Another program of this user talks to an instrument; nothing was sent to it."""
+    """Another program on this computer talks to an instrument; nothing was sent to it."""
 
     code = "in-use"
 

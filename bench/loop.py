@@ -16,12 +16,15 @@ import heapq
 import itertools
 import math
 import selectors
+import socket
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, TypeVarTuple, Unpack
 
 from bench.errors import TimeError
+from drivers.awake import came_true
 from drivers.transport.memory import Line, join
 
 T = TypeVar("T")
@@ -31,7 +34,11 @@ AS_FAST_AS_POSSIBLE = math.inf
 REAL_TIME = 1.0
 TURNS_AT_ONE_INSTANT = 100_000
 POLL_EVERY_TURNS = 64  # how often descriptors are looked at while only the loop's own wake-up pipe is open
-THREAD_ANSWER_LIMIT_S = 120.0
+THREAD_ANSWER_LIMIT_S = 120.0  # of time in which this process runs
+HEARTBEAT_S = 0.5  # how often it is looked whether the process runs
+STALL_S = 0.25  # what is less is a busy computer
+STALLS_KEPT = 1000
+TASKS_END_WITHIN_S = 5.0
 
 
 class _Timer(asyncio.TimerHandle):
@@ -62,11 +69,14 @@ class BenchLoop(asyncio.SelectorEventLoop):
         _scheduled: list[_Timer]
         _ready: deque[asyncio.Handle]
 
+        _csock: socket.socket
+
         def _check_closed(self) -> None: ...
 
     def __init__(self, speed: float = REAL_TIME) -> None:
         self._virtual = None if speed == REAL_TIME else _VirtualSelector(self, speed)
-        super().__init__(self._virtual)
+        self._real = _RealSelector() if speed == REAL_TIME else None
+        super().__init__(self._virtual or self._real)
         self._orders = itertools.count()
         self._executor: concurrent.futures.ThreadPoolExecutor | None = None
         self._answers: deque[tuple[concurrent.futures.Future[Any], asyncio.Future[Any]]] = deque()
@@ -75,6 +85,15 @@ class BenchLoop(asyncio.SelectorEventLoop):
     def time(self) -> float:
         """Seconds on this loop's clock; virtual time begins at 0."""
         return super().time() if self._virtual is None else self._virtual.now
+
+    @property
+    def wakeup_fd(self) -> int:
+        """For `signal.set_wakeup_fd`: what is written there wakes this loop, whatever thread the signal came to."""
+        return self._csock.fileno()
+
+    def stalled_since(self, since_s: float) -> float:
+        """For how long this loop has stood still since an instant; virtual time stands still with it."""
+        return 0.0 if self._real is None else self._real.stalled_since(since_s)
 
     def call_at(
         self,
@@ -152,8 +171,7 @@ class BenchLoop(asyncio.SelectorEventLoop):
             answer, admitted = self._answers.popleft()
             if admitted.cancelled():
                 continue
-            concurrent.futures.wait([answer], THREAD_ANSWER_LIMIT_S)
-            if not answer.done():
+            if not came_true(partial(_has_answered, answer), THREAD_ANSWER_LIMIT_S):
                 raise TimeError(f"a thread has not answered for {THREAD_ANSWER_LIMIT_S:g} s: {answer}")
             if (problem := answer.exception()) is not None:
                 admitted.set_exception(problem)
@@ -165,6 +183,40 @@ class BenchLoop(asyncio.SelectorEventLoop):
     def next_timer(self) -> float | None:
         """When the next timer is due, None without one."""
         return self._scheduled[0].when() if self._scheduled else None
+
+
+def _has_answered(answer: concurrent.futures.Future[Any], within_s: float) -> bool:
+    return bool(concurrent.futures.wait([answer], within_s).done)
+
+
+class _RealSelector(selectors.DefaultSelector):
+    """A selector that sees when the process was not running: it waits for short times and compares them with the clock.
+
+    What callbacks take is seen as well: nobody listens meanwhile.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._stalls: deque[tuple[float, float]] = deque(maxlen=STALLS_KEPT)  # when each ended, and how long it was
+        self._returned_s = math.inf
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        """Ready descriptors, or none within the time or HEARTBEAT_S."""
+        begun_s = time.monotonic()
+        self._note(begun_s, begun_s - self._returned_s)
+        wait_s = HEARTBEAT_S if timeout is None else max(0.0, min(timeout, HEARTBEAT_S))
+        ready = super().select(wait_s)
+        self._returned_s = time.monotonic()
+        self._note(self._returned_s, self._returned_s - begun_s - wait_s)
+        return ready
+
+    def stalled_since(self, since_s: float) -> float:
+        """For how long the process has stood still since an instant."""
+        return sum(min(long_s, end_s - since_s) for end_s, long_s in self._stalls if end_s > since_s)
+
+    def _note(self, end_s: float, long_s: float) -> None:
+        if long_s > STALL_S:
+            self._stalls.append((end_s, long_s))
 
 
 class _VirtualSelector(selectors.DefaultSelector):
@@ -219,7 +271,13 @@ class _VirtualSelector(selectors.DefaultSelector):
 
     def _wait_outside(self) -> list[tuple[selectors.SelectorKey, int]]:
         """No timer: only a real descriptor could bring something; none of these is a deadlock."""
-        if len(self.get_map()) > 1 and (ready := super().select(THREAD_ANSWER_LIMIT_S)):
+        ready: list[tuple[selectors.SelectorKey, int]] = []
+
+        def something_came(slice_s: float) -> bool:
+            ready.extend(selectors.DefaultSelector.select(self, slice_s))
+            return bool(ready)
+
+        if len(self.get_map()) > 1 and came_true(something_came, THREAD_ANSWER_LIMIT_S):
             return ready
         raise TimeError(f"virtual time stands at {self.now:.6f} s: deadlock, no timer is set and nothing is under way")
 
@@ -236,6 +294,24 @@ class _VirtualSelector(selectors.DefaultSelector):
 
 
 def run(main: Coroutine[Any, Any, T], speed: float = REAL_TIME) -> T:
-    """Runs `main` on a BenchLoop at `speed` and closes the loop; tasks left behind are cancelled and awaited."""
+    """Runs `main` on a BenchLoop at `speed` and closes the loop; tasks left behind are cancelled and awaited.
+
+    One that does not end within `TASKS_END_WITHIN_S` is abandoned, so that a mistake in it keeps nobody from the end.
+    """
     with asyncio.Runner(loop_factory=lambda: BenchLoop(speed)) as runner:
-        return runner.run(main)
+        try:
+            return runner.run(main)
+        finally:
+            runner.run(_end_tasks())
+
+
+async def _end_tasks() -> None:
+    left = asyncio.all_tasks() - {asyncio.current_task()}
+    for task in left:
+        task.cancel()
+    if not left:
+        return
+    _, deaf = await asyncio.wait(left, timeout=TASKS_END_WITHIN_S)
+    for task in deaf:
+        asyncio.tasks._unregister_task(task)  # which closing the loop would wait for for ever
+        task._log_destroy_pending = False  # type: ignore[attr-defined]  # as asyncio.gather does

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Collection, Mapping
 from contextlib import AsyncExitStack
 from typing import Self
 
 from bench.errors import BenchError
+from drivers.awake import patience
 from drivers.capabilities import (
     Device,
     FrameSource,
@@ -18,11 +19,13 @@ from drivers.capabilities import (
     Source,
     ThermalChamber,
 )
-from drivers.errors import DriverError
+from drivers.errors import DriverError, WrongIdentity
 from drivers.values import Identity
 
 MAKE_SAFE_S = 10.0
 OPEN_S = 30.0
+CLOSE_S = 10.0
+GRACE_S = 1.0  # for what is told to end, beyond its limit
 
 
 class OpenError(BenchError):
@@ -35,35 +38,70 @@ class Rig:
     """The devices of a bench.
 
     Lifetime: inside the context every device is connected and identified, or `OpenError` names all that are not.
-    Leaving it closes them; it does not make them safe, `make_safe` does.
+    Leaving it closes them; it does not make them safe, `make_safe` does. Who must know what has opened when not all has
+    calls `open` and `close`. `not_reached` are devices that could not be opened, or are others than the bench file
+    names; they are not among `devices`, and nothing is sent to them any more.
     """
 
     def __init__(self, devices: Mapping[str, Device]) -> None:
         self.devices = dict(devices)
         self.identities: dict[str, Identity] = {}
+        self.not_reached: dict[str, str] = {}
         self._open = AsyncExitStack()
 
     async def __aenter__(self) -> Self:
         """Opens all devices in parallel; none stays open when that fails, or is cancelled."""
         try:
-            self._check(await self._each(self._open.enter_async_context, OPEN_S))
-            identities = await self._each(lambda device: device.identify(), OPEN_S)
-            self._check(identities)
+            await self.open()
         except BaseException:
-            await self._open.aclose()
+            await self.close()
             raise
-        self.identities = {name: found for name, found in identities.items() if isinstance(found, Identity)}
         return self
-
-    def _check(self, results: Mapping[str, object]) -> None:
-        """Raises OpenError for those devices that gave an exception."""
-        failed = [str(result) for result in results.values() if isinstance(result, Exception)]
-        if failed:
-            raise OpenError("\n".join(failed))
 
     async def __aexit__(self, *exc: object) -> None:
         """Closes the devices in reverse."""
-        await self._open.aclose()
+        await self.close()
+
+    async def open(self, needed: Collection[str] | None = None) -> None:
+        """Open and identify all devices in parallel; OpenError when one of those `needed`, or any, cannot be.
+
+        What has opened stays open, also after an error or a cancellation.
+        """
+        opened: list[Device] = []
+
+        async def enter(device: Device) -> None:
+            await self._open.enter_async_context(device)
+            opened.append(device)
+
+        try:
+            failed = _failed(await self._each(enter, OPEN_S))
+        except asyncio.CancelledError:
+            closed = [role for role, device in self.devices.items() if not any(device is each for each in opened)]
+            self._leave_out({role: f"{role}: its opening was ended" for role in closed})
+            raise
+        self._leave_out(failed)
+        _check(failed, needed)
+        identities = await self._each(lambda device: device.identify(), OPEN_S)
+        failed = _failed(identities)
+        exchanged = {role for role, found in identities.items() if isinstance(found, WrongIdentity)}
+        self._leave_out({role: why for role, why in failed.items() if role in exchanged})
+        _check(failed, needed)
+        self._leave_out(failed)
+        self.identities = {name: found for name, found in identities.items() if isinstance(found, Identity)}
+
+    def _leave_out(self, failed: Mapping[str, str]) -> None:
+        self.not_reached |= failed
+        for role in failed:
+            self.devices.pop(role, None)
+
+    async def close(self) -> None:
+        """Close the devices in reverse, within `CLOSE_S`; one that does not let itself be closed is left behind."""
+        closing = asyncio.create_task(self._open.aclose(), name="closing")
+        await asyncio.wait([closing], timeout=CLOSE_S)
+        if not closing.done():
+            closing.cancel()
+        elif not closing.cancelled() and isinstance(problem := closing.exception(), Exception):
+            raise problem
 
     def positioner(self, role: str) -> Positioner:
         """The device of a role as a positioner; a checked plan asks for nothing else."""
@@ -116,15 +154,17 @@ class Rig:
 
     async def make_safe(self, limit_s: float = MAKE_SAFE_S) -> dict[str, str]:
         """Makes every device safe, in parallel and in bounded time; what could not be made safe, and why."""
-        done = await self._each(lambda device: device.make_safe(), limit_s)
-        return {name: str(result) for name, result in done.items() if isinstance(result, BaseException)}
+        return _failed(await self._each(lambda device: device.make_safe(), limit_s))
 
     async def _each(self, act: Callable[[Device], Awaitable[object]], limit_s: float) -> dict[str, object]:
-        """What `act` gives or raises for each device; one that fails or hangs does not hold the others up."""
+        """What `act` gives or raises for each device; one that fails or hangs does not hold the others up.
+
+        One that does not even end when it is cancelled is left behind.
+        """
 
         async def one(name: str, device: Device) -> object:
             try:
-                async with asyncio.timeout(limit_s):
+                async with patience(limit_s):
                     return await act(device)
             except DriverError as problem:
                 return problem
@@ -133,6 +173,26 @@ class Rig:
             except Exception as problem:  # noqa: BLE001  the other devices are made safe all the same
                 return RuntimeError(f"{name}: {type(problem).__name__}: {problem}")
 
-        names = list(self.devices)
-        results = await asyncio.gather(*(one(name, self.devices[name]) for name in names))
-        return dict(zip(names, results, strict=True))
+        tasks = {name: asyncio.create_task(one(name, device), name=name) for name, device in self.devices.items()}
+        if not tasks:
+            return {}
+        try:
+            await asyncio.wait(tasks.values(), timeout=limit_s + GRACE_S)
+        finally:
+            if slow := [task for task in tasks.values() if not task.done()]:
+                for task in slow:
+                    task.cancel()
+                await asyncio.wait(slow, timeout=GRACE_S)
+        stuck = TimeoutError(f"not within {limit_s:g} s, and its driver does not end")
+        return {name: task.result() if task.done() and not task.cancelled() else stuck for name, task in tasks.items()}
+
+
+def _failed(results: Mapping[str, object]) -> dict[str, str]:
+    """Those devices that gave an exception, with its text."""
+    return {name: str(result) for name, result in results.items() if isinstance(result, BaseException)}
+
+
+def _check(failed: Mapping[str, str], needed: Collection[str] | None) -> None:
+    """Raises OpenError with all that failed, if any of them is needed."""
+    if failed and (needed is None or set(needed) & failed.keys()):
+        raise OpenError("\n".join(failed.values()))

@@ -37,5 +37,6 @@ class AxisUncertainty(StrictModel):
 
     zero: Arcseconds = Field(0.0, description="of the angle 0°")
     harmonics: tuple[Arcseconds, ...] = Field((), description="1, 2, … of the error over a turn")
-    repeatability: Arcseconds = Field(0.0, description="of coming to the same angle again")
+    repeatability: Arcseconds = Field(0.0, description="of coming to the same angle again from the same side")
+    backlash: Arcseconds | None = Field(None, description="between coming to an angle from above and from below")
     wobble: Arcseconds = Field(0.0, description="by how much the axis tilts to and fro once a turn")

@@ -9,12 +9,14 @@ from typing import Annotated
 from pydantic import Field
 from pydantic_core import InitErrorDetails
 
+from drivers.bounded import read_bounded
 from drivers.dbc_outline import lengths_bits, outline
 from drivers.fields import InUnit, Ratio, Seconds, StrictModel, TextLike
 from drivers.suggest import did_you_mean
 from drivers.wording import problem_at
 
 FRAME_SCHEMES = frozenset({"slcan", "can", "socketcand", "log"})
+DBC_LIMIT_BYTES = 2**20
 IDLE_BLOCK_S = 10.0  # how long frames are left together while nobody acquires
 
 SignalName = Annotated[str, TextLike(r"\w+\.\w+", "Message.Signal, a name of the DBC")]
@@ -52,8 +54,8 @@ def position_bits(dbc: Path, encoder: PositionOptions) -> int | None:
 
 
 def text_of(dbc: Path) -> str:
-    """The text of a DBC file, whatever its encoding."""
-    return dbc.read_text(encoding="utf-8", errors="replace")
+    """The text of a DBC file, whatever its encoding; UnfitFileError for what is no file of that size."""
+    return read_bounded(dbc, DBC_LIMIT_BYTES).decode("utf-8", errors="replace")
 
 
 def signals_of(dbc: Path) -> Mapping[str, str]:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import import_module
-from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from pydantic import BaseModel, Field
@@ -18,10 +17,11 @@ from pydantic import BaseModel, Field
 from drivers.capabilities import Device
 from drivers.errors import WrongIdentity
 from drivers.fields import Spelled, StrictModel
+from drivers.installed import Installed
 from drivers.person import NOBODY, Person
-from drivers.recognition import Recognition
 
 if TYPE_CHECKING:  # a bench file is checked without what only an opened device needs
+    from drivers.recognition import Recognition
     from drivers.transport.address import Address
     from drivers.transport.wires import Wires
     from drivers.values import Identity
@@ -53,8 +53,8 @@ class DriverDescription:
     `channels` are the readings that `poll` gives, with their units, or a function of the options that tells them.
     `options`, `limits`, `safe`, `uncertainty` and `corrections` are the models of those blocks of a device entry
     (`calibration.U` and `calibration.corrections` for the last two). `target` is "module:Class"; so is `simulator`,
-    which is known by name only and may be missing. `recognition` is how an instrument is known that no bench file names
-    yet; without it a scan does not find it.
+    which is known by name only and may be missing. `recognition` is "module:NAME" of the Recognition by which an
+    instrument is known that no bench file names yet; without it a scan does not find it.
     """
 
     name: str
@@ -68,13 +68,21 @@ class DriverDescription:
     uncertainty: type[BaseModel] = Nothing
     corrections: type[BaseModel] = Nothing
     simulator: str = ""
-    recognition: Recognition | None = None
+    recognition: str = ""
     reports_every_s: float = 0.0
     channels: Mapping[str, str] | Callable[[Any], Mapping[str, str]] = field(default_factory=dict)
 
     def channels_of(self, options: BaseModel) -> Mapping[str, str]:
         """The readings of a device with these options: name → unit."""
         return self.channels(options) if callable(self.channels) else self.channels
+
+    def recognised_by(self) -> Recognition | None:
+        """How a scan knows the instrument; imports its module. None where it does not."""
+        module, _, name = self.recognition.partition(":")
+        if not module:
+            return None
+        found: Recognition = getattr(import_module(module), name)
+        return found
 
 
 def unheard(_text: str) -> None:
@@ -103,7 +111,7 @@ class Setup(Generic[OptionsT, LimitsT, SafeT]):
 @lru_cache(maxsize=1)
 def known_drivers() -> Mapping[str, DriverDescription]:
     """Every installed driver by name."""
-    return {point.name: point.load() for point in entry_points(group=ENTRY_POINTS)}
+    return Installed(ENTRY_POINTS)
 
 
 def make_driver(description: DriverDescription, setup: Setup[OptionsT, LimitsT, SafeT]) -> Device:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import datetime as dt
 import math
 import re
+import stat
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,6 +50,7 @@ class InUnit:
     at_least: float | None = None
     above: float | None = None
     at_most: float | None = None
+    not_zero: bool = False
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_plain_validator_function(self._validate)
@@ -63,6 +65,7 @@ class InUnit:
         bounds = (("at least", self.at_least), ("more than", self.above), ("at most", self.at_most))
         words = [in_unit(self.unit), f"like {example}"]
         words += [f"{what} {self._spelled(bound)}" for what, bound in bounds if bound is not None]
+        words += ["not 0"] if self.not_zero else []
         return {
             "type": ["number", "string"] if is_ratio else "string", "minLength": 1,
             "description": ", ".join(words), "examples": [example], UNIT_KEYWORD: self.unit,
@@ -88,7 +91,7 @@ class InUnit:
         ):
             if bad:
                 return f"{words} {self._spelled(bound)}"
-        return ""
+        return "a number other than 0" if self.not_zero and value == 0 else ""
 
     def _spelled(self, number: float | None) -> str:
         return f"{number:.12g} {self.unit}".rstrip()
@@ -104,6 +107,8 @@ class InUnit:
             except QuantityError as problem:
                 raise QuantityError(f"{problem}; expected {in_unit(self.unit)}") from None
             if quantity.dimension == NO_DIMENSION and not is_ratio:
+                if not raw.strip()[-1].isdigit():
+                    raise QuantityError(f"'{raw}' is a ratio, expected {in_unit(self.unit)}")
                 raise QuantityError(f"'{raw}' has no unit, write it like '{raw} {self.unit}'")
             return quantity
         if isinstance(raw, (int, float)) and not isinstance(raw, bool) and math.isfinite(raw):
@@ -247,7 +252,10 @@ class FileBeside:
     """Validates the name of a file into the path of an existing one in the folder of the document, or below it.
 
     With `files_needed: False` in the context it need not exist: a bench file kept in a run names more than was kept.
+    One that is larger than `limit_bytes` is refused before it is read.
     """
+
+    limit_bytes: int | None = None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_plain_validator_function(self.path)
@@ -262,17 +270,38 @@ class FileBeside:
         if not isinstance(raw, str) or not raw or not isinstance(folder, Path):
             raise expected("the name of a file beside this one", raw)
         try:
+            exists = _is_file(folder / raw)  # first: of a link to itself no place is known
             path = (folder / raw).resolve()
             inside = path.is_relative_to(folder.resolve())
-            exists = path.is_file()
-        except (OSError, RuntimeError, ValueError) as problem:  # a link to itself, a name that no file can have
-            reason = getattr(problem, "strerror", None) or problem
-            raise telling(f"{quoted(raw)} cannot be read ({reason})") from None
+        except OSError as problem:
+            raise telling(f"{quoted(raw)} cannot be read ({problem.strerror})") from None
+        except ValueError:  # a zero byte, half a character
+            raise telling(f"{quoted(raw)} cannot be read (no file can have this name)") from None
         if not inside:
             raise telling(f"{quoted(raw)} leaves the folder of this file")
         if context.get("files_needed", True) and not exists:
-            raise telling(f"there is no file {quoted(raw)} beside this one")
+            raise telling(f"there is no file {quoted(raw)} beside this one; a copied file needs what it names as well")
+        if exists and self.limit_bytes is not None and (size := path.stat().st_size) > self.limit_bytes:
+            raise telling(f"{quoted(raw)} has {size} bytes, at most {self.limit_bytes} are read; is it the right file?")
+        note_named(raw, context)
         return path
+
+
+def note_named(name: str, context: Mapping[str, Any]) -> None:
+    """Adds the name of a file to those that the document names, where the validation's context asks for them."""
+    if isinstance(named := context.get("named"), set) and not Path(name).is_absolute():
+        named.add(name)
+
+
+def _is_file(path: Path) -> bool:
+    """Whether there is a regular file; OSError when that cannot be known, as for a link to itself.
+
+    `Path.is_file` and `Path.resolve` answer that in other ways from one Python to the next.
+    """
+    try:
+        return stat.S_ISREG(path.stat().st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        return False
 
 
 @dataclass(frozen=True, slots=True)
@@ -347,17 +376,27 @@ def inner_errors(error: ValidationError, place: tuple[str | int, ...] = ()) -> l
 def _with_suggestions(error: ValidationError, model: type[BaseModel]) -> ValidationError:
     """The same errors in plain words; an unknown key of `model` itself says which key is meant.
 
-    The key that is meant is not told to be missing as well: one mistake is one problem.
+    The key that is meant is not told to be missing as well: one mistake is one problem. Nor has the whole part of a
+    number with a decimal comma, which YAML parts between braces, a problem of its own.
     """
     found = error.errors(include_url=False)
     keys = keys_of(model)
     unknown = {item["loc"]: str(item["loc"][0]) for item in found if item["type"] == "extra_forbidden"}
     meant = {nearest(key, keys) for key in unknown.values()}
+    parted = {key for key in unknown.values() if key[:1].isdecimal()}
+    whole = next((item["input"] for item in found if isinstance(item["input"], int)), 0)
     details = []
     for item, plain in zip(found, inner_errors(error), strict=True):
         if item["type"] == "missing" and item["loc"][0] in meant:
             continue
-        if item["loc"] in unknown:
+        if parted and isinstance(item["input"], int):
+            continue
+        if item["loc"] in unknown and unknown[item["loc"]] in parted:
+            meant_number = f"{whole}.{unknown[item['loc']]}"
+            plain["type"] = telling(
+                f"a comma ends a value between braces; decimals stand behind a point: {meant_number}"
+            )
+        elif item["loc"] in unknown:
             plain["type"] = telling(f"unknown key{did_you_mean(unknown[item['loc']], keys)}")
         details.append(plain)
     return ValidationError.from_exception_data(model.__name__, details)

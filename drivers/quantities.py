@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from drivers.units import (
@@ -23,6 +24,7 @@ from drivers.units import (
     normalise,
     parse_unit,
     quoted,
+    taken_for_angle,
 )
 
 _ANGLE = parse_unit("°").dimension
@@ -31,10 +33,15 @@ _TIME = parse_unit("s").dimension
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A finite number in base units with its dimension; `+ - * /` and comparison check dimensions."""
+    """A finite number in base units with its dimension; `+ - * /` and comparison check dimensions.
+
+    `written` is the text that it was parsed from, with single spaces; empty for what was computed. It is no part of the
+    value: quantities that are equal may be written differently.
+    """
 
     base_value: float
     dimension: Dimension = NO_DIMENSION
+    written: str = field(default="", compare=False, repr=False)
 
     def to(self, unit: str) -> float:
         """The number in `unit`, as a person would write it.
@@ -44,7 +51,9 @@ class Quantity:
         target = parse_unit(unit)
         if target.dimension != self.dimension:
             found = f"in {describe(self.dimension)}" if self.dimension != NO_DIMENSION else "a bare number"
-            raise QuantityError(f"is {found}, expected {in_unit(unit)}")
+            angle = "°" in self.written and taken_for_angle(self.dimension, target.dimension)
+            hint = f"; write {self.written.replace('°', '°C')}" if angle else ""
+            raise QuantityError(f"is {found}, expected {in_unit(unit)}{hint}")
         try:
             return _plain(Fraction(self.base_value) / target.factor)
         except OverflowError:
@@ -136,6 +145,14 @@ _QUANTITY = re.compile(
     re.ASCII,
 )
 _PARTED = re.compile(r"[+-]?\d+[_, ]\d", re.ASCII)
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,(?!\d{3}\b)\d+(?![\d,])", re.ASCII)
+_LETTERS = re.compile(r"[+-]?(?:\d[\d.]*[OIl]|[OoIl](?=[\d.]))[\d.OoIl]*(?=\s|°|$)", re.ASCII)
+_DASH = re.compile(r"[‐‒–—]\s*(?=\.?\d)")
+_CLOCK = re.compile(r"(\d+):(\d\d)(?::(\d\d))?", re.ASCII)
+_UNIT_LEFT_OUT = re.compile(r"(\d+)\s*(d|day|h|min)\s*(\d+)", re.ASCII)
+_NEXT_SMALLER = {"d": "h", "day": "h", "h": "min", "min": "s"}
+_DIGITS_LIKE = str.maketrans("OoIl", "0011")
+_NAME = re.compile(r"(?!\$\{|(?:nan|inf)\b)[$({]*([a-z]\w+)[)}]*", re.ASCII)
 _SEXAGESIMAL = re.compile(r"([+-]?)(\d+)°\s*(?=\d)(?:(\d+)'\s*)?(?:(\d+(?:\.\d+)?)\")?", re.ASCII)
 _ALMOST_SEXAGESIMAL = re.compile(r"[+-]?[\d.]+°\s*-?\d", re.ASCII)
 _LONG_TIME = re.compile(
@@ -149,6 +166,11 @@ def parse(text: str) -> Quantity:
     Accepts a number with a unit product, days to seconds (`1 h 30 min`), and degrees with minutes and seconds of arc
     (`54°44'08"`). A bare number is a ratio.
     """
+    found = _parsed(text)
+    return Quantity(found.base_value, found.dimension, " ".join(text.split()))
+
+
+def _parsed(text: str) -> Quantity:
     clean = normalise(text)
     if match := _SEXAGESIMAL.fullmatch(clean):
         return _sexagesimal(*match.groups(default="0"))
@@ -157,14 +179,45 @@ def parse(text: str) -> Quantity:
         return _rounded(((days * 24 + hours) * 60 + minutes) * 60 + seconds, _TIME)
     if _ALMOST_SEXAGESIMAL.match(clean):
         raise QuantityError(f"{quoted(text)} is not an angle; write minutes and seconds of arc like 54°44'08\"")
-    match = _QUANTITY.fullmatch(clean)
+    is_slip = _LETTERS.match(clean) or _CLOCK.fullmatch(clean) or _UNIT_LEFT_OUT.fullmatch(clean)
+    match = None if is_slip else _QUANTITY.fullmatch(clean)
     if match is None:
-        hint = "; write 1500 or 1.5, nothing between the digits" if _PARTED.match(clean) else ""
-        raise QuantityError(f"{quoted(text)} is not a quantity{hint}")
+        raise QuantityError(f"{quoted(text)} is not a quantity{_hint(clean)}")
     unit = parse_unit(match[2] or match[3] or "")
     roughly = finite(float(match[1]), NO_DIMENSION).base_value
     exactly = Fraction(match[1]) if roughly else Fraction(0)  # 1e-999999999 has no fraction that fits in memory
     return _rounded(exactly * unit.factor, unit.dimension)
+
+
+def _hint(text: str) -> str:
+    """What was likely meant by a text that is no quantity, as the tail of a message."""
+    if (letters := _LETTERS.match(text)) is not None:
+        digits = letters[0].translate(_DIGITS_LIKE)
+        return f"; a letter stands for a digit: write {digits}{text[letters.end() :]}"
+    if _DECIMAL_COMMA.match(text):
+        return f"; decimals stand behind a point: write {text.replace(',', '.', 1)}"
+    if _PARTED.match(text):
+        return "; write 1500 or 1.5, nothing between the digits"
+    if _DASH.match(text):
+        return f"; a dash stands for the minus sign: write {_DASH.sub('-', text, count=1)}"
+    if (clock := _CLOCK.fullmatch(text)) is not None:
+        return f"; write a duration with its units: {_duration(*clock.groups())}"
+    if (parts := _UNIT_LEFT_OUT.fullmatch(text)) is not None:
+        return f"; the last unit is missing: write {parts[1]} {parts[2]} {parts[3]} {_NEXT_SMALLER[parts[2]]}"
+    name = _NAME.fullmatch(text)
+    return f"; if it is a parameter, write ${{{name[1]}}}" if name else ""
+
+
+def _duration(first: str, second: str, third: str | None) -> str:
+    """What a clock's time was likely meant for; of two numbers nobody knows whether they begin with hours."""
+    if third is None:
+        return f"{_told((first, second), ('h', 'min'))} or {_told((first, second), ('min', 's'))}"
+    return _told((first, second, third), ("h", "min", "s"))
+
+
+def _told(numbers: Sequence[str], units: Sequence[str]) -> str:
+    parts = [f"{int(number)} {unit}" for number, unit in zip(numbers, units, strict=True) if int(number)]
+    return " ".join(parts) or f"0 {units[-1]}"
 
 
 def _sexagesimal(sign: str, degrees: str, minutes: str, seconds: str) -> Quantity:

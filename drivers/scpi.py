@@ -15,7 +15,11 @@ NOT_A_NUMBER = 9.9e37  # SCPI-1999 7.2.1: 9.9E37 stands for infinity, 9.91E37 fo
 NO_ERROR = 0
 
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
-_ERROR = re.compile(r'([+-]?\d{1,6}),\s*"((?:[^"]|"")*)"', re.ASCII)
+_ERROR = re.compile(r"""([+-]?\d{1,6})\s*,\s*(?:"((?:[^"]|"")*)"|'([^']*)'|([A-Za-z][^"',;]*))""", re.ASCII)
+_EVENT_ERRORS = {  # bit of the event status register, and the class of errors that it tells
+    5: (-100, "Command error"), 4: (-200, "Execution error"), 3: (-300, "Device-specific error"),
+    2: (-400, "Query error"),
+}  # fmt: skip
 _MNEMONIC = re.compile(r"(\[?:?)([A-Za-z]+)(:?\]?)", re.ASCII)
 
 
@@ -74,17 +78,31 @@ def answers(line: bytes, count: int) -> list[str]:
 
 
 def error_entry(line: bytes) -> ErrorEntry:
-    """An answer to SYST:ERR?, like `-113,"Undefined header"`; ValueError."""
-    match = _ERROR.fullmatch(line.decode("ascii"))
+    """An answer to SYST:ERR?, like `-113,"Undefined header"`; ValueError.
+
+    Makers write the empty queue as `0,"No error"`, `+0,"No error"`, `0,'No error'` or `0,No error`. A number alone is
+    none: any switch answers that.
+    """
+    match = _ERROR.fullmatch(line.decode("ascii").strip())
     if match is None:
         raise ValueError("not an entry of an error queue")
-    return ErrorEntry(int(match[1]), match[2].replace('""', '"'))
+    quoted, otherwise = match[2], match[3] or match[4] or ""
+    return ErrorEntry(int(match[1]), otherwise.strip() if quoted is None else quoted.replace('""', '"'))
+
+
+def event_entry(line: bytes) -> ErrorEntry:
+    """The same out of an answer to *ESR?, which IEEE 488.2 has every instrument know: its first error; ValueError."""
+    events = integer(line.decode("ascii").strip())
+    for bit, (code, kind) in _EVENT_ERRORS.items():
+        if events >> bit & 1:
+            return ErrorEntry(code, f"{kind}, *ESR? is {events}")
+    return ErrorEntry(NO_ERROR, "No error")
 
 
 def identity(line: bytes) -> Identity:
-    """An answer to *IDN?: maker, model, serial number, firmware; ValueError."""
+    """An answer to *IDN?: maker, model, serial number, firmware, of which the last two may be empty; ValueError."""
     fields = [field.strip(" \r") for field in line.decode("ascii").split(",", 3)]
-    if len(fields) != 4 or not all(fields[:3]):
+    if len(fields) != 4 or not all(fields[:2]):
         raise ValueError("not maker,model,serial,firmware")
     maker, model, serial, firmware = fields
     return Identity(maker=maker, model=model, serial=serial, firmware=firmware)

@@ -12,8 +12,14 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     return _nearest(name, tuple(known))
 
 
+_LOOKS_LIKE = str.maketrans("oil", "011")  # letters that are taken for digits, such as KO for K0
+
+
 @functools.lru_cache(maxsize=1024)
 def _nearest(name: str, known: tuple[str, ...]) -> str | None:
+    alike = {known_name.casefold().translate(_LOOKS_LIKE): known_name for known_name in known}
+    if same := alike.get(name.casefold().translate(_LOOKS_LIKE)):
+        return same
     spelled = {known_name.casefold(): known_name for known_name in known}
     close = difflib.get_close_matches(name.casefold(), spelled, n=1, cutoff=0.6)
     return spelled[close[0]] if close else None

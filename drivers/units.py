@@ -119,12 +119,15 @@ _REFUSED = {
     "'": "write arcmin for minutes of arc",
 }
 
+_WITH_MEGA = ("Hz", "Ω", "ohm", "pulse", "Pa")  # others come in thousands of thousands by a slip for milli alone
+
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _SUPERSCRIPT_RUN = re.compile("[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+")
 _SAME = (("º", "°"), ("˚", "°"))  # before NFKC, which would take them apart
 _ALIKE = (("−", "-"), ("′′", '"'), ("′", "'"), ("μ", "µ"), ("⋅", "·"))
 _TOKEN = re.compile(r"\s*(?:(1(?!\d))|([^\s\d·*/^()+.,-]+)|([·*/()]))", re.ASCII)
 _EXPONENT = re.compile(r"\^\(-?\d+(?:\.\d+)?\)|\^?-?\d+(?:\.\d+)?", re.ASCII)
+_APART = re.compile(r"°\s+C\b", re.ASCII)
 _LENGTH_LIMIT = 200
 _SHOWN = reprlib.Repr()
 _SHOWN.maxstring = 60
@@ -163,7 +166,8 @@ def parse_unit(text: str) -> Unit:
         return _ONE
     unit, rest = _product(clean, text)
     if rest:
-        raise QuantityError(f"{quoted(text)} is not a unit")
+        joined = _APART.sub("°C", clean)
+        raise QuantityError(f"{quoted(text)} is not a unit{f'; write {joined}' if joined != clean else ''}")
     return unit
 
 
@@ -199,17 +203,41 @@ def _factor(rest: str, text: str) -> tuple[Unit, str]:
     return unit**power, rest[exponent.end() :]
 
 
+_SPELLED_OUT = {
+    "second": "s", "sec": "s", "sek": "s", "minute": "min", "hour": "h", "hr": "h", "volt": "V", "amp": "A",
+    "ampere": "A", "milliamp": "mA", "milliampere": "mA", "millivolt": "mV", "ohm": "Ω", "degree": "°", "grad": "°",
+    "celsius": "°C", "c": "°C", "centigrade": "°C", "hertz": "Hz", "radian": "rad", "percent": "%",
+    "arcsecond": "arcsec", "arcminute": "arcmin", "millisecond": "ms",
+}  # fmt: skip
+
+
 def _symbol(symbol: str, text: str) -> Unit:
     known = _PLAIN.get(symbol) or _PREFIXABLE.get(symbol)
     if known is not None:
         return known
     prefix, rest = _PREFIXES.get(symbol[:1]), symbol[1:]
     if prefix is not None and rest in _PREFIXABLE:
+        if symbol[0] == "M" and rest not in _WITH_MEGA:
+            raise QuantityError(f"{quoted(symbol)} is refused, M being mega: write m{rest} for milli")
         return prefix * _PREFIXABLE[rest]
     if refused := _REFUSED.get(symbol) or (_REFUSED.get(rest) if prefix is not None else None):
         raise QuantityError(refused)
     inside = "" if symbol == text.strip() else f" in {quoted(text)}"
-    raise QuantityError(f"{quoted(symbol)}{inside} is not a known unit")
+    meant = _meant(symbol)
+    raise QuantityError(f"{quoted(symbol)}{inside} is not a known unit{f'; write {meant}' if meant else ''}")
+
+
+def _meant(symbol: str) -> str:
+    """The unit of a name spelled out, or of a symbol in other capitals, milli before mega; empty where none is near."""
+    name = symbol.casefold()
+    for candidate in (name, name.removesuffix("s")):
+        if candidate in _SPELLED_OUT:
+            return _SPELLED_OUT[candidate]
+    prefixed = (prefix + unit for prefix in sorted(_PREFIXES, key="M".__eq__) for unit in _PREFIXABLE)
+    every = (*_PLAIN, *_PREFIXABLE, *prefixed)
+    return next(
+        (known for wanted in (name, name.removesuffix("s")) for known in every if known.casefold() == wanted), ""
+    )
 
 
 # What people write a dimension in; the first that fits.
@@ -241,6 +269,14 @@ def _power(base: str, power: float) -> str:
 def describe(dimension: Dimension) -> str:
     """A dimension in words for a message: "°C/min", or "a bare number"."""
     return customary_unit(dimension) or "a bare number"
+
+
+def taken_for_angle(found: Dimension, expected: Dimension) -> bool:
+    """Whether two dimensions are alike but for degrees of angle in the one where the other has °C."""
+    angle, temperature = BASES.index("°"), BASES.index("°C")
+    powers = list(found)
+    powers[angle], powers[temperature] = powers[temperature], powers[angle]
+    return found[angle] != 0 and tuple(powers) == expected
 
 
 def in_unit(unit: str) -> str:

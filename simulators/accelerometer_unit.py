@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from simulators.attitude import to_unit
 from simulators.dynamics import POINTS, Follower, look_at_s
 from simulators.faults import OPEN_C, FaultPlan
+from simulators.input_hysteresis import InputHysteresis, Play
 from simulators.noise import Noise
 from simulators.unit_file import UnitFile, stream
 from simulators.uut import Hysteresis, Sent, UnitTruth, draw_unit, noise_of
@@ -23,13 +24,15 @@ if TYPE_CHECKING:  # it is the world that makes it
 Array = NDArray[np.float64]
 Input = Literal["accelerometer", "source"]  # what a converter is connected to
 LOOK_S = 0.02  # how finely a mean current follows the head
+LOOK_AT_SWING_S = 0.0005  # how finely hysteresis follows what swings
 HYSTERESIS_STEP_S = 1.0  # how closely it follows the temperature, however long a block is
 
 
 class UnitState(NamedTuple):
     """A unit at a true time: what hysteresis, drift and warm-up add to its bias, and what the rate of temperature adds.
 
-    Beside them the temperatures of its sensor and of an ideal thermometer at it.
+    Beside them the temperatures of its sensor and of an ideal thermometer at it, and how much of the bias is by the
+    history of its input.
     """
 
     true_s: float
@@ -37,6 +40,7 @@ class UnitState(NamedTuple):
     moving_g: float
     sensor_c: float
     thermometer_c: float
+    by_input_g: float
 
 
 class SimulatedUnit:
@@ -54,6 +58,7 @@ class SimulatedUnit:
         self._turned_on_g = 0.0
         self._noise = noise_of(self.truth, settings.seed, place)
         self._hysteresis = Hysteresis(self.truth, settings.chamber.start_c)
+        self._input_hysteresis = self._input_play() if self.truth.input_thresholds_g else None
         start_c = settings.chamber.start_c
         self.warmth = Warmth(world.thermal, index, file, start_c, settings.thermometer_lag_s)
         self._thermometer, self._board_thermometer = self._thermometers(settings)
@@ -62,6 +67,23 @@ class SimulatedUnit:
         self.powered_at_s: float | None = None
         self.history: list[UnitState] = []
         self.input: Input = "accelerometer"
+
+    def _input_play(self) -> InputHysteresis:
+        """Its hysteresis in the input, which follows that before every change of it."""
+        play = Play(self.truth.input_hysteresis_g, self.truth.input_thresholds_g)
+        found = InputHysteresis(
+            play, lambda at_s: self.truth.sensed_g(self.force_g(at_s)), self._world.moves_until_s,
+            LOOK_AT_SWING_S if self.swings else LOOK_S,
+        )  # fmt: skip
+        self._world.integrate_with(lambda: found.before_change(self._world.now()))
+        return found
+
+    def _by_input_g(self, at_s: Array) -> Array:
+        """What the history of its input adds to the bias."""
+        if self._input_hysteresis is None:
+            return np.zeros_like(at_s)
+        self._input_hysteresis.follow(self._world.now())
+        return self._input_hysteresis.bias_g(at_s)
 
     def _thermometers(self, settings: WorldSettings) -> tuple[Thermometer, Thermometer]:
         """At the unit and at its converter."""
@@ -185,8 +207,11 @@ class SimulatedUnit:
         return noise_of(self.truth, self._world.settings.seed, f"{self.place}/{name}")
 
     def _state(self, true_s: float, hysteresis_g: float) -> UnitState:
-        drifted_g = hysteresis_g + float(self._slow_bias_g(np.array([true_s]))[0])
-        return UnitState(true_s, drifted_g, self._moving_g(), self.warmth.sensor_c, self.warmth.thermometer_c)
+        at_s = np.array([true_s])
+        by_input_g = float(self._by_input_g(at_s)[0])
+        drifted_g = hysteresis_g + by_input_g + float(self._slow_bias_g(at_s)[0])
+        warm_c = self.warmth.sensor_c, self.warmth.thermometer_c
+        return UnitState(true_s, drifted_g, self._moving_g(), *warm_c, by_input_g)
 
     def _moving_g(self) -> float:
         """What the rate of temperature adds to the bias."""
@@ -194,6 +219,8 @@ class SimulatedUnit:
 
     def _current_a(self, at_s: Array, temperature_c: Array, bias_g: Array | float, noise_g: Array) -> Array:
         drifting = self._slow_bias_g(at_s) + bias_g
+        if self._input_hysteresis is not None:
+            drifting = drifting + self._by_input_g(at_s)
         return self.truth.current_a(self.force_g(at_s), temperature_c, drifting + noise_g)
 
     def _slow_bias_g(self, at_s: Array) -> Array:

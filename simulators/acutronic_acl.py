@@ -29,6 +29,8 @@ from simulators.world import World
 BRAKE_DPS2 = 400.0  # how the table slows down when its drive drops out
 TURN_DEG = 360.0
 DEFAULT_DPS, DEFAULT_DPS2 = 100.0, 100.0
+FACTORY_LIMITS = "1000,4200,100000,-1000000,1000000,1100"  # rate, acceleration, jerk, lowest, highest, trip
+INTERLOCK_SUMMARY = 1 << 6 | 1 << 0  # of the status byte
 MESSAGE_LIMIT_BYTES = 32_768
 SWINGING = Dynamics.AT_AMPLITUDE | Dynamics.AT_FREQUENCY
 OK = Reply(wire.NO_ERROR, "OK")
@@ -96,15 +98,25 @@ class SimulatedAcutrol:
             "INTERLOCK?": self._on_axis(lambda: self.interlock.value),
             **{f"MODE:{mode.value.upper()}": self._enter(mode) for mode in Mode},
             "MODE?": self._on_axis(lambda: self.mode.value),
+            "MODE": lambda words: self._enter(wire.spelled(words[1], Mode))(words),
+            "UTILITY:FORMAT": self._format,
+            "LIMIT:RATE?": lambda words: _spell(self._limits_of(words).rate_dps),
+            "LIMIT:ACCELERATION?": lambda words: _spell(self._limits_of(words).acceleration_dps2),
+            "LIMIT:ABSOLUTE?": self._on_axis(lambda: FACTORY_LIMITS),
             "LIMIT:RATE": self._limit_rate,
             "LIMIT:ACCELERATION": self._limit_acceleration,
             "DEMAND:POSITION": self._position,
             "DEMAND:RATE": self._rate,
+            "DEMAND:DELTA": self._delta,
+            "DEMAND:ACCELERATION": self._acceleration,
             "DEMAND:OSCILLATOR": self._oscillator,
             "CONFIGURE:OSCILLATOR": self._configure,
+            "CONFIGURE:OSCILLATOR?": self._on_axis(lambda: f"Enable,{self._slews[0]:g},{self._slews[1]:g},Pos,Lin"),
             "READ:POSITION?": self._on_axis(lambda: _spell(self._angle_deg())),
             "READ:RATE?": self._on_axis(lambda: _spell(self._rate_dps())),
+            "READ:ACCELERATION?": self._on_axis(lambda: _spell(self._driven.acceleration_dps2(self._world.now()))),
             "STATUS:CSR?": self._register,
+            "*STB?": lambda _: str(INTERLOCK_SUMMARY if self.interlock is Interlock.FAULT else 0),
         }
 
     @classmethod
@@ -139,13 +151,21 @@ class SimulatedAcutrol:
         answers: list[str] = []
         try:
             for command in scpi.commands(message):
-                answer = self._handler(command.header)(_words(command.argument))
+                answer = self._carried_out(command)
                 answers += [] if answer is None else [answer]
         except Refusal as refusal:
             return refusal.reply
         except (ValueError, IndexError):
             return Reply(BAD_ARGUMENT, "bad argument")
         return Reply(wire.NO_ERROR, ";".join(answers)) if answers else OK
+
+    def _carried_out(self, command: scpi.Command) -> str | None:
+        """The answer to a query; a setting is acknowledged before it is looked at where the controller lags."""
+        handler, words = self._handler(command.header), _words(command.argument)
+        if command.header.endswith("?") or command.header.startswith("R") or not self.faults.active("lag"):
+            return handler(words)
+        self.faults.do(lambda: handler(words), Refusal, ValueError, IndexError)
+        return None
 
     def _handler(self, header: str) -> Handler:
         """What carries out a command, each of whose words may be cut short; READ needs no question mark."""
@@ -238,6 +258,23 @@ class SimulatedAcutrol:
         if self.mode is Mode.POSITION:
             self._go()
 
+    def _delta(self, words: Sequence[str]) -> None:
+        self._check_axis(words[0])
+        by_deg = scpi.number(words[1])
+        if abs(by_deg) > TURN_DEG / 2:
+            raise Refusal(BAD_ARGUMENT, "more than half a turn")
+        self._position([words[0], f"{self._driven.target_deg() + by_deg:.9f}"])
+
+    def _acceleration(self, words: Sequence[str]) -> None:
+        """Of no effect in the modes that are simulated: TRACK alone follows it."""
+        self._check_axis(words[0])
+        scpi.number(words[1])
+
+    def _format(self, words: Sequence[str]) -> None:
+        """Of no effect: numbers are told as decimals, which programs of other people ask for by F."""
+        if not words[0].upper().startswith("F"):
+            raise Refusal(BAD_ARGUMENT, "only decimal numbers are simulated")
+
     def _rate(self, words: Sequence[str]) -> None:
         self._check_axis(words[0])
         self._demand_dps = scpi.number(words[1])
@@ -246,9 +283,15 @@ class SimulatedAcutrol:
 
     def _oscillator(self, words: Sequence[str]) -> None:
         self._check_axis(words[0])
-        if self.mode is Mode.SYNTHESIS:
+        sine = (scpi.number(words[1]), scpi.number(words[2]), scpi.number(words[3]))
+        under_way = self.mode is Mode.SYNTHESIS and self._driven.moving(self._world.now())
+        if under_way and sine[0]:
             raise Refusal(NOT_NOW, "a sine under way is not changed here")
-        self._sine = (scpi.number(words[1]), scpi.number(words[2]), scpi.number(words[3]))
+        self._sine = sine
+        if under_way:  # without an amplitude it ends
+            self._world.turn(0.0, self._limits[Mode.SYNTHESIS].acceleration_dps2, self._role)
+        elif self.mode is Mode.SYNTHESIS:
+            self._swing()
 
     def _configure(self, words: Sequence[str]) -> None:
         self._check_axis(words[0])
@@ -271,7 +314,7 @@ class SimulatedAcutrol:
 
     def _swing(self) -> None:
         amplitude_deg, frequency_hz, phase_deg = self._sine
-        if not self.faults.active("stuck"):
+        if not self.faults.active("stuck") and amplitude_deg and frequency_hz:
             amplitude, frequency = Slew(0.0, amplitude_deg, self._slews[0]), Slew(0.0, frequency_hz, self._slews[1])
             self._world.swing(amplitude, frequency, phase_deg, self._role)
 

@@ -5,6 +5,7 @@ What our driver does not send, and how parameters are numbered, is as ESRF's BLI
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar, Self
@@ -19,7 +20,17 @@ from simulators.world import World
 DEFAULT_RATE_DPS = 10.0
 VERSION = "5.06.001"
 _HOME, _HOME_AT_ONCE = "HOME", "HOMEASYNC"
-_ACCEPTED = ("WAIT MODE NOWAIT", "RAMP MODE RATE", "ACKNOWLEDGEALL", "VERSION")
+_ACCEPTED = ("WAIT MODE NOWAIT", "RAMP MODE RATE", "ACKNOWLEDGEALL", "VERSION", "ABSOLUTE", "INCREMENTAL")
+_MOVING = (
+    "ENABLE",
+    "DISABLE",
+    "MOVEABS",
+    "MOVEINC",
+    "LINEAR",
+    "FREERUN",
+    "ABORT",
+    "SETPARM",
+)  # and what else changes something
 _PARAMETERS = {  # number: name, in capitals
     2: "COUNTSPERUNIT", 37: "SOFTWARELIMITLOW", 38: "SOFTWARELIMITHIGH", 47: "POSITIONFEEDBACKTYPE",
     67: "ENCODERDIVIDER", 71: "DEFAULTSPEED", 72: "DEFAULTRAMPRATE", 75: "HOMESETUP", 76: "HOMESPEED",
@@ -46,6 +57,7 @@ class SimulatedEnsemble:
         self._latched = AxisFault(0)
         self._feedback_deg = self._driven.encoder_deg(world.now())
         self._ramp_dps2: float | None = None  # that of the axis
+        self._incremental = False  # what LINEAR takes its distance for
         low_deg, high_deg = software_limits_deg
         self._parameters = {
             **dict.fromkeys(_PARAMETERS.values(), "1"), wire.FINGERPRINT_PARAMETER.upper(): str(counts_per_unit),
@@ -57,6 +69,7 @@ class SimulatedEnsemble:
             "DISABLE": self._disable,
             "MOVEABS": self._move,
             "MOVEINC": self._move_by,
+            "LINEAR": lambda given: (self._move_by if self._incremental else self._move)(given),
             "FREERUN": self._run_free,
             "ABORT": self._abort,
             _HOME: self._home,
@@ -94,14 +107,27 @@ class SimulatedEnsemble:
             command = wire.parse_command(line)
             if (said := " ".join([command.word, *command.arguments])) in _ACCEPTED:
                 return wire.render(self._of_the_controller(said))
+            given = self._apart(command.arguments)
             if command.word == "RAMP":
-                return wire.render(self._set_ramp(command.arguments))
-            axis, *arguments = command.arguments
+                return wire.render(self._set_ramp(given))
+            axis, *arguments = given
             if axis != self._axis:
                 return wire.render(_INVALID)
-            return wire.render(self._words[command.word](arguments))
+            return wire.render(self._carried_out(command.word, arguments))
         except (KeyError, ValueError):
             return wire.render(_INVALID)
+
+    def _carried_out(self, word: str, arguments: Sequence[str]) -> Reply:
+        if word in _MOVING and self.faults.active("lag"):
+            self.faults.do(lambda: self._words[word](arguments), ValueError)
+            return _DONE
+        return self._words[word](arguments)
+
+    def _apart(self, arguments: Sequence[str]) -> list[str]:
+        """Arguments with the axis by its name and apart from its number: `X1.0 XF10.0` and `@0 1.0 F 10.0` are one."""
+        text = " ".join(arguments).replace("@0", self._axis)
+        text = re.sub(rf"\b{self._axis}(?=[+-]?[.\d])", f"{self._axis} ", text)
+        return re.sub(rf"\b(?:{self._axis})?F\s*(?=[.\d])", "F", text).split()
 
     def left_s(self) -> float:
         """How long the motion under way still takes (s)."""
@@ -116,6 +142,8 @@ class SimulatedEnsemble:
         """What is said to no axis."""
         if said == "ACKNOWLEDGEALL":
             self._latched = AxisFault(0)
+        if said in ("ABSOLUTE", "INCREMENTAL"):
+            self._incremental = said == "INCREMENTAL"
         return Reply(Outcome.DONE, VERSION if said == "VERSION" else "")
 
     def _set_ramp(self, arguments: Sequence[str]) -> Reply:

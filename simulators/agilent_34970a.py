@@ -38,6 +38,7 @@ IDENTITY = "HEWLETT-PACKARD,34970A,0,13-2-2"
 NO_CARD = "HEWLETT-PACKARD,0,0,0"
 _CHANNELS_OF_A_CARD = 20
 _CONFIGURATION = re.compile(r"(TC,(?:[BEJKNRST]|DEF)|F?RTD,(?:85|91|DEF)|DEF)(?:,1(?:,(?:MIN|MAX|DEF))?)?,(\(@.*\))")
+_VOLTS = re.compile(r"(?:(?:[.\dE+-]+|AUTO|MIN|MAX|DEF)(?:,(?:[.\dE+-]+|MIN|MAX|DEF))?,\s*)?(\(@.*\))")
 _DEFAULT_TYPES = {"TC": "J", "RTD": "85", "FRTD": "85"}
 _LIST = re.compile(r"\(@\s*((?:\d{3}(?::\d{3})?(?:\s*,\s*\d{3}(?::\d{3})?)*)?)\s*\)")
 _FORMATS = ("UNIT", "TIME", "CHANnel", "ALARm")
@@ -67,6 +68,7 @@ class SimulatedScanner:
         self._scans = Scans(world, self._reading_c)
         self._settings = ChannelSettings(self._channels)
         self.scan: tuple[int, ...] = ()
+        self.monitored: tuple[int, ...] = ()
         self._reset()
         self._interpreter = Interpreter(identity, self._commands(), signed=True)
 
@@ -108,11 +110,11 @@ class SimulatedScanner:
         """Begins a scan; how long it takes (s), None when nothing is to be scanned or a scan is under way."""
         return self._noting(lambda: self._scans.begin(self.scan, kept=kept))
 
-    def begin_measurement(self, argument: str) -> float | None:
-        """Configures channels as CONF:TEMP does and begins a scan of them; as `begin_scan`."""
+    def begin_measurement(self, argument: str, *, volts: bool) -> float | None:
+        """Configures channels as CONF:TEMP or CONF:VOLT does and begins a scan of them; as `begin_scan`."""
 
         def begin() -> float:
-            self._configure(argument)
+            (self._configure_volts if volts else self._configure)(argument)
             return self._scans.begin(self.scan, kept=False)
 
         return self._noting(begin)
@@ -157,9 +159,12 @@ class SimulatedScanner:
         return ",".join(self._spelled_one(reading) for reading in readings)
 
     def _spelled_one(self, reading: Taken) -> str:
-        unit = self.units.get(reading.channel, "C")
-        shown = wire.OVERLOAD if reading.temperature_c is None else _UNITS[unit](reading.temperature_c)
-        fields = [exponential(shown) + (f" {unit}" if self.formats["UNIT"] else "")]
+        unit, shown = self.units.get(reading.channel, "C"), reading.temperature_c
+        if reading.channel in self.volts:
+            unit = "VDC"
+        elif shown is not None:
+            shown = _UNITS[unit](shown)
+        fields = [exponential(wire.OVERLOAD if shown is None else shown) + (f" {unit}" if self.formats["UNIT"] else "")]
         if self.formats["TIME"]:
             fields.append(f"{reading.since_s:012.3f}")
         if self.formats["CHANnel"]:
@@ -170,6 +175,8 @@ class SimulatedScanner:
 
     def _reading_c(self, channel: int, at_s: float) -> float | None:
         """What a sensor reads at a true time, None when it is open."""
+        if channel in self.volts:
+            return 0.0  # nothing gives a voltage there
         name = self._names.get(channel, "")
         unit = self._world.counted.get(name)
         if channel in self.open or (unit is not None and unit.faults.active("open_thermometer")):
@@ -196,7 +203,14 @@ class SimulatedScanner:
             wire.UNIT: self._unless_stuck(self._set_unit),
             f"{wire.UNIT}?": lambda argument: self._of_each(argument, lambda channel: self.units.get(channel, "C")),
             f"{wire.KIND}?": lambda argument: self._of_each(argument, lambda channel: self._sensor(channel)[0]),
-            "[SENSe:]FUNCtion?": lambda argument: self._of_each(argument, lambda _: '"TEMP"'),
+            "[SENSe:]FUNCtion?": lambda argument: self._of_each(argument, self._function),
+            "CONFigure:VOLTage[:DC]": self._unless_stuck(self._configure_volts),
+            "CONFigure?": lambda argument: self._of_each(argument, self._configured),
+            "ROUTe:MONitor": self._unless_stuck(self._set_monitor),
+            "ROUTe:MONitor?": lambda _: _block(wire.listed(self.monitored)),
+            "ROUTe:MONitor:STATe": self._unless_stuck(self._switch_monitor),
+            "ROUTe:MONitor:STATe?": lambda _: str(int(self.monitors)),
+            "ROUTe:MONitor:DATA?": lambda _: self._monitor(),
             f"{wire.CONDITION}?": lambda _: f"{int(Condition.SCANNING) if self.left_s() else 0:+d}",
             f"{wire.CARD}?": self._card,
             "DIAGnostic:DMM:CYCLes?": lambda _: "+0,+0,+0",
@@ -215,7 +229,7 @@ class SimulatedScanner:
         return commands
 
     def _unless_stuck(self, handler: Handler) -> Handler:
-        return lambda argument: None if self.faults.active("stuck") else handler(argument)
+        return lambda argument: self.faults.carry_out(lambda: handler(argument), Refusal)
 
     def _begin(self) -> None:
         self.begin_scan()
@@ -231,7 +245,41 @@ class SimulatedScanner:
             raise Refusal(SETTINGS_CONFLICT)
         sensor = (kind, _DEFAULT_TYPES[kind] if type_ in ("", "DEF") else type_)
         self.sensors.update(dict.fromkeys(channels, sensor))
+        self.volts -= set(channels)
         self.scan = channels
+
+    def _configure_volts(self, argument: str) -> None:
+        match = _VOLTS.fullmatch(argument.upper())
+        if match is None:
+            raise Refusal(ILLEGAL_VALUE)
+        self.scan = self._channels(match[1])
+        self.volts |= set(self.scan)
+
+    def _function(self, channel: int) -> str:
+        return '"VOLT"' if channel in self.volts else '"TEMP"'
+
+    def _configured(self, channel: int) -> str:
+        """What a channel measures, with its range and resolution, which are always the same here."""
+        if channel in self.volts:
+            return f'"VOLT {exponential(10.0)},{exponential(3e-5)}"'
+        return f'"TEMP {",".join(self._sensor(channel))},{exponential(1.0)},{exponential(3e-6)}"'
+
+    def _set_monitor(self, argument: str) -> None:
+        channels = self._channels(argument)
+        if len(channels) != 1:
+            raise Refusal(ILLEGAL_VALUE)
+        self.monitored = channels
+
+    def _switch_monitor(self, argument: str) -> None:
+        self.monitors = switch(argument)
+
+    def _monitor(self) -> str:
+        """The reading of the channel that is monitored, without unit, time and channel; raises Refusal."""
+        if not (self.monitors and self.monitored):
+            raise Refusal(SETTINGS_CONFLICT)
+        (channel,) = self.monitored
+        value = self._reading_c(channel, self._world.now())
+        return exponential(wire.OVERLOAD if value is None else value)
 
     def _set_scan(self, argument: str) -> None:
         self.scan = self._channels(argument)
@@ -286,6 +334,8 @@ class SimulatedScanner:
         self.scan = ()
         self.sensors: dict[int, tuple[str, str]] = {}
         self.units: dict[int, str] = {}
+        self.volts: set[int] = set()
+        self.monitored, self.monitors = (), False
         self.formats = dict.fromkeys(_FORMATS, False)
 
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {

@@ -139,17 +139,20 @@ class SimulatedBinder(SimulatedChamber):
             good = False
         if not good:
             raise RegisterError(ExceptionCode.ILLEGAL_VALUE)
-        if not self.faults.active("stuck"):
-            self._set_points[address] = pair
-            if self.kind == "mb2":
-                self._follow()
+        self.faults.carry_out(lambda: self._put_set_point(address, pair))
+
+    def _put_set_point(self, address: int, pair: tuple[int, ...]) -> None:
+        self._set_points[address] = pair
+        if self.kind == "mb2":
+            self._follow()
 
     def _write_word(self, address: int, words: Sequence[int]) -> None:
         (word,) = words if len(words) == 1 else (-1,)
         if word < 0 or (address == MODE and word not in list(Mode)):
             raise RegisterError(ExceptionCode.ILLEGAL_VALUE)
-        if self.faults.active("stuck"):
-            return
+        self.faults.carry_out(lambda: self._put_word(address, word))
+
+    def _put_word(self, address: int, word: int) -> None:
         if address == MODE:
             self._mode, self.program_runs = Mode(word), word == Mode.PROGRAM
         elif address == LINES:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import ClassVar, Literal, Self
 
 from drivers.cts import wire
@@ -69,9 +70,16 @@ class SimulatedCts(SimulatedChamber):
             case _ if text == f"R{self._ramp_channel}":
                 return self._ramp()
         for form, carry_out in self._settings:
-            if (match := form.fullmatch(text)) and (self.faults.active("stuck") or carry_out(match)):
+            if (match := form.fullmatch(text)) and (self._not_now or carry_out(match)):
+                if self._not_now:
+                    self.faults.carry_out(partial(carry_out, match))
                 return text[:2] if text[0] == "s" else text[0]
         return ""
+
+    @property
+    def _not_now(self) -> bool:
+        """Whether a setting is acknowledged before anybody looks at it."""
+        return self.faults.active("stuck") or self.faults.active("lag")
 
     def fail(self, number: str) -> None:
         """Something happens that stops the chamber, until it is acknowledged at the chamber: `error` and `running`."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import ClassVar, Self
 
 from drivers.espec_p300 import wire
@@ -27,6 +28,7 @@ _TEMPERATURE = re.compile(
 _MODE = re.compile(rf"MODE,\s*({OFF}|{STANDBY}|{CONSTANT})")
 _POWER = re.compile(r"POWER,(ON|OFF)")
 _HUMIDITY = re.compile(r"HUMI,\s*S(OFF|\d{1,3})")
+_KEY_PROTECTION = re.compile(r"KEYPROTECT,\s*(ON|OFF)", re.IGNORECASE)
 _RUN = re.compile(r"PRGM,RUN,RAM:(\d+),STEP(\d+)")
 _END = re.compile(rf"PRGM,END,({OFF}|{STANDBY}|{CONSTANT})")
 
@@ -66,6 +68,7 @@ class SimulatedP300(SimulatedChamber):
         self._settings: list[tuple[re.Pattern[str], Callable[[re.Match[str]], None]]] = [
             (_TEMPERATURE, self._set_temperature),
             (_HUMIDITY, self._set_humidity),
+            (_KEY_PROTECTION, self._protect_keys),
             (_MODE, lambda match: self._enter(match[1])),
             (_POWER, lambda match: self._enter(STANDBY if match[1] == "ON" else OFF)),
             (_RUN, lambda match: self._run(int(match[1]))),
@@ -118,6 +121,9 @@ class SimulatedP300(SimulatedChamber):
         """They are free again."""
         self.protected = False
 
+    def _protect_keys(self, match: re.Match[str]) -> None:
+        self.protected = match[1].upper() == "ON"
+
     def restart(self) -> None:
         """The mains fail for a moment: it comes back switched off."""
         self.mode = OFF
@@ -127,12 +133,11 @@ class SimulatedP300(SimulatedChamber):
             return self._questions[line]()
         for form, carry_out in self._settings:
             if match := form.fullmatch(line):
-                if self.protected:
+                if self.protected and form is not _KEY_PROTECTION:
                     raise Refusal("PROTECT ON")
-                if not self.faults.active("stuck"):
-                    carry_out(match)
+                self.faults.carry_out(partial(carry_out, match), Refusal)
                 return f"OK:{line}"
-        known = any(line.partition(",")[0] == name for name in ("TEMP", "HUMI", "MODE", "POWER", "PRGM"))
+        known = any(line.partition(",")[0] == name for name in ("TEMP", "HUMI", "MODE", "POWER", "PRGM", "KEYPROTECT"))
         raise Refusal("PARA ERR" if known else "CMD ERR")
 
     def _set_temperature(self, match: re.Match[str]) -> None:

@@ -7,7 +7,9 @@ do to an instrument is not in it: `silent`, `cut`, and the kinds in `LINE_FAULTS
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
@@ -16,8 +18,8 @@ from simulators.line_faults import LineFault
 OPEN_C = 320.0  # what an open thermometer reads
 FaultKind = Literal[
     "silent", "cut", "delay", "late", "duplicate", "garbage", "cut_short", "split", "flip", "echo", "half_open",
-    "slow_close", "frozen", "stuck", "restart", "door_open", "emergency_stop", "front_panel", "program", "interlock",
-    "compliance", "tripped", "alarm", "open_sensor", "dead", "open_thermometer", "current",
+    "slow_close", "frozen", "stuck", "lag", "restart", "door_open", "emergency_stop", "front_panel", "program",
+    "interlock", "compliance", "tripped", "alarm", "open_sensor", "dead", "open_thermometer", "current",
     "lost_frames", "lost_bursts", "doubled_frames", "late_frames", "foreign_frames", "short_frames", "swapped_frames",
     "error_frames", "bus_off", "stuck_count", "cleared_count",
     "heater_dead", "cooling_dead", "runaway", "detached_sensor", "slow",
@@ -30,6 +32,7 @@ LINE_FAULTS: Mapping[FaultKind, LineFault] = {
 }  # fmt: skip
 
 BROKEN_DRAWS = 3.0  # times its current
+LAG_S = 0.7  # between what an instrument acknowledges and what it does, where it lags
 
 
 def nothing(_instrument: Any) -> None:
@@ -45,7 +48,8 @@ class Mishap:
 
 
 LOOKED_FOR = Mishap()
-MEASURES_AND_OBEYS: Mapping[FaultKind, Mishap] = {"frozen": LOOKED_FOR, "stuck": LOOKED_FOR}
+OBEYS: Mapping[FaultKind, Mishap] = {"stuck": LOOKED_FOR, "lag": LOOKED_FOR}
+MEASURES_AND_OBEYS: Mapping[FaultKind, Mishap] = {"frozen": LOOKED_FOR, **OBEYS}
 """What can happen to most instruments: values that stand still, commands that are not carried out."""
 
 
@@ -80,10 +84,10 @@ class FaultPlan:
 
     `silent`: requests are carried out or not, but nothing is answered; frames stop. `cut`: the connection is closed.
     `frozen`: measured values (for a counter: its clock, latch sequence and counts) stand still. `stuck`: commands are
-    accepted and not carried out. `restart`: once, an instrument loses its power for a moment and begins anew. Of a unit
-    `silent` stops the frames of its channel and `dead` its pulses; `open_thermometer` opens that at it, and with
-    `current` it draws more than it should; `detached_thermometer` is one that lies in the room. The others are told in
-    docs/how-to/rehearse_a_bad_night.md.
+    accepted and not carried out. `lag`: they are accepted, and carried out LAG_S later. `restart`: once, an instrument
+    loses its power for a moment and begins anew. Of a unit `silent` stops the frames of its channel and `dead` its
+    pulses; `open_thermometer` opens that at it, and with `current` it draws more than it should; `detached_thermometer`
+    is one that lies in the room. The others are told in docs/how-to/rehearse_a_bad_night.md.
 
     Of what sends frames the bus is bad as in `simulators.frame_faults`, has `error_frames` now and then, or is off: one
     error frame says so, and then nothing comes. Of a counter the first channel's counts stand (`stuck_count`), or all
@@ -93,6 +97,7 @@ class FaultPlan:
     def __init__(self, starts_s: Mapping[str, float] | None = None, now_s: Callable[[], float] = lambda: 0.0) -> None:
         self._spans_s = {kind: [(start_s, math.inf)] for kind, start_s in (starts_s or {}).items()}
         self._now_s = now_s
+        self._late: deque[tuple[float, Callable[[], object], tuple[type[Exception], ...]]] = deque()
 
     def active(self, kind: FaultKind) -> bool:
         """Whether a fault is there now."""
@@ -123,6 +128,28 @@ class FaultPlan:
         index = next((i for i, (_, end_s) in enumerate(spans_s) if end_s == math.inf), None)
         if index is not None:
             spans_s[index] = (spans_s[index][0], self._now_s())
+
+    def carry_out(self, setting: Callable[[], object], *refusals: type[Exception]) -> None:
+        """Does what an instrument was told: at once, a moment later where it lags, never where it is stuck.
+
+        What it finds out later that it refuses, by raising one of `refusals`, nobody is told.
+        """
+        if not self.active("stuck"):
+            self.do(setting, *refusals)
+
+    def do(self, setting: Callable[[], object], *refusals: type[Exception]) -> None:
+        """The same of what is never stuck."""
+        if self.active("lag"):
+            self._late.append((self._now_s() + LAG_S, setting, refusals))
+        else:
+            setting()
+
+    def catch_up(self) -> None:
+        """Does what was to be done by now; an instrument is looked at after it."""
+        while self._late and self._late[0][0] <= self._now_s():
+            _, setting, refusals = self._late.popleft()
+            with suppress(*refusals):
+                setting()
 
     def on_the_line(self) -> LineFault | None:
         """What happens to the answers now."""

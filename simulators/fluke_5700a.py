@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import ClassVar, Self
 
 from drivers.fluke_5700a import wire
 from drivers.fluke_5700a.wire import Event, Status, Terminator
-from drivers.scpi import number
-from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
+from simulators.faults import OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.fluke_units import quantity
 from simulators.setup import InstrumentSetup
 from simulators.world import World
 
@@ -22,11 +23,14 @@ _EXPLAINED = {
     OUT_OF_RANGE: "OUTSIDE LOCKED RANGE", OVERLOAD: "OUTPUT OVERLOAD", QUEUE_OVERFLOW: "FAULT QUEUE OVERFLOW",
 }  # fmt: skip
 QUEUE_LENGTH = 16
+_EVENT_SUMMARY, _REGISTER_MOST = 1 << 5, 255
 _EVENTS = {UNKNOWN_COMMAND: Event.COMMAND_ERROR, BAD_PARAMETER: Event.COMMAND_ERROR, OVERLOAD: Event.DEVICE_ERROR}
 _NO_EFFECT = {  # what is told that changes nothing here: with which arguments
     "*WAI": "", "*OPC": "", "EXTGUARD": "ON|OFF", "EXTSENSE": "ON|OFF", "CUR_POST": "NORMAL|AUX|IB5725",
     "LIMIT": "[^,]+,[^,]+",
 }  # fmt: skip
+_AMPLITUDES = ("V", "A", "OHM")
+_OUTPUTS = ("OUT", "OPER", "STBY", "RANGELCK", "*RST")
 _EITHER_END = bytes.maketrans(b"\r", b"\n")
 
 
@@ -51,11 +55,24 @@ class SimulatedFluke:
         self.end = wire.TERMINATORS[terminator]
         self._world, self._identity = world, f"FLUKE,{model},{serial},1.4+A,1.1,0.0"
         self._queue: deque[int] = deque()
-        self._events = Event.POWER_ON
+        self._events, self._enabled = Event.POWER_ON, {"*ESE": 0, "*SRE": 0}
         self.remote = self.output = self.range_locked = False
         self.level, self.unit, self.frequency_hz, self.range_a = 0.0, "V", 0.0, wire.RANGES_A[0]
         self.modes = Status(0)  # boost, offset and scale, as set at the front panel
         self._changed_s = self._switched_s = -math.inf
+        self._told: Mapping[str, Callable[[], str]] = {
+            "*IDN?": lambda: self._identity,
+            "*OPC?": lambda: "1",
+            "*TST?": lambda: "0",
+            "*ESR?": self._take_events,
+            "*STB?": lambda: str(_EVENT_SUMMARY if self._events & self._enabled["*ESE"] else 0),
+            "*ESE?": lambda: str(self._enabled["*ESE"]),
+            "*SRE?": lambda: str(self._enabled["*SRE"]),
+            "ISR?": lambda: str(int(self._status())),
+            "OUT?": lambda: f"{self.level:.7E},{self.unit},{self.frequency_hz:.2E}",
+            "ETIME?": lambda: str(self.life_min + int(self._world.now() // 60)),
+            "FAULT?": lambda: str(self._queue.popleft() if self._queue else wire.NO_FAULT),
+        }
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
@@ -73,12 +90,16 @@ class SimulatedFluke:
     def current_a(self) -> float:
         """What really flows."""
         self._trip_on_overload()
-        return self.level if self.output and self.unit == "A" else 0.0
+        return self.level if self.output and self._is_dc_current else 0.0
 
     @property
     def feeds_a(self) -> float | None:
         """What flows out of its terminals, without a look at what they take; None in standby."""
-        return self.level if self.output and self.unit == "A" else None
+        return self.level if self.output and self._is_dc_current else None
+
+    @property
+    def _is_dc_current(self) -> bool:
+        return self.unit == "A" and self.frequency_hz == 0
 
     def restart(self) -> None:
         """The mains fail for a moment: everything is as when it was switched on."""
@@ -108,6 +129,8 @@ class SimulatedFluke:
             elif header in _NO_EFFECT:
                 if not re.fullmatch(_NO_EFFECT[header], ",".join(arguments)):
                     self.fault(BAD_PARAMETER)
+            elif header in _OUTPUTS:
+                self.faults.carry_out(partial(self._command_output, header, arguments))
             else:
                 self._obey(header, arguments)
         return answers
@@ -119,26 +142,16 @@ class SimulatedFluke:
             self._queue.append(code if len(self._queue) < QUEUE_LENGTH - 1 else QUEUE_OVERFLOW)
 
     def _answer(self, header: str, arguments: list[str]) -> list[str]:
-        match header:
-            case "*IDN?":
-                return [self._identity]
-            case "*OPC?":
-                return ["1"]
-            case "*ESR?":
-                events, self._events = self._events, Event(0)
-                return [str(int(events))]
-            case "ISR?":
-                return [str(int(self._status()))]
-            case "OUT?":
-                return [f"{self.level:.7E},{self.unit},{self.frequency_hz:.2E}"]
-            case "ETIME?":
-                return [str(self.life_min + int(self._world.now() // 60))]
-            case "FAULT?":
-                return [str(self._queue.popleft() if self._queue else wire.NO_FAULT)]
-            case "EXPLAIN?" if len(arguments) == 1 and arguments[0].isdigit():
-                return [f'"{_EXPLAINED.get(int(arguments[0]), "UNKNOWN FAULT")}"']
+        if header in self._told:
+            return [self._told[header]()]
+        if header == "EXPLAIN?" and len(arguments) == 1 and arguments[0].isdigit():
+            return [f'"{_EXPLAINED.get(int(arguments[0]), "UNKNOWN FAULT")}"']
         self.fault(UNKNOWN_COMMAND)
         return []
+
+    def _take_events(self) -> str:
+        events, self._events = self._events, Event(0)
+        return str(int(events))
 
     def _obey(self, header: str, arguments: list[str]) -> None:
         match header, arguments:
@@ -146,11 +159,19 @@ class SimulatedFluke:
                 self.remote = True
             case "LOCAL", []:
                 self.remote = False
+            case (("*ESE" | "*SRE"), [value]) if value.isdecimal() and int(value) <= _REGISTER_MOST:
+                self._enabled[header] = int(value)
             case "*CLS", []:
                 self._queue.clear()
                 self._events = Event(0)
-            case (("OUT" | "OPER" | "STBY" | "RANGELCK" | "*RST"), _) if not self.remote or self.faults.active("stuck"):
-                pass
+            case _:
+                self.fault(UNKNOWN_COMMAND)
+
+    def _command_output(self, header: str, arguments: list[str]) -> None:
+        """What is heard in remote only."""
+        if not self.remote:
+            return
+        match header, arguments:
             case "*RST", []:
                 self._reset_output()
             case "OPER" | "STBY", []:
@@ -159,20 +180,22 @@ class SimulatedFluke:
                 self.range_locked = arguments == ["ON"]
             case "OUT", [_] | [_, _]:
                 self._set_output(arguments)
-            case (("OUT" | "RANGELCK"), _):
-                self.fault(BAD_PARAMETER)
             case _:
-                self.fault(UNKNOWN_COMMAND)
+                self.fault(BAD_PARAMETER)
 
     def _set_output(self, arguments: list[str]) -> None:
-        """Amplitude with its unit, and frequency; multipliers are not understood here."""
+        """Amplitude and frequency, or one of them; decibels are not understood here."""
+        level, unit, frequency_hz = self.level, self.unit, self.frequency_hz
         try:
-            level_text, _, unit = arguments[0].rpartition(" ")
-            level = number(level_text)
-            frequency_hz = number(arguments[1].removesuffix(" HZ")) if len(arguments) == 2 else self.frequency_hz
+            for place, argument in enumerate(arguments):
+                value, its_unit = quantity(argument)
+                if its_unit == "HZ" and place == len(arguments) - 1:
+                    frequency_hz = value
+                elif its_unit in _AMPLITUDES and place == 0:
+                    level, unit = value, its_unit
+                else:
+                    return self.fault(BAD_PARAMETER)
         except ValueError:
-            return self.fault(BAD_PARAMETER)
-        if unit not in ("A", "V"):
             return self.fault(BAD_PARAMETER)
         if unit == "A" and not (self.range_locked and self.unit == "A"):
             self.range_a = next((range_a for range_a in wire.RANGES_A if abs(level) < range_a), self.range_a)
@@ -211,7 +234,7 @@ class SimulatedFluke:
         self._changed_s = self._switched_s = -math.inf
 
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        "stuck": LOOKED_FOR,
+        **OBEYS,
         "restart": Mishap(restart),
         "front_panel": Mishap(local),
         "tripped": Mishap(overload),

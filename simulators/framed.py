@@ -94,7 +94,7 @@ class SimulatedFrames:
     def carry_out(self, name: str, frame: bytes) -> None:
         """Takes a command."""
         if self.remote:
-            self._handlers[name](frame)
+            self.faults.do(lambda: self._handlers[name](frame))
 
     def status(self, request: bytes = b"") -> bytes:
         """The status now, b"" for one that is lost; `request` is what it answers."""

@@ -142,7 +142,7 @@ class GyroTruth:
 
     def clipped_pps(self, rate_pps: Array) -> Array:
         """Pulses a second within its range, which is that of its scale at the reference temperature."""
-        most = self.scale_ppd * self.range_dps
+        most = abs(self.scale_ppd) * self.range_dps
         return np.clip(rate_pps, -most, most)
 
 

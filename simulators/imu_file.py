@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from drivers.fields import Celsius, PositiveSeconds, StrictModel
 from simulators.gyro import GyroModel
@@ -33,6 +33,12 @@ class ImuAccelerometer(AccelerometerModel):
     """An accelerometer of the three; its misalignments are those of the unit's matrix."""
 
     converter: ConverterModel
+
+    @model_validator(mode="after")
+    def _has_no_play(self) -> ImuAccelerometer:
+        if self.input_hysteresis.thresholds:
+            raise ValueError("input_hysteresis is simulated of single accelerometers only, not of inertial units")
+        return self
 
 
 class Seen(StrictModel):

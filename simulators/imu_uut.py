@@ -15,7 +15,11 @@ from simulators.unit_file import Draw, stream
 from simulators.uut import UnitTruth, coded, draw_unit
 
 Array = NDArray[np.float64]
-OF_EACH = ("thresholds_c", "jumps")  # what hysteresis is made of, which each accelerometer has for itself
+OF_EACH = (
+    "thresholds_c",
+    "input_thresholds_g",
+    "jumps",
+)  # what hysteresis is made of, which each accelerometer has for itself
 
 
 @dataclass(frozen=True, slots=True)

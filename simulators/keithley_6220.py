@@ -27,6 +27,7 @@ from simulators.world import World
 _LEVEL_MAX_A = wire.OVER_RANGE * wire.RANGES_A[-1]
 MEASUREMENT_SUMMARY, OPERATION_SUMMARY = 1 << 0, 1 << 7  # of the status byte
 _REGISTER = kept_number(0, 0, 65535, lambda value: str(round(value)))
+_ERROR_QUERIES = ("SYSTem:ERRor[:NEXT]?", "STATus:QUEue[:NEXT]?")
 _KEPT = {
     "[SOURce:]DELay": kept_number(1.0, 1e-3, 999999.999, lambda delay_s: f"{delay_s:.6E}"),
     "[SOURce:]CURRent:FILTer[:STATe]": kept_switch("0"),
@@ -62,7 +63,9 @@ class SimulatedKeithley(LoadedSource):
         self._kept = KeptSettings(_KEPT)
         self._waves = Waves(self._energise, world.now) if model == "6221" else None
         identity = f"KEITHLEY INSTRUMENTS INC.,MODEL {model},{serial},D04  /700x"
-        self._interpreter = Interpreter(identity, self._commands(), separator="; ", summary=self._summary)
+        self._interpreter = Interpreter(
+            identity, self._commands(), separator="; ", summary=self._summary, error_queries=_ERROR_QUERIES
+        )
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
@@ -127,6 +130,8 @@ class SimulatedKeithley(LoadedSource):
             "[SOURce:]CLEar[:IMMediate]": self.unless_stuck(lambda _: self._clear()),
             "[SOURce:]DELTa:NVPResent?": lambda _: "0",  # no nanovoltmeter is on its second line
             "SYSTem:BEEPer[:IMMediate]": lambda _: None,
+            "STATus:QUEue:CLEar": lambda _: self._interpreter.forget_errors(),
+            "SYSTem:CLEar": lambda _: self._interpreter.forget_errors(),
             "*RST": lambda _: self._reset(),
             **self._kept.commands(),
             **({} if self._waves is None else self._waves.commands()),

@@ -7,11 +7,13 @@ import re
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 from drivers.keysight_3458a import wire
 from simulators.faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
 from simulators.meter_inputs import MeterInput
+from simulators.prologix import Gateway
 from simulators.serve import Later
 from simulators.unit_file import stream
 from simulators.world import World
@@ -29,15 +31,17 @@ _CHOICES = {
     # Kept and told, as programs of other people set them: nothing of what is simulated depends on them.
     "LFILTER": _ON_OFF, "FIXEDZ": _ON_OFF, "LOCK": _ON_OFF, "BEEP": {**_ON_OFF, "ONCE": 2},
     "DISP": {**_ON_OFF, "MSG": 2, "CLR": 3}, "MEM": {"OFF": 0, "LIFO": 1, "FIFO": 2, "CONT": 3},
+    "MFORMAT": {"ASCII": 1, "SINT": 2, "DINT": 3, "SREAL": 4, "DREAL": 5},
 }  # fmt: skip
-_KEPT = {"LFILTER": 0, "FIXEDZ": 0, "LOCK": 0, "BEEP": 1, "DISP": 1, "MEM": 0}
+_KEPT = {"LFILTER": 0, "FIXEDZ": 0, "LOCK": 0, "BEEP": 1, "DISP": 1, "MEM": 0, "MFORMAT": 4}
 _PRESET = {"TARM": 1, "TRIG": 5, "INBUF": 0, "AZERO": 1, "OFORMAT": 1, "MATH": 0, **_KEPT}
 _POWER_ON = {**_PRESET, "TRIG": 1, "END": 0, "QFORMAT": 1}
 _NUMBERS = {"NDIG": (7.0, 3.0, 8.0), "NRDGS": (1.0, 1.0, 1.0), "DELAY": (0.0, 0.0, 6000.0)}  # out of the box, range
 _INSIDE_C = 36.5
-_NPLC_MAX = 1000.0
+_NPLC_MAX, _APERTURE_MAX_S = 1000.0, 1.0
 _FUNCTIONS = {"DCV": (wire.DC_VOLTS, wire.RANGES_V), "DCI": (wire.DC_CURRENT, wire.RANGES_A)}
 _OVER_RANGE, _OVER_1_A = 1.2, 1.05
+_SWITCHING = ("DCV", "DCI", "RANGE", "NPLC", "APER", "AZERO")  # what lags where anything does
 _ERROR_BIT = 1 << 5  # of the status byte
 _NOISE_NPLC = 10.0  # for which the noise of its input is stated
 
@@ -73,6 +77,11 @@ class Simulated3458A:
             "FUNC?": lambda: f"{self.function.code:g}, {self._range_spelled()}",
             "RANGE?": self._range_spelled,
             "NPLC?": lambda: _engineering(self.nplc),
+            "APER?": lambda: _engineering(self.nplc / self._line_hz),
+            "ARANGE?": lambda: str(int(self.full_scale is None)),
+            "ISCALE?": lambda: _engineering(1.0),  # of readings as text
+            "MCOUNT?": lambda: "0",
+            "TERM?": lambda: "1",  # those at the front
         }
         self.restart()
         world.integrate_with(self._catch_up)
@@ -106,10 +115,13 @@ class Simulated3458A:
             return str(self.codes[header[:-1]])
         if header.endswith("?") and header[:-1] in self._numbers:
             return f"{self._numbers[header[:-1]]:g}"
-        if not self.faults.active("stuck"):
-            if header == "FUNC" and parameters:  # FUNC DCV,10 is DCV 10
-                header, *parameters = parameters
-            self._set(header, parameters[0] if parameters else "")
+        if header == "FUNC" and parameters:  # FUNC DCV,10 is DCV 10
+            header, *parameters = parameters
+        setting = partial(self._set, header, parameters[0] if parameters else "")
+        if header in _SWITCHING:
+            self.faults.carry_out(setting)
+        elif not self.faults.active("stuck"):
+            setting()
         return ""
 
     def triggered_by(self, command: str) -> bool:
@@ -169,6 +181,9 @@ class Simulated3458A:
                 self._set_range(parameter)
             case "NPLC":
                 self._set_nplc(parameter)
+            case "APER":
+                aperture_s = self._number(parameter, _APERTURE_MAX_S)
+                self.nplc = self.nplc if aperture_s is None else aperture_s * self._line_hz
             case "RANGE":
                 self._set_range(parameter)
             case _ if header in _NUMBERS:
@@ -252,13 +267,18 @@ class _Aperture:
 
 
 class VoltmeterSession:
-    """A connection to the gateway: what is told waits for its turn, and only a reading takes time."""
+    """A connection to the gateway: what is told waits for its turn, and only a reading takes time.
+
+    Lines that begin with `++` are for the gateway; with `++auto 0` answers stay in the instrument until `++read`.
+    """
 
     def __init__(self, meter: Simulated3458A) -> None:
         self._meter = meter
         self._later: Later = lambda _delay_s, _answer: None
         self._rest = b""
         self._commands: deque[str] = deque()
+        self._gateway = Gateway()
+        self._unread: deque[bytes] = deque()
 
     def answer_by(self, later: Later) -> None:
         """How a reading is said when it is there; without it, it never is."""
@@ -271,20 +291,36 @@ class VoltmeterSession:
         return self._carry_on()
 
     def _carry_on(self) -> bytes:
-        answers = []
+        said = b""
         while self._commands and not self._meter.is_reading:
             command = self._commands.popleft()
-            if self._meter.triggered_by(command):
+            if command.startswith("++"):
+                said += self._of_the_gateway(command)
+            elif not self._gateway.reaches_the_instrument:
+                continue
+            elif self._meter.triggered_by(command):
                 self._later(self._meter.begin_reading(), self._finish)
             else:
-                answers.append(self._meter.execute(command))
-        return b"".join(self._spoken(answer) for answer in answers)
+                said += self._spoken(self._meter.execute(command))
+        return said
 
     def _finish(self) -> bytes:
         return self._spoken(self._meter.end_reading()) + self._carry_on()
 
+    def _of_the_gateway(self, line: str) -> bytes:
+        if line.lower().split()[0] == "++read" and self._unread and self._gateway.reaches_the_instrument:
+            return self._unread.popleft()
+        answer = self._gateway.execute(line, self._meter.execute("STB?"))
+        return answer.encode() + b"\r\n" if answer else b""
+
     def _spoken(self, answer: str) -> bytes:
-        return answer.encode() + b"\r\n" if answer and self._meter.codes["END"] else b""
+        if not (answer and self._meter.codes["END"]):
+            return b""
+        line = answer.encode() + b"\r\n"
+        if self._gateway.reads_by_itself:
+            return line
+        self._unread.append(line)
+        return b""
 
 
 def _over(full_scale: float, function: wire.Function) -> float:

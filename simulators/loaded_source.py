@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
-from simulators.scpi import Handler
+from simulators.faults import OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.scpi import Handler, Refusal
 from simulators.world import World
 
 WITHOUT_WIRE = 1e6  # times its load
@@ -50,10 +50,10 @@ class LoadedSource:
         self.output = on
 
     def unless_stuck(self, handler: Handler) -> Handler:
-        """What carries a setting out, or does not."""
-        return lambda argument: None if self.faults.active("stuck") else handler(argument)
+        """What carries a setting out, or does not, or not yet."""
+        return lambda argument: self.faults.carry_out(lambda: handler(argument), Refusal)
 
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        "stuck": LOOKED_FOR,
+        **OBEYS,
         "compliance": Mishap(take_load_off, put_load_back),
     }

@@ -139,13 +139,16 @@ class SimulatedProfile(SimulatedChamber):
         low_c, high_c = self.limits_c
         self._check(len(words) == self.profile.set_point.count)
         self._check(low_c <= self._value(self.profile.set_point, words) <= high_c)
-        if not self.faults.active("stuck"):
-            self._set_point = words
-            self._follow()
+        self.faults.carry_out(lambda: self._put_set_point(words))
+
+    def _put_set_point(self, words: Words) -> None:
+        self._set_point = words
+        self._follow()
 
     def _take(self, *, mode: int | None = None, rate: Words | None = None, ramp_on: int | None = None) -> None:
-        if self.faults.active("stuck"):
-            return
+        self.faults.carry_out(lambda: self._put(mode, rate, ramp_on))
+
+    def _put(self, mode: int | None, rate: Words | None, ramp_on: int | None) -> None:
         self._rate = rate or self._rate
         self._ramp_on = self._ramp_on if ramp_on is None else ramp_on
         if mode is not None:

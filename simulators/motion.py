@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,6 +104,10 @@ class Axis:
         """How long it takes yet to come to that."""
         return max(0.0, self._profile.start_s + self._profile.duration_s - at_s)
 
+    def rests_in_s(self, at_s: float) -> float:
+        """How long it moves yet; for ever while it swings or turns."""
+        return math.inf if self._profile.endless else self.left_s(at_s)
+
     def moving(self, at_s: float) -> bool:
         """Whether it is not at rest."""
         return self._profile.endless or not self.done(at_s)
@@ -118,6 +123,10 @@ class Axis:
     def rate_dps(self, at_s: float) -> float:
         """How fast it turns."""
         return self._profile.rate_at(at_s)
+
+    def acceleration_dps2(self, at_s: float) -> float:
+        """How fast its rate changes."""
+        return float(self._profile.accelerations_dps2(np.array([at_s]))[0])
 
     def target_deg(self) -> float:
         """Where the last command ends, if it does."""

@@ -195,8 +195,11 @@ class SimulatedXps:
         self._from(given, GroupState.SWITCHED_OFF, GroupState.TRIPPED)
         if self._error:
             raise CallRefusedError(wire.POSITIONER_ERROR)
-        self._status = _ENABLED
+        self.faults.do(self._put_on)
         return ""
+
+    def _put_on(self) -> None:
+        self._status = _ENABLED
 
     def _disable(self, given: Sequence[str]) -> str:
         self._from(given, GroupState.READY)
@@ -246,8 +249,11 @@ class SimulatedXps:
         profile = Profile(*map(float, given[1:5]))
         if not (0 < profile.rate_dps <= self._fastest[0] and 0 < profile.acceleration_dps2 <= self._fastest[1]):
             raise CallRefusedError(wire.PARAMETER_OUT_OF_RANGE)
-        self.profile = profile
+        self.faults.do(lambda: self._put_profile(profile))
         return ""
+
+    def _put_profile(self, profile: Profile) -> None:
+        self.profile = profile
 
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
         **MEASURES_AND_OBEYS,

@@ -13,6 +13,7 @@ from simulators.serve import Later
 _WAITING = ("*OPC?", "*WAI")
 _FETCH = ("FETCH?", "FETC?")
 _READ = "READ?"
+_MEASURE_VOLTS = ("MEAS:VOLT:DC?", "MEASURE:VOLTAGE:DC?", "MEAS:VOLT?", "MEASURE:VOLTAGE?")
 _MEASURE = ("MEAS:TEMP?", "MEASURE:TEMP?", "MEAS:TEMPERATURE?", "MEASURE:TEMPERATURE?")
 
 
@@ -30,8 +31,8 @@ class Scanner(Protocol):
     def begin_scan(self, *, kept: bool = True) -> float | None:
         """Begins a scan; how long it takes (s), None when none begins."""
 
-    def begin_measurement(self, argument: str) -> float | None:
-        """Configures channels and begins a scan of them; as `begin_scan`."""
+    def begin_measurement(self, argument: str, *, volts: bool) -> float | None:
+        """Configures channels, for DC volts or a temperature, and begins a scan of them; as `begin_scan`."""
 
     def left_s(self) -> float:
         """How long the scan under way still takes (s)."""
@@ -77,7 +78,7 @@ class ScannerSession:
     def _next_of(self, line: _Line) -> None:
         """Carries out the next command of a line, or waits for what it needs."""
         command = line.commands[0]
-        if command.header in (_READ, *_MEASURE) and not line.reads:
+        if command.header in (_READ, *_MEASURE, *_MEASURE_VOLTS) and not line.reads:
             if self._begun(command) is None:
                 line.commands.popleft()
                 return
@@ -98,7 +99,7 @@ class ScannerSession:
     def _begun(self, command: Command) -> float | None:
         if command.header == _READ:
             return self._scanner.begin_scan(kept=False)
-        return self._scanner.begin_measurement(command.argument)
+        return self._scanner.begin_measurement(command.argument, volts=command.header in _MEASURE_VOLTS)
 
     def _answer(self, command: Command, *, reads: bool) -> str | None:
         """What is answered when nothing is to be waited for any more."""

@@ -20,6 +20,7 @@ ILLEGAL_VALUE = ErrorEntry(-224, "Illegal parameter value")
 QUEUE_OVERFLOW = ErrorEntry(-350, "Queue overflow")
 EMPTY = ErrorEntry(scpi.NO_ERROR, "No error")
 
+ERROR_QUERIES = ("SYSTem:ERRor[:NEXT]?",)
 QUEUE_LENGTH = 20
 LINE_LIMIT_BYTES = 4096
 SCPI_VERSION = "1997.0"
@@ -43,12 +44,13 @@ class Interpreter:
     `commands` has, for each header as manuals spell it, what carries it out: it is given the argument, answers a
     query with text, and raises Refusal. Common commands, the status byte and the error queue are here. `signed` has
     codes of the queue with their sign, also 0 (`+0,"No error"`), as instruments of one maker tell them.
-    `summary` has the bits of the status byte that sum registers of the instrument itself up.
+    `error_queries` take entries out of the queue. `summary` has the bits of the status byte that sum registers of the
+    instrument itself up.
     """
 
     def __init__(
         self, identity: str, commands: Mapping[str, Handler], *, separator: str = ";", signed: bool = False,
-        summary: Callable[[], int] = lambda: 0,
+        summary: Callable[[], int] = lambda: 0, error_queries: Sequence[str] = ERROR_QUERIES,
     ) -> None:  # fmt: skip
         self._separator, self._signed, self._summary = separator, signed, summary
         self._enabled = {"ESE": 0, "SRE": 0}
@@ -68,9 +70,7 @@ class Interpreter:
             "*STB?": lambda _: str(self._status_byte()),
             "*TST?": lambda _: "0",
             "SYSTem:VERSion?": lambda _: SCPI_VERSION,
-            "SYSTem:ERRor[:NEXT]?": self._take_error,
-            "STATus:QUEue[:NEXT]?": self._take_error,
-            "STATus:QUEue:CLEar": self._clear,
+            **dict.fromkeys(error_queries, self._take_error),
             "STATus:PRESet": lambda _: None,
             **commands,
         }
@@ -103,6 +103,10 @@ class Interpreter:
             self._errors.append(entry)
         else:
             self._errors[-1] = QUEUE_OVERFLOW
+
+    def forget_errors(self) -> None:
+        """Empties the error queue; the events stay."""
+        self._errors.clear()
 
     def power_on(self) -> None:
         """The instrument has just been switched on: no errors, and the event that says so."""

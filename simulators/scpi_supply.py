@@ -2,17 +2,40 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import ClassVar, Self
 
 from drivers.scpi_supply import wire
 from simulators.faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
-from simulators.scpi import NOT_ALLOWED, SETTINGS_CONFLICT, Interpreter, LineSession, Refusal, setting, switch
+from simulators.kept import KeptSettings, kept_number, kept_switch
+from simulators.scpi import (
+    ILLEGAL_VALUE,
+    NOT_ALLOWED,
+    SETTINGS_CONFLICT,
+    Handler,
+    Interpreter,
+    LineSession,
+    Refusal,
+    setting,
+    switch,
+)
 from simulators.setup import InstrumentSetup
 from simulators.world import World
 
 VOLTAGE_MAX_V = 32.0
 CURRENT_MAX_A = 3.0
+_CLEARS = ("OUTPut:PROTection:CLEar", "[SOURce:]VOLTage:PROTection:CLEar", "[SOURce:]CURRent:PROTection:CLEar")
+_NOTHING_HAPPENS = (
+    "SYSTem:REMote", "SYSTem:LOCal", "SYSTem:RWLock", "SYSTem:BEEPer[:IMMediate]", "DISPlay[:STATe]",
+    "DISPlay:TEXT[:DATA]", "DISPlay:TEXT:CLEar",
+)  # fmt: skip
+_KEPT = {  # levels at which others have it trip; here it does when somebody says so
+    "[SOURce:]VOLTage:PROTection[:LEVel]": kept_number(35.2, 0.0, 35.2, lambda value: f"{value:.3f}"),
+    "[SOURce:]VOLTage:PROTection:STATe": kept_switch("1"),
+    "[SOURce:]CURRent:PROTection[:LEVel]": kept_number(3.3, 0.0, 3.3, lambda value: f"{value:.4f}"),
+    "[SOURce:]CURRent:PROTection:STATe": kept_switch("0"),
+}
 
 
 class SimulatedSupply:
@@ -34,12 +57,13 @@ class SimulatedSupply:
         self._world, self._name = world, name
         self._level_v, self._limit_a, self.output = 0.0, CURRENT_MAX_A, False
         self._measured, self._tripped = (0.0, 0.0), set[str]()
+        self._kept = KeptSettings(_KEPT)
         self._interpreter = Interpreter(
             f"INERTIAL TEST BENCH,{model},{serial},1.0",
             {
-                wire.VOLTAGE: self._set_level,
+                wire.VOLTAGE: self._perhaps_later(self._set_level),
                 f"{wire.VOLTAGE}?": lambda asked: f"{_asked(asked, self._level_v, VOLTAGE_MAX_V):.3f}",
-                wire.CURRENT: self._set_limit,
+                wire.CURRENT: self._perhaps_later(self._set_limit),
                 f"{wire.CURRENT}?": lambda asked: f"{_asked(asked, self._limit_a, CURRENT_MAX_A):.4f}",
                 wire.OUTPUT: self._switch,
                 f"{wire.OUTPUT}?": lambda _: str(int(self.output)),
@@ -47,9 +71,15 @@ class SimulatedSupply:
                 f"{wire.MEASURE_CURRENT}?": lambda _: f"{self._measure()[1]:.5f}",
                 f"{wire.OVER_VOLTAGE}?": lambda _: str(int("over_voltage" in self._tripped)),
                 f"{wire.OVER_CURRENT}?": lambda _: str(int("over_current" in self._tripped)),
-                "APPLy": self._apply,
+                "APPLy": self._perhaps_later(self._apply),
                 "APPLy?": lambda _: f'"{self._level_v:.3f},{self._limit_a:.4f}"',
-                **dict.fromkeys(("SYSTem:REMote", "SYSTem:LOCal", "SYSTem:RWLock"), lambda _: None),
+                f"{wire.MEASURE_POWER}?": lambda _: f"{math.prod(self._measure()):.5f}",
+                **dict.fromkeys(_CLEARS, lambda _: self._tripped.clear()),
+                **dict.fromkeys(("INSTrument[:SELect]", "INSTrument:NSELect"), _select),
+                "INSTrument[:SELect]?": lambda _: "OUT1",
+                "INSTrument:NSELect?": lambda _: "1",
+                **dict.fromkeys(_NOTHING_HAPPENS, lambda _: None),
+                **self._kept.commands(),
                 "*RST": lambda _: self._reset(),
             },
         )
@@ -92,9 +122,14 @@ class SimulatedSupply:
         on = switch(argument)
         if on and self._tripped:
             raise Refusal(SETTINGS_CONFLICT)
-        if not self.faults.active("stuck"):
-            self.output = on
-            self._feed_units()
+        self.faults.carry_out(lambda: self._put_output(on))
+
+    def _put_output(self, on: bool) -> None:
+        self.output = on
+        self._feed_units()
+
+    def _perhaps_later(self, handler: Handler) -> Handler:
+        return lambda argument: self.faults.do(lambda: handler(argument), Refusal)
 
     def _feed_units(self) -> None:
         self._world.power(self._name, self.output and self._level_v > 0)
@@ -110,6 +145,7 @@ class SimulatedSupply:
 
     def _reset(self) -> None:
         self._tripped.clear()
+        self._kept.reset()
         self._level_v, self._limit_a, self.output = 0.0, CURRENT_MAX_A, False
         self._feed_units()
 
@@ -118,6 +154,12 @@ class SimulatedSupply:
         "tripped": Mishap(trip),
         "restart": Mishap(restart),
     }
+
+
+def _select(output: str) -> None:
+    """There is one output only."""
+    if output.upper() not in ("1", "OUT1", "OUTP1", "CH1"):
+        raise Refusal(ILLEGAL_VALUE)
 
 
 def _asked(which: str, set_to: float, most: float) -> float:

@@ -57,6 +57,7 @@ class InstrumentProtocol(asyncio.Protocol):
         if self._instrument.faults.active("cut") and self._transport is not None:
             self._transport.abort()
             return
+        self._instrument.faults.catch_up()
         self._say(self._session.feed(data))
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -72,6 +73,7 @@ class InstrumentProtocol(asyncio.Protocol):
 
     def _say_now(self, answer: Callable[[], bytes]) -> None:
         if self._transport is not None:
+            self._instrument.faults.catch_up()
             said = answer()
             if not self._transport.get_write_buffer_size():  # what nobody reads is not kept for whoever comes
                 self._say(said)

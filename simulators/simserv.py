@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import ClassVar, Self
 
 from drivers.simserv import wire
@@ -21,6 +22,11 @@ PROGRAMS: Mapping[int, tuple[float, float]] = {1: (80.0, 1.0), 2: (-20.0, 0.5)} 
 MESSAGES = ("Door open", "Temperature limiter", "Water supply")
 NO_SUCH_CHAMBER, UNKNOWN, WRONG_ARGUMENTS, NOTHING_THERE, NOT_CARRIED_OUT = -4, -5, -6, -8, -9
 OUTPUTS = 16
+# What programs of other people ask besides, by the numbers of the manual of 2019 as SengerM's package has them.
+_VARIABLES, _VARIABLE_NAME, _OUTPUTS, _OUTPUT_NAME = 11018, 11026, 14007, 14010
+_LOW_LIMITS, _HIGH_LIMITS = (11014, 11016), (11015, 11017)  # of alarms and warnings
+_MEASURED_VALUES, _INPUTS, _PROGRAM = 12012, 15004, 19204
+_OUTPUT_NAMES = {1: "Start", 7: "Compressed air", 8: "Dryer"}
 
 
 class Refusal(Exception):
@@ -54,18 +60,26 @@ class SimulatedSimserv(SimulatedChamber):
         self._functions: Mapping[int, tuple[int, Callable[..., object]]] = {
             Function.INFO: (1, self._info),
             Function.STATUS: (0, self._status),
-            Function.SET_POINT: (1, lambda _: f"{self._told_c():.1f}"),
+            Function.SET_POINT: (1, lambda _: _decimal(self._told_c())),
             Function.PROCESS_VALUE: (1, lambda _: f"{self.measured_c():.1f}"),
             Function.LOWEST: (1, lambda _: f"{self.limits_c[0]:.1f}"),
             Function.HIGHEST: (1, lambda _: f"{self.limits_c[1]:.1f}"),
             Function.UNIT: (1, lambda _: "°C"),
             Function.GRADIENT_UP: (1, lambda _: f"{self.gradients[Function.GRADIENT_UP]:g}"),
             Function.GRADIENT_DOWN: (1, lambda _: f"{self.gradients[Function.GRADIENT_DOWN]:g}"),
-            Function.SWITCHED: (1, lambda output: int(self.outputs.get(int(output), False))),
+            Function.SWITCHED: (1, self._switched),
             Function.MESSAGES: (0, lambda: len(MESSAGES)),
             Function.MESSAGE_TEXT: (1, lambda index: _one_of(MESSAGES, index)),
             Function.MESSAGE_ACTIVE: (1, lambda index: int(_one_of(MESSAGES, index) in self._active_texts())),
             Function.PROGRAM_STATUS: (0, lambda: int(bool(self.program))),
+            _VARIABLES: (0, lambda: 1),
+            _VARIABLE_NAME: (1, lambda index: _one_of(("Temperature",), index)),
+            **dict.fromkeys(_LOW_LIMITS, (1, lambda _: _decimal(self.limits_c[0]))),
+            **dict.fromkeys(_HIGH_LIMITS, (1, lambda _: _decimal(self.limits_c[1]))),
+            _OUTPUTS: (0, lambda: OUTPUTS),
+            _OUTPUT_NAME: (1, self._output_name),
+            **dict.fromkeys((_MEASURED_VALUES, _INPUTS), (0, lambda: 0)),
+            _PROGRAM: (0, lambda: self.program),
         }
         self._settings: Mapping[int, tuple[int, Callable[..., None]]] = {
             Function.SET_SET_POINT: (2, self._set_set_point),
@@ -134,8 +148,7 @@ class SimulatedSimserv(SimulatedChamber):
         if function not in self._settings:
             raise Refusal(UNKNOWN)
         count, carry_out = self._settings[function]
-        if not self.faults.active("stuck"):
-            _called(carry_out, count, arguments)
+        self.faults.carry_out(partial(_called, carry_out, count, arguments), Refusal)
         return str(wire.DONE)
 
     def _info(self, what: str) -> str:
@@ -160,7 +173,7 @@ class SimulatedSimserv(SimulatedChamber):
         value_c = float(value)
         if variable != str(wire.TEMPERATURE) or not self.limits_c[0] <= value_c <= self.limits_c[1]:
             raise Refusal(WRONG_ARGUMENTS)
-        self.set_point_c = wire.kept(value_c)
+        self.set_point_c = value_c
         self._follow()
 
     def _set_gradient(self, which: Function, rate: str) -> None:
@@ -168,8 +181,16 @@ class SimulatedSimserv(SimulatedChamber):
             raise Refusal(WRONG_ARGUMENTS)
         self.gradients[which] = rate_c_per_min
 
+    def _switched(self, output: str) -> int:
+        return int(self.outputs.get(_output(output), False))
+
+    def _output_name(self, output: str) -> str:
+        number = _output(output)
+        return _OUTPUT_NAMES.get(number, f"Output {number}")
+
     def _switch(self, output: str, on: str) -> None:
-        if not 1 <= int(output) <= OUTPUTS or on not in ("0", "1"):
+        _output(output)
+        if on not in ("0", "1"):
             raise Refusal(WRONG_ARGUMENTS)
         if int(output) == wire.START and on == "1" and self.active:
             raise Refusal(NOT_CARRIED_OUT)
@@ -219,6 +240,19 @@ def _called(function: Callable[..., object], count: int, arguments: list[str]) -
         return function(*arguments[:count])
     except ValueError:
         raise Refusal(WRONG_ARGUMENTS) from None
+
+
+def _decimal(value: float) -> str:
+    """With as many digits after the point as it has, one to three."""
+    whole, _, digits = f"{value:.3f}".partition(".")
+    return f"{whole}.{digits.rstrip('0') or '0'}"
+
+
+def _output(text: str) -> int:
+    """The number of a digital output; raises Refusal for one that is not there."""
+    if not 1 <= int(text) <= OUTPUTS:
+        raise Refusal(WRONG_ARGUMENTS)
+    return int(text)
 
 
 def _one_of(texts: tuple[str, ...], index: str, *, first: int = 1) -> str:

@@ -44,12 +44,12 @@ def _ladder(world: World, ladder: LadderAsMeasured) -> dict[str, float]:
     truth = world.units[ladder.place].truth
     without = replace(truth, dead_band_a=0.0)
     force_g = _force_g(world, ladder)
-    _, drifted_g, moving_g, sensor_c, _ = _state(world, ladder)
+    _, drifted_g, moving_g, sensor_c, *_ = _state(world, ladder)
     rate_pps = without.rate_pps(without.current_a(force_g, np.full(3, sensor_c), np.full(3, drifted_g + moving_g)))
     k1 = float((rate_pps[2] - rate_pps[0]) / (force_g[0][2] - force_g[0][0]))
     return {
         "reference_g": float(rate_pps[1]) / k1,
-        "dead_band_g": truth.pulses_per_a * truth.dead_band_a / k1,
+        "dead_band_g": truth.pulses_per_a * truth.dead_band_a / abs(k1),
         "K1": k1,
     }
 

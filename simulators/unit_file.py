@@ -94,6 +94,13 @@ class HysteresisModel(StrictModel):
     thresholds: tuple[Annotated[float, InUnit("°C", above=0)], ...] = ()
 
 
+class InputHysteresisModel(StrictModel):
+    """Prandtl-Ishlinskii: play operators on the specific force along the input axis, total ± amplitude."""
+
+    amplitude: Annotated[Draw, DrawIn("g")] = Draw(0)
+    thresholds: tuple[Annotated[float, InUnit("g", above=0)], ...] = ()
+
+
 class JumpModel(StrictModel):
     """A step of the bias, once: when the sensor first warms to a temperature."""
 
@@ -130,6 +137,7 @@ class AccelerometerModel(StrictModel):
     misalignment_p: Annotated[Draw, DrawIn("rad")] = Draw(0)
     Kd: Annotated[Draw, DrawIn("g·s/°C")] = Draw(0)
     hysteresis: HysteresisModel = HysteresisModel()
+    input_hysteresis: InputHysteresisModel = InputHysteresisModel()
     jumps: tuple[JumpModel, ...] = ()
     drift: Annotated[Draw, DrawIn("g/s")] = Draw(0)
     warm_up: WarmUpModel = WarmUpModel()

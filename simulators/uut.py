@@ -91,6 +91,8 @@ class UnitTruth:
     resistor_alpha2: float = 0.0
     zero_v: float = 0.0
     zero_drift_v: float = 0.0
+    input_hysteresis_g: float = 0.0
+    input_thresholds_g: tuple[float, ...] = ()
 
     @property
     def dynamics(self) -> Dynamics | None:
@@ -99,12 +101,17 @@ class UnitTruth:
 
     def current_a(self, force_g: tuple[Array, Array, Array], temperature_c: Array, extra_bias_g: Array) -> Array:
         """The accelerometer's output; `force_g` along input, pendulous and output axes, `extra_bias_g` what drifts."""
-        a_i, a_p, a_o = force_g
+        _, a_p, a_o = force_g
         t = temperature_c - self.reference_c
-        a = np.clip(a_i + self.misalignment_o * a_p - self.misalignment_p * a_o, -self.range_g, self.range_g)
+        a = self.sensed_g(force_g)
         shape = a * (1 + a * (self.k2 + a * self.k3) + self.kip * a_p + self.kio * a_o)
         scale = self.scale_a_per_g * _horner(self.scale, t)
         return np.asarray(scale * (_horner(self.bias, t) + extra_bias_g + shape))
+
+    def sensed_g(self, force_g: tuple[Array, Array, Array]) -> Array:
+        """Specific force along the input axis as it lies, within the range."""
+        a_i, a_p, a_o = force_g
+        return np.clip(a_i + self.misalignment_o * a_p - self.misalignment_p * a_o, -self.range_g, self.range_g)
 
     def output(self, current_a: Array, through: Through, converter_c: Array | None = None) -> Array:
         """What is measured of it: the volts across a load, decoded codes, or the converter's rate in pulse/s.
@@ -216,6 +223,8 @@ def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:
         resistor_alpha2=value(r.alpha2, "resistor", "alpha2"),
         zero_v=value(r.zero, "resistor", "zero"),
         zero_drift_v=value(r.zero_drift, "resistor", "zero_drift"),
+        input_hysteresis_g=value(a.input_hysteresis.amplitude, "accelerometer", "input_hysteresis", "amplitude"),
+        input_thresholds_g=a.input_hysteresis.thresholds,
     )
 
 
@@ -230,7 +239,7 @@ class Hysteresis:
 
     def __init__(self, truth: UnitTruth, start_c: float) -> None:
         self._thresholds = truth.thresholds_c
-        self._gain = truth.hysteresis_g / sum(truth.thresholds_c) if truth.thresholds_c else 0.0
+        self._gain = truth.hysteresis_g / math.fsum(truth.thresholds_c) if truth.thresholds_c else 0.0
         self._play = [start_c] * len(truth.thresholds_c)
         self._to_come, self._jumped_g, self._last_c = list(truth.jumps), 0.0, start_c
 
@@ -239,13 +248,13 @@ class Hysteresis:
         self._play = [
             max(temperature_c - r, min(temperature_c + r, y)) for r, y in zip(self._thresholds, self._play, strict=True)
         ]
-        return self._gain * sum(temperature_c - y for y in self._play) + self._after_jumps_g(temperature_c)
+        return self._gain * math.fsum(temperature_c - y for y in self._play) + self._after_jumps_g(temperature_c)
 
     def _after_jumps_g(self, temperature_c: float) -> float:
         """What has been added by the jumps whose temperatures have been passed on the way up."""
         passed = [jump for jump in self._to_come if self._last_c < jump[0] <= temperature_c]
         self._to_come = [jump for jump in self._to_come if jump not in passed]
-        self._jumped_g += sum(size_g for _, size_g in passed)
+        self._jumped_g += math.fsum(size_g for _, size_g in passed)
         self._last_c = temperature_c
         return self._jumped_g
 

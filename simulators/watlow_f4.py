@@ -141,8 +141,9 @@ class SimulatedF4(SimulatedChamber):
     def _take(self, address: int, word: int) -> None:
         if address in self._settings:
             self.memory_writes += 1
-        if self.faults.active("stuck"):
-            return
+        self.faults.carry_out(lambda: self._put(address, word))
+
+    def _put(self, address: int, word: int) -> None:
         match address:
             case Register.TERMINATE:
                 self._end_profile()

@@ -167,10 +167,12 @@ class SimulatedF4T(SimulatedChamber):
 
     def _store(self, address: int, words: Words) -> None:
         set_point = address == self._form.address(LoopRegister.SET_POINT)
-        if set_point and self.faults.active("stuck"):
-            return
+        if not (set_point and self.faults.active("stuck")):
+            self.faults.do(lambda: self._put(address, words, follows=set_point))
+
+    def _put(self, address: int, words: Words, *, follows: bool) -> None:
         self._stored[address] = (words[0], 0) if address in self._enumerations else words
-        if set_point or address == self._form.address(LoopRegister.CONTROL_MODE):
+        if follows or address == self._form.address(LoopRegister.CONTROL_MODE):
             self._follow_set_point()
 
     def _enter(self, mode: ControlMode) -> None:

@@ -61,6 +61,7 @@ class World:
             physics += SimulatedImu.physics(settings.imus[name].unit, settings.thermometer_lag_s)
         phase = float(stream(settings.seed, "chamber", "limit cycle").uniform(0, 2 * np.pi))
         self.thermal = Thermal(settings.chamber, physics, phase)
+        self._integrators: list[Callable[[], None]] = []
         self.units: dict[str, SimulatedUnit] = {}
         self.gyros: dict[str, SimulatedGyro] = {}
         for index, name in enumerate(names):
@@ -77,7 +78,6 @@ class World:
             sorted([*self.units.items(), *self.gyros.items()])
         )
         self.sources: dict[str, Feed] = {}
-        self._integrators: list[Callable[[], None]] = []
 
     def _physics(self, place: PlaceSettings) -> UnitPhysics:
         model = place.unit.thermal
@@ -118,6 +118,10 @@ class World:
         """How long a straight line stays as close to the temperature of every sensor as STRAIGHT_C."""
         bend_c_per_s2 = self.thermal.bend_c_per_s2
         return math.sqrt(8 * STRAIGHT_C / bend_c_per_s2) if bend_c_per_s2 else math.inf
+
+    def moves_until_s(self, from_s: float, now_s: float) -> float:
+        """When all axes that move at `from_s` are at rest; now for one that goes on moving."""
+        return min(now_s, max((from_s + axis.rests_in_s(from_s) for axis in self.axes.values()), default=from_s))
 
     def integrate_with(self, catch_up: Callable[[], None]) -> None:
         """Registers somebody who integrates over time and must be told before a stimulus changes."""
@@ -208,12 +212,12 @@ class World:
 
     def load_a(self, supply: str) -> float:
         """What the units on a supply draw while its output is on."""
-        drawn_a = sum(
+        drawn_a = math.fsum(
             unit.truth.supply_a * (BROKEN_DRAWS if unit.faults.active("current") else 1.0)
             for unit in self.counted.values()
             if unit.settings.supply == supply
         )
-        return drawn_a + sum(imu.drawn_a for imu in self.imus.values() if imu.settings.supply == supply)
+        return drawn_a + math.fsum(imu.drawn_a for imu in self.imus.values() if imu.settings.supply == supply)
 
 
 def _streams(roles: Iterable[str]) -> Iterator[tuple[str, ...]]:

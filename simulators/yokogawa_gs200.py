@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar, Self
 
 from drivers.yokogawa_gs200 import wire
@@ -26,6 +26,7 @@ from simulators.scpi import (
 from simulators.setup import InstrumentSetup
 from simulators.world import World
 
+ERROR_QUERIES = ("STATus:ERRor?", "SYSTem:ERRor[:NEXT]?")
 _RANGES_V = (10e-3, 100e-3, 1.0, 10.0, 30.0)
 _FUNCTIONS: dict[str, Function] = {"CURR": "CURR", "CURRENT": "CURR", "VOLT": "VOLT", "VOLTAGE": "VOLT"}
 _CURRENT_LIMITS_A = (1e-3, 200e-3)
@@ -40,12 +41,14 @@ _KEPT = {
 class SimulatedGS200(LoadedSource):
     """A source in front of `load_ohm`; out of the box it gives volts, and a new function is off and at zero.
 
+    Programs of other people ask either of `error_queries`: whether every firmware knows both is not known.
     `emergency` is its own protection at work. Nothing that it tells could be `frozen`.
     """
 
     def __init__(
-        self, world: World, faults: FaultPlan, *, serial: str = "SIM-GS200-01", load_ohm: float = 100.0
-    ) -> None:
+        self, world: World, faults: FaultPlan, *, serial: str = "SIM-GS200-01", load_ohm: float = 100.0,
+        error_queries: Sequence[str] = ERROR_QUERIES,
+    ) -> None:  # fmt: skip
         self._level = 0.0
         self._program = Program(world.now, self._run_from)
         super().__init__(world, faults, load_ohm)
@@ -53,7 +56,8 @@ class SimulatedGS200(LoadedSource):
         self.emergency = False
         self._kept = KeptSettings(_KEPT)
         self._reset()
-        self._interpreter = Interpreter(f"YOKOGAWA,GS210,{serial},2.02", self._commands())
+        identity = f"YOKOGAWA,GS210,{serial},2.02"
+        self._interpreter = Interpreter(identity, self._commands(), error_queries=error_queries)
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:

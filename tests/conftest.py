@@ -13,11 +13,14 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+import tests  # noqa: F401  which gives them a folder for states
+
 ROOT = Path(__file__).parents[1]
 # The same examples in every run, so that a change is judged by itself; HYPOTHESIS_PROFILE=explore looks for new ones.
 settings.register_profile("fixed", derandomize=True)
 settings.register_profile("explore", print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
+SLOW_FOLDERS = {"truth", "integration", "hostile", "can_faults", "line_faults", "swaps"}
 REQUIRED = os.environ.get("BENCH_REQUIRE_PEERS") == "1"
 _MODULES = {
     "pymeasure": ("pymeasure", "pyvisa", "pyvisa_py"), "msgpack": ("msgpack",), "imucal": ("imucal",),
@@ -31,8 +34,13 @@ _MODULES = {
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skips a peer's tests, with the reason, where the peer is missing; where peers are required they fail instead."""
+    """Marks the folders of slow tests.
+
+    Skips a peer's tests, with the reason, where the peer is missing; where peers are required they fail instead.
+    """
     for item in items:
+        if SLOW_FOLDERS & set(item.path.relative_to(ROOT / "tests").parts):
+            item.add_marker(pytest.mark.slow)
         for marker in item.iter_markers("peer"):
             missing = [name for name in marker.args if not _is_here(name)]
             if missing and not REQUIRED:
@@ -50,6 +58,12 @@ def _is_here(peer: str) -> bool:
     if modules is not None:
         return all(importlib.util.find_spec(module) is not None for module in modules)
     return shutil.which(peer) is not None
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _state_of_nobody(tmp_path_factory):
+    """Keeps the records that belong to no single run out of the home of whoever runs the tests."""
+    os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("state"))
 
 
 @pytest.fixture

@@ -193,6 +193,8 @@ class Acquisition:
     in memory all at once. `positions` are those of the encoders that a counter latches, by the devices that drive the
     axes, `motion` is None where no table turned or swung. `on_since_s` are the supplies that are on, by their roles,
     each with the bench times between which it was put on. `missed` is what did not come, by device and channel.
+    `came_from` is the side, "below" or "above", from which each axis came to its angle at last, without those of which
+    that is not known; `stand` counts the moves of all axes before, so that it is the same while none has moved.
     """
 
     step: str
@@ -221,6 +223,8 @@ class Acquisition:
     on_since_s: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     codes: Mapping[str, Codes] = field(default_factory=dict)
     missed: Mapping[tuple[str, str], Missed] = field(default_factory=dict)
+    came_from: Mapping[str, str] = field(default_factory=dict)
+    stand: int = 0
 
     @property
     def angle_deg(self) -> float:

@@ -14,13 +14,15 @@ class AxisRecord:
     """An axis of the table: where its positive end points while all angles are 0 (east, north, up), and its errors.
 
     `harmonics_u_deg` are those of the cosine and of the sine amplitude of harmonics 1, 2, … of its error,
-    `wobble_u_deg` those of how far it tilts to and fro once a turn.
+    `wobble_u_deg` those of how far it tilts to and fro once a turn. `backlash_u_deg` is that of how much farther it
+    stands when it comes to an angle from above, None where nobody states it.
     """
 
     points: Vector = (0.0, -1.0, 0.0)
     zero_u_deg: float = 0.0
     harmonics_u_deg: tuple[float, ...] = ()
     repeatability_u_deg: float = 0.0
+    backlash_u_deg: float | None = None
     wobble_u_deg: float = 0.0
 
 

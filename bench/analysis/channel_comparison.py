@@ -23,6 +23,7 @@ from bench.analysis.rundata import RunData, UnitUnderTest
 
 GRAVITY_REFERENCE, SOURCE_REFERENCE = "up_1g", "src_1g"
 GAP_GATES = 1.5  # a longer time between two read-outs was not recorded
+OWN_TEMPERATURE = "accelerometer: its own temperature"
 SCATTER, COUNTING = "read-outs: scatter", "read-outs: resolution of the count"
 
 
@@ -167,7 +168,7 @@ def _level(
     if level.level.kind == "gravity":
         followed = abs(scatter.accelerometer_per_c) * settings["accelerometer_drift_u"]
         own = f"{unit.place}.accelerometer"
-        lines.append(BudgetLine("accelerometer: its own temperature", "B", rate_pps * followed, None, own))
+        lines.append(BudgetLine(OWN_TEMPERATURE, "B", rate_pps * followed, None, own))
     return Level(level, run, scatter, drift, drift_u_per_h, tuple(lines))
 
 

@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from bench.analysis.channel_accelerometer import own_drift, with_own_drift
 from bench.analysis.channel_comparison import (
+    GRAVITY_REFERENCE,
     Compared,
     Level,
     compared_levels,
@@ -55,7 +57,8 @@ def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
 
 def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
     found = levels_of(data, unit, settings)
-    by_name = lines_of_levels(data, unit, found, settings)
+    as_stated = lines_of_levels(data, unit, found, settings)
+    by_name = with_own_drift(as_stated, settings["accelerometer_drift_u"])
     levels, compared = tuple(by_name.values()), tuple(compared_levels(by_name, settings))
     drift = drift_of_channel(levels)
     of_levels = ChannelFindings(data, unit, settings, found, levels)
@@ -73,6 +76,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
             *(flag for level in levels for flag in _flags_of_level(level, settings)),
             *(flag for each in compared for flag in _flags_of_comparison(each, settings)),
             *_flags_of_channel(of_levels, drift),
+            *_flags_of_accelerometer(as_stated, settings["accelerometer_drift_u"]),
             *_flags_of_zero(of_levels),
         ),
         detail=ChannelDetail(
@@ -142,6 +146,13 @@ def _flags_of_channel(of_levels: ChannelFindings, drift: ChannelDrift | None) ->
     yield from (f"{level.name}:out_of_proportion" for level, is_odd in zip(levels, odd, strict=True) if is_odd)
     if drift is not None and drift.misfit:
         yield "channel:drift_not_linear"
+
+
+def _flags_of_accelerometer(levels: Mapping[str, Level], stated_u: float) -> Iterator[str]:
+    """That the data contradict what is stated of the accelerometer's own drift with temperature."""
+    drift = own_drift(levels)
+    if drift is not None and drift.beyond(stated_u):
+        yield f"{GRAVITY_REFERENCE}:accelerometer_drift"
 
 
 def _flags_of_zero(of_levels: ChannelFindings) -> Iterator[str]:

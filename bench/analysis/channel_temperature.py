@@ -110,9 +110,9 @@ class ChannelRun:
     """The line D = rate + slope (T - reference), with standard uncertainties of type A; NaN is what is not known.
 
     `span_c` is that of the gates used; `ramp_c_per_h` is negative in a run that mostly cools. `excluded` counts
-    readings (missing, duplicate, thermometer) and gates by reason. Flags: insufficient_temperature_span,
-    ramp_too_fast, and invalid when too little is left of the run; `notes` tell what has no flag. `gates` are those
-    used, in the order of time.
+    readings (missing, fractional_count, beyond_counter, duplicate, thermometer) and gates by reason. Flags:
+    insufficient_temperature_span, ramp_too_fast, and invalid when too little is left of the run; `notes` tell what has
+    no flag. `gates` are those used, in the order of time.
     """
 
     rate_pps: float
@@ -203,17 +203,28 @@ def _good_readings(record: ChannelRecord, rules: ChannelRules, excluded: Counter
     """The readings that can be used in the order of time, and how many gates all readings would have made."""
     held = np.zeros_like(record.time_s) if rules.accelerometer_c is None else record.accelerometer_c
     needed = np.stack([record.time_s, record.positive, record.negative, record.converter_c, held])
-    readable = np.isfinite(needed).all(axis=0)
-    readable &= np.max(np.abs(needed[:3]), axis=0) <= LARGEST_READING
+    present = np.isfinite(needed).all(axis=0) & (np.abs(record.time_s) <= LARGEST_READING)
+    fractional, beyond = no_counts(record, rules.counter_bits)
+    readable = present & ~fractional & ~beyond
     order = np.lexsort((~readable, record.time_s))
     order = order[np.isfinite(record.time_s[order])]
     order = np.delete(order, np.flatnonzero(np.diff(record.time_s[order]) == 0) + 1)
-    excluded["missing"] = int(np.sum(~readable))
+    excluded["missing"] = int(np.sum(~present))
+    excluded["fractional_count"] = int(np.sum(present & fractional))
+    excluded["beyond_counter"] = int(np.sum(present & beyond & ~fractional))
     excluded["duplicate"] = int(np.sum(readable)) - int(np.sum(readable[order]))
     readings = record.rows(order[readable[order]])
     broken = broken_on_a_ramp(readings.time_s, readings.converter_c)
     excluded["thermometer"] = int(np.sum(broken))
     return readings.rows(~broken), max(len(order) - 1, 0)
+
+
+def no_counts(record: ChannelRecord, counter_bits: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which rows (n,) have a number that no counter shows: one with a fraction, one that its bits do not hold."""
+    counts = np.stack([record.positive, record.negative])
+    fractional = np.isfinite(counts) & (counts != np.round(counts))
+    beyond = (counts < 0) | (counts >= min(2.0**counter_bits, LARGEST_READING))
+    return np.any(fractional, axis=0), np.any(beyond, axis=0)
 
 
 def _gates(readings: ChannelRecord, counter_bits: int) -> Gates:

@@ -2,47 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from bench.analysis.finding import BudgetLine, Finding, Subject
 from bench.analysis.fit import Array, PolynomialFit
-from bench.analysis.pooling import Scatter, pooled
 from bench.analysis.temperature_coefficients import bias_coefficients, scale_coefficients
 
 TERMS = ("linear", "quadratic")
+CONTAINED = "residuals of the model: contained"
 
 
 @dataclass(frozen=True)
 class Origin:
     """Where a model comes from: of whom it is, and the steps of the run.
 
-    `thermometer_u` are the standard uncertainties of its offset (°C) and of its gain. `scatter` is the budget line of
-    what depends on the values that were fitted by weights (n,).
+    `thermometer_u` are the standard uncertainties of its offset (°C) and of its gain. `own` are the budget lines,
+    of what is new in every reading, of what depends on the values that were fitted by weights (n,).
     """
 
     subject: Subject
     steps: tuple[str, ...]
     thermometer: str
     thermometer_u: tuple[float, float]
-    scatter: Callable[[Array], BudgetLine]
+    own: Callable[[Array], Sequence[BudgetLine]]
 
 
 def coefficient_findings(quantity: str, model: PolynomialFit, reference_c: float, origin: Origin) -> Iterator[Finding]:
     """T1 and T2 of K0 in g, or of K1 relative to it, about a reference temperature; a straight line has no T2.
 
-    Type A is what the fit leaves, such as hysteresis. Where that is no more than the readings scatter anyway, both tell
-    the same, and the few residuals of a fit alone would tell it badly: then their variances are pooled.
+    They are those of the unit as it was at these dwells, so that what the model leaves over, such as hysteresis, is in
+    the values and makes none of them uncertain: a second run of the same profile would find the same. Errors that are
+    common to all dwells, of the head and of the time base, cancel.
     """
     of_bias = quantity == "K0"
     found = (bias_coefficients if of_bias else scale_coefficients)(model, reference_c)
     by_offset, by_gain = found.by_thermometer(*origin.thermometer_u)
     for index, value in enumerate((found.t1, found.t2)[: model.degree]):
-        fit = BudgetLine("fit", "A", float(found.u[index]), model.dof)
         lines = [
-            _pooled(fit, origin.scatter(found.gain[index])),
+            *origin.own(found.gain[index]),
             BudgetLine(f"{origin.thermometer}: gain", "B", float(by_gain[index]), None, origin.thermometer),
             BudgetLine(f"{origin.thermometer}: offset", "B", float(by_offset[index]), None, origin.thermometer),
+            BudgetLine(CONTAINED, "alias", 0),
         ]
         name = f"{TERMS[index]} temperature coefficient of the {'bias' if of_bias else 'scale factor'}"
         unit = ("g/°C" if of_bias else "1/°C") + "²" * index
@@ -50,11 +51,3 @@ def coefficient_findings(quantity: str, model: PolynomialFit, reference_c: float
             f"{quantity}T{index + 1}", name, value, unit, lines, {"at_c": reference_c}, origin.steps,
             flags=("extrapolated",) if found.extrapolated else (),
         )  # fmt: skip
-
-
-def _pooled(fit: BudgetLine, readings: BudgetLine) -> BudgetLine:
-    """What scatter gives: of the fit, if it is significantly more than that of the readings, else of both together."""
-    if not fit.dof:
-        return readings
-    both = pooled(Scatter(fit.u, fit.dof), Scatter(readings.u, readings.dof or 0))
-    return BudgetLine("fit and readings: scatter, pooled", "A", *both) if both else fit

@@ -16,7 +16,8 @@ from bench.analysis.fit import Array, NotDetermined, least_squares
 from bench.analysis.sine_fit import find_frequency, resolved
 from bench.analysis.table_samples import TableSamples
 
-TURNS = 3  # the play that is taken out depends on the sine that is left
+MOST_TURNS = 100  # the play that is taken out depends on the sine that is left
+SETTLED = 1e-3  # of a pulse
 PHASES = 4096
 HARMONICS = 2
 
@@ -31,12 +32,23 @@ def without_play(samples: TableSamples, nominal_hz: float, play_pulses: float) -
         return samples
     try:
         frequency_hz = find_frequency(samples.time_s, samples.angle_deg, nominal_hz)
-        behind = np.zeros_like(samples.total)
-        for _ in range(TURNS):
-            behind = _behind(samples.time_s, samples.total - behind, frequency_hz, play_pulses / 2)
+        behind = _settled(samples, frequency_hz, play_pulses / 2)
     except NotDetermined:
         return samples
     return replace(samples, total=samples.total - behind, behind=behind)
+
+
+def _settled(samples: TableSamples, frequency_hz: float, half: float) -> Array:
+    """By how much the counts (n,) stand behind, again and again for the sine that is left, until that does not change.
+
+    Of many pulses that takes a turn or two; of few, of which the play is a large part, tens of them.
+    """
+    behind = np.zeros_like(samples.total)
+    for _ in range(MOST_TURNS):
+        before, behind = behind, _behind(samples.time_s, samples.total - behind, frequency_hz, half)
+        if float(np.max(np.abs(behind - before))) < SETTLED:
+            break
+    return behind
 
 
 def _behind(time_s: Array, pulses: Array, frequency_hz: float, half: float) -> Array:

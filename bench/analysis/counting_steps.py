@@ -14,7 +14,8 @@ import numpy as np
 
 from bench.analysis.fit import Array
 
-REMAINDERS = 16  # parts of a pulse that may be left over
+REMAINDERS = 15  # parts of a pulse that may be left over
+A_FEW = slice(1, None, 3)  # of them, as far apart as each other, and the same ones for a unit of the other sign
 LATCHES = 200  # over which errors of counting average out, at least
 
 

@@ -89,12 +89,12 @@ class Finding:
     @property
     def u(self) -> float:
         """Combined standard uncertainty."""
-        return math.sqrt(sum(line.u**2 for line in self.budget))
+        return math.sqrt(math.fsum(line.u**2 for line in self.budget))
 
     @property
     def dof(self) -> int | None:
         """Effective degrees of freedom after Welch and Satterthwaite (JCGM 100, G.4); None for unlimited."""
-        limited = sum(line.u**4 / line.dof for line in self.budget if line.dof)
+        limited = math.fsum(line.u**4 / line.dof for line in self.budget if line.dof)
         if limited == 0:
             return None
         dof = math.floor(self.u**4 / limited + 0.5)
@@ -107,6 +107,14 @@ class Finding:
         So it is where the unit was not the same at the end of the run as at its beginning.
         """
         return self.limits is not None and (NOT_CLOSED in self.flags or self.limits.is_marginal(self.value, self.u))
+
+    @property
+    def within_u(self) -> bool:
+        """Whether a limit that it was held against is within its expanded uncertainty, whichever side it is on."""
+        if self.limits is None or self.verdict not in ("PASS", "FAIL"):
+            return False
+        sides = (side for side in (self.limits.low, self.limits.high) if side is not None)
+        return any(abs(self.value - side) < COVERAGE * self.u for side in sides)
 
     def flagged(self, flag: str) -> Finding:
         """The same finding with one more flag."""
@@ -209,8 +217,10 @@ class UnitResult:
     dropped: Dropped | None = None
 
     @property
-    def verdict(self) -> Literal["PASS", "FAIL", "INCOMPLETE"]:
+    def verdict(self) -> Literal["PASS", "FAIL", "INCOMPLETE", "NOT JUDGED"]:
         """INCOMPLETE when something is left out, invalid, or nothing found (methods.md 1.10); else by the limits.
+
+        NOT JUDGED where no finding has a limit.
 
         A unit that was dropped is INCOMPLETE, or FAIL where it is proved to be bad.
         """
@@ -219,11 +229,17 @@ class UnitResult:
         verdicts = {finding.verdict for finding in self.findings}
         if self.left_out or "INVALID" in verdicts or not self.findings:
             return "INCOMPLETE"
+        if verdicts == {None}:
+            return "NOT JUDGED"
         return "FAIL" if "FAIL" in verdicts else "PASS"
 
 
 def combined(lines: Sequence[BudgetLine]) -> tuple[BudgetLine, ...]:
-    """The lines of a budget that contribute, largest first; an alias is kept whatever it is worth."""
+    """The lines of a budget that contribute, largest first; an alias is kept whatever it is worth.
+
+    A line may be made with the sign of a value or of a derivative; the sign is no part of an uncertainty.
+    """
+    lines = [replace(line, u=abs(line.u)) for line in lines]
     least = NEGLIGIBLE * max((line.u for line in lines), default=0.0)
     kept = [line for line in lines if line.u > least or line.type == "alias"]
     return tuple(sorted(kept, key=lambda line: -line.u))

@@ -104,7 +104,7 @@ def harmonics_of_rates(rates: Sequence[Turning], bench: BenchRecord) -> dict[str
     weights, found = rate_weights(rates), {}
     for role, axis in bench.axes.items():
         changes = [
-            sum(weight * _change(each, role, order) for weight, each in zip(weights, rates, strict=True))
+            weights @ np.array([_change(each, role, order) for each in rates])
             for order in range(1, len(axis.harmonics_u_deg) + 1)
         ]
         parts = np.array(axis.harmonics_u_deg) * changes

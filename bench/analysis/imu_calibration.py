@@ -100,7 +100,7 @@ class AxisCalibration:
 
 @dataclass(frozen=True, slots=True)
 class SetPoint:
-    """The axes x, y and z at one temperature of the chamber; None where one could not be calibrated.
+    """The axes x, y and z at one visit of a temperature of the chamber; None where one could not be calibrated.
 
     `doubted` (24,) marks attitudes in which the unit seems to have stood otherwise.
     """
@@ -108,6 +108,7 @@ class SetPoint:
     set_c: float
     axes: tuple[AxisCalibration | None, ...]
     doubted: NDArray[np.bool_]
+    visit: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +147,7 @@ def calibrate(readings: ImuReadings, attitude_tolerance_g: float, latitude_deg: 
     for number, set_c in enumerate(readings.set_c):
         doubted = doubtful_attitudes(readings.accelerometer_pps[number], attitude_tolerance_g)
         axes = tuple(_axis(readings, number, axis, doubted, remarks) for axis in range(len(AXES)))
-        points.append(SetPoint(float(set_c), axes, doubted))
+        points.append(SetPoint(float(set_c), axes, doubted, int(readings.visit[number])))
     remarks.notes += _check_headings(readings, points, latitude_deg)
     scatter = tuple(_scatter(_calibrated(points, axis)) for axis in range(len(AXES)))
     return ImuCalibration(tuple(points), scatter, tuple(remarks.flags), tuple(remarks.notes), dict(remarks.excluded))

@@ -55,11 +55,11 @@ CONTAINS = {
 class AxisAtVisit:
     """One axis at one visit, and all that its budgets need.
 
-    `slopes` are those of K0, K1, D0 and KG over temperature, in their units, NaN where they are not known; `used` (24,)
-    are the attitudes that the fit over all of them has of the accelerometer. `accelerometer_c` and `gyro_c` (24,) are
-    the temperatures in each attitude, which is not quite that of the findings: that is a mean over rates too.
-    `turned_s` (r,) is for how long each of the rates about the axis was counted. `errors` are those of the table in all
-    attitudes, of those that are missing any.
+    `slopes` are those of K0, K1, D0 and KG over temperature, in their units, NaN where they are not known, and
+    `per_c_u` what they then may change by with 1 °C; `used` (24,) are the attitudes that the fit over all of them
+    has of the accelerometer. `accelerometer_c` and `gyro_c` (24,) are the temperatures in each attitude, which is
+    not quite that of the findings: that is a mean over rates too. `turned_s` (r,) is for how long each of the rates
+    about the axis was counted. `errors` are those of the table in all attitudes, of those that are missing any.
     """
 
     subject: Subject
@@ -71,6 +71,7 @@ class AxisAtVisit:
     fits: AttitudeFits
     noise: Noise
     slopes: Mapping[str, float]
+    per_c_u: Mapping[str, float]
     used: NDArray[np.bool_]
     accelerometer_c: Array
     gyro_c: Array
@@ -246,7 +247,8 @@ class AxisAtVisit:
     def _thermometer(self, quantity: str, temperature_c: float) -> BudgetLine:
         name = self.unit.temperature if quantity in ("K0", "K1") else self.unit.gyro_temperature
         slope = self.slopes.get(quantity, math.nan)
-        u = 0.0 if math.isnan(slope) else abs(slope) * self.bench.temperature_u_c(name, temperature_c)
+        per_c = self.per_c_u[quantity] if math.isnan(slope) else abs(slope)
+        u = per_c * self.bench.temperature_u_c(name, temperature_c)
         return BudgetLine(f"{name}: offset, gain", "B", u, None, name)
 
     def _slope(self, quantity: str) -> float:

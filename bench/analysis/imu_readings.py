@@ -1,7 +1,7 @@
 """Readings of an inertial unit in 24 attitudes and at six rates, from rows into arrays (methods.md 4.3, 4.7, 9).
 
-A row whose counts, dwell or place in the schedule is missing is passed over, and of several rows of one position the
-last good one counts, so that an operator can repeat what went wrong.
+A row whose counts, dwell or place in the schedule is missing is passed over, and of several rows of one position in one
+visit the last good one counts, so that an operator can repeat what went wrong.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ class PositionRecord:
 
     `attitude` (n,) counts from 0 in the order of `attitudes.NAMES`, -1 where it is missing. Counts are net pulses of x,
     y and z in the dwell (n, 3), temperatures those of the thermometers at the accelerometers and at the gyros (n, 3).
+    `visit` (n,) numbers the visits of each set point; without it there is one of each.
     """
 
     set_c: Array
@@ -34,6 +35,7 @@ class PositionRecord:
     gyro_counts: Array
     accelerometer_c: Array
     gyro_c: Array
+    visit: NDArray[np.int_] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,7 @@ class RateRecord:
     gyro_counts: Array
     accelerometer_c: Array
     gyro_c: Array
+    visit: NDArray[np.int_] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,10 +70,11 @@ class RateReadings:
 
 @dataclass(frozen=True, slots=True)
 class ImuReadings:
-    """Readings at rest by set point (m, hottest first), attitude (24) and axis (3), NaN where there is none.
+    """Readings at rest by visit (m, hottest set point first), attitude (24) and axis (3), NaN where there is none.
 
-    `rates` are those of each set point and axis. `excluded` counts the rows left out: `missing`, `duplicate` (a
-    position or rate was repeated later), `rate` (the table did not turn as it was told).
+    `rates` are those of each visit and axis, `visit` (m,) its number at its set point. `excluded` counts the rows
+    left out: `missing`, `duplicate` (a position or rate was repeated later in the visit), `rate` (the table did not
+    turn at the commanded rate).
     """
 
     set_c: Array
@@ -80,6 +84,7 @@ class ImuReadings:
     gyro_c: Array
     rates: tuple[tuple[RateReadings, ...], ...]
     excluded: Mapping[str, int]
+    visit: NDArray[np.int_]
 
     def temperatures_c(self, point: int, axis: int) -> tuple[Array, Array]:
         """Of the accelerometer and of the gyro of one axis while it was calibrated: eight attitudes, then the rates."""
@@ -93,16 +98,25 @@ class ImuReadings:
 @np.errstate(over="ignore", invalid="ignore")
 def arrange(positions: PositionRecord, rates: RateRecord, *, rate_tolerance: float) -> ImuReadings:
     """The rows as arrays; `rate_tolerance` is how far, relative to the command, the table's rate may be off."""
-    position_set_c, rate_set_c = _rounded(positions.set_c), _rounded(rates.set_c)
-    every_set_c = np.concatenate([position_set_c, rate_set_c])
-    set_c = np.unique(every_set_c[np.isfinite(every_set_c)])[::-1]
+    keys = np.concatenate([_keys(positions), _keys(rates)])
+    placed = np.isfinite(keys).all(axis=-1)
+    visits, point = np.unique(keys[placed], axis=0, return_inverse=True)
+    points = np.full(len(keys), len(visits))
+    points[placed] = point.ravel()
+    of_position, of_rate = np.split(points, [len(positions.set_c)])
     excluded: Counter[str] = Counter(missing=0, duplicate=0, rate=0)
-    at_rest = _at_rest(positions, np.searchsorted(-set_c, -position_set_c), len(set_c), excluded)
-    turning = _turning(rates, np.searchsorted(-set_c, -rate_set_c), len(set_c), rate_tolerance, excluded)
-    return ImuReadings(set_c, *at_rest, turning, dict(excluded))
+    at_rest = _at_rest(positions, of_position, len(visits), excluded)
+    turning = _turning(rates, of_rate, len(visits), rate_tolerance, excluded)
+    return ImuReadings(-visits[:, 0] + 0.0, *at_rest, turning, dict(excluded), visits[:, 1].astype(np.int_))
 
 
-def _rounded(set_c: Array) -> Array:
+def _keys(record: PositionRecord | RateRecord) -> Array:
+    """What the visits of the rows are sorted by (n, 2): the hottest set point first, then the number of the visit."""
+    visit = np.ones(len(record.set_c)) if record.visit is None else record.visit.astype(np.float64)
+    return np.stack([-rounded(record.set_c), visit], axis=-1)
+
+
+def rounded(set_c: Array) -> Array:
     """Set points without the rounding of whoever wrote them, and without a zero below zero."""
     return np.asarray(np.round(set_c, SAME_SET_POINT_DIGITS) + 0.0)
 

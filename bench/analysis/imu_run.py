@@ -27,6 +27,7 @@ from bench.analysis.imu_closure import Sensitivity, closure_findings
 from bench.analysis.imu_compensation import SAME_KNOT_C, TemperatureTable, check_model, temperature_table
 from bench.analysis.imu_findings import AxisAtVisit
 from bench.analysis.imu_noise import noise_of
+from bench.analysis.imu_visits import differences
 from bench.analysis.imu_windows import readings, visits
 from bench.analysis.models import KnotModel
 from bench.analysis.rundata import RunData, UnitUnderTest
@@ -127,6 +128,7 @@ class _Unit:
                         fits=fits,
                         noise=self._noise[axis],
                         slopes={quantity: self._slope(quantity, axis, calibration) for quantity in MODELLED},
+                        per_c_u=self._per_c_u(calibration),
                         used=used[:, axis],
                         accelerometer_c=self._readings.accelerometer_c[number, :, axis],
                         gyro_c=self._readings.gyro_c[number, :, axis],
@@ -143,6 +145,16 @@ class _Unit:
         scale = np.array([axis.kg_pulse_per_deg if axis else np.nan for axis in point.axes])
         fits = fit_attitudes(accelerometers, gyros, self._data.bench.latitude_deg, scale)
         return np.isfinite(accelerometers), fits
+
+    def _per_c_u(self, calibration: AxisCalibration) -> dict[str, float]:
+        """What each quantity may change by with 1 °C where the run does not tell it."""
+        relative = self._settings["scale_per_c_u"]
+        return {
+            "K0": self._settings["bias_per_c_u"],
+            "K1": relative * abs(calibration.k1_pps_per_g),
+            "D0": self._settings["gyro_bias_per_c_u"],
+            "KG": relative * abs(calibration.kg_pulse_per_deg),
+        }
 
     def _slope(self, quantity: str, axis: int, calibration: AxisCalibration) -> float:
         """How a quantity changes with temperature there, from knot to knot; NaN with a single one."""
@@ -183,16 +195,14 @@ class _Unit:
             yield self._finding(f"{quantity}/interpolation", axis, name, worst * scale, u * scale, found, interval)
         again = [each for each in found[1:] if _same_point(each, found[0])]
         if again:
-            slope = np.interp(found[0].at["temperature_c"], temperature_c, _gradient(values, temperature_c))
-            apart = [
-                each.value - found[0].value - slope * (each.at["temperature_c"] - found[0].at["temperature_c"])
-                for each in again
-            ]
-            largest = max(range(len(apart)), key=lambda index: abs(apart[index]))
+            there = [found[0], *again]
+            at_c, own_values = [each.at["temperature_c"] for each in there], [each.value for each in there]
+            apart = differences(at_c, own_values, (temperature_c, values))
+            largest = int(np.argmax(np.abs(apart)))
             us = np.hypot(own[0], [_own(each) for each in again])
             name = "largest difference between visits of the first set point"
             both, u = [found[0], again[largest]], float(us[largest]) * scale
-            interval = interval_of_largest(np.array(apart), us).times(scale)
+            interval = interval_of_largest(apart, us).times(scale)
             value = abs(float(apart[largest])) * scale
             yield self._finding(f"{quantity}/repeatability", axis, name, value, u, both, interval)
 
@@ -288,13 +298,9 @@ def _curve(every: Sequence[AxisCalibration], quantity: str) -> tuple[Array, Arra
 
 def _own(finding: Finding) -> float:
     """The part of an uncertainty that comes from the readings."""
-    return math.sqrt(sum(line.u**2 for line in finding.budget if line.type == "A"))
+    return math.sqrt(math.fsum(line.u**2 for line in finding.budget if line.type == "A"))
 
 
 def _same_point(one: Finding, other: Finding) -> bool:
     apart_c = abs(one.at["temperature_c"] - other.at["temperature_c"])
     return bool(one.at["temperature_set_c"] == other.at["temperature_set_c"] or apart_c < SAME_KNOT_C)
-
-
-def _gradient(values: Array, temperature_c: Array) -> Array:
-    return np.gradient(values, temperature_c) if len(values) > 1 else np.zeros_like(values)

@@ -162,7 +162,8 @@ class _Watch:
         """The time until a course stays within its limit, with the shares of its sources at that time."""
         index = int(np.searchsorted(grid_s, found.at_s).clip(0, len(grid_s) - 1))
         begun_s, ended_s = self.power_on.between_s or (0.0, 0.0)
-        lines = _lines(sources, index, found.u_s / float(u[index]))
+        index = index if u[index] else int(np.argmax(u))  # a course that is known there exactly may not be elsewhere
+        lines = _lines(sources, index, found.u_s / float(u[index]) if u[index] else 0.0)
         lines.append(BudgetLine("power-on: command to reading back", "B", (ended_s - begun_s) / math.sqrt(12)))
         is_open = found.perhaps_to_the_end and not found.to_the_end
         marks = {

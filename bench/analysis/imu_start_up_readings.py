@@ -97,7 +97,7 @@ class PowerOn:
         """From power-on to the middle of a window."""
         if self.between_s is None:
             return math.nan
-        return (window.begin_s + window.end_s) / 2 - sum(self.between_s) / 2
+        return (window.begin_s + window.end_s) / 2 - math.fsum(self.between_s) / 2
 
     def _value(self, channel: str, window: Acquisition) -> tuple[float, float, float]:
         """What a channel measured in a window, with its `alone` and its `step_u`; NaN where it cannot be told."""

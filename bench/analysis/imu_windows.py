@@ -176,6 +176,7 @@ def readings(found: Sequence[Visit], unit: UnitUnderTest, rate_tolerance: float)
         gyro_c=np.concatenate([empty, *(part.gyro_c for part in parts)]),
         rates=tuple(rates for part in parts for rates in part.rates),
         excluded=dict(excluded),
+        visit=np.arange(1, len(found) + 1),
     )
 
 
@@ -208,7 +209,7 @@ def _arranged(visit: Visit, unit: UnitUnderTest, rate_tolerance: float) -> ImuRe
         return arranged
     nothing = np.full((1, len(NAMES), len(AXES)), np.nan)
     none = _no_rates()
-    return ImuReadings(np.zeros(1), nothing, nothing, nothing, nothing, none, arranged.excluded)
+    return ImuReadings(np.zeros(1), nothing, nothing, nothing, nothing, none, arranged.excluded, np.ones(1, np.int_))
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,8 +2,9 @@
 
 A result is an `Estimate` over the readings of both sweeps and of the clocking. The errors of the head turn the input
 axis at every reading, whichever way it then lies: so an error that all positions share leaves what the clocking takes
-out of the bias again. How well the head comes back to an angle is in the scatter of the sweeps; during the clocking it
-stands still, so that there it is one error of all.
+out of the bias again. How well the head comes back to an angle is one error of all readings between two moves. Where
+each reading of the sweeps has a move of its own before it, their scatter holds that; readings repeated while the head
+stands scatter without it. Readings to which the head came from above are off by its backlash, all by the same.
 """
 
 from __future__ import annotations
@@ -24,11 +25,15 @@ from bench.analysis.rundata import UnitUnderTest
 
 SCATTER = "readings: scatter"
 REPEATABILITY = "head: repeatability"
+BACKLASH = "head: backlash"
 
 
 @dataclass(frozen=True)
 class IndexingBudget:
-    """The budgets of one unit: its `readings` (n,), the scatter of each, and its degrees of freedom."""
+    """The budgets of one unit: its `readings` (n,), the scatter of each, and its degrees of freedom.
+
+    `moves_scatter` tells that the scatter of the sweeps holds how well the head comes back.
+    """
 
     unit: UnitUnderTest
     bench: BenchRecord
@@ -36,6 +41,7 @@ class IndexingBudget:
     sd: Array
     dof: int
     scale: float
+    moves_scatter: bool
 
     def sources(self, gain: Array) -> Mapping[str, Array]:
         """The standard uncertainties that each source gives to what depends on the readings by `gain` (n,).
@@ -51,15 +57,22 @@ class IndexingBudget:
             for shape in (np.cos, np.sin)
         ]
         together = float(turned.sum())
-        clocked = float(sum(turned[index] for index, each in enumerate(self.readings) if each.kind == "clocking"))
+        from_above = np.array([each.came_from != "below" for each in self.readings])
         return {
             SCATTER: gain * self.sd,
             "head: zero": np.array([together * np.radians(head.zero_u_deg)]),
             "head: harmonics": np.array(harmonics),
-            REPEATABILITY: np.array([clocked * np.radians(head.repeatability_u_deg)]),
+            REPEATABILITY: self._by_stand(turned) * np.radians(head.repeatability_u_deg),
+            BACKLASH: np.array([float(turned[from_above].sum()) * np.radians(head.backlash_u_deg or 0.0)]),
             "fixture: level": np.array([together * np.radians(self.bench.level_u_deg)]),
             **self._instrument(gain, values, head_rad),
         }
+
+    def _by_stand(self, turned: Array) -> Array:
+        """Sums over the readings between two moves, of those whose scatter does not hold how the head comes back."""
+        stand = np.array([each.stand for each in self.readings], dtype=np.int_)
+        scattered = np.array([self.moves_scatter and each.kind == "sweep" for each in self.readings], dtype=np.bool_)
+        return np.asarray(np.bincount(stand[~scattered], turned[~scattered], minlength=1), np.float64)
 
     def _instrument(self, gain: Array, values: Array, head_rad: Array) -> Mapping[str, Array]:
         if self.unit.telemetry is not None:

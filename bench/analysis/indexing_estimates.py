@@ -2,46 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from bench.analysis.indexing_budget import IndexingBudget
 from bench.analysis.indexing_readings import IndexingReading
+from bench.analysis.indexing_sweep import LEAST_REPEATS
 from bench.analysis.propagation import Estimate, Measured
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.static_calibration import StaticCalibration
-from bench.analysis.two_ends import Clocking, fit_clocking, taken_apart
+from bench.analysis.two_ends import BothEnds, Clocking, fit_clocking, taken_apart
 
 LEAST_CLOCKING = 1.0  # by which cos ψ must change
-
-
-@dataclass(frozen=True, slots=True)
-class BothEnds:
-    """What both ends tell: `seat` is all that the tilt of the seat adds to the output, None without a clocking.
-
-    `known_seat` is what is known of it without one. `tilted` is K1 times the misalignment; it and the cross coupling
-    are None where the angles do not tell them.
-    """
-
-    bias: Estimate
-    scale: Estimate
-    tilted: Estimate | None
-    coupling: Estimate | None
-    seat: Estimate | None
-    known_seat: Estimate
-
-    @property
-    def tilt(self) -> Estimate:
-        """What is taken for the tilt of the seat."""
-        return self.known_seat if self.seat is None else self.seat
-
-    @property
-    def corrected(self) -> Estimate:
-        """The bias without any tilt."""
-        return self.bias - self.tilt
 
 
 class IndexingEstimates:
@@ -85,8 +60,8 @@ class IndexingEstimates:
             return None
         lines = [line for name in ("up", "down") for line in self.line(name)]
         bias, scale, tilted, coupling = taken_apart(lines, self.fits["up"], self.fits["down"])
-        known_rad = sum(tilt.value for tilt in self.tilts.values())
-        return BothEnds(bias, scale, tilted, coupling, self._seat, scale * float(np.sin(known_rad)))
+        known = scale * math.fsum(np.sin(tilt.value) for tilt in self.tilts.values())
+        return BothEnds(bias, scale, tilted, coupling, self._seat, known)
 
     @property
     def _seat(self) -> Estimate | None:
@@ -106,24 +81,33 @@ class IndexingEstimates:
 
     @cached_property
     def budget(self) -> IndexingBudget:
-        """What makes all of it uncertain; during the clocking the head stands still, so that it adds no scatter.
+        """What makes all of it uncertain.
 
-        The scatter is that of both ends together: they are read in the same way, and a few repeats on one of them tell
-        a standard deviation badly. Nor is a reading believed to scatter less than what it alone tells: repeats that
-        come out near each other by chance would make results more certain than any reading is.
+        The scatter is that of readings repeated while the head stands; without enough of them that of readings at one
+        angle from one side, which holds how the head comes back, or of the residuals. It is that of both ends together:
+        they are read in the same way, and a few repeats on one of them tell a standard deviation badly. Nor is a
+        reading believed to scatter less than what it alone tells: repeats that come out near each other by chance
+        would make results more certain than any reading is.
         """
-        repeats = [fit.repeats for fit in self.fits.values()]
+        fits = list(self.fits.values())
+        standing, moved = ([fit.repeats(standing=each) for fit in fits] for each in (True, False))
+        residual = [(float(fit.residuals @ fit.residuals), len(fit.dwells) - len(fit.gain)) for fit in fits]
+        stands = sum(dof for _, dof in standing) >= LEAST_REPEATS
+        repeats = standing if stands else moved if sum(dof for _, dof in moved) >= LEAST_REPEATS else residual
         dof = sum(each for _, each in repeats)
-        pooled = float(np.sqrt(sum(sd**2 * each for sd, each in repeats) / dof)) if dof else 0.0
+        pooled = float(np.sqrt(sum(squares for squares, _ in repeats) / dof)) if dof else 0.0
         alone = float(np.sqrt(np.mean([each.alone_u**2 for each in self.rows]))) if self.rows else 0.0
         swept = sum(len(used) for used in self._used.values())
         scale = float(np.mean([fit.scale_v_per_g for fit in self.fits.values()])) if self.fits else 0.0
         come_back = scale * float(np.radians(self._data.bench.head.repeatability_u_deg))
-        still = float(np.sqrt(max(pooled**2 - come_back**2, 0.0)))
+        still = pooled if stands else float(np.sqrt(max(pooled**2 - come_back**2, 0.0)))
         sd = np.repeat([max(pooled, alone), max(still, alone)], [swept, len(self._clocked)])
-        return IndexingBudget(self._unit, self._data.bench, self.rows, sd, dof, scale)
+        return IndexingBudget(self._unit, self._data.bench, self.rows, sd, dof, scale, moves_scatter=not stands)
 
     @property
     def reading_sd_g(self) -> float:
-        """Standard deviation of a reading of the sweeps, in g."""
-        return float(self.budget.sd[0] / abs(self.budget.scale)) if self.fits else 0.0
+        """Standard deviation of a reading of the sweeps, with how well the head comes back to its angle, in g."""
+        if not self.fits:
+            return 0.0
+        head_rad = 0.0 if self.budget.moves_scatter else np.radians(self._data.bench.head.repeatability_u_deg)
+        return float(np.hypot(self.budget.sd[0] / self.budget.scale, head_rad))

@@ -14,8 +14,8 @@ import numpy as np
 from bench.analysis.extremes import interval_of_largest, largest_u
 from bench.analysis.finding import BudgetLine, Finding, Interval
 from bench.analysis.fit import Array
-from bench.analysis.indexing_budget import SCATTER
-from bench.analysis.indexing_estimates import BothEnds, IndexingEstimates
+from bench.analysis.indexing_budget import BACKLASH, SCATTER
+from bench.analysis.indexing_estimates import IndexingEstimates
 from bench.analysis.indexing_readings import IndexingReading
 from bench.analysis.indexing_sweep import EndFit
 from bench.analysis.models import Constant, Equation
@@ -24,6 +24,7 @@ from bench.analysis.propagation import Estimate, Measured
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.static_calibration import StaticCalibration
 from bench.analysis.sweep_model import SweepModel
+from bench.analysis.two_ends import BothEnds
 
 SELECTION = "readings: scatter makes the largest of many larger"
 TILT_SOURCES = {"b3": "fixture: level", "b4": "platform: angle"}
@@ -35,13 +36,18 @@ MODEL = "U = c0 + c1·a + cxz·a·a_z, a = sin(θ + s·δ), a_z = s·cos(θ + s�
 
 @dataclass(frozen=True)
 class IndexingFindings:
-    """The results of one unit, out of the last time that both ends were measured: `found`."""
+    """The results of one unit, out of the last time that both ends were measured: `found`.
+
+    All is at one temperature: what the bias in g and the scale factor, relative, may change by with 1 °C is stated.
+    """
 
     data: RunData
     unit: UnitUnderTest
     found: StaticCalibration
     estimates: IndexingEstimates
     verified: Sequence[IndexingReading]
+    bias_per_c_u: float
+    scale_per_c_u: float
 
     # Findings
 
@@ -58,10 +64,13 @@ class IndexingFindings:
 
     def _of_the_unit(self, both: BothEnds) -> Iterator[Finding]:
         output, at, scale = self.unit.output_unit, self._at, both.scale
-        known = self._unknown_tilt(both, 1 / abs(scale.value))
+        known = (*self._unknown_tilt(both, 1 / abs(scale.value)), *self._thermometer(self.bias_per_c_u))
+        of_scale = tuple(self._thermometer(scale.value * self.scale_per_c_u))
         yield self._finding("K0", "bias of the equation for use in orbit", both.corrected / scale, "g", at, known)
-        yield self._finding("K1", "scale factor of the channel, per local g", scale, f"{output}/g", at)
-        yield self._per_mps2(scale)
+        yield (
+            k1 := self._finding("K1", "scale factor of the channel, per local g", scale, f"{output}/g", at, of_scale)
+        )
+        yield self._per_mps2(k1)
         if both.tilted is not None:
             yield self._finding("misalignment", "of the input axis towards +Z", both.tilted / scale, "rad", at)
         if both.coupling is not None:
@@ -85,13 +94,12 @@ class IndexingFindings:
                 lines = (BudgetLine(SCATTER, "A", u, self.estimates.budget.dof or None),)
                 yield self._of(quantity, "of the model of all readings", value / c1, unit, lines, self._at)
 
-    def _per_mps2(self, scale: Estimate) -> Finding:
+    def _per_mps2(self, k1: Finding) -> Finding:
         bench, unit = self.data.bench, f"{self.unit.output_unit}/(m/s²)"
-        value = scale.value / bench.gravity_mps2
-        k1_u = Finding("", "", "", "", {}, 0.0, "", self.estimates.budget.lines(scale), ()).u / bench.gravity_mps2
+        value = k1.value / bench.gravity_mps2
         gravity = abs(value) * bench.gravity_u_mps2 / bench.gravity_mps2
         lines = [
-            BudgetLine("K1", "B", k1_u, None, self._id("K1")),
+            BudgetLine("K1", "B", k1.u / bench.gravity_mps2, None, k1.id),
             BudgetLine("site: gravity", "B", gravity, None, "site.gravity"),
         ]
         return self._of("K1_si", "scale factor of the channel, per m/s²", value, unit, lines, self._at)
@@ -99,18 +107,18 @@ class IndexingFindings:
     def _of_the_mounting(self, both: BothEnds) -> Iterator[Finding]:
         """The bias as it was measured, what the mounting adds to it, and what is left."""
         output, at, scale = self.unit.output_unit, self._at, both.scale
-        known = self._unknown_tilt(both)
-        yield self._finding("bias", "mean of both ends, tilt of the seat in it", both.bias, output, at)
+        warm = tuple(self._thermometer(scale.value * self.bias_per_c_u))
+        known = (*self._unknown_tilt(both), *warm)
+        yield self._finding("bias", "mean of both ends, tilt of the seat in it", both.bias, output, at, warm)
         yield self._finding("bias_corrected", "without the tilt of the seat", both.corrected, output, at, known)
-        total = both.bias + both.tilt
-        yield self._finding("bias_total", "b + b3 + b4 + b5, kept for comparison", total, output, at, known)
+        yield self._finding("bias_total", "b + b3 + b4 + b5, kept for comparison", both.total, output, at, known)
         for quantity, tilt in self.estimates.tilts.items():
             value, line = scale.value * float(np.sin(tilt.value)), _tilt_line(quantity, tilt, scale.value)
             yield self._of(quantity, TILT_NAMES[quantity], value, output, (line,), at)
-        if both.seat is not None:
+        if both.beyond is not None:
             known = tuple(_tilt_line(*each, scale.value) for each in self.estimates.tilts.items())
-            name, beyond = "tilt of the seat beyond b3 and b4, by clocking", both.seat - both.known_seat
-            yield self._finding("b5", name, beyond, output, at, known, without=TILTS)
+            name = "tilt of the seat beyond b3 and b4, by clocking"
+            yield self._finding("b5", name, both.beyond, output, at, known, without=TILTS)
             yield from self._seat_tilt(scale.value)
 
     def _unknown_tilt(self, both: BothEnds, factor: float = 1.0) -> tuple[BudgetLine, ...]:
@@ -143,22 +151,25 @@ class IndexingFindings:
         return self._of("linearity", name, fit.linearity, "1", lines, at, tail=f"/{end}", interval=interval)
 
     def _hysteresis(self) -> Iterator[Finding]:
-        """The largest difference of both directions over both ends; of noise alone it would be what its budget says."""
+        """The largest difference between readings from below and from above over both ends, of the same angle.
+
+        Of noise alone it would be what its budget says. Nothing where each angle was come to from one side only.
+        """
         loops = {name: fit for name, fit in self.estimates.fits.items() if len(fit.loop_v)}
         if not loops:
             return
         worst = max(loops, key=lambda name: loops[name].hysteresis_v or 0.0)
-        every = np.concatenate([fit.loop_v for fit in loops.values()])
-        scale = abs(self.estimates.budget.scale)
-        sd = self.estimates.reading_sd_g * scale * float(np.sqrt(2.0))
-        by_scatter, by_selection = largest_u(every, sd)
+        every_g = np.concatenate([fit.loop_v for fit in loops.values()]) / self.estimates.budget.scale
+        sd_g = self.estimates.reading_sd_g * float(np.sqrt(2.0))
+        by_scatter, by_selection = largest_u(every_g, sd_g)
         lines = [
-            BudgetLine(SCATTER, "A", by_scatter / scale, self.estimates.budget.dof or None),
-            BudgetLine(SELECTION, "A", by_selection / scale),
+            BudgetLine(SCATTER, "A", by_scatter, self.estimates.budget.dof or None),
+            BudgetLine(SELECTION, "A", by_selection),
+            BudgetLine(BACKLASH, "B", np.radians(self.data.bench.head.backlash_u_deg or 0.0), None, "head.backlash"),
         ]
-        value = float(np.max(np.abs(every))) / scale
-        name = "largest difference between forward and reverse"
-        interval = interval_of_largest(every, sd).times(1 / scale)
+        value = float(np.max(np.abs(every_g)))
+        name = "largest difference between readings at one angle, come to from below and from above"
+        interval = interval_of_largest(every_g, sd_g)
         yield self._of("hysteresis", name, value, "g", lines, {"end": worst}, interval=interval)
 
     def verification_residuals_g(self) -> Array:
@@ -242,6 +253,13 @@ class IndexingFindings:
     def _at(self) -> Mapping[str, Any]:
         warm_c = [each.temperature_c for each in self.estimates.rows if np.isfinite(each.temperature_c)]
         return {"at_c": float(np.mean(warm_c))} if warm_c else {}
+
+    def _thermometer(self, per_c: float) -> Iterator[BudgetLine]:
+        """The line of the temperature that a result names, which changes by so much with 1 °C."""
+        thermometer, at_c = self.unit.temperature, self._at.get("at_c")
+        if at_c is not None:
+            u_c = self.data.bench.temperature_u_c(thermometer, at_c)
+            yield BudgetLine(f"{thermometer}: offset, gain", "B", abs(per_c) * u_c, None, thermometer)
 
     def _id(self, quantity: str) -> str:
         return self.data.subject(self.unit).id(quantity)

@@ -2,7 +2,8 @@
 
 The end that a unit stands on, its angle and how it is clocked follow from the geometry of the bench. Readings in a
 group `clocking` are those of the clocking, those in a group `verification` are not fitted, all others are the sweeps;
-`reverse` among the loops around one tells the direction, `pass` how often both ends were measured before.
+`reverse` among the loops around one tells the pass that it is of, `pass` how often both ends were measured before. From
+which side the input came to an angle is in the record of the moves, not in a name.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from bench.analysis.outputs import STABLE_PART_S, Output, mean_output, measured,
 from bench.analysis.rundata import RunData, UnitUnderTest
 
 CLOCKING, VERIFICATION = "clocking", "verification"
+OTHER_SIDE = {"below": "above", "above": "below", "": ""}
 TURN_DEG = 1e-3  # by which the head is turned in thought, to see what that does
 
 Kind = Literal["sweep", "clocking", "verification"]
@@ -33,8 +35,9 @@ class IndexingReading:
 
     `angle_rad` is that of the input axis above the horizontal, by the angles of the table alone, `head_rad` that of the
     head; `turn` is by how much sin(angle) changes when the head turns by 1 rad. `end` is up or down. `number` counts
-    all readings of the run, `alone_u` is what one alone tells of its standard uncertainty, `step_u` what the steps of
-    codes hide from it.
+    all readings of the run, `stand` the moves before it. `came_from` is the side from which the head came there, `side`
+    that from which the input did, "below" or "above", empty where nobody knows it. `alone_u` is what one alone tells of
+    its standard uncertainty, `step_u` what the steps of codes hide from it.
     """
 
     number: int
@@ -52,6 +55,9 @@ class IndexingReading:
     temperature_c: float
     alone_u: float = 0.0
     step_u: float = 0.0
+    came_from: str = ""
+    side: str = ""
+    stand: int = 0
 
 
 def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReading], list[str]]:
@@ -64,6 +70,8 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
         usable = not set(output.problems) - {"unstable"}
         axes, turned = (unit_axes(each, unit, flat)[:, 2] for each in (acquisition, _turned(acquisition, flat)))
         temperature_c = acquisition.temperatures_c[unit.temperature]
+        turn = float((turned[0] - axes[0]) / np.radians(TURN_DEG))
+        came_from = acquisition.came_from.get(next(iter(data.bench.axes), ""), "")
         reading = IndexingReading(
             number=number,
             step=acquisition.step,
@@ -73,13 +81,16 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
             direction="rev" if "reverse" in acquisition.loops else "fwd",
             angle_rad=float(np.arcsin(np.clip(axes[0], -1, 1))),
             head_rad=float(np.radians(acquisition.angle_deg)),
-            turn=float((turned[0] - axes[0]) / np.radians(TURN_DEG)),
+            turn=turn,
             clock_rad=float(np.radians(acquisition.mount.clock_deg)),
             output=output.value if usable else float("nan"),
             stable="unstable" not in output.problems,
             temperature_c=float(np.mean(temperature_c)) if len(temperature_c) else float("nan"),
             alone_u=_alone_u(acquisition, unit, output) if usable else 0.0,
             step_u=output.step_u if usable else 0.0,
+            came_from=came_from,
+            side=came_from if turn > 0 else OTHER_SIDE[came_from],
+            stand=acquisition.stand,
         )
         found.append(reading)
     return found, flags
@@ -121,6 +132,8 @@ def sweep_record(readings: Sequence[IndexingReading]) -> SweepRecord:
         output_v=np.array([each.output for each in readings], dtype=np.float64),
         stable=np.array([each.stable for each in readings], dtype=np.bool_),
         temperature_c=np.array([each.temperature_c for each in readings], dtype=np.float64),
+        side=np.array([each.side for each in readings], dtype=np.str_),
+        stand=np.array([each.stand for each in readings], dtype=np.int_),
     )
 
 

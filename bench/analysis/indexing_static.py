@@ -15,7 +15,7 @@ import numpy as np
 
 from bench.analysis.compensation import Compensation
 from bench.analysis.finding import UnitResult
-from bench.analysis.indexing_estimates import BothEnds, IndexingEstimates
+from bench.analysis.indexing_estimates import IndexingEstimates
 from bench.analysis.indexing_findings import IndexingFindings
 from bench.analysis.indexing_readings import (
     IndexingReading,
@@ -28,7 +28,7 @@ from bench.analysis.models import Constant
 from bench.analysis.propagation import Measured
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.static_calibration import CalibrationSettings, StaticCalibration, calibrate
-from bench.analysis.two_ends import Agreement
+from bench.analysis.two_ends import Agreement, BothEnds
 
 LEAST_FOR_K2_RAD = np.radians(30.0) * 0.999  # smaller angles do not tell K2 and K3: methods.md 3.4
 SMALL_TERMS = ("c0", "c1", "cxz", "delta")
@@ -96,7 +96,7 @@ def _settings(
 def _limit(unit: UnitUnderTest, settings: Mapping[str, Any]) -> float:
     """The output from which on nothing is fitted."""
     limit_g, per_g = settings["output_limit_g"], unit.nominal_per_g
-    return np.inf if limit_g is None or per_g is None else float(limit_g * per_g)
+    return np.inf if limit_g is None or per_g is None else float(limit_g * abs(per_g))
 
 
 def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
@@ -111,7 +111,9 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
     platform = settings["platform_rad"]
     known = None if platform is None else Measured(platform, settings["platform_u_rad"])
     estimates = IndexingEstimates(data, unit, last.readings, last.found, clocked, known)
-    findings = IndexingFindings(data, unit, last.found, estimates, verified)
+    findings = IndexingFindings(
+        data, unit, last.found, estimates, verified, settings["bias_per_c_u"], settings["scale_per_c_u"]
+    )
     residuals_g = tuple(findings.verification_residuals_g().tolist())
     detail = IndexingDetail(unit.output_unit, tuple(attempts), tuple(clocked), tuple(verified), residuals_g)
     left_out = [f"+Z {name}" for name, end in last.found.ends.items() if end is None or end.fit is None]

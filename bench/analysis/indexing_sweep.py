@@ -33,7 +33,7 @@ SMOOTH_DEGREE = 5  # of the curve over the angle that a sensor may have
 SAME_ANGLE = 1e-3  # of the range: a table that is sent to one angle twice does not stop at exactly the same
 SAME_ANGLE_DEG = 5e-4  # 2 arcsec, at least
 DRIFT_CHANCE = 1e-4  # that noise looks like a drift of the bias
-DRIFT_SHARE = 0.5  # at least, of the scatter of forward minus reverse: what else there is, is hysteresis
+DRIFT_SHARE = 0.5  # at least, of the scatter of below minus above: what else there is, is hysteresis
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,8 @@ class SweepRecord:
     """One row per dwell in any order, all arrays (n,); a missing number is NaN, a missing word empty.
 
     `end` is "up" or "down", `direction` "fwd" or "rev", `sequence` counts the dwells in the order of time. The
-    temperature may be unknown.
+    temperature may be unknown. `side` is that from which the input came to what it was, "below" or "above"; `stand`
+    is the same for dwells between which the table did not move.
     """
 
     end: NDArray[np.str_]
@@ -51,6 +52,8 @@ class SweepRecord:
     output_v: Array
     stable: NDArray[np.bool_]
     temperature_c: Array
+    side: NDArray[np.str_]
+    stand: NDArray[np.int_]
 
     def rows(self, which: NDArray[np.int_] | NDArray[np.bool_]) -> SweepRecord:
         """A part of the record, by row numbers or by a mask."""
@@ -70,6 +73,24 @@ class SweepRecord:
         known_c = self.temperature_c[np.isfinite(self.temperature_c)]
         known_c = known_c[~broken_at_rest(known_c)]
         return float(np.ptp(known_c)) if len(known_c) else 0.0
+
+
+def by_travel(record: SweepRecord) -> SweepRecord:
+    """With the sides and stands that follow from the order of the angles at each end; `side` stays where it is known.
+
+    From where the first of an end came is not known.
+    """
+    stand, side = np.full(len(record), -1), record.side.astype("<U5")
+    for end in np.unique(record.end):
+        rows = np.flatnonzero((record.end == end) & np.isfinite(record.sequence) & np.isfinite(record.angle_deg))
+        rows = rows[np.argsort(record.sequence[rows], kind="stable")]
+        moved_deg = np.diff(record.angle_deg[rows], prepend=record.angle_deg[rows[:1]])
+        moved = np.abs(moved_deg) > SAME_ANGLE_DEG
+        stand[rows] = np.cumsum(moved) + np.max(stand, initial=-1) + 1
+        last = np.maximum.accumulate(np.where(moved, np.arange(len(rows)), -1))
+        came = np.where(last < 0, "", np.where(moved_deg[last] > 0, "below", "above"))
+        side[rows] = np.where(side[rows] == "", came, side[rows])
+    return replace(record, side=side, stand=stand)
 
 
 def joined(parts: Sequence[SweepRecord]) -> SweepRecord:
@@ -104,7 +125,8 @@ class EndFit:
 
     `gain` (2, n) is what one volt more in each reading adds to b and G. `residuals` (n,) are what the line, and the
     drift where there is one, leave. `drift_v` is the change of the bias from one dwell to the next; b is then the bias
-    at the first dwell of the record. `loop_v` are forward minus reverse at each angle that was visited both ways.
+    at the first dwell of the record. `loop_v` are those from below minus those from above at each angle to which the
+    input came from both sides.
     """
 
     dwells: SweepRecord
@@ -127,18 +149,16 @@ class EndFit:
         """Standard uncertainties (2,) of b and G, type A."""
         return np.sqrt(np.diag(self.covariance))
 
-    @property
-    def repeats(self) -> tuple[float, int]:
-        """Standard deviation of readings at one angle about their mean, and its degrees of freedom.
+    def repeats(self, *, standing: bool) -> tuple[float, int]:
+        """Sum of squares of readings at one angle, come to from one side, about their mean; its degrees of freedom.
 
-        It holds the hysteresis, not the nonlinearity. With too few repeats it is that of all residuals.
+        It holds neither hysteresis nor nonlinearity. Those `standing` were read without a move of the table between.
         """
-        angle = _same_angle(self.dwells.angle_deg)
-        about_mean = self.residuals - _means(angle, self.residuals)[angle]
-        dof = len(angle) - len(np.unique(angle))
-        if dof < LEAST_REPEATS:
-            return self.reading_sd_v, len(angle) - len(self.gain)
-        return float(np.sqrt(np.sum(about_mean**2) / dof)), dof
+        angle, side, stand = _same_angle(self.dwells.angle_deg), self.dwells.side, self.dwells.stand
+        alike = np.stack([angle, side == "below", side == "above", stand if standing else 0 * stand], axis=-1)
+        group = np.unique(alike, axis=0, return_inverse=True)[1].reshape(-1)
+        about_mean = self.residuals - _means(group, self.residuals)[group]
+        return float(np.sum(about_mean**2)), len(group) - len(np.unique(group))
 
     @property
     def linearity(self) -> float:
@@ -148,7 +168,7 @@ class EndFit:
 
     @property
     def hysteresis_v(self) -> float | None:
-        """Largest difference between the means of both directions at one angle; None without such an angle."""
+        """Largest difference between the means from below and from above at one angle; None without such an angle."""
         return float(np.max(np.abs(self.loop_v))) if len(self.loop_v) else None
 
     @property
@@ -196,23 +216,13 @@ def reduce_end(dwells: SweepRecord, *, outlier_k: float) -> EndSweep:
 
 
 def _without_outliers(dwells: SweepRecord, outlier_k: float) -> NDArray[np.bool_]:
-    """Which dwells (n,) are no outliers beside a bent line for each direction.
+    """Which dwells (n,) are no outliers beside a bent line for each side.
 
     Hysteresis would else make two clusters of residuals, whose robust standard deviation may be that of one of them.
-    Where the table turns back there is no hysteresis yet: a dwell there that the bent lines reject is judged by the
-    plain line, and left free in the bent ones.
     """
-    sine, direction = np.sin(dwells.angle_rad), np.where(dwells.direction == "fwd", 1.0, -1.0)
+    sine, side = np.sin(dwells.angle_rad), np.where(dwells.side == "above", -1.0, 1.0)
     shapes = [np.ones_like(sine), sine, sine**2]
-    both_ways = [*shapes, direction, direction * sine]
-    kept = _kept((both_ways, shapes, shapes[:2]), dwells, outlier_k)
-    turning = _turning_points(dwells)
-    if kept[turning].all():
-        return kept
-    free = [(np.arange(len(sine)) == row).astype(np.float64) for row in np.flatnonzero(turning)]
-    kept = _kept(([*both_ways, *free], [*shapes, *free], [*shapes[:2], *free]), dwells, outlier_k)
-    plain = _kept((shapes[:2],), dwells, outlier_k)
-    return np.where(turning, plain, kept)
+    return _kept(([*shapes, side, side * sine], shapes, shapes[:2]), dwells, outlier_k)
 
 
 def _kept(choices: Sequence[Sequence[Array]], dwells: SweepRecord, outlier_k: float) -> NDArray[np.bool_]:
@@ -225,18 +235,8 @@ def _kept(choices: Sequence[Sequence[Array]], dwells: SweepRecord, outlier_k: fl
     return np.ones(len(dwells), dtype=np.bool_)
 
 
-def _turning_points(dwells: SweepRecord) -> NDArray[np.bool_]:
-    """Which dwells (n,), in the order of time, are at the angle where one direction gives way to the other."""
-    changes = np.flatnonzero(dwells.direction[1:] != dwells.direction[:-1])
-    angle = _same_angle(dwells.angle_deg)
-    turning = np.zeros(len(angle), dtype=np.bool_)
-    for last in changes[angle[changes] == angle[changes + 1]]:
-        turning[last : last + 2] = True
-    return turning
-
-
 def fit_line(dwells: SweepRecord, *, drift_from: float | None = None) -> EndFit:
-    """Ordinary least squares over both directions. Raises NotDetermined when the angles do not suffice.
+    """Ordinary least squares over all dwells. Raises NotDetermined when the angles do not suffice.
 
     `drift_from` gives the fit a term for a drift, and is the sequence number for which b is wanted then.
     """
@@ -260,14 +260,14 @@ def _end_fit(dwells: SweepRecord, fit: LinearFit, to_line: Array) -> EndFit:
         residuals=fit.residuals,
         reading_sd_v=fit.residual_sd,
         drift_v=float(fit.coefficients[2]) if len(fit.coefficients) > 2 else None,
-        loop_v=_forward_minus_reverse(dwells, fit.residuals)[0],
+        loop_v=_below_minus_above(dwells, fit.residuals)[0],
         pattern=_pattern(dwells, fit.residuals),
     )
 
 
 def bias_drifts(fit: EndFit) -> bool:
-    """Whether forward minus reverse of a fit without a drift changes in proportion to the time between the two."""
-    loop_v, dwells_between = _forward_minus_reverse(fit.dwells, fit.residuals)
+    """Whether below minus above of a fit without a drift changes in proportion to the time between the two."""
+    loop_v, dwells_between = _below_minus_above(fit.dwells, fit.residuals)
     if len(loop_v) < LEAST_ANGLES + 1 or np.ptp(dwells_between) == 0 or np.ptp(loop_v) <= _rounding(fit.dwells):
         return False
     line = fit_polynomial(dwells_between, loop_v, 1)
@@ -276,14 +276,14 @@ def bias_drifts(fit: EndFit) -> bool:
     return bool(by_chance < DRIFT_CHANCE and unexplained < 1 - DRIFT_SHARE)
 
 
-def _forward_minus_reverse(dwells: SweepRecord, value: Array) -> tuple[Array, Array]:
-    """Forward minus reverse of the mean `value` and of the mean time in dwells, at each angle visited both ways."""
+def _below_minus_above(dwells: SweepRecord, value: Array) -> tuple[Array, Array]:
+    """Mean `value` from below minus from above, and of the mean time in dwells, at each angle come to from both."""
     angle = _same_angle(dwells.angle_deg)
-    forward, reverse = dwells.direction == "fwd", dwells.direction == "rev"
-    both = np.intersect1d(angle[forward], angle[reverse])
+    below, above = dwells.side == "below", dwells.side == "above"
+    both = np.intersect1d(angle[below], angle[above])
     return (
-        _means(angle[forward], value[forward])[both] - _means(angle[reverse], value[reverse])[both],
-        _means(angle[forward], dwells.sequence[forward])[both] - _means(angle[reverse], dwells.sequence[reverse])[both],
+        _means(angle[below], value[below])[both] - _means(angle[above], value[above])[both],
+        _means(angle[below], dwells.sequence[below])[both] - _means(angle[above], dwells.sequence[above])[both],
     )
 
 

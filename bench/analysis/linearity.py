@@ -163,7 +163,7 @@ def _excess(fit: LinearFit) -> float:
 
 def _column(points: Sequence[LinearityPoint], source: str) -> Array:
     """The uncertainty that a source has at each point (n,)."""
-    return np.array([sum(line.u for line in point.lines if line.source == source) for point in points])
+    return np.array([math.fsum(line.u for line in point.lines if line.source == source) for point in points])
 
 
 def _line(
@@ -176,6 +176,6 @@ def _line(
     dof = line.dof
     if len(parts) == len(points) > 1:
         dofs = [next((each.dof for each in point.lines if each.source == source), None) for point in points]
-        limited = sum(float(part) ** 4 / each for part, each in zip(parts, dofs, strict=True) if each)
+        limited = math.fsum(float(part) ** 4 / each for part, each in zip(parts, dofs, strict=True) if each)
         dof = math.floor(u**4 / limited + 0.5) if limited else None
     return BudgetLine(source, line.type, u, dof, line.shared)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import log, sqrt
+from math import fsum, log, sqrt
 from typing import NamedTuple
 
 from scipy.special import chdtr, fdtr
@@ -32,11 +32,11 @@ def alike(scatters: Sequence[Scatter]) -> Scatter | None:
     if len(scatters) < 2 or not all(each.sd > 0 and each.dof > 0 for each in scatters):
         return None
     together = _together(scatters)
-    apart = sum(each.dof * log((together.sd / each.sd) ** 2) for each in scatters)
-    few = 1 + (sum(1 / each.dof for each in scatters) - 1 / together.dof) / (3 * (len(scatters) - 1))
+    apart = fsum(each.dof * log((together.sd / each.sd) ** 2) for each in scatters)
+    few = 1 + (fsum(1 / each.dof for each in scatters) - 1 / together.dof) / (3 * (len(scatters) - 1))
     return together if chdtr(len(scatters) - 1, apart / few) <= SIGNIFICANT else None
 
 
 def _together(scatters: Sequence[Scatter]) -> Scatter:
     dof = sum(each.dof for each in scatters)
-    return Scatter(sqrt(sum(each.dof * each.sd**2 for each in scatters) / dof), dof)
+    return Scatter(sqrt(fsum(each.dof * each.sd**2 for each in scatters) / dof), dof)

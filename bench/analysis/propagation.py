@@ -56,5 +56,5 @@ def inputs(values: Array) -> list[Estimate]:
 
 def weighted(weights: Array, estimates: Sequence[Estimate]) -> Estimate:
     """The sum of estimates (n,), each times its weight."""
-    value = sum(weight * estimate.value for weight, estimate in zip(weights, estimates, strict=True))
+    value = weights @ np.array([estimate.value for estimate in estimates])
     return Estimate(float(value), np.asarray(weights @ np.array([estimate.gain for estimate in estimates])))

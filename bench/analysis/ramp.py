@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bench.analysis.fit import Array
+from bench.analysis.ramp_turns import on_its_way, stretches
 from bench.analysis.thermometer import broken_on_a_ramp
 
 
@@ -32,7 +32,7 @@ class RampRecord:
 class Leg:
     """The usable samples of one leg of one cycle in the order of time, arrays (n,).
 
-    `complete` is false when fewer than half of the recorded samples could be used.
+    `complete` is false when fewer than half of the recorded samples could be used, or all of them go the other way.
     """
 
     cycle: int
@@ -44,23 +44,22 @@ class Leg:
 
     def stretches(self, longest_hole: int) -> Iterator[slice]:
         """Parts of the leg without a hole in time longer than `longest_hole` sample intervals."""
-        interval_s = np.diff(self.time_s)
-        limit_s = longest_hole * float(np.median(interval_s)) if len(interval_s) else 0.0
-        holes = np.flatnonzero(interval_s > limit_s) + 1
-        return (slice(start, end) for start, end in pairwise([0, *holes.tolist(), len(self.time_s)]))
+        return stretches(self.time_s, longest_hole)
 
 
-def cut_into_legs(record: RampRecord) -> tuple[list[Leg], dict[str, int]]:
+def cut_into_legs(record: RampRecord, *, turns: bool = False) -> tuple[list[Leg], dict[str, int]]:
     """The legs by cycle, up before down, and how many rows were left out for which reason.
 
-    Left out are rows with something missing, temperatures that a working thermometer cannot say, and all but the first
-    good row of one time.
+    Left out are rows with something missing, temperatures that a working thermometer cannot say, all but the first
+    good row of one time, and those of the turn-rounds at the ends of a leg ("turn"), unless `turns` are wanted.
     """
     keys = np.stack([record.cycle, record.leg == "down", record.time_s], axis=-1)
     placed = np.isfinite(keys).all(axis=-1) & np.isin(record.leg, ("up", "down"))
     good = placed & np.isfinite(record.temperature_c) & np.isfinite(record.output_g)
     order = _one_row_of_each_time(keys, placed, good)
-    excluded = Counter(missing=int(np.sum(~good)), duplicate=int(np.sum(good) - np.sum(good[order])), thermometer=0)
+    excluded = Counter(
+        missing=int(np.sum(~good)), duplicate=int(np.sum(good) - np.sum(good[order])), thermometer=0, turn=0
+    )
     legs = []
     starts = np.flatnonzero(np.any(np.diff(keys[order, :2], axis=0) != 0, axis=-1)) + 1
     for scheduled in np.split(order, starts) if len(order) else []:
@@ -69,14 +68,17 @@ def cut_into_legs(record: RampRecord) -> tuple[list[Leg], dict[str, int]]:
         excluded["thermometer"] += int(np.sum(broken))
         rows = rows[~broken]
         cycle, falling = keys[scheduled[0], :2]
+        way = rows[on_its_way(record.time_s[rows], record.temperature_c[rows], falls=bool(falling))]
+        way = rows if turns else way
+        excluded["turn"] += len(rows) - len(way)
         legs.append(
             Leg(
                 cycle=int(cycle),
                 name="down" if falling else "up",
-                time_s=record.time_s[rows],
-                temperature_c=record.temperature_c[rows],
-                output_g=record.output_g[rows],
-                complete=2 * len(rows) >= len(scheduled),
+                time_s=record.time_s[way],
+                temperature_c=record.temperature_c[way],
+                output_g=record.output_g[way],
+                complete=2 * len(rows) >= len(scheduled) and len(way) > 0,
             )
         )
     return legs, dict(excluded)

@@ -37,14 +37,20 @@ COUNT_STRIDE = 2  # neighbours share a latch, and so the error of a count
 
 @dataclass(frozen=True)
 class RampFindings:
-    """The results of one unit: of its legs at 0 g and at 1 g, its scale factor, and what the legs at 0 g do."""
+    """The results of one unit: of its legs at 0 g and at 1 g, its scale factor, and what the legs at 0 g do.
+
+    The slope of the scale factor is of `whole` legs at 0 g and of those at 1 g, and so are `changes`; `level` and
+    `found` are without turn-rounds.
+    """
 
     data: RunData
     unit: UnitUnderTest
     level: Sequence[RampLeg]
+    whole: Sequence[RampLeg]
     upright: Sequence[RampLeg]
     scale: RampScale
     found: DynamicCharacteristic
+    changes: Sequence[Differences]
     limits: RampLimits
     misalignment_u_rad: float
 
@@ -228,9 +234,9 @@ class RampFindings:
         Only what a change has of a slope makes one of K1. If that of every cycle is as another's, with the standard
         deviation s, the mean of n cycles at 1 g less that of n at 0 g has s √(2/n), and two cycles differ by s √2.
         """
-        sd_g = _known_sd(scatter_sd([each.ug / UG_PER_G for each in self.found.changes], COUNT_STRIDE), self._sd_g())
+        sd_g = _known_sd(scatter_sd([each.ug / UG_PER_G for each in self.changes], COUNT_STRIDE), self._sd_g())
         squares = []
-        for each in self.found.changes:
+        for each in self.changes:
             away_c = each.temperature_c - np.mean(each.temperature_c)
             if spread := float(np.sum(away_c**2)):
                 squares.append((float(away_c @ each.ug) / UG_PER_G / spread) ** 2 - sd_g**2 / spread)
@@ -246,12 +252,12 @@ class RampFindings:
 
     def _scatter_of_scale_slope(self) -> list[BudgetLine]:
         """Of the scale factor, relative to it, in 1/°C."""
-        at_0g, at_1g = self._level_scatter, slope_scatter(self.upright)
+        at_0g, at_1g = slope_scatter(self.whole), slope_scatter(self.upright)
         if at_0g is not None and at_1g is not None:
             return _scatter_lines(at_1g.together(at_0g), self._per_g)
         line = self.scale.line
         sd = _known_sd(scatter_sd([_finite(leg.output) for leg in self.upright], COUNT_STRIDE), line.residual_sd)
-        gains = sd * self._per_g * _slope_gain(self.upright), self._sd_g() * _slope_gain(self.level)
+        gains = sd * self._per_g * _slope_gain(self.upright), self._sd_g() * _slope_gain(self.whole)
         return [BudgetLine(SCATTER, "A", float(np.hypot(*gains)), line.dof or None)]
 
     @cached_property

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bench.analysis.acquired import Acquisition, Array, Counts
 from bench.analysis.outputs import means_between, measured, outputs_between
+from bench.analysis.ramp_turns import on_its_way
 from bench.analysis.rundata import UnitUnderTest
 
 
@@ -31,6 +32,14 @@ class RampLeg:
     seconds: Array
     counted: bool
     problems: Mapping[str, int]
+
+    def without_turns(self) -> RampLeg:
+        """The leg without the turn-rounds of the unit's own temperature at its ends."""
+        rows = on_its_way(self.time_s, self.temperature_c, falls=self.direction < 0)
+        return replace(
+            self, time_s=self.time_s[rows], temperature_c=self.temperature_c[rows], output=self.output[rows],
+            seconds=self.seconds[rows],
+        )  # fmt: skip
 
     @property
     def name(self) -> str:

@@ -14,6 +14,7 @@ from bench.analysis.linearity import Linearity, LinearityPoint, fit_linearity
 from bench.analysis.models import Constant, Equation
 from bench.analysis.range_blocks import RangeBlocks, Turning
 from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.analysis.stated_scale import of_stated_scale, shared_per_degree, stated_scale
 from bench.analysis.table_samples import mean_c
 
 BIAS = "readings at rest"
@@ -21,7 +22,8 @@ TILT = "axis: level, in readings at rest at one angle"
 WOBBLE = "axis: wobble"
 WARMER = "scale factor: temperature against that at the low rates"
 BY_RADIUS = "low rates: by way of the radius"
-COMMON = frozenset({BIAS, BY_RADIUS, WARMER})  # one error at all points
+OTHERWISE_WARM = "scale factor: temperature against that of the curve"
+COMMON = frozenset({BIAS, BY_RADIUS, WARMER, OTHERWISE_WARM})  # one error at all points
 TERMS = {
     "scale_error": "scale error", "asymmetry": "asymmetry · sign v", "quadratic": "quadratic · v/F",
     "cubic": "cubic · (v/F)²",
@@ -113,7 +115,11 @@ class RangeForm:
 
     def warmer(self, u: float) -> BudgetLine:
         """Of a scale factor that the same change for 1 °C makes another at all points that are warmer."""
-        return BudgetLine(WARMER, "B", u, None, self.subject.id("scale_per_degree"))
+        return BudgetLine(WARMER, "B", u, None, self._shared_per_degree)
+
+    def as_stated(self, value: float, at_c: float) -> list[BudgetLine]:
+        """What the stated scale factor gives to what goes with it by `value`, of a unit at a temperature."""
+        return [line.times(value) for line in of_stated_scale(at_c, self.settings, self.data, self.unit)]
 
     def at_rest(self, blocks: RangeBlocks, quantity: str, name: str) -> Finding:
         """The bias."""
@@ -145,7 +151,7 @@ class RangeForm:
     ) -> Iterator[Finding]:
         """The error of a point, and what part it is of the reading or of the full scale."""
         flags = tuple(
-            flag for flag, holds in (("saturated", turning.steady.saturated), ("unstable", not self.stable(turning)))
+            flag for flag, holds in (("clipped", turning.steady.saturated), ("off_rate", not self.stable(turning)))
             if holds
         )  # fmt: skip
         step, tail = (turning.step,), f"@{at['point']}"
@@ -155,7 +161,7 @@ class RangeForm:
         relative = [line.times(1 / over) for line in lines]
         part = "of the full scale" if self.over is not None else "of what is true"
         judged = self.subject.finding(f"{self.quantity}/relative", part, error / over, "1", relative, at, step, tail)
-        verdict: Verdict | None = "INVALID" if "unstable" in flags else None
+        verdict: Verdict | None = "INVALID" if "off_rate" in flags else None
         yield replace(found, flags=flags, verdict=verdict)
         yield replace(judged, flags=flags, verdict=verdict)
 
@@ -184,12 +190,16 @@ class RangeForm:
         self, blocks: RangeBlocks, findings: Sequence[Finding], quantity: str, points: Sequence[RangeCurvePoint],
         read: Sequence[CurvePoint], terms: Sequence[str],
     ) -> UnitResult:  # fmt: skip
-        """All of the unit, with the curve through the points that were read."""
-        found = fit_linearity([point for _, point in read], terms, self.full_scale, COMMON, self._in_proportion)
+        """All of the unit, with the curve through the points that were read, at their mean temperature."""
+        found_at_c = mean_c([turning.temperature_c for turning, _ in read])
+        of_curve_points = [
+            replace(point, lines=[*point.lines, *self._to_one_temperature(turning, point.true, found_at_c)])
+            for turning, point in read
+        ]
+        found = fit_linearity(of_curve_points, terms, self.full_scale, COMMON, self._in_proportion)
         if found is None:
             return self.result(blocks, findings, RangeCurve(quantity, tuple(points), self.over))
         linearity, lines = found
-        found_at_c = mean_c([turning.temperature_c for turning, _ in read])
         at, steps = {} if found_at_c is None else {"at_c": found_at_c}, tuple(turning.step for turning, _ in read)
         of_curve = [
             self.subject.finding(*OF_THE_CURVE[name], value, "1", lines[name], at, steps)
@@ -197,13 +207,34 @@ class RangeForm:
         ]
         scale, bias = self._scale, findings[0]
         result = self.result(blocks, [*findings, *of_curve], RangeCurve(quantity, tuple(points), self.over, linearity))
-        offset = Constant(bias.value * scale.value, self.unit.output_unit, bias.u * scale.value)
+        offset = Constant(bias.value * scale.value, self.unit.output_unit, bias.u * abs(scale.value))
         compensation = Compensation(
             self.unit.measured_by, self.unit.output_unit, self.symbol, scale=scale, offset=offset, linearity=linearity,
             found_at_c=found_at_c,
         )  # fmt: skip
         model = self._model(quantity, linearity, bias, of_curve)
         return replace(result, models=(model,), compensations=(compensation,))
+
+    def _to_one_temperature(self, turning: Turning, true: float, at_c: float | None) -> Iterator[BudgetLine]:
+        """What a scale factor that changes with temperature makes of a point, in a curve that names one temperature.
+
+        The unit was not as warm at each point, and its thermometer is uncertain. An accelerometer is held against
+        itself at low rates, which has these already, or is so without the thermometer.
+        """
+        if self.symbol == "g" or at_c is None:
+            return
+        per_c = true * float(self.settings["scale_per_c_u"])
+        yield BudgetLine(OTHERWISE_WARM, "B", per_c * (turning.temperature_c - at_c), None, self._shared_per_degree)
+        u_c = self.data.bench.temperature_u_c(self.unit.temperature, at_c)
+        yield BudgetLine(self._thermometer, "B", abs(per_c) * u_c, None, self.unit.temperature)
+
+    @property
+    def _thermometer(self) -> str:
+        return f"{self.unit.temperature}: offset, gain"
+
+    @property
+    def _shared_per_degree(self) -> str:
+        return shared_per_degree(self.data, self.unit)
 
     def _model(self, quantity: str, linearity: Linearity, bias: Finding, of_curve: Sequence[Finding]) -> Equation:
         constants = {"S": self._scale, "bias": Constant(bias.value, bias.unit, bias.u)}
@@ -221,8 +252,9 @@ class RangeForm:
 
     @property
     def _in_proportion(self) -> frozenset[str]:
-        """What makes one part of every rate: the gain of a voltmeter, and a clock that the output has not."""
-        return frozenset(line.source for line in (*self.of_the_voltmeter(1.0), *self.of_the_clock(1.0)))
+        """What makes one part of every rate: a voltmeter's gain, a clock that the output has not, a thermometer."""
+        certified = (line.source for line in (*self.of_the_voltmeter(1.0), *self.of_the_clock(1.0)))
+        return frozenset((*certified, self._thermometer))
 
     @property
     def _scale(self) -> Constant:
@@ -234,9 +266,9 @@ class RangeForm:
         flags = list(blocks.flags)
         for each in blocks.turning:
             if not self.stable(each):
-                flags.append(f"{each.step}: unstable")
+                flags.append(f"{each.step}: off_rate")
             if each.steady.saturated:
-                flags.append(f"{each.step}: saturated")
+                flags.append(f"{each.step}: clipped")
         if blocks.rest is not None and blocks.rest.of_one_angle:
             flags.append("rest_of_one_angle")
         return UnitResult(
@@ -250,15 +282,6 @@ def noise_of(unit: UnitUnderTest) -> str:
     if unit.is_counted:
         return "sensor: noise and steps of counting"
     return "sensor: noise and steps of codes" if unit.telemetry is not None else "sensor and voltmeter: noise"
-
-
-def stated_scale(unit: UnitUnderTest, settings: Mapping[str, Any], symbol: str) -> Constant:
-    """What makes a value in the unit `symbol` of the output of a unit, as its sequence says."""
-    scale: float = settings["scale"][unit.output_unit]
-    u = scale * settings.get("scale_u", 0.0)
-    if symbol == "g":
-        return Constant(scale, f"{unit.output_unit}/g", u)
-    return Constant(scale, "pulse/°" if unit.is_counted else f"{unit.output_unit}/({symbol})", u)
 
 
 def _dof(blocks: RangeBlocks) -> int | None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from bench.analysis.finding import BudgetLine, Finding, UnitResult
+from bench.analysis.orientation import turned_axes
 from bench.analysis.range_blocks import RangeBlocks, Turning, range_blocks
 from bench.analysis.range_form import BY_RADIUS, CurvePoint, RangeForm, noise_of
 from bench.analysis.range_test import LARGEST_U_RADIUS, LEAST_LOW_RATES, Arm
@@ -19,6 +20,7 @@ from bench.analysis.rundata import RunData, UnitUnderTest
 
 RESOLUTION = "encoder: resolution"
 HARMONICS = "encoder: errors over part of a turn"
+ARM_U = 3.0  # by so many standard uncertainties a radius may differ from what the bench file says
 TOUCH_G = 1.02  # of the highest acceleration that the radius is found at: a rate meant for it may turn a little fast
 
 
@@ -76,7 +78,10 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
         blocks.left_out.append("radius")
         return form.result(blocks, findings, None)
     arm = Arm(blocks.bias, [each.steady for each in usable], data.bench.gravity_mps2)
-    findings.append(_radius(form, blocks, usable, arm))
+    radius = _radius(form, blocks, usable, arm)
+    findings.append(radius)
+    if _unlike(radius, usable[0], unit, data):
+        blocks.flags.append("radius_unlike_bench_file")
     if arm.u_radius_m > LARGEST_U_RADIUS * abs(arm.radius_m):
         blocks.flags.append("radius_not_determined")
         blocks.left_out.append("radius")
@@ -109,6 +114,16 @@ def _warmer_c(turning: Turning, low: Sequence[Turning]) -> float:
     return float(np.nan_to_num(difference_c))
 
 
+def _unlike(radius: Finding, low: Turning, unit: UnitUnderTest, data: RunData) -> bool:
+    """Whether the radius is not that of the bench file: another scale factor than is stated, or another place."""
+    if unit.arm_m is None:
+        return False
+    mount = next(each.mount for each in data.acquisitions if each.step == low.step)
+    input_axis = turned_axes((), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), mount, unit.mount_angle_deg)[0]
+    stated_m = -float(input_axis @ np.array(unit.arm_m))
+    return abs(radius.value - stated_m) > ARM_U * float(np.hypot(radius.u, unit.arm_u_m))
+
+
 def _radius(form: RangeForm, blocks: RangeBlocks, low: Sequence[Turning], arm: Arm) -> Finding:
     """The arm as the sensor itself measures it; its scale factor is in it as it stands."""
     bench, radius_m = form.data.bench, arm.radius_m
@@ -118,7 +133,7 @@ def _radius(form: RangeForm, blocks: RangeBlocks, low: Sequence[Turning], arm: A
         BudgetLine(noise_of(form.unit).replace("sensor", "low rates", 1), "A", arm.u_own_m),
         form.of_rest(blocks, arm.u_bias_m / blocks.bias.u_output if blocks.bias.u_output else 0.0),
         BudgetLine(HARMONICS, "B", abs(radius_m) * float(np.linalg.norm(harmonics))),
-        BudgetLine("scale factor as stated", "B", abs(radius_m) * form.settings["scale_u"], None, "scale"),
+        *form.as_stated(radius_m, float(np.mean([each.temperature_c for each in low]))),
         BudgetLine(
             "site: gravity", "B", abs(radius_m) * bench.gravity_u_mps2 / bench.gravity_mps2, None, "site.gravity"
         ),

@@ -30,13 +30,22 @@ class LinearityLimit:
 
     def limit(self, reading: float) -> float:
         """The largest error of a `reading`, in its unit."""
-        return self.fraction * abs(reading if self.full_scale is None else self.full_scale)
+        return self.fraction * abs(self._basis(reading))
+
+    def relative(self, error: float, reading: float) -> float | None:
+        """The error of a `reading` over what the fraction is of, with its sign; None of a reading of 0."""
+        basis = self._basis(reading)
+        return error / basis if basis else None
+
+    def _basis(self, reading: float) -> float:
+        return reading if self.full_scale is None else self.full_scale
 
 
 @dataclass(frozen=True, slots=True)
 class RangePoint:
     """One rate. `error` = measured - bias - true, in the unit of the sensor, as are `mean` (with bias) and `true`.
 
+    `relative_error` is the error over what the limit is a fraction of: the true value, or the full scale.
     What depends on a bias or a radius that is not known is None. `passed` is None where the point is not judged.
     """
 
@@ -50,11 +59,7 @@ class RangePoint:
     marginal: bool
     saturated: bool
     stable: bool
-
-    @property
-    def relative_error(self) -> float | None:
-        """The error over what is true."""
-        return self.error / self.true if self.error is not None and self.true else None
+    relative_error: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,10 +217,14 @@ class Arm:
 
 
 def _judged(point: RangePoint, linearity: LinearityLimit) -> RangePoint:
-    if not point.stable or point.error is None or point.u_error is None or point.true is None:
+    if point.error is None or point.u_error is None or point.true is None:
         return point
+    relative = linearity.relative(point.error, point.true)
+    if not point.stable:
+        return replace(point, relative_error=relative)
     room = linearity.limit(point.true) - abs(point.error)
-    return replace(point, passed=room >= 0 and not point.saturated, marginal=abs(room) < 2 * point.u_error)
+    passed, marginal = room >= 0 and not point.saturated, abs(room) < 2 * point.u_error
+    return replace(point, relative_error=relative, passed=passed, marginal=marginal)
 
 
 def _test(bias: Steady | None, points: list[RangePoint], blocks: _Blocks) -> RangeTest:

@@ -73,8 +73,9 @@ def _over(quantity: str, of: TumbleUnit) -> Repeated:
     values = np.array([dwell.values[quantity] for dwell in of.dwells])
     relative = 1 / float(values.mean()) if quantity == "K1" else 1.0
     values = values * relative - (1.0 if quantity == "K1" else 0.0)
+    own = of.own_u(quantity) * abs(relative)
     sd, numbers = float(values.std(ddof=1)), tuple(dwell.number + 1 for dwell in of.dwells)
-    return Repeated(quantity, numbers, values, of.scatter_of(quantity) * relative, sd, interval_of(sd, len(values) - 1))
+    return Repeated(quantity, numbers, values, own, sd, interval_of(sd, len(values) - 1))
 
 
 def _deviation(found: Repeated, of: TumbleUnit) -> Finding:
@@ -94,13 +95,14 @@ def _deviation(found: Repeated, of: TumbleUnit) -> Finding:
 
 
 def _closure(of: TumbleUnit) -> Finding:
-    """The bias of the last repetition less that of the first; only the readings are not common to both."""
+    """The bias of the last repetition less that of the first, which have in common all but what is new in a reading."""
     first, last = of.dwells[0], of.dwells[-1]
-    u = of.sd * math.hypot(*(float(np.linalg.norm(dwell.gain_of("K0"))) for dwell in (first, last)))
-    source = "readings: scatter pooled over the run" if of.dof else "readings: what one alone tells, no repeats"
-    lines = [BudgetLine(source, "A" if of.dof else "B", u, of.dof or None)]
+    lines = of.own("K0", [(first, 1.0), (last, 1.0)])
     value = last.values["K0"] - first.values["K0"]
-    at = {"temperature_c": (first.temperature_c + last.temperature_c) / 2, "ratio": value / u}
+    at = {
+        "temperature_c": (first.temperature_c + last.temperature_c) / 2,
+        "ratio": value / math.hypot(*(line.u for line in lines)),
+    }
     name = "closure: last repetition less first"
     return of.subject.finding("K0/closure", name, value, "g", lines, at, (first.group, last.group))
 

@@ -15,7 +15,7 @@ from bench.analysis.models import Constant, Equation
 from bench.analysis.second_order import FORM as RESPONSE_FORM
 from bench.analysis.second_order import NAMES, second_order
 
-FORM = "amplitude = output / scale / |H(f)|, phase = phase of the output - arg H(f)"
+FORM = "amplitude = output / |scale| / |H(f)|, phase = phase of the output - arg(scale · H(f))"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,4 +73,5 @@ class ResponseCompensation:
         used_hz = np.where(outside & (beyond == "reject"), np.nan, frequency_hz)
         with np.errstate(invalid="ignore"):  # a missing frequency is not-a-number, and so is what comes of it
             response = second_order(used_hz, *(self.constants[name].value for name in NAMES))
-        return amplitude / self.scale.value / np.abs(response), phase_deg - np.degrees(np.angle(response)), outside
+        of_output = self.scale.value * response
+        return amplitude / np.abs(of_output), phase_deg - np.degrees(np.angle(of_output)), outside

@@ -37,6 +37,7 @@ Relative = dict[str, BudgetLine]  # by source, relative to a gain
 class ResponseFindings:
     """What was found of one unit: its points, their response, and the arms where it has them.
 
+    `of_scale` are the lines of the stated scale factor in a value of 1 that goes with it.
     `warmer` is by what part of itself the scale factor may differ from that at the lever frequency, by frequency;
     `averaged_s` is what samples are means over, 0 for pulses and for samples that are instants.
     """
@@ -47,7 +48,7 @@ class ResponseFindings:
     points: Sequence[SweepPoint]
     found: FrequencyResponse
     arm: LeverArm | None = None
-    scale_u: float = 0.0
+    of_scale: tuple[BudgetLine, ...] = ()
     warmer: Mapping[float, float] = field(default_factory=dict)
     to_lowest: bool = False
     averaged_s: float = 0.0
@@ -214,7 +215,7 @@ class ResponseFindings:
                 BudgetLine(SLOPE, "B", squares * size_m * _slope_u(self._table, swing), None, SHARED_SLOPE),
                 BudgetLine("axis: level", "B", level * self._level_u_rad, None, SHARED_LEVEL),
                 BudgetLine("axis: wobble", "B", leak_m * self._wobble_u_rad, None, SHARED_WOBBLE),
-                BudgetLine("scale factor as stated", "B", size_m * self.scale_u, None, "scale"),
+                *(line.times(size_m) for line in self.of_scale),
                 BudgetLine(
                     "site: gravity", "B", size_m * bench.gravity_u_mps2 / bench.gravity_mps2, None, "site.gravity"
                 ),

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from bench.analysis.converter_play import without_play
-from bench.analysis.finding import UnitResult
+from bench.analysis.finding import BudgetLine, UnitResult
 from bench.analysis.frequency_response import (
     OFF_FREQUENCY,
     FrequencyResponse,
@@ -25,12 +25,12 @@ from bench.analysis.frequency_response import (
 )
 from bench.analysis.lever_arm import SHORT_ARM_M, AccelerometerSweep, LeverArm, accelerometer_point, lever_arm
 from bench.analysis.models import Constant, Equation
-from bench.analysis.range_form import stated_scale
 from bench.analysis.response_compensation import ResponseCompensation
 from bench.analysis.response_findings import ResponseFindings
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.sampling import at_once
 from bench.analysis.second_order import response_model
+from bench.analysis.stated_scale import of_stated_scale, stated_scale
 from bench.analysis.table_intake import table_samples
 from bench.analysis.table_samples import TableSamples, mean_c
 
@@ -72,14 +72,16 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
     levers = [hz for hz in sweep.swings if np.isclose(hz, lever_hz, rtol=1e-6)]
     swings = {hz: samples for hz, samples in sweep.swings.items() if hz not in levers}
     arm: LeverArm | None = None
+    of_scale: tuple[BudgetLine, ...] = ()
     if levers:
         samples = sweep.swings[levers[0]]
+        of_scale = of_stated_scale(samples.temperature_c, settings, data, unit)
         arm = lever_arm(samples.swing(per_pulse), what, sweep.remarks)
     if arm is None:
         sweep.leave_out(lever_hz)
     elif abs(arm.y_m) < SHORT_ARM_M:
         sweep.remarks.flags.append("lever_arm_short")
-    elif _unlike(arm, unit, settings["scale_u"]):
+    elif _unlike(arm, unit, float(np.linalg.norm([line.u for line in of_scale]))):
         sweep.remarks.flags.append("lever_arm_unlike_bench_file")
     points: list[SweepPoint] = []
     if arm is not None and max(abs(arm.x_m), abs(arm.y_m)) >= SHORT_ARM_M:
@@ -91,7 +93,7 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
         points = sweep.points(swings, point_of)
     found = frequency_response(points, sweep.remarks)
     findings = ResponseFindings(
-        data, unit, sweep.steps, points, found, arm=arm, scale_u=settings["scale_u"],
+        data, unit, sweep.steps, points, found, arm=arm, of_scale=of_scale,
         warmer=_warmer(sweep, levers, settings["scale_per_c_u"]), averaged_s=sweep.averaged_s,
     )  # fmt: skip
     return sweep.result(points, found, findings, "g", scale)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.analysis.codes import hidden_from_a_swing
-from bench.analysis.counting_steps import along_and_across, errors_of_counting, slowly
+from bench.analysis.counting_steps import A_FEW, along_and_across, errors_of_counting, slowly
 from bench.analysis.fit import Array, GatedFit, LinearFit, NotDetermined, least_squares, reject_outliers
 from bench.analysis.table_blocks import coarseness
 
@@ -27,7 +27,6 @@ GRID_PER_PERIOD = 3  # frequencies tried, per period more or less over the recor
 HARMLESS = 1e-4  # of the amplitude; what deviates less moves it by less, and that is below any encoder's figure
 PHASE_BINS = 1009  # prime, so that phases at whole fractions of a turn do not fall on edges
 MANY_PHASES = 500
-EVERY = 4  # of the remainders, which are enough for the mean of many lines
 TURNS = 20
 TURNS_OF_NOISE = 4  # its weights depend on it
 
@@ -98,7 +97,7 @@ def fit_sine(
     fitted = design[kept] @ fit.coefficients + slowly(fit.residuals, time_s[kept], 1 / frequency_hz)
     errors = _errors_of_steps(fitted, step, None if behind is None else behind[kept])
     moved = errors @ fit.gain.T
-    of_counting = (errors - moved @ design[kept].T)[::EVERY]
+    of_counting = (errors - moved @ design[kept].T)[A_FEW]  # enough for the mean of many lines
     noise, counted = (
         _variances(time_s[kept], each, fit.dof, lines_hz) for each in (fit.residuals[np.newaxis], of_counting)
     )

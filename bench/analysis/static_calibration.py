@@ -73,6 +73,7 @@ def calibrate(
         **{f"end_{name}_missing": end is None for name, end in ends.items()},
         "invalid": invalid,
         "ill_conditioned": model.doubt is not None or problem != "",
+        "hysteresis:equal_histories": _equal_histories(ends),
         "marginal": decision == "marginal" or bool(warmed_c),
     }
     return StaticCalibration(
@@ -148,6 +149,13 @@ def _decision(
         return None if missing else "invalid"
     decision = agreement.judge(both.scale_difference_v_per_g, both.scale_v_per_g.value)
     return "marginal" if warmed and decision == "accept" else decision
+
+
+def _equal_histories(ends: Mapping[str, EndSweep | None]) -> bool:
+    """Whether there is a reverse pass, and yet no angle to which the input came from both sides."""
+    fits = [end.fit for end in ends.values() if end is not None and end.fit is not None]
+    both_ways = any(len(np.unique(fit.dwells.direction)) > 1 for fit in fits)
+    return both_ways and not any(len(fit.loop_v) for fit in fits)
 
 
 def _notes_on_rows(excluded: Mapping[str, int]) -> Iterator[str]:

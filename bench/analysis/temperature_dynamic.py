@@ -78,8 +78,8 @@ class DynamicCharacteristic:
 
     `residuals_ug` by leg; `loops` are rising against falling legs of a cycle, empty without a temperature passed on
     both, `changes` the legs of later cycles against the same of the first. `lag` is None where the rate of temperature
-    did not change. `is_lag`: the lag model removes most of the loop, which then is no hysteresis. `excluded` counts
-    rows by reason.
+    did not change. `is_lag`: the lag model removes most of the loop, which then is no hysteresis. `missing` says in
+    words what the record does not tell of what is judged or belongs to the test. `excluded` counts rows by reason.
     """
 
     legs: tuple[Leg, ...]
@@ -91,6 +91,7 @@ class DynamicCharacteristic:
     lag: LagModel | None
     is_lag: bool
     verdict: str | None
+    missing: tuple[str, ...]
     flags: tuple[str, ...]
     excluded: dict[str, int]
 
@@ -115,16 +116,17 @@ class DynamicCharacteristic:
         return _largest(self.changes)
 
 
-def reduce_ramp(record: RampRecord, limits: RampLimits) -> DynamicCharacteristic:
+def reduce_ramp(record: RampRecord, limits: RampLimits, *, turns: bool = False) -> DynamicCharacteristic:
     """Residuals, hysteresis, repeatability, jumps, lag model and verdict.
 
     All usable samples take part in all figures: a jump counts in the residual and in the loop as well. The verdict is
-    "pass", "fail", "invalid" when a leg has lost more than half of its samples, or None when every leg is too short for
-    a jump to be seen. Flags: `ill_conditioned` when there is no lag model; `invalid`, with either of the latter two.
+    "pass", "fail", "invalid" when a leg has lost more than half of its samples, "incomplete" when nothing fails but the
+    record does not tell all that is judged or both ways of the ramp, or None when every leg is too short for a jump to
+    be seen. Flags: `ill_conditioned` when there is no lag model; `invalid`, with either of the latter two.
 
-    Raises NotDetermined without two different temperatures.
+    With `turns` the legs have their turn-rounds. Raises NotDetermined without two different temperatures.
     """
-    legs, excluded = cut_into_legs(record)
+    legs, excluded = cut_into_legs(record, turns=turns)
     line = fit_polynomial(_joined(leg.temperature_c for leg in legs), _joined(leg.output_g for leg in legs), 1)
     residuals_ug = [(leg.output_g - line.value(leg.temperature_c)) * UG_PER_G for leg in legs]
     at_degrees = _at_whole_degrees(legs, residuals_ug)
@@ -141,6 +143,7 @@ def reduce_ramp(record: RampRecord, limits: RampLimits) -> DynamicCharacteristic
         or _exceeds(line.max_residual * UG_PER_G, limits.residual_ug)
         or _exceeds(_largest(changes), limits.repeatability_ug)
     )
+    missing = tuple(_missing(loops, changes, limits))
     return DynamicCharacteristic(
         legs=tuple(legs),
         line=line,
@@ -150,10 +153,18 @@ def reduce_ramp(record: RampRecord, limits: RampLimits) -> DynamicCharacteristic
         jumps=jumps,
         lag=lag,
         is_lag=bool(loops_left) and _mean(loops_left) < LEFT_BY_LAG * _mean(loops),
-        verdict=("invalid" if lost else "fail" if failed else "pass") if judged else None,
+        verdict=("invalid" if lost else "fail" if failed else "incomplete" if missing else "pass") if judged else None,
+        missing=missing,
         flags=tuple(flag for flag, raised in flags.items() if raised),
         excluded=excluded,
     )
+
+
+def _missing(loops: Sequence[Differences], changes: Sequence[Differences], limits: RampLimits) -> Iterator[str]:
+    if not loops:
+        yield "hysteresis: no temperature was passed rising and falling in one cycle"
+    if limits.repeatability_ug is not None and not changes:
+        yield "repeatability: no temperature was passed the same way in a second cycle"
 
 
 def _long_enough(legs: Sequence[Leg], jump_window: int) -> bool:

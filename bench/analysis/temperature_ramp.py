@@ -7,7 +7,7 @@ scale factor comes from the same run, from its 0 g and 1 g parts. The temperatur
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -57,8 +57,11 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
     found = None
     if level and upright:
         try:
-            scale = scale_over_temperature(level, upright)
-            found = reduce_ramp(_record(level, scale), limits)
+            whole = scale_over_temperature(level, upright)
+            at_0g, at_1g = ([leg.without_turns() for leg in part] for part in (level, upright))
+            scale = replace(scale_over_temperature(at_0g, at_1g), line=whole.line)
+            changes = reduce_ramp(_record(level, whole), limits, turns=True).changes
+            found = reduce_ramp(_record(at_0g, scale), limits)
         except NotDetermined:
             flags.append("K0:ill_conditioned")
     if found is None:
@@ -70,7 +73,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
     flags += [f"{path}: leg_incomplete" for path in lost]
     left_out = (*left_out, *lost)
     known_rad = settings["misalignment_u_rad"]
-    findings = RampFindings(data, unit, level, upright, scale, found, limits, known_rad)
+    findings = RampFindings(data, unit, at_0g, level, upright, scale, found, changes, limits, known_rad)
     return UnitResult(
         place=unit.place,
         uut=unit.serial,
@@ -89,11 +92,11 @@ def _legs(data: RunData, unit: UnitUnderTest, sample_s: float) -> tuple[list[Ram
     for acquisition in data.acquisitions:
         leg = cut_into_samples(acquisition, unit, elevation_rad(acquisition, unit, data.bench), sample_s)
         flags += [f"{leg.step}: {count} samples: {problem}" for problem, count in leg.problems.items()]
-        if leg.direction:
+        if leg.direction and len(leg.without_turns().time_s):
             legs.append(leg)
         else:
             left_out.append(leg.path)
-            flags.append(f"{leg.path}: not_one_leg")
+            flags.append(f"{leg.path}: {'leg_incomplete' if leg.direction else 'not_one_leg'}")
     return legs, tuple(left_out), flags
 
 

@@ -57,7 +57,8 @@ class _Unit:
         self._lines = {quantity: self._fit(quantity, 1) for quantity in MODELLED}
 
     def result(self) -> UnitResult:
-        constants = TumbleConstants(self._of, self._models, self._extra)
+        per_c_u = {"K0": self._settings["bias_per_c_u"], "K1": self._settings["scale_per_c_u"]}
+        constants = TumbleConstants(self._of, self._models, self._extra, per_c_u)
         over = TumbleOverTemperature(self._of, self._models, self._lines, self._settings["reference_c"])
         findings = [finding for dwell in self._of.dwells for finding in constants.findings(dwell)]
         findings += [finding for quantity in MODELLED for finding in over.findings(quantity)]
@@ -92,7 +93,7 @@ class _Unit:
         if allowed < degree:
             self._flags.append(f"{quantity}:too_few_temperatures")
         if allowed < 1:
-            self._flags.append(f"{quantity}:temperature_slope_unknown")  # its budget lacks the thermometer's part
+            self._flags.append(f"{quantity}:temperature_slope_unknown")
             return None
         values = np.array([dwell.values[quantity] for dwell in self._of.dwells])
         try:

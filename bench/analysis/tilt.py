@@ -35,7 +35,8 @@ def compare_tilt(
     """Tilt = asin((U - K0) / K1) of samples (n,) with K0 nominal, and with K0 = bias_v[0] + bias_v[1] T.
 
     A sample with something missing is left out, one with a temperature that no working thermometer says, and one beyond
-    ±90° in either way; the last raises the flag `out_of_range`.
+    ±90° in either way; the last raises the flag `out_of_range`. Of fewer than two temperatures there is no span worth
+    the name: `too_few_temperatures`.
     """
     present = np.isfinite(temperature_c) & np.isfinite(output_v)
     broken = present & beyond_possible(temperature_c)
@@ -51,7 +52,10 @@ def compare_tilt(
         compensated_span_deg=float(np.ptp(compensated_deg)) if some else None,
         raw_mean_deg=float(np.mean(raw_deg)) if some else None,
         compensated_mean_deg=float(np.mean(compensated_deg)) if some else None,
-        flags=() if possible.all() else ("out_of_range",),
+        flags=(
+            *(() if possible.all() else ("out_of_range",)),
+            *(() if len(np.unique(temperature_c[possible])) > 1 else ("too_few_temperatures",)),
+        ),
         excluded={
             "missing": int(np.sum(~present)),
             "thermometer": int(np.sum(broken)),

@@ -8,6 +8,7 @@ of the head. More angles separate further terms: Kip sin θ cos θ, K3 sin³ θ,
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -79,8 +80,11 @@ class Tumble:
         return dict(zip((*CONSTANTS, *self.extra), (*found, *further.tolist()), strict=True))
 
     def _per_term(self) -> Array:
-        """What turns a further term over K1 into its constant: S± = S (1 ± asymmetry/2)."""
-        return np.array([2.0 if name == "asymmetry" else 1.0 for name in self.extra])
+        """What turns a further term over K1 into its constant.
+
+        S± = S (1 ± asymmetry/2), by the sign of the output, which is that of the input only where K1 is positive.
+        """
+        return np.array([math.copysign(2.0, self.k1) if name == "asymmetry" else 1.0 for name in self.extra])
 
     def covariance(self, reading_sd: float | None = None) -> Array:
         """Covariance of K0 in g, K1 in output units per g, misalignment in rad, K2 in g/g², and of further constants.

@@ -34,12 +34,14 @@ WEIGHT_SHOWN = 0.05  # of the largest weight: readings with less are not named a
 class TumbleConstants:
     """`models` over temperature turn errors of the thermometer into errors of constants, None where there is no model.
 
-    `extra` are the further terms that the angles separate.
+    Then it is by `per_c_u`, what K0 in g, and K1 relative to itself, may change by with 1 °C. `extra` are the further
+    terms that the angles separate.
     """
 
     of: TumbleUnit
     models: Mapping[str, PolynomialFit | None]
     extra: tuple[str, ...]
+    per_c_u: Mapping[str, float]
 
     def findings(self, dwell: Dwell) -> Iterator[Finding]:
         """All constants at a dwell, the scale factor also per m/s²."""
@@ -93,22 +95,27 @@ class TumbleConstants:
             for shape in (np.cos, np.sin)
         ]
         lines = [
-            self.of.scatter(gain),
+            *self.of.own(quantity, [(dwell, 1.0)]),
             type_b("head: zero", together * np.radians(bench.head.zero_u_deg), "head.zero"),
             type_b("head: harmonics", np.linalg.norm(harmonics), "head.harmonics"),
-            type_b("head: repeatability", np.linalg.norm(turned) * np.radians(bench.head.repeatability_u_deg), None),
             type_b("fixture: level", together * np.radians(bench.level_u_deg), "fixture.level"),
             *self._of_the_instrument(gain, dwell),
         ]
-        model, thermometer = self.models.get(quantity), self.of.unit.temperature
-        if model is not None:
-            u = abs(float(model.slope(dwell.temperature_c))) * self.of.temperature_u_c(dwell.temperature_c)
-            lines.append(type_b(f"{thermometer}: offset, gain", u, thermometer))
+        if quantity in self.models:
+            thermometer, u_c = self.of.unit.temperature, self.of.temperature_u_c(dwell.temperature_c)
+            lines.append(type_b(f"{thermometer}: offset, gain", self._per_c(quantity, dwell) * u_c, thermometer))
         if quantity == "K2" and "asymmetry" not in self.extra:
             instrument = "converter" if self.of.unit.voltmeter is None else "voltmeter"
             contained = f"asymmetry of the {instrument}: contained, inseparable at these angles"
             lines.append(BudgetLine(contained, "alias", 0))
         return lines
+
+    def _per_c(self, quantity: str, dwell: Dwell) -> float:
+        """By how much a constant changes with 1 °C, without its sign."""
+        model = self.models[quantity]
+        if model is not None:
+            return abs(float(model.slope(dwell.temperature_c)))
+        return self.per_c_u[quantity] * (abs(dwell.values["K1"]) if quantity == "K1" else 1.0)
 
     def _of_the_instrument(self, gain: Array, dwell: Dwell) -> list[BudgetLine]:
         """What the certificate of the counter or of the voltmeter gives; an error of the gain is as the output is.

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.analysis.coefficient_findings import Origin, coefficient_findings
+from bench.analysis.acquired import Array
+from bench.analysis.coefficient_findings import CONTAINED, Origin, coefficient_findings
 from bench.analysis.dwells import Dwell
 from bench.analysis.extremes import interval_of_largest
 from bench.analysis.finding import BudgetLine, Finding, Interval
@@ -36,7 +37,7 @@ class TumbleOverTemperature:
         if model is None or line is None:
             return
         relative = 1.0 if quantity == "K0" else 1 / float(line.value(line.centre))
-        yield self._coefficient(quantity, line, relative)
+        yield self._coefficient(quantity, model, line, relative)
         yield from self._about_reference(quantity, model)
         loop = hysteresis(
             np.array([dwell.values[quantity] for dwell in self.of.dwells]),
@@ -49,13 +50,13 @@ class TumbleOverTemperature:
         if loop is not None:
             dwells = (self.of.dwells[loop.rising], self.of.dwells[loop.falling])
             name = "largest difference between rising and falling temperature"
-            own = self.of.scatter_of(quantity)[loop.pairs]
+            own = self.of.own_u(quantity)[loop.pairs]
             interval = interval_of_largest(loop.differences, np.hypot(*own.T)).times(relative)
-            yield self._largest(f"{quantity}/hysteresis", name, loop.value, relative, dwells, interval)
+            yield self._of_dwells(f"{quantity}/hysteresis", name, loop.value, abs(relative), dwells, interval)
         worst = self.of.dwells[int(np.argmax(np.abs(model.residuals)))]
         name = f"largest residual of the model of degree {model.degree}"
-        interval = interval_of_largest(model.residuals, self.of.scatter_of(quantity)).times(relative)
-        yield self._largest(f"{quantity}/model_residual", name, model.max_residual, relative, (worst,), interval)
+        interval = interval_of_largest(model.residuals, self.of.own_u(quantity)).times(relative)
+        yield self._of_dwells(f"{quantity}/model_residual", name, model.max_residual, abs(relative), (worst,), interval)
 
     def tilt(self) -> Iterator[Finding]:
         """What the bias makes of the unit as a tilt meter, with a constant and with the model of K0."""
@@ -63,15 +64,15 @@ class TumbleOverTemperature:
         if model is None:
             return iter(())
         bias_g = np.array([dwell.values["K0"] for dwell in self.of.dwells])
-        sd_g = self.of.sd * float(np.mean([np.linalg.norm(dwell.gain_of("K0")) for dwell in self.of.dwells]))
+        sd_g = float(np.mean(self.of.own_u("K0")))
         origin = TiltOrigin(self.of.subject, (self.of.root,), sd_g, self.of.dof or None)
         return tilt_findings(bias_g, bias_g - model.residuals, origin)
 
     def closure(self) -> Finding | None:
         """The bias of the last dwell less that of the first, where the profile returns to its first temperature.
 
-        The two stood at slightly different temperatures, which the model brings together. Of all sources only the
-        readings are not common to both.
+        The two stood at slightly different temperatures, which the model brings together. Of all sources only what
+        is new in each reading is not common to both.
         """
         if not self.of.dwells:
             return None
@@ -81,16 +82,22 @@ class TumbleOverTemperature:
         middle_c, apart_c = (first.temperature_c + last.temperature_c) / 2, last.temperature_c - first.temperature_c
         expected = float(model.slope(middle_c)) * apart_c if model is not None else 0.0
         name = "closure: last dwell less first, both at the first temperature"
-        return self._largest("K0/closure", name, last.values["K0"] - first.values["K0"] - expected, 1.0, (first, last))
+        return self._of_dwells(
+            "K0/closure", name, last.values["K0"] - first.values["K0"] - expected, 1.0, (first, last)
+        )
 
-    def _coefficient(self, quantity: str, line: PolynomialFit, relative: float) -> Finding:
-        """The slope of the straight line."""
-        slope = float(line.coefficients[1]) / line.scale * relative
-        thermometer, (_, gain) = self.of.unit.temperature, self.of.thermometer_u
+    def _coefficient(self, quantity: str, model: PolynomialFit, line: PolynomialFit, relative: float) -> Finding:
+        """The slope of the straight line through the unit as it was at the dwells (docs/decisions/0057)."""
+        gain = line.fit.gain[1] / line.scale * relative
+        by_offset, by_gain = self._by_thermometer(model, gain)
+        thermometer = self.of.unit.temperature
         lines = [
-            self._slope(quantity, line, relative),
-            type_b(f"{thermometer}: gain", abs(slope) * gain, thermometer),
+            *self.of.own_over_dwells(quantity, gain),
+            type_b(f"{thermometer}: gain", by_gain, thermometer),
+            type_b(f"{thermometer}: offset", by_offset, thermometer),
+            BudgetLine(CONTAINED, "alias", 0),
         ]
+        slope = float(line.coefficients[1]) / line.scale * relative
         name = f"{'slope' if quantity == 'K0' else 'relative slope'} of the straight line over temperature"
         unit, at = "g/°C" if quantity == "K0" else "1/°C", {"temperature_c": line.centre}
         return self.of.subject.finding(
@@ -104,17 +111,21 @@ class TumbleOverTemperature:
             steps=(self.of.root,),
             thermometer=self.of.unit.temperature,
             thermometer_u=self.of.thermometer_u,
-            scatter=lambda weights: self.of.scatter(self.of.by_readings(quantity, weights)),
+            own=lambda weights: self.of.own_over_dwells(quantity, weights),
         )
         return coefficient_findings(quantity, model, self.reference_c, origin)
 
-    def _slope(self, quantity: str, line: PolynomialFit, relative: float) -> BudgetLine:
-        """What the scatter about the line gives to its slope; through two temperatures, what the readings give."""
-        if line.dof:
-            return BudgetLine("fit", "A", abs(float(line.u[1]) / line.scale * relative), line.dof)
-        return self.of.scatter(self.of.by_readings(quantity, line.fit.gain[1] / line.scale * relative))
+    def _by_thermometer(self, model: PolynomialFit, gain: Array) -> tuple[float, float]:
+        """What offset and gain of the thermometer give to what depends on the values at the dwells by `gain` (n,).
 
-    def _largest(
+        One error moves the temperatures of all dwells together, and each value as steeply as its model is there.
+        """
+        offset_u_c, gain_u = self.of.thermometer_u
+        at_c = np.array([dwell.temperature_c for dwell in self.of.dwells])
+        steep = model.slope(at_c)
+        return abs(float(gain @ steep)) * offset_u_c, abs(float(gain @ (steep * at_c))) * gain_u
+
+    def _of_dwells(
         self,
         quantity: str,
         name: str,
@@ -123,14 +134,12 @@ class TumbleOverTemperature:
         dwells: tuple[Dwell, ...],
         interval: Interval | None = None,
     ) -> Finding:
-        """A largest value over the dwells; its uncertainty is that of their readings, all else is common to them."""
-        gain = np.concatenate([dwell.gain_of(quantity.partition("/")[0]) for dwell in dwells]) * relative
+        """A value of one or two dwells, as uncertain as what is new in their readings: all else they have in common."""
+        lines = self.of.own(quantity.partition("/")[0], [(dwell, relative) for dwell in dwells])
         at = {
             "temperature_set_c": None if math.isnan(dwells[0].set_c) else dwells[0].set_c,
             "temperature_c": float(np.mean([dwell.temperature_c for dwell in dwells])),
             "dwells": [dwell.path for dwell in dwells],
         }
         unit, steps = "g" if quantity.startswith("K0") else "1", tuple(dwell.group for dwell in dwells)
-        return self.of.subject.finding(
-            quantity, name, value * relative, unit, [self.of.scatter(gain)], at, steps, interval=interval
-        )
+        return self.of.subject.finding(quantity, name, value * relative, unit, lines, at, steps, interval=interval)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Self
 
@@ -82,13 +82,29 @@ class TumbleUnit:
             return BudgetLine("readings: scatter of the voltmeter, no repeats", "A", u)
         return BudgetLine("readings: resolution of the count, no repeats", "B", u)
 
-    def scatter_of(self, quantity: str) -> Array:
-        """What the readings give to a constant at each dwell, (n,), in its unit."""
-        return np.array([self.scatter(dwell.gain_of(quantity)).u for dwell in self.dwells])
+    def own(self, quantity: str, weights: Iterable[tuple[Dwell, float]]) -> list[BudgetLine]:
+        """Budget lines of what is independent between readings, for a weighted sum of a quantity at dwells.
 
-    def by_readings(self, quantity: str, weights: Array) -> Array:
-        """How what depends on a quantity at the dwells by `weights` depends on all readings."""
-        return np.concatenate([dwell.gain_of(quantity) * w for dwell, w in zip(self.dwells, weights, strict=True)])
+        These are the scatter of the readings and the repeatability of the head. Residuals of tumbles hold the second in
+        part: an axis that points up or down does not feel it, and one that is level feels all of it.
+        """
+        gains = [(dwell, dwell.gain_of(quantity) * weight) for dwell, weight in weights]
+        turned = np.concatenate([gain * dwell.turn for dwell, gain in gains])
+        u_rad = np.radians(self.bench.head.repeatability_u_deg)
+        return [
+            self.scatter(np.concatenate([gain for _, gain in gains])),
+            type_b("head: repeatability", np.linalg.norm(turned) * u_rad, None),
+        ]
+
+    def own_over_dwells(self, quantity: str, weights: Array) -> list[BudgetLine]:
+        """The same by `weights` (n,) of all dwells."""
+        return self.own(quantity, zip(self.dwells, weights.tolist(), strict=True))
+
+    def own_u(self, quantity: str) -> Array:
+        """Standard uncertainty that this gives to a constant at each dwell, (n,), in its unit."""
+        return np.array(
+            [np.linalg.norm([line.u for line in self.own(quantity, [(each, 1.0)])]) for each in self.dwells]
+        )
 
 
 def type_b(source: str, u: float | np.floating, shared: str | None) -> BudgetLine:

@@ -82,11 +82,48 @@ class Agreement:
 
 
 @dataclass(frozen=True, slots=True)
-class TwoEnds:
-    """What both ends tell, in V and V/g; None is what they cannot tell, or what of the mounting was not measured.
+class BothEnds:
+    """Results of both ends as they depend on their inputs; `scale` in the unit of the output per g, others in that.
 
-    Differences are up minus down. `bias_total_v` has the known terms of the mounting added to the bias,
-    `bias_corrected_v` taken away from it.
+    `tilted` is K1 times the misalignment; it and the cross coupling are None where the angles do not determine them.
+    `seat` is the whole effect of the tilt of the seat on the output, by the clocking, b3 and b4 within it; None without
+    a clocking. `known` is b3 + b4.
+    """
+
+    bias: Estimate
+    scale: Estimate
+    tilted: Estimate | None
+    coupling: Estimate | None
+    seat: Estimate | None
+    known: Estimate
+
+    @property
+    def tilt(self) -> Estimate:
+        """The effect of the tilt of the seat: by the clocking where there is one, else b3 + b4."""
+        return self.known if self.seat is None else self.seat
+
+    @property
+    def beyond(self) -> Estimate | None:
+        """b5: what the clocking finds beyond b3 and b4; None without a clocking."""
+        return None if self.seat is None else self.seat - self.known
+
+    @property
+    def corrected(self) -> Estimate:
+        """The bias without any tilt: b - (b3 + b4 + b5)."""
+        return self.bias - self.tilt
+
+    @property
+    def total(self) -> Estimate:
+        """B + b3 + b4 + b5."""
+        return self.bias + self.tilt
+
+
+@dataclass(frozen=True, slots=True)
+class TwoEnds:
+    """Results of both ends, in V and V/g; None is what they do not determine, or what of the mounting was not measured.
+
+    Differences are up minus down. `beyond_v` is b5, what the clocking finds beyond b3 and b4. `bias_total_v` has the
+    terms of the mounting added to the bias, `bias_corrected_v` taken away from it.
     """
 
     scale_v_per_g: Measured
@@ -97,7 +134,7 @@ class TwoEnds:
     coupling_v_per_g2: Measured | None
     installation_v: Measured | None
     platform_v: Measured | None
-    seat_v: Measured | None
+    beyond_v: Measured | None
     bias_total_v: Measured
     bias_corrected_v: Measured
     surface_tilt_rad: float | None
@@ -109,8 +146,8 @@ def combine(up: EndFit, down: EndFit, mounting: Mounting) -> TwoEnds:
     *lines, installation, platform, seat = inputs(values)
     b_up, g_up, b_down, g_down = lines
     b, g, tilted, coupling = taken_apart(lines, up, down)
-    b3, b4 = g * installation.sine(), g * platform.sine()
-    added = b3 + b4 + seat  # a term that was not measured is 0 among the inputs
+    b3, b4 = g * installation.sine(), g * platform.sine()  # one that was not measured is 0 among the inputs
+    both = BothEnds(b, g, tilted, coupling, seat if mounting.seat else None, b3 + b4)
     return TwoEnds(
         scale_v_per_g=g.measured(covariance),
         bias_v=b.measured(covariance),
@@ -120,9 +157,9 @@ def combine(up: EndFit, down: EndFit, mounting: Mounting) -> TwoEnds:
         coupling_v_per_g2=coupling.measured(covariance) if coupling else None,
         installation_v=b3.measured(covariance) if mounting.installation_rad else None,
         platform_v=b4.measured(covariance) if mounting.platform_rad else None,
-        seat_v=seat.measured(covariance) if mounting.seat else None,
-        bias_total_v=(b + added).measured(covariance),
-        bias_corrected_v=(b - added).measured(covariance),
+        beyond_v=both.beyond.measured(covariance) if both.beyond else None,
+        bias_total_v=both.total.measured(covariance),
+        bias_corrected_v=both.corrected.measured(covariance),
         surface_tilt_rad=_surface_tilt(mounting.seat, g.value),
     )
 

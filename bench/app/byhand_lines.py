@@ -41,7 +41,7 @@ class Spoken(Protocol):
 
 def spoken_by(role: str, entry: DeviceEntry, wires: SharedWires) -> Spoken:
     """How the instrument of an entry is spoken to."""
-    recognition = entry.description.recognition
+    recognition = entry.description.recognised_by()
     if recognition is not None and recognition.language is MODBUS:
         return ModbusLines(role, entry, wires)
     return TextLines(role, entry, wires)
@@ -55,7 +55,7 @@ class TextLines:
 
     def __init__(self, role: str, entry: DeviceEntry, wires: SharedWires) -> None:
         self._role, self._wires = role, wires
-        recognition = entry.description.recognition
+        recognition = entry.description.recognised_by()
         self._asks = recognition.language.asks if recognition is not None else None
 
     def asks(self, line: str) -> bool | None:

@@ -139,10 +139,16 @@ class _Draws:
             zero_deg=self._draw(known.zero_u_deg, "head", *path, "zero"),
             cosines=tuple(cosine for cosine, _ in amplitudes),
             sines=tuple(sine for _, sine in amplitudes),
-            backlash_deg=self._bench.simulation.head.backlash / ARCSEC_PER_DEG,
+            backlash_deg=self._backlash_deg(known, path),
             repeatability_deg=known.repeatability_u_deg,
             table=columns(self._corrections.axes.get(role)),
         )
+
+    def _backlash_deg(self, known: AxisRecord, path: tuple[str, ...]) -> float:
+        """Drawn from the certificate where that states one."""
+        if known.backlash_u_deg is None:
+            return self._bench.simulation.head.backlash / ARCSEC_PER_DEG
+        return self._draw(known.backlash_u_deg, "head", *path, "backlash")
 
     def _built(self, fixture: Fixture) -> Fixture:
         """A table with several axes as it was put up: turned about the vertical, tilted eastwards, not quite square."""

@@ -3,41 +3,45 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, nullcontext, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from bench.app.clock_record import ClockRecord
 from bench.app.devices import open_devices
 from bench.app.faults import Cue, FaultPlayer, as_journalled
+from bench.app.finish import Finish
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
 from bench.app.relay import RunObserver
 from bench.app.request import PreparedRun
 from bench.app.technician import Technician
 from bench.app.tracing import Keep, recording
-from bench.app.truth import truth_of
 from bench.clock import Clock, Stopwatch, wall_utc
+from bench.config.models import BenchFile
 from bench.config.simulation import FaultSimulation
-from bench.engine.engine import Outcome
+from bench.engine.ending import Outcome
 from bench.engine.people import People
 from bench.engine.questions import Desk
 from bench.errors import StoreError, in_words
 from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.loop import run as run_loop
-from bench.report.calibration import calibration_files
 from bench.report.findings import Results
-from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, StoredRun, released_copy
+from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, released_copy
 from bench.runner import manifest
 from bench.runner.held import holding, real_addresses
 from bench.runner.run import run_plan
-from bench.store.reader import RunReader, digest_of
+from bench.runner.signals import Signals
+from bench.store.chain import Link
 from bench.store.runs import RunDirectory
+from bench.store.unsafe import keep_unsafe
 from bench.store.writer import RunWriter
 from drivers.can_counter.description import CounterOptions
 from drivers.can_options import text_of
 from drivers.can_telemetry.description import TelemetryOptions
 from drivers.fields import DocumentFile
+from drivers.values import Identity
 
 SCENARIO_COPY = "scenario.yaml"
 HEALTHY_BLOCK_S = 60.0  # how long frames are left together where nothing is to break
@@ -63,16 +67,19 @@ class RunResult:
         ]
 
 
-def execute(prepared: PreparedRun, observer: RunObserver) -> RunResult:
+def execute(prepared: PreparedRun, observer: RunObserver, signals: Signals | None = None) -> RunResult:
     """Runs it; everything that goes wrong is in the result.
 
-    But StoreError when there is no directory to run in, and InUseError when another program uses the bench.
+    But StoreError when there is no directory to run in, and InUseError when another program uses the bench. The bench
+    is free for others as soon as it is safe and closed, before the report is written. `signals` are those of the
+    process, where its caller goes on keeping them; else they are kept until this returns.
     """
-    with holding(real_addresses(prepared.loaded.bench).values(), f"a run of {prepared.plan.name}"):
-        return _execute(prepared, observer)
+    with ExitStack() as in_use, nullcontext(signals) if signals is not None else Signals() as kept:
+        in_use.enter_context(holding(real_addresses(prepared.loaded.bench).values(), f"a run of {prepared.plan.name}"))
+        return _execute(prepared, observer, kept, in_use.close)
 
 
-def _execute(prepared: PreparedRun, observer: RunObserver) -> RunResult:
+def _execute(prepared: PreparedRun, observer: RunObserver, signals: Signals, let_go: Callable[[], None]) -> RunResult:
     bench = prepared.loaded.bench
     units = unit_files(bench, prepared.request.uut_model, prepared.serials) if bench.needs_simulators else {}
     started, watch = wall_utc(), Stopwatch()
@@ -91,21 +98,30 @@ def _execute(prepared: PreparedRun, observer: RunObserver) -> RunResult:
         )
         record |= {"order": prepared.request.order, "procedure": prepared.request.procedure}
         record["released"] = {place: released.to_json() for place, released in prepared.released.items()}
-        record["hashes"] = _keep_inputs(prepared, directory.path)
+        record["hashes"] = _keep_inputs(prepared, directory)
         directory.write_json("manifest.json", record)
 
         async def main() -> _Run:
             laboratory = None
             if bench.needs_simulators:
-                laboratory = make_laboratory(bench, units, prepared.seed, asyncio.get_running_loop().time)
+                laboratory = make_laboratory(
+                    bench, units, prepared.seed, asyncio.get_running_loop().time, prepared.serials
+                )
                 if not bench.simulation.faults:
                     laboratory.leave_frames(HEALTHY_BLOCK_S)
-            return await _run(prepared, directory.path, laboratory, observer, keep)
+            return await _run(prepared, directory.path, laboratory, observer, keep, signals)
 
         trace = prepared.request.trace
         with nullcontext() if trace is None else recording(trace) as keep:
             ran = run_loop(main(), prepared.speed)
-        return _finish(directory, record, ran, watch)
+        let_go()
+        if ran.folder != directory.path:
+            _follow(prepared, directory, record, ran)
+        record |= {"instruments": ran.instruments, "bench_s": ran.bench_s, "digest": ran.digest}
+        if ran.clock_steps:
+            record["clock_steps"] = ran.clock_steps
+        results = Finish(directory, record, ran.outcome, signals, watch).results(ran.laboratory, ran.end)
+        return RunResult(directory.path, ran.outcome, results, ran.bench_s, watch.elapsed_s())
     finally:
         directory.release()
 
@@ -117,57 +133,99 @@ class _Run:
     laboratory: Laboratory | None
     bench_s: float
     digest: str  # of the data; "" when they could not be written
+    end: Link
+    clock_steps: list[dict[str, float]]
+    folder: Path  # where the record is; another one where the directory was moved or removed
 
 
 async def _run(
-    prepared: PreparedRun, folder: Path, laboratory: Laboratory | None, observer: RunObserver, keep: Keep | None
+    prepared: PreparedRun,
+    folder: Path,
+    laboratory: Laboratory | None,
+    observer: RunObserver,
+    keep: Keep | None,
+    signals: Signals,
 ) -> _Run:
     bench = prepared.loaded.bench
     clock = Clock(bench.simulation.start if bench.is_simulated else None)
     began_s = clock.monotonic()
     writer, digest = RunWriter(folder), ""
+    outcome = Outcome()
+    identities: Mapping[str, Identity] = {}
+    wall = ClockRecord(writer, observer.notice)
     try:
         writer.event("run_begins", utc=clock.utc().isoformat(), title=prepared.plan.sequence.title, seed=prepared.seed)
         observer.run_begins(folder, prepared.expected, clock)
-
-        def note(device: str, text: str) -> None:
-            with suppress(StoreError):  # the step that it stops tells it
-                writer.event("device_note", device=device, text=text)
-
-        def tell(kind: str, fault: FaultSimulation) -> None:
-            with suppress(StoreError):
-                writer.event(kind, **as_journalled(fault))
-
-        if laboratory is not None and bench.simulation.faults:
-            observer = Cue(observer, FaultPlayer(laboratory, bench.simulation.faults, tell))
-        people = People()
-        devices = open_devices(bench, laboratory, keep, note, people)
-        outcome, identities = await run_plan(
-            prepared.plan,
-            bench,
-            devices,
-            writer,
-            observer,
-            observer.reading,
-            prepared.expected.of_phase("teardown"),
-            folder=folder,
-            can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
-            on_desk=_technician(prepared, laboratory, observer),
-            places=tuple(prepared.serials),
-            people=people,
-        )
+        async with wall.watched(prepared.speed):
+            outcome, identities = await _with_devices(prepared, folder, laboratory, observer, keep, signals, writer)
+        _keep_unsafe(folder, bench, outcome, observer)
+        if writer.ledger_problem:
+            observer.notice(writer.ledger_problem)
+            writer.event("warning", text=writer.ledger_problem)
         writer.event("run_ended", how=outcome.how)
+    except Exception as problem:  # noqa: BLE001  how the run ended, and what is not safe, is not to be lost
+        outcome.failed(in_words(problem))
+    try:
+        writer.close()
+        digest = writer.digest()
     except StoreError as problem:
-        outcome, identities = Outcome("error", [str(problem)]), {}
-    finally:
-        try:
-            writer.close()
-            digest = writer.digest()
-        except StoreError as problem:
-            outcome.how = "error"
-            if str(problem) not in outcome.problems:
-                outcome.problems.append(str(problem))
-    return _Run(outcome, manifest.instruments(bench, identities), laboratory, clock.monotonic() - began_s, digest)
+        outcome.failed(str(problem))
+    instruments, bench_s = manifest.instruments(bench, identities), clock.monotonic() - began_s
+    return _Run(outcome, instruments, laboratory, bench_s, digest, writer.link, wall.steps, writer.folder)
+
+
+async def _with_devices(
+    prepared: PreparedRun,
+    folder: Path,
+    laboratory: Laboratory | None,
+    observer: RunObserver,
+    keep: Keep | None,
+    signals: Signals,
+    writer: RunWriter,
+) -> tuple[Outcome, Mapping[str, Identity]]:
+    """Runs the plan on the devices of the bench; simulated ones break as the bench file says."""
+    bench = prepared.loaded.bench
+
+    def note(device: str, text: str) -> None:
+        with suppress(StoreError):  # the step that it stops tells it
+            writer.event("device_note", device=device, text=text)
+
+    def tell(kind: str, fault: FaultSimulation) -> None:
+        with suppress(StoreError):
+            writer.event(kind, **as_journalled(fault))
+
+    if laboratory is not None and bench.simulation.faults:
+        observer = Cue(observer, FaultPlayer(laboratory, bench.simulation.faults, tell))
+    people = People()
+    devices = open_devices(bench, laboratory, keep, note, people)
+    return await run_plan(
+        prepared.plan,
+        bench,
+        devices,
+        writer,
+        observer,
+        observer.reading,
+        prepared.expected.of_phase("teardown"),
+        folder=folder,
+        can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
+        signals=signals,
+        on_desk=_technician(prepared, laboratory, observer),
+        places=tuple(prepared.serials),
+        people=people,
+    )
+
+
+def _keep_unsafe(folder: Path, bench: BenchFile, outcome: Outcome, observer: RunObserver) -> None:
+    """Keeps what could not be made safe where a full or failing disk of the runs does not reach."""
+    if not outcome.unsafe:
+        return
+    connections = {role: str(entry.connection) for role, entry in bench.devices.items()}
+    try:
+        path = keep_unsafe(folder, wall_utc(), outcome.unsafe, connections)
+    except StoreError as problem:
+        outcome.failed(str(problem))
+    else:
+        observer.notice(f"What is not safe is recorded in {path}")
 
 
 def _technician(
@@ -182,8 +240,8 @@ def _technician(
     return lambda desk: Technician(desk, script, bench, laboratory, observer.notice)
 
 
-def _keep_inputs(prepared: PreparedRun, folder: Path) -> dict[str, str]:
-    """Copies what the run depends on into its directory, with hashes."""
+def _keep_inputs(prepared: PreparedRun, directory: RunDirectory) -> dict[str, str]:
+    """Copy what the run depends on into its directory, durably; the hashes of the copies."""
     copies = {SEQUENCE_COPY: prepared.plan.document.text, BENCH_COPY: prepared.loaded.document.text}
     copies |= {released_copy(place): released.text for place, released in prepared.released.items()}
     called = prepared.plan.document.all_included()
@@ -196,55 +254,18 @@ def _keep_inputs(prepared: PreparedRun, folder: Path) -> dict[str, str]:
         for document in (each for each in vars(entry.options).values() if isinstance(each, DocumentFile)):
             name, text = document.path.name, document.path.read_text("utf-8")
             copies[name if copies.get(name, text) == text else f"{role}_{name}"] = text
-    if called:
-        (folder / CALLED).mkdir()
     for name, text in copies.items():
-        (folder / name).write_text(text, encoding="utf-8")
-    return {name: manifest.file_hash(folder / name) for name in copies}
+        directory.write_text(name, text)
+    return {name: manifest.file_hash(directory.path / name) for name in copies}
 
 
-def _finish(directory: RunDirectory, record: dict[str, Any], ran: _Run, watch: Stopwatch) -> RunResult:
-    """Reduces, writes results and truth, then the manifest, and at last the report of it all."""
-    outcome, path = ran.outcome, directory.path
-    directory.use_reserve()
-    stored, results = None, None
-    record |= {"state": outcome.how, "instruments": ran.instruments, "bench_s": ran.bench_s}
-    with ExitStack() as stack:
-        try:
-            record["digest"] = ran.digest or digest_of(path)
-            stored = StoredRun(path, record, stack.enter_context(RunReader(path)))
-            results = stored.evaluate()
-            record["verdict"] = results.verdict
-            if ran.laboratory is not None:
-                directory.write_json("truth.json", truth_of(stored, ran.laboratory))
-                record["hashes"]["truth.json"] = manifest.file_hash(path / "truth.json")
-            directory.write_json("results.json", results.to_json())
-            record["hashes"]["results.json"] = manifest.file_hash(path / "results.json")
-            for name, content in calibration_files(results.units, record, stored.bench):
-                directory.write_json(name, content)
-                record["hashes"][name] = manifest.file_hash(path / name)
-        except Exception as problem:  # noqa: BLE001  what was measured is on the disk; the run says how it ended
-            outcome.problems.append(in_words(problem))
-            outcome.how = record["state"] = "error"
-            record["verdict"] = "ERROR"
-            results = None if results is None else replace(results, verdict="ERROR")
-        record |= {
-            "problems": outcome.problems,
-            "unsafe": outcome.unsafe,
-            "ended": wall_utc().isoformat(timespec="seconds"),
-            "wall_s": watch.elapsed_s(),
-        }
-        directory.write_json("manifest.json", record)
-        if stored is not None:
-            _report(stored, outcome)
-    return RunResult(path, outcome, results, ran.bench_s, watch.elapsed_s())
-
-
-def _report(stored: StoredRun, outcome: Outcome) -> None:
-    """Writes the report; what stands in its way is told, and takes nothing else away."""
+def _follow(prepared: PreparedRun, directory: RunDirectory, record: dict[str, Any], ran: _Run) -> None:
+    """Go on in the folder where the record is; one that was rescued gets the inputs and the manifest once more."""
+    directory.path = ran.folder
+    if (ran.folder / "manifest.json").exists():
+        return
     try:
-        from bench.report.write import write_report  # and matplotlib with it, which a run needs only here
-
-        write_report(stored)
-    except Exception as problem:  # noqa: BLE001  the run is over, and its results are on the disk
-        outcome.problems.append(f"no report could be written ({problem}); 'bench report {stored.folder}' tries again")
+        _keep_inputs(prepared, directory)
+        directory.write_json("manifest.json", record)
+    except StoreError as problem:
+        ran.outcome.failed(str(problem))

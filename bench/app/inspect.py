@@ -11,6 +11,7 @@ from bench.app.request import load_bench_named
 from bench.config.models import BenchFile
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
 from bench.loop import run as run_loop
+from bench.runner.held import holding, real_addresses
 from drivers.capabilities import Device
 from drivers.errors import DriverError
 
@@ -33,14 +34,18 @@ class Look:
 
 
 def look_at_devices(name: str | None, *, simulate: bool = False) -> list[Look]:
-    """Connects to every instrument of a bench, identifies it and reads it once; a failed one says why."""
+    """Connects to every instrument of a bench, identifies it and reads it once; a failed one says why.
+
+    InUseError while another program talks to one of them.
+    """
     bench = load_bench_named(name, simulate=simulate).bench
 
     async def main() -> list[Look]:
         devices = open_devices(bench, laboratory_of(bench))
         return list(await asyncio.gather(*(_look(bench, role, device) for role, device in devices.items())))
 
-    return run_loop(main(), AS_FAST_AS_POSSIBLE if bench.is_simulated else REAL_TIME)
+    with holding(real_addresses(bench).values(), "a look at the devices"):
+        return run_loop(main(), AS_FAST_AS_POSSIBLE if bench.is_simulated else REAL_TIME)
 
 
 async def _look(bench: BenchFile, role: str, device: Device) -> Look:

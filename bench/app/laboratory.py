@@ -45,6 +45,7 @@ from simulators.line_faults import BadLine, LineFault
 from simulators.meter_inputs import VoltmeterSettings, VoltsOnLoad
 from simulators.operator_head import HandTurnedHead
 from simulators.serve import Instrument, protocol_factory
+from simulators.settings import WorldSettings
 from simulators.setup import InstrumentSetup, make_instrument, simulator_class
 from simulators.unit_file import UnitFile
 from simulators.world import World
@@ -102,15 +103,29 @@ def _unit_file(path: Path, *, is_inertial: bool) -> AnyUnitFile:
     return load(document, GyroFile) if has_gyro else load(document, UnitFile)
 
 
+def _without_power(settings: WorldSettings, places: Collection[str]) -> WorldSettings:
+    """The same, where only the units in `places` are connected to their supplies."""
+    return replace(
+        settings,
+        places={name: at if name in places else replace(at, supply="") for name, at in settings.places.items()},
+        imus={name: at if name in places else replace(at, supply="") for name, at in settings.imus.items()},
+    )
+
+
 def make_laboratory(
-    bench: BenchFile, units: Mapping[str, AnyUnitFile], seed: int, host_s: Callable[[], float]
+    bench: BenchFile,
+    units: Mapping[str, AnyUnitFile],
+    seed: int,
+    host_s: Callable[[], float],
+    places: Collection[str] | None = None,
 ) -> Laboratory:
-    """The laboratory of one run.
+    """The laboratory of one run, in which the units in `places` take part, None for all; the others have no power.
 
     The units are in the first chamber of the file, on the axes of its fixture. Further chambers and heads stand beside:
     each has air, or an axis, of its own.
     """
-    world = World(world_settings(bench, units, seed), host_s)
+    around_all = world_settings(bench, units, seed)
+    world = World(around_all if places is None else _without_power(around_all, places), host_s)
     instruments: dict[str, Instrument] = {}
     nodes: dict[str, CanNode] = {}
     voltmeters: dict[str, VoltmeterSettings] = {}

@@ -10,6 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from bench.config.load import shipped
 from bench.errors import InputError
+from bench.files import folder_made_whole
 from drivers.description import known_drivers
 from drivers.fields import Name
 from drivers.suggest import did_you_mean
@@ -40,8 +41,9 @@ def write_driver(name: str, kind: str, out: Path) -> list[Path]:
         raise InputError(f"--kind {kind}: there is no template of that{did_you_mean(kind, known)}")
     folder = out / name
     try:
-        folder.mkdir(parents=True)
-        return list(_copied(known[kind], folder, name))
+        with folder_made_whole(folder) as draft:
+            made = [path.relative_to(draft) for path in _copied(known[kind], draft, name)]
+        return [folder / path for path in made]
     except FileExistsError:
         raise InputError(f"{folder}: is there already; choose another name, or remove it first") from None
     except OSError as problem:

@@ -14,6 +14,7 @@ from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from bench.config.simulation import FaultSimulation
 from bench.report.verify import verify
+from bench.runner.signals import Signals
 from bench.sequence.estimate import Estimate
 from bench.sequence.plan import PHASES, PlannedStep
 from bench.store.database import FILE_NAME
@@ -71,7 +72,9 @@ class Rehearsal:
         return sorted(self.steps, key=lambda step: -abs(step.took_s - step.planned_s))[:count]
 
 
-def rehearse(prepared: PreparedRun, observer: RunObserver, fault_seed: int | None = None) -> Rehearsal:
+def rehearse(
+    prepared: PreparedRun, observer: RunObserver, fault_seed: int | None = None, signals: Signals | None = None
+) -> Rehearsal:
     """Runs what was prepared with every instrument simulated, with drawn faults where a seed for them is given."""
     expected, loaded = prepared.expected, prepared.loaded
     if fault_seed is not None:
@@ -79,7 +82,7 @@ def rehearse(prepared: PreparedRun, observer: RunObserver, fault_seed: int | Non
         prepared = replace(prepared, loaded=replace(loaded, bench=with_faults(loaded.bench, drawn)))
     faults = prepared.loaded.bench.simulation.faults
     witness = _Witness(observer)
-    result = execute(prepared, witness)
+    result = execute(prepared, witness, signals)
     with RunReader(result.path) as reader:
         events = list(reader.events())
     return Rehearsal(

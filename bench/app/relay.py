@@ -49,6 +49,10 @@ class Relay:
         """Passed on."""
         self._observer.asked(question)
 
+    def held(self, by: str) -> None:
+        """Passed on."""
+        self._observer.held(by)
+
     def notice(self, text: str) -> None:
         """Passed on."""
         self._observer.notice(text)

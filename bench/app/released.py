@@ -59,6 +59,8 @@ def read_released(given: Sequence[str], plan: Plan, bench: BenchFile) -> dict[st
             place, name = next(iter(bench.places)), each
         if place not in bench.places:
             raise InputError(f"{OPTION} {each}: the bench has no place '{place}'{did_you_mean(place, bench.places)}")
+        if place in found:
+            raise InputError(f"{OPTION} {each}: place '{place}' has {found[place].path} already; a unit has one")
         found[place] = _read(Path(name))
     problems = [problem for place, released in found.items() for problem in _channels(place, released, bench)]
     problems += plan.document.told(_beyond(found, plan, bench))

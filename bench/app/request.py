@@ -19,7 +19,8 @@ from bench.config.document import Document
 from bench.config.load import find
 from bench.config.models import BenchFile
 from bench.errors import InputError
-from bench.report.shown import duration
+from bench.report.times_and_sizes import duration
+from bench.sequence.checks_judged import not_judged
 from bench.sequence.estimate import Estimate, estimate
 from bench.sequence.load import load_judged_plan
 from bench.sequence.occupied import occupied
@@ -132,29 +133,32 @@ def load_checked(request: RunRequest) -> CheckedRun:
     released = read_released(request.calibrations, plan, bench)
     expected = estimate(plan, bench)
     circumstances = (
-        *_past_due(plan, bench, _begins(loaded)),
+        *_past_due(plan, bench, loaded),
         *_little_disk_space(expected, request.runs),
         *_ends_too_late(expected, loaded, request.not_after),
         *of_calibrations(released, plan, bench),
+        *not_judged(plan),
     )
     return CheckedRun(plan, loaded, bench, serials, expected, (*circumstances, *warnings), released)
 
 
-def _past_due(plan: Plan, bench: BenchFile, begins: datetime) -> Iterator[Remark]:
-    """A warning for each instrument that the run uses and whose calibration will not be valid any more."""
+def _past_due(plan: Plan, bench: BenchFile, loaded: LoadedBench) -> Iterator[Remark]:
+    """A warning, at its line, for each certificate of what the run uses that will not be valid any more."""
     used = {*plan.sequence.needs, *(place.temperature for place in bench.places.values())}
     for place in bench.places.values():
         used |= {meter for meter in (place.voltmeter, place.ammeter) if meter is not None}
     if any(place.is_counted for place in bench.places.values()):
         used |= set(bench.with_capability("pulse_counter"))
-    for name, due in bench.past_due(begins.date()).items():
+    for name, due in bench.past_due(_begins(loaded).date()).items():
         if name in used:
+            part = "devices" if name in bench.devices else "readings"
             yield Remark(
                 "warning",
                 PAST_DUE,
-                (),
+                (part, name, "calibration", "due"),
                 f"the calibration of '{name}' was due on {due}; a run refuses to begin with it",
                 "Enter its new certificate in the bench file, or run with --past-due mark, which the report tells",
+                loaded.document,
             )
 
 
@@ -210,7 +214,7 @@ def prepare(request: RunRequest) -> PreparedRun:
     plan, loaded = checked.plan, checked.loaded
     speed = _speed(request, loaded)
     if request.past_due == "refuse" and (found := [each for each in checked.warnings if each.rule == PAST_DUE]):
-        raise InputError(*(f"{loaded.document.path}: {remark.text}" for remark in found))
+        raise InputError(*(f"{loaded.document.where(remark.place)}: {remark.text}" for remark in found))
     if not loaded.bench.is_simulated and not request.attended:
         raise InputError(
             f"{loaded.document.path}: this bench has real connections; somebody must stay with it. "
@@ -276,6 +280,8 @@ def _named_units(units: Iterable[str], bench: BenchFile) -> dict[str, str]:
             raise InputError(f"--uut {given}: the bench has no place '{place}'{did_you_mean(place, places)}")
         if not serial.strip() or not serial.isprintable() or len(serial) > 64:
             raise InputError(f"--uut {given}: expected a serial number of up to 64 printable characters")
+        if place in serials:
+            raise InputError(f"--uut {given}: place '{place}' has '{serials[place]}' already; a place has one unit")
         serials[place] = serial.strip()
     return {place: serials[place] for place in places if place in serials}
 

@@ -78,10 +78,10 @@ def recognising(names: Sequence[str] = ()) -> list[Known]:
     for name in names:
         if name not in drivers:
             raise InputError(f"there is no driver '{name}'{did_you_mean(name, drivers)}")
-        if drivers[name].recognition is None:
+        if not drivers[name].recognition:
             raise InputError(f"the driver '{name}' does not know its instrument by questions, so a scan cannot find it")
     chosen = (drivers[name] for name in (names or sorted(drivers)))
-    return [(driver, driver.recognition) for driver in chosen if driver.recognition is not None]
+    return [(driver, found) for driver in chosen if (found := driver.recognised_by()) is not None]
 
 
 def scan_here(

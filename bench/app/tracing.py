@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,39 +13,67 @@ from bench.app.devices import open_devices
 from bench.app.faults import laboratory_of
 from bench.app.request import load_bench_named
 from bench.errors import InputError
+from bench.files import make_folder, sync_folder
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
 from bench.loop import run as run_loop
 from bench.rig import Rig
+from bench.runner.held import holding, real_addresses
+from drivers.bounded import read_bounded
 from drivers.errors import DriverError
 from drivers.transport.trace import HEAD, Passed, read_trace
 
+TRACE_LIMIT_BYTES = 2**30
 Keep = Callable[[Passed], object]
 
 
 @contextmanager
 def recording(path: Path) -> Iterator[Keep]:
-    """A place for what passes, in a new file; InputError when it cannot be made."""
+    """A place for what passes, in a new file; InputError when it cannot be made.
+
+    Lines are written as they come, and are durable at the end. A disk that fails meanwhile ends the trace alone.
+    """
     try:
+        make_folder(path.parent)
         file = path.open("x", encoding="utf-8", buffering=1)
+        file.write(f"{HEAD}\n")
+        sync_folder(path.parent)
     except OSError as problem:
         raise InputError(f"the trace {path} cannot be written: {problem.strerror}") from problem
-    with file:
-        file.write(f"{HEAD}\n")
-        yield lambda passed: file.write(f"{passed.line()}\n")
+    failed: OSError | None = None
+
+    def keep(passed: Passed) -> None:
+        nonlocal failed
+        try:
+            if failed is None:
+                file.write(f"{passed.line()}\n")
+        except OSError as problem:
+            failed = problem
+
+    try:
+        yield keep
+    finally:
+        try:
+            os.fsync(file.fileno())
+            file.close()
+        except OSError as problem:
+            failed = failed or problem
+        if failed is not None:
+            sys.stderr.write(f"the trace {path} is not whole: {failed.strerror}\n")
 
 
 def read_trace_file(path: Path) -> list[Passed]:
     """The lines of a trace; InputError."""
     try:
-        return list(read_trace(path.read_text("utf-8").splitlines()))
-    except (OSError, ValueError) as problem:
+        return list(read_trace(read_bounded(path, TRACE_LIMIT_BYTES).decode("utf-8").splitlines()))
+    except ValueError as problem:
         raise InputError(f"{path}: {problem}") from problem
 
 
 def trace_bench(name: str | None, path: Path, for_s: float, *, simulate: bool = False) -> tuple[int, list[str]]:
     """Opens a bench, reads every instrument each second for `for_s`, and records all that passes.
 
-    Gives the number of lines, and what went wrong. Raises OpenError, InputError.
+    Gives the number of lines, and what went wrong. Raises OpenError, InputError, and InUseError while another program
+    talks to an instrument.
     """
     bench = load_bench_named(name, simulate=simulate).bench
     lines, problems = 0, []
@@ -60,7 +90,7 @@ def trace_bench(name: str | None, path: Path, for_s: float, *, simulate: bool = 
                         problems.append(str(problem))
                 await asyncio.sleep(bench.monitor.period)
 
-    with recording(path) as keep:
+    with holding(real_addresses(bench).values(), "a trace"), recording(path) as keep:
 
         def counted(passed: Passed) -> None:
             nonlocal lines

@@ -1,15 +1,17 @@
-"""What is true of a simulated run: the simulators tell it of what the run's own record says that it measured."""
+"""What is true of a simulated run: the simulators compute it from what the run's own record says that it measured.
+
+Of the record this takes times, temperatures and how the units lay, and no line of a reduction: a mistake made there
+would else be made in the truth as well. An import contract holds that.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 from bench.analysis.acquired import Acquisition
-from bench.analysis.dwells import axis_rad
-from bench.analysis.ladder import by_position
 from bench.analysis.rundata import UnitUnderTest
-from bench.analysis.tumble import further_terms
 from bench.app.laboratory import Laboratory
 from bench.report.stored import StoredRun
 from bench.sequence.methods import CountsAt
@@ -51,21 +53,18 @@ def _dwells(stored: StoredRun) -> list[DwellAsMeasured]:
     found = []
     for data in stored.counted_at("dwells"):
         for unit in data.units:
-            extra = further_terms(axis_rad(data.acquisitions, unit, data.bench))
-            found += [_dwell(data.label, unit, group, members, extra) for group, members in data.groups().items()]
+            found += [_dwell(data.label, unit, group, members) for group, members in data.groups().items()]
     return found
 
 
-def _dwell(
-    label: str, unit: UnitUnderTest, group: str, members: Sequence[Acquisition], extra: tuple[str, ...]
-) -> DwellAsMeasured:
+def _dwell(label: str, unit: UnitUnderTest, group: str, members: Sequence[Acquisition]) -> DwellAsMeasured:
     return DwellAsMeasured(
         key=f"{label}/{unit.place}@{group.partition('/')[2]}",
         place=unit.place,
-        at_s=sum(member.begin_s + member.end_s for member in members) / (2 * len(members)),
-        temperature_c=sum(float(member.temperatures_c[unit.temperature].mean()) for member in members) / len(members),
+        at_s=math.fsum(member.begin_s + member.end_s for member in members) / (2 * len(members)),
+        temperature_c=math.fsum(each.temperatures_c[unit.temperature].mean() for each in members) / len(members),
         lies=tuple(_lies(member) for member in members),
-        extra=extra,
+        each_s=tuple((member.begin_s + member.end_s) / 2 for member in members),
     )
 
 
@@ -112,5 +111,13 @@ def _ladders(stored: StoredRun) -> list[LadderAsMeasured]:
         )
         for data in stored.counted_at("steps")
         for unit in data.units
-        for position, members in by_position(data).items()
+        for position, members in _ladders_of(data.acquisitions).items()
     ]
+
+
+def _ladders_of(acquisitions: Sequence[Acquisition]) -> dict[float, list[Acquisition]]:
+    """The acquisitions of each ladder, by the loop variable `position`."""
+    found: dict[float, list[Acquisition]] = {}
+    for acquisition in acquisitions:
+        found.setdefault(acquisition.loops.get("position", 0.0), []).append(acquisition)
+    return found

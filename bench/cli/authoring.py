@@ -88,12 +88,14 @@ def format_files(
     check: Annotated[bool, typer.Option("--check", help="Change nothing; exit 2 where a file would change.")] = False,
 ) -> None:
     """Indent YAML files as the shipped ones are; values, comments and spelling stay."""
-    from bench.config.layout import changes, write_over
+    from bench.config.layout import changes
+    from bench.files import written_whole
 
     changed = changes(files)
     for path, text in changed.items():
         if not check:
-            write_over(path, text)
+            with written_whole(path) as draft:
+                draft.write_bytes(text.encode())
         sys.stdout.write(f"{path}\n")
     if check and changed:
         raise typer.Exit(INPUT_ERROR)
@@ -121,3 +123,18 @@ def new_sequence(
     from bench.sequence.starter import write_starter
 
     sys.stdout.write(f"{write_starter(name, folder)}\n")
+
+
+@starters.command("bench")
+def new_bench(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The name of the bench, such as lab_2.")],
+    source: Annotated[
+        str, typer.Option("--from", metavar="BENCH", help="The bench to begin with; a shipped one, or a file.")
+    ] = "simulated",
+    folder: Annotated[Path, typer.Option("--dir", metavar="DIR", help="Where it is written.")] = Path("config"),
+) -> None:
+    """Write a bench file to start from: a copy of one that is like yours, with the files that it names."""
+    from bench.config.new_bench import write_bench
+
+    for path in write_bench(name, source, folder):
+        sys.stdout.write(f"{path}\n")

@@ -6,11 +6,14 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from bench.cli.stored import RUNS, Run, Runs
+
+if TYPE_CHECKING:  # `bench --help` loads none of it
+    from bench.store.runs import RunSummary
 
 
 def register(app: typer.Typer) -> None:
@@ -64,27 +67,46 @@ def answer(
     _tell(run, runs, "answer", answer=text, step=step, by=by or os.environ.get("USER", ""))
 
 
-def status(run: Run, runs: Runs = RUNS) -> None:
-    """Print what a run is doing and has measured, as JSON; of one that is over, what it came to."""
-    from bench.runner.control import tell
+def status(
+    run: Run,
+    as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON, for programs.")] = False,
+    runs: Runs = RUNS,
+) -> None:
+    """Print what a run is doing and has measured; of one that is over, what it came to."""
+    from bench.report.status_text import status_lines
     from bench.store.runs import find_run, summary
 
-    path = find_run(run, runs)
-    found = summary(path)
-    if found.state == "running":
-        sys.stdout.write(tell(path, "status") + "\n")
+    found = summary(find_run(run, runs))
+    state = _state_of(found)
+    if as_json:
+        sys.stdout.write(json.dumps(state, ensure_ascii=False) + "\n")
         return
+    for line in status_lines(found, state):
+        sys.stdout.write(line + "\n")
+
+
+def _state_of(run: RunSummary) -> dict[str, Any]:
+    """The status of a run as JSON: asked of the run itself, or read from the journal of one that is over."""
+    if run.state == "running":
+        from bench.runner.tell import tell
+
+        asked: dict[str, Any] = json.loads(tell(run.path, "status"))
+        return asked
     from bench.engine.state import replayed
+    from bench.errors import StoreError
     from bench.runner.commands import state_to_json
     from bench.store.reader import RunReader
+    from bench.store.verify import examine
 
-    with RunReader(path) as reader:
-        came_to = {"state": found.state, "verdict": found.manifest.get("verdict")}
-        sys.stdout.write(json.dumps(came_to | state_to_json(replayed(reader.events())), ensure_ascii=False) + "\n")
+    if damage := examine(run.path, thoroughly=False).damage:
+        raise StoreError(f"{run.path}: is DAMAGED: {'; '.join(damage[:3])}; 'bench runs verify {run.id}' tells all")
+    with RunReader(run.path) as reader:
+        over = {"state": run.state, "verdict": run.manifest.get("verdict")}
+        return over | state_to_json(replayed(reader.events()))
 
 
 def _tell(run: str, runs: Path, command: str, **arguments: str) -> None:
-    from bench.runner.control import tell
+    from bench.runner.tell import tell
     from bench.store.runs import find_run
 
     path = find_run(run, runs)

@@ -2,10 +2,44 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # `bench --help` loads none of it
+    from bench.app.execute import RunResult
+
 PASS = 0
 FAIL = 1
 INPUT_ERROR = 2
 BENCH_ERROR = 3
 ABORTED = 4
+NOT_JUDGED = 5
+NOT_SAFE = 6
+INCOMPLETE = 7
 
-OF_VERDICT = {"PASS": PASS, "FAIL": FAIL, "ERROR": BENCH_ERROR, "INCOMPLETE": BENCH_ERROR, "ABORTED": ABORTED}
+MEANINGS = {
+    PASS: "PASS: every value that has a limit is within it",
+    FAIL: "FAIL: the unit is outside a limit",
+    INPUT_ERROR: "bad input: a file, an option or a name cannot be used; nothing was opened",
+    BENCH_ERROR: "ERROR: the bench, the disk or this program failed; the bench is safe",
+    ABORTED: "ABORTED: ended by the operator, another program or the end of the terminal; the bench is safe",
+    NOT_JUDGED: "NOT JUDGED: the run got to its end, and nothing in it has a limit",
+    NOT_SAFE: "NOT MADE SAFE: at least one device may still be energised or moving; goes before all other codes",
+    INCOMPLETE: "INCOMPLETE: something was skipped, passed over or not determined",
+}
+OF_VERDICT = {
+    "PASS": PASS,
+    "FAIL": FAIL,
+    "ERROR": BENCH_ERROR,
+    "ABORTED": ABORTED,
+    "NOT JUDGED": NOT_JUDGED,
+    "INCOMPLETE": INCOMPLETE,
+}
+
+
+def of_run(result: RunResult) -> int:
+    """The exit code of a run, or of the run of a rehearsal."""
+    if result.outcome.unsafe:
+        return NOT_SAFE
+    if result.results is None or result.outcome.how == "error":
+        return BENCH_ERROR
+    return OF_VERDICT[result.results.verdict]

@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from bench.cli.stored import RUNS, Runs
+from bench.cli import exits
+from bench.cli.stored import RUNS, Damaged, Runs
 
 
 def register(app: typer.Typer) -> None:
@@ -24,13 +25,18 @@ def reduce(
     ],
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where result.json of a case goes.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON, alone on stdout.")] = False,
+    damaged: Damaged = False,
     runs: Runs = RUNS,
 ) -> None:
-    """Reduce a recorded case of the methods M0 to M4; or a run again, and tell what has changed in its findings."""
+    """Reduce a recorded case of the methods M0 to M4; or a run again, and tell what has changed in its findings.
+
+    A case ends with 0 when it is reduced or passes, with 1 when it fails, and as an incomplete run does when something
+    that it asks for is not known or its data are doubtful.
+    """
     if what.endswith(".json"):
         _reduce_case(Path(what), out, as_json=as_json)
     else:
-        _reduce_run(what, runs, out, as_json=as_json)
+        _reduce_run(what, runs, out, as_json=as_json, damaged=damaged)
 
 
 def compensate(
@@ -46,8 +52,8 @@ def compensate(
 ) -> None:
     """Turn the output of a calibrated unit into what it measures, at the temperature it then had."""
     from bench.errors import InputError
+    from bench.files import written_whole
     from bench.report.calibration import compensated, read_calibration
-    from bench.store.runs import write_whole
 
     if beyond not in ("hold", "reject"):
         raise InputError(f"--beyond {beyond}: is neither hold nor reject")
@@ -58,31 +64,35 @@ def compensate(
     if out is None:
         sys.stdout.write(text)
     else:
-        write_whole(out, text.encode())
+        with written_whole(out) as draft:
+            draft.write_text(text, encoding="utf-8")
 
 
 def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> None:
     from bench.errors import InputError
+    from bench.files import written_whole
     from bench.report.case import reduce_case
-    from bench.store.runs import json_text, write_whole
+    from bench.report.case_outcome import lacking, outcome
+    from bench.store.runs import json_text
 
     if out is None and not as_json:
         raise InputError(f"{case}: say where result.json goes with --out DIR, or print it with --json")
     result = reduce_case(case)
     if as_json:
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
-    if out is None:
-        return
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise InputError(f"{out}: cannot be made ({problem})") from None
-    write_whole(out / "result.json", json_text(result).encode())
-    if not as_json:
-        sys.stdout.write(f"{out / 'result.json'}\n")
+    if out is not None:
+        with written_whole(out / "result.json") as draft:
+            draft.write_text(json_text(result), encoding="utf-8")
+        if not as_json:
+            sys.stdout.write(f"{out / 'result.json'}\n")
+    found = outcome(result)
+    if found == "INCOMPLETE":
+        why = ", ".join(lacking(result)) or "something that is judged is not known; see its notes"
+        sys.stderr.write(f"{case.name}: INCOMPLETE: {why}\n")
+    raise typer.Exit(exits.PASS if found == "REDUCED" else exits.OF_VERDICT[found])
 
 
-def _reduce_run(name: str, runs: Path, out: Path | None, *, as_json: bool) -> None:
+def _reduce_run(name: str, runs: Path, out: Path | None, *, as_json: bool, damaged: bool) -> None:
     from bench.errors import InputError
     from bench.report.reduced_again import reduced_again
     from bench.report.stored import open_run
@@ -90,7 +100,7 @@ def _reduce_run(name: str, runs: Path, out: Path | None, *, as_json: bool) -> No
 
     if out is not None:
         raise InputError(f"--out {out}: is for a case; 'bench report {name} --format json' writes the results of a run")
-    with open_run(find_run(name, runs)) as stored:
+    with open_run(find_run(name, runs), damaged=damaged) as stored:
         found = reduced_again(stored)
     if as_json:
         sys.stdout.write(json.dumps(found.to_json(), ensure_ascii=False) + "\n")

@@ -13,8 +13,9 @@ from bench.app.reference.benches import bench_page, drivers_page
 from bench.app.reference.keys import Blocks, table
 from bench.app.reference.problems import errors_page, rules_page
 from bench.app.reference.sequences import methods_page, sequence_page, steps_page
-from bench.cli.exits import ABORTED, BENCH_ERROR, FAIL, INPUT_ERROR, PASS
+from bench.cli.exits import MEANINGS
 from bench.errors import InputError
+from bench.files import written_whole
 from drivers.suggest import did_you_mean
 
 INDEX = "README"
@@ -38,8 +39,8 @@ def commands_page() -> Blocks:
 
     blocks = [
         "# Commands",
-        f"Exit codes: {PASS} pass, {FAIL} the unit fails, {INPUT_ERROR} bad input, {BENCH_ERROR} the bench failed, "
-        f"{ABORTED} aborted.",
+        "Exit codes, the same for `bench run`, `bench rehearse` and `bench reduce`; other commands use those below 5:",
+        table(("exit code", "meaning"), ((str(code), meaning) for code, meaning in MEANINGS.items())),
     ]
     for name, command in _commands(typer.main.get_command(app), "bench"):
         blocks += [f"## {name}", command.help]
@@ -92,11 +93,8 @@ def page_text(name: str) -> str:
 def write_pages(folder: Path) -> list[Path]:
     """Writes every page to `folder/PAGE.md`; InputError when that cannot be done."""
     paths = []
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in PAGES:
-            paths.append(folder / f"{name}.md")
-            paths[-1].write_text(page_text(name), "utf-8")
-    except OSError as problem:
-        raise InputError(f"{folder}: cannot be written to ({problem})") from None
+    for name in PAGES:
+        paths.append(folder / f"{name}.md")
+        with written_whole(paths[-1]) as draft:
+            draft.write_text(page_text(name), "utf-8")
     return paths

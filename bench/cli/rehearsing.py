@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bench.cli.exits import ABORTED, BENCH_ERROR, FAIL, PASS
+from bench.cli.exits import BENCH_ERROR, NOT_SAFE, of_run
 from bench.cli.running import (
     BenchOption,
     Calibrations,
@@ -25,7 +25,6 @@ from bench.cli.running import (
 if TYPE_CHECKING:  # `bench --help` loads none of it
     from bench.app.rehearse import Compared, Rehearsal
 
-OF_END = {"completed": PASS, "failed": FAIL, "error": BENCH_ERROR, "aborted": ABORTED}
 ENDED = {
     "completed": "got to its end",
     "failed": "was stopped by a value outside its limits",
@@ -59,32 +58,44 @@ def rehearse(
 ) -> None:
     """Run a sequence on simulators of a bench's instruments, all limits in force, and compare with its plan.
 
-    Exit code 0 when the run got to its end, whatever the verdict on the simulated units.
+    The exit code is that of the run, so that a rehearsal ends as the night would.
     """
     from dataclasses import replace
 
     from bench.app.rehearse import rehearse as rehearsed
     from bench.app.request import RunRequest, load_checked, prepare
+    from bench.runner.output import lasting_output
     from bench.runner.progress import TerminalProgress
+    from bench.runner.signals import Signals
 
     as_it_is = RunRequest(
         sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), uut_model=uut_model,
         seed=seed, runs=runs, operator="rehearsal", answers=answers, not_after=not_after,
         past_due="mark", calibrations=tuple(calibration or ()), scenario=scenario,
     )  # fmt: skip
-    checked = load_checked(as_it_is)
-    warn(checked.plan, checked.warnings)
-    units = tuple(f"{place}={released.content.uut}" for place, released in checked.released.items())
-    prepared = prepare(replace(as_it_is, simulate=True, not_after=None, units=units))
-    with TerminalProgress(prepared.plan) as progress:
-        rehearsal = rehearsed(prepared, progress, faults)
-    for line in _told(rehearsal):
-        sys.stdout.write(line + "\n")
-    raise typer.Exit(BENCH_ERROR if rehearsal.lost else OF_END[rehearsal.result.outcome.how])
+    with lasting_output():
+        checked = load_checked(as_it_is)
+        warn(checked.plan, checked.warnings)
+        units = tuple(f"{place}={released.content.uut}" for place, released in checked.released.items())
+        prepared = prepare(replace(as_it_is, simulate=True, not_after=None, units=units))
+        with Signals() as signals:
+            with TerminalProgress(prepared.plan, prepared.loaded.bench, prepared.speed) as progress:
+                rehearsal = rehearsed(prepared, progress, faults, signals)
+            with signals.not_waiting():
+                for line in _told(rehearsal):
+                    sys.stdout.write(line + "\n")
+    raise typer.Exit(_exit_code(rehearsal))
+
+
+def _exit_code(rehearsal: Rehearsal) -> int:
+    """That of its run; also when acknowledged data are lost, or no device was made safe at all."""
+    if rehearsal.unsafe:
+        return NOT_SAFE
+    return BENCH_ERROR if rehearsal.lost else of_run(rehearsal.result)
 
 
 def _told(rehearsal: Rehearsal) -> Iterator[str]:
-    from bench.report.shown import megabytes
+    from bench.report.times_and_sizes import megabytes
 
     result, expected = rehearsal.result, rehearsal.expected
     yield f"{'planned':>12} {'took':>12} {'ratio':>6}"
@@ -142,6 +153,6 @@ def _compared(planned: str, took: str, ratio: float | None, name: str) -> str:
 
 
 def _time(seconds: float) -> str:
-    from bench.report.shown import duration
+    from bench.report.times_and_sizes import duration
 
     return f"{seconds:.1f} s" if seconds < 600 else duration(seconds)

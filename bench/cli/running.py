@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bench.cli.exits import BENCH_ERROR, INPUT_ERROR, OF_VERDICT
+from bench.cli.exits import INPUT_ERROR, of_run
 from bench.errors import InputError
 
 if TYPE_CHECKING:  # `bench --help` loads none of it
+    from bench.app.execute import RunResult
     from bench.sequence.plan import Plan
     from bench.sequence.remarks import Remark
 
@@ -76,6 +79,17 @@ class Format(StrEnum):
     GITHUB = "github"
 
 
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Nothing is collected meanwhile: a short command needs what it builds, and looking takes a fifth of its time."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
+@_uncollected()
 def check(
     sequence: Sequence,
     bench: BenchOption = None,
@@ -106,7 +120,12 @@ def check(
         checked = load_checked(request)
         document, warnings = checked.plan.document, checked.warnings
         if strict and warnings:
-            raise InputError(*document.told((warning.place, warning.text) for warning in warnings))
+            own = [warning for warning in warnings if warning.elsewhere is None]
+            others = [each for each in warnings if each.elsewhere is not None]
+            raise InputError(
+                *(f"{each.document(document).where(each.place)}: {each.text}" for each in others),
+                *document.told((warning.place, warning.text) for warning in own),
+            )
     except InputError as error:
         if format_ is Format.TEXT:
             raise
@@ -149,8 +168,8 @@ def plan(
 ) -> None:
     """List the steps of a sequence: when each begins, how long it takes, the bench after it; nothing is opened."""
     from bench.app.request import RunRequest, load_checked
-    from bench.report.shown import duration, megabytes
     from bench.report.timeline import plan_table, timeline_json, turned_by_hand
+    from bench.report.times_and_sizes import duration, megabytes
 
     request = RunRequest(
         sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), not_after=not_after,
@@ -224,49 +243,44 @@ def run(
     """Run a sequence on a bench."""
     from bench.app.execute import execute
     from bench.app.request import RunRequest, prepare
-    from bench.report.text import results_text
+    from bench.runner.output import lasting_output
     from bench.runner.progress import TerminalProgress
+    from bench.runner.signals import Signals
 
-    if bench is None:
-        sys.stderr.write("No --bench given: running on the shipped simulated bench.\n")
-    prepared = prepare(
-        RunRequest(
-            sequence=sequence,
-            bench=bench,
-            simulate=simulate,
-            speed=speed,
-            preset=preset,
-            parameters=params,
-            settings=tuple(set_ or ()),
-            uut_model=uut_model,
-            seed=seed,
-            units=tuple(uut or ()),
-            order=order,
-            procedure=procedure,
-            operator=operator or os.environ.get("USER", ""),
-            runs=runs,
-            attended=attended,
-            answers=answers,
-            not_after=not_after,
-            past_due=past_due.value,
-            calibrations=tuple(calibration or ()),
-            trace=trace,
-            scenario=scenario,
-        )
-    )
-    warn(prepared.plan, prepared.warnings)
-    with TerminalProgress(prepared.plan) as progress:
-        result = execute(prepared, progress)
+    with lasting_output():
+        if bench is None:
+            sys.stderr.write("No --bench given: running on the shipped simulated bench.\n")
+        prepared = prepare(
+            RunRequest(
+                sequence=sequence, bench=bench, simulate=simulate, speed=speed, preset=preset, parameters=params,
+                settings=tuple(set_ or ()), uut_model=uut_model, seed=seed, units=tuple(uut or ()), order=order,
+                procedure=procedure, operator=operator or os.environ.get("USER", ""), runs=runs, attended=attended,
+                answers=answers, not_after=not_after, past_due=past_due.value, calibrations=tuple(calibration or ()),
+                trace=trace, scenario=scenario,
+            )
+        )  # fmt: skip
+        warn(prepared.plan, prepared.warnings)
+        with Signals() as signals:
+            with TerminalProgress(prepared.plan, prepared.loaded.bench, prepared.speed) as progress:
+                result = execute(prepared, progress, signals)
+            with signals.not_waiting():
+                _show(result, progress.said, as_json=as_json)
+    raise typer.Exit(of_run(result))
+
+
+def _show(result: RunResult, said: Collection[str], *, as_json: bool) -> None:
+    """Writes the results, and the problems that were not `said` before."""
+    from bench.report.text import results_text
+
     if as_json:
         content = {"run": str(result.path), "results": result.results.to_json() if result.results else None}
         sys.stdout.write(json.dumps(content, ensure_ascii=False) + "\n")
     else:
         sys.stdout.write(results_text(result.results))
     for problem in result.problems:
-        if problem not in progress.said:
+        if problem not in said:
             sys.stderr.write(f"\n{problem}\n")
     sys.stderr.write(
         f"\n{result.bench_s:.0f} s of bench time in {result.wall_s:.1f} s, {result.bench_s / result.wall_s:.0f} times "
         f"real time\nrun    {result.path}\nreport {result.path / 'report.html'}\n"
     )
-    raise typer.Exit(OF_VERDICT[result.results.verdict] if result.results else BENCH_ERROR)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -14,6 +15,17 @@ from bench.cli.exits import BENCH_ERROR
 Run = Annotated[str, typer.Argument(metavar="RUN", help="A run directory, its id, a beginning of it, or last.")]
 Runs = Annotated[Path, typer.Option(metavar="DIR", help="Where the run directories are.")]
 RUNS = Path("runs")
+State = Annotated[
+    str | None, typer.Option(metavar="STATE", help="Only runs in this state: running, completed, interrupted, …")
+]
+Verdict = Annotated[str | None, typer.Option(metavar="VERDICT", help="Only runs with this verdict: PASS, FAIL, …")]
+Unit = Annotated[str | None, typer.Option(metavar="SERIAL", help="Only runs of this unit.")]
+Last = Annotated[int | None, typer.Option(min=1, metavar="N", help="Only the newest N.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print them as JSON, for programs.")]
+
+Damaged = Annotated[
+    bool, typer.Option("--damaged", help="Read a damaged run all the same, and say so in what is made of it.")
+]
 
 group = typer.Typer(help="List and verify runs.", invoke_without_command=True, rich_markup_mode=None)
 
@@ -26,22 +38,47 @@ def register(app: typer.Typer) -> None:
 
 
 @group.callback()
-def runs_of(context: typer.Context, runs: Runs = RUNS) -> None:
+def runs_of(
+    context: typer.Context,
+    runs: Runs = RUNS,
+    state: State = None,
+    verdict: Verdict = None,
+    uut: Unit = None,
+    last: Last = None,
+    as_json: AsJson = False,
+) -> None:
     """List the runs."""
     context.obj = runs
     if context.invoked_subcommand is None:
-        list_runs(runs)
+        list_runs(runs, state, verdict, uut, last, as_json)
 
 
 @group.command("list")
-def list_runs(runs: Runs = RUNS) -> None:
-    """List the runs, oldest first, with their states."""
+def list_runs(
+    runs: Runs = RUNS,
+    state: State = None,
+    verdict: Verdict = None,
+    uut: Unit = None,
+    last: Last = None,
+    as_json: AsJson = False,
+) -> None:
+    """List the runs, oldest first; with several filters those that meet all of them."""
+    from bench.report.status_text import runs_table
     from bench.store.runs import list_runs as found
 
-    for run in found(runs):
-        units = ", ".join(unit["uut"] for unit in run.manifest.get("units", []))
-        verdict = run.manifest.get("verdict") or "-"
-        sys.stdout.write(f"{run.id}  {run.state:<11}  {verdict:<10}  {units}\n")
+    matching = [
+        run
+        for run in found(runs)
+        if (state is None or run.state == state.lower())
+        and (verdict is None or run.manifest.get("verdict") == verdict.upper())
+        and (uut is None or uut in run.units)
+    ]
+    shown = matching if last is None else matching[-last:]
+    if as_json:
+        sys.stdout.write(json.dumps([run.to_json() for run in shown], ensure_ascii=False) + "\n")
+        return
+    for line in runs_table(shown) if shown else [f"{runs}: no run" + (" like this" if last is None else "")]:
+        sys.stdout.write(line + "\n")
 
 
 @group.command()
@@ -55,17 +92,16 @@ def digest(run: Run, runs: Runs = RUNS) -> None:
 
 @group.command()
 def verify(run: Run, runs: Runs = RUNS) -> None:
-    """Check a run's files against the hashes and the digest in its manifest."""
-    from bench.report.verify import verify as check
+    """Check a run against its chain, its seal and the ledger: sealed, intact up to a row, or damaged, and where."""
+    from bench.report.verify import examined
     from bench.store.runs import find_run
 
-    path = find_run(run, runs)
-    damage = check(path)
-    for problem in damage:
-        sys.stdout.write(f"{problem}\n")
-    if damage:
+    record = examined(find_run(run, runs))
+    sys.stdout.write(f"{record.folder}: {record.in_words}\n")
+    for line in (*record.damage, *record.remarks):
+        sys.stdout.write(f"  {line}\n")
+    if record.damage:
         raise typer.Exit(BENCH_ERROR)
-    sys.stdout.write(f"{path}: as written\n")
 
 
 def report(
@@ -75,6 +111,7 @@ def report(
         typer.Option("--format", metavar="html|pdf|json|csv", help="The page, its print, or the results alone."),
     ] = "html",
     lang: Annotated[str, typer.Option("--lang", metavar="en|zh", help="The language of the page.")] = "en",
+    damaged: Damaged = False,
     runs: Runs = RUNS,
 ) -> None:
     """Write the report of a run, of an interrupted one too."""
@@ -85,7 +122,7 @@ def report(
 
     _expect_one_of("--format", FORMS, form)
     _expect_one_of("--lang", LANGUAGES, lang)
-    with open_run(find_run(run, runs)) as stored:
+    with open_run(find_run(run, runs), damaged=damaged) as stored:
         sys.stdout.write(f"{write_report(stored, form, lang)}\n")
 
 
@@ -95,16 +132,20 @@ def export(
         str, typer.Option("--format", metavar="csv|candump|parquet|matlab|hdf5", help="What other programs read.")
     ] = "csv",
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the files go.")] = Path(),
+    damaged: Damaged = False,
     runs: Runs = RUNS,
 ) -> None:
-    """Write a run's data as files that other programs read."""
-    from bench.report.export import FORMATS
+    """Write a run's data as files that other programs read.
+
+    candump writes the frames of acquisitions, not the whole bus: what passes between them is not recorded.
+    """
+    from bench.report.export import FORMATS, mark_damage
     from bench.report.stored import open_run
     from bench.store.runs import find_run
 
     _expect_one_of("--format", FORMATS, form)
-    with open_run(find_run(run, runs)) as stored:
-        for path in FORMATS[form](stored, out):
+    with open_run(find_run(run, runs), damaged=damaged) as stored:
+        for path in (*FORMATS[form](stored, out), *mark_damage(stored, out)):
             sys.stdout.write(f"{path}\n")
 
 

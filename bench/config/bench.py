@@ -26,10 +26,13 @@ class LoadedBench:
     bench: BenchFile
 
 
-def load_bench(path: Path) -> LoadedBench:
-    """The bench in a file; InputError lists every problem with its place."""
+def load_bench(path: Path, *, named: set[str] | None = None) -> LoadedBench:
+    """The bench in a file; InputError lists every problem with its place.
+
+    `named` takes the names of the files that the bench file names, relative to its folder, as it writes them.
+    """
     document = read_document(path)
-    bench = load(document, BenchFile)
+    bench = load(document, BenchFile, named=named)
     if found := document.told(misfits(bench)):
         raise InputError(*found)
     return LoadedBench(document, bench)
@@ -275,5 +278,5 @@ def _nominal_output(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[
         yield where, "is for a unit that sends its output, on a channel of telemetry"
     elif output.dimension != parse_unit(unit).dimension:
         yield where, f"is {output}, expected a quantity in {unit}"
-    elif output.base_value <= 0:
-        yield where, f"is {output}, expected more than 0"
+    elif output.base_value == 0:
+        yield where, f"is {output}, expected a quantity other than 0"

@@ -21,7 +21,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails
 
 from drivers.description import DriverDescription, IdentityPin, known_drivers
-from drivers.fields import Date, Number, StrictModel, inner_errors
+from drivers.fields import Date, Number, StrictModel, inner_errors, note_named
 from drivers.suggest import did_you_mean
 from drivers.transport.address import Address, AddressError
 from drivers.units import quoted
@@ -68,7 +68,9 @@ def _address(raw: object, info: ValidationInfo) -> Address:
         address = Address.parse(raw)
     except AddressError as problem:
         raise telling(str(problem)) from None
-    if address.is_recording and isinstance(folder := (info.context or {}).get("folder"), Path):
+    context = info.context or {}
+    if address.is_recording and isinstance(folder := context.get("folder"), Path):
+        note_named(address.path, context)
         return replace(address, path=str(folder / address.path))  # as every file that a bench file names
     return address
 

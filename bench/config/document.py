@@ -21,6 +21,7 @@ from ruamel.yaml import YAML, events
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from bench.errors import InputError
+from drivers.bounded import UnfitFileError, read_bounded
 from drivers.wording import in_words
 
 SIZE_LIMIT_BYTES = 32 * 1024
@@ -61,6 +62,7 @@ _PLAINLY = (
     ("sequence entries are not allowed", "a list of lines that begin with - begins on a line of its own"),
     ("expected '<document start>'", "the document has ended before this"),
 )
+_IMPOSSIBLE = "an escape that stands for no character, or a version far too long"  # where Python has its own words
 _LEFT_OPEN = ("could not find expected ':'", "unexpected end of stream", "<stream end>")
 
 Place = tuple[str | int, ...]
@@ -136,19 +138,12 @@ def read_document(path: Path) -> Document:
 def read_text(path: Path) -> str:
     """A file's text; InputError when there is none, it is too long, or it is not UTF-8."""
     try:
-        if not path.exists():
-            raise InputError(f"{path}: there is no such file")
-        if not path.is_file():
-            raise InputError(f"{path}: is {'a folder' if path.is_dir() else 'not a regular file'}")
-        size = path.stat().st_size
-        if size > SIZE_LIMIT_BYTES:
-            raise InputError(f"{path}: has {size} bytes, at most {SIZE_LIMIT_BYTES} are read; is it the right file?")
-        return path.read_bytes().decode("utf-8-sig")
+        return read_bounded(path, SIZE_LIMIT_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as problem:
         line = problem.object.count(b"\n", 0, problem.start) + 1
         raise InputError(f"{path}:{line}:1: is not UTF-8 text; save it as UTF-8") from None
-    except (OSError, ValueError) as problem:
-        raise InputError(f"{path}: cannot be read ({problem})") from None
+    except UnfitFileError as problem:
+        raise InputError(f"{path}: {problem}") from None
 
 
 def parse_document(text: str, path: Path) -> Document:
@@ -169,9 +164,10 @@ def parse_document(text: str, path: Path) -> Document:
         value = builder.build(YAML(typ="safe", pure=True).parse(lines))
     except MarkedYAMLError as error:
         raise InputError(f"{path}:{_told_plainly(error)}") from None
-    except (YAMLError, ValueError, OverflowError) as error:  # such as an escape beyond the last character
+    except (YAMLError, ValueError, OverflowError) as error:
         mark = max(builder.marks.values(), default=Mark(1, 1))
-        problem = f"what follows here is not YAML: {str(error).splitlines()[0]}"
+        said = str(error).splitlines()[0] if isinstance(error, YAMLError) else _IMPOSSIBLE
+        problem = f"what follows here is not YAML: {said}"
         raise InputError(f"{path}:{mark.line}:{mark.column}: {problem}") from None
     return Document(path, text, value, builder.marks)
 

@@ -6,11 +6,8 @@ text whose value would change by that is refused.
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
 import re
-import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -43,25 +40,6 @@ def changes(paths: Iterable[Path]) -> dict[Path, str]:
     if refused:
         raise InputError(*refused)
     return found
-
-
-def write_over(path: Path, text: str) -> None:
-    """Replaces a file by a new text, wholly or not at all; its mode stays. InputError when that cannot be done."""
-    target = path.resolve()
-    draft = ""
-    try:
-        handle, draft = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-        with os.fdopen(handle, "wb") as file:
-            file.write(text.encode())
-            os.fchmod(file.fileno(), target.stat().st_mode & 0o7777)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(draft, target)
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be written ({problem})") from None
-    finally:
-        with contextlib.suppress(OSError):
-            os.unlink(draft)
 
 
 def laid_out(text: str, path: Path) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 from collections.abc import Collection, Mapping
 from typing import Annotated, Literal
 from zoneinfo import ZoneInfo
@@ -12,7 +13,7 @@ from pydantic import AfterValidator, Field
 from bench.config.devices import Calibration, CoverageFactor, DeviceEntry, Text
 from bench.config.fixture import DIRECTIONS, FixtureEntry, Vector
 from bench.config.interlocks import InterlockEntry
-from bench.config.places import PlaceEntry
+from bench.config.places import PlaceEntry, drawn_together
 from bench.config.simulation import Simulation
 from drivers.can_telemetry.description import SampleOptions, TelemetryOptions
 from drivers.corrections import TemperatureTable
@@ -150,6 +151,11 @@ class BenchFile(StrictModel):
         """The devices or readings that a name of a sequence stands for; mostly itself alone."""
         return self.together.get(name, (name,))
 
+    def draws(self, supply: str) -> tuple[float, float]:
+        """What all units on a supply may draw together, least and most in A; ±∞ where no window says it."""
+        windows = [place.supply_current for place in self.places.values() if place.supply == supply]
+        return drawn_together(windows) if any(windows) else (-math.inf, math.inf)
+
     def with_units_in(self, places: Collection[str]) -> BenchFile:
         """The same bench as it is for a run that has units in these of its places, and none in the others.
 
@@ -264,7 +270,7 @@ class BenchFile(StrictModel):
     def burden_ohm(self, source: str) -> float:
         """What the ammeters in the cable of a current source resist."""
         meters = {entry.ammeter for entry in self.places.values() if entry.source == source and entry.ammeter}
-        return sum(getattr(self.devices[meter].options, "burden_ohm", 0.0) for meter in sorted(meters))
+        return math.fsum(getattr(self.devices[meter].options, "burden_ohm", 0.0) for meter in sorted(meters))
 
     def past_due(self, day: dt.date) -> dict[str, dt.date]:
         """The devices and readings whose calibration is not valid any more on a day, each with when it was due."""

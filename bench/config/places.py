@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
@@ -11,6 +11,7 @@ from pydantic import ConfigDict, Field, model_validator
 from bench.config.devices import CoverageFactor, Text
 from bench.config.fixture import Vector
 from drivers.fields import NOT_EMPTY, Amperes, AnyQuantity, Degrees, InUnit, Name, PositiveSeconds, Range, StrictModel
+from drivers.quantities import Quantity, parse
 from drivers.wording import telling
 
 UnitKind = Literal["channel", "inertial unit"]
@@ -28,16 +29,26 @@ class CurrentWindow(Range):
     max: Amperes
 
 
+def drawn_together(windows: Iterable[CurrentWindow | None]) -> tuple[float, float]:
+    """What units on one supply may draw together, least and most in A; one without a window may draw anything."""
+    least_a, most_a = 0.0, 0.0
+    for window in windows:
+        least_a += window.min if window else 0.0
+        most_a += window.max if window else math.inf
+    return least_a, most_a
+
+
 class Nominal(StrictModel):
     """What a unit of this type is made to be.
 
-    `time_constants` and `self_heating` are for estimates of how long it takes to settle.
+    K1, S and `output` are negative where the output falls while the input rises. `time_constants` and `self_heating`
+    are for estimates of how long it takes to settle.
     """
 
-    K1: Annotated[float, InUnit("A/g", above=0)] | None = Field(
+    K1: Annotated[float, InUnit("A/g", not_zero=True)] | None = Field(
         None, description="scale factor; only a unit that sends its `output` may do without"
     )
-    S: Annotated[float, InUnit("Hz/A", above=0)] | None = Field(None, description="scale of its converter")
+    S: Annotated[float, InUnit("Hz/A", not_zero=True)] | None = Field(None, description="scale of its converter")
     resistor: Annotated[float, InUnit("Ω", above=0)] | None = Field(
         None, description="what its current flows through, for a voltmeter"
     )
@@ -137,6 +148,9 @@ class PlaceEntry(StrictModel):
         None, description="the reading of the thermometer at its converter, where that is in the chamber"
     )
     nominal: Nominal | None = None
+    range: AnyQuantity | None = Field(
+        None, description="the largest input that it reads, either way: in g, or of a gyro in °/s"
+    )
     arm: Arm | None = None
 
     @model_validator(mode="after")
@@ -150,7 +164,18 @@ class PlaceEntry(StrictModel):
             raise telling("ammeter is for a place with a source, in whose cable it is")
         if self.channels is None and self.gyro_temperature is not None:
             raise telling("gyro_temperature is for a unit with channels")
+        if self.range is not None:
+            if self.channels is not None:
+                raise telling("range is for a unit with one channel")
+            if _range_unit(self.range) is None or self.range.base_value <= 0:
+                raise telling(f"range is {self.range}, expected a quantity above 0 in g, or in °/s for a gyro")
         return self
+
+    @property
+    def largest_input(self) -> tuple[float, str]:
+        """The range, in g or in °/s, and which of them; infinite where it is not stated."""
+        unit = None if self.range is None else _range_unit(self.range)
+        return (math.inf, "g") if self.range is None or unit is None else (self.range.to(unit), unit)
 
     @property
     def measured_by(self) -> Mapping[str, str]:
@@ -183,3 +208,8 @@ class PlaceEntry(StrictModel):
         if self.telemetry is not None:
             return ("output",)
         return ("K1", "S" if self.voltmeter is None else "resistor")
+
+
+def _range_unit(quantity: Quantity) -> str | None:
+    """The unit of an input that a quantity is one of; None for none."""
+    return next((unit for unit in ("g", "°/s") if quantity.dimension == parse(f"1 {unit}").dimension), None)

@@ -27,8 +27,8 @@ from drivers.wording import telling
 
 DeviceFault = Literal[
     "silent", "cut", "delay", "late", "duplicate", "garbage", "cut_short", "split", "flip", "echo", "half_open",
-    "slow_close", "frozen", "stuck", "restart", "door_open", "emergency_stop", "front_panel", "program", "interlock",
-    "compliance", "tripped", "alarm", "open_sensor",
+    "slow_close", "frozen", "stuck", "lag", "restart", "door_open", "emergency_stop", "front_panel", "program",
+    "interlock", "compliance", "tripped", "alarm", "open_sensor",
     "lost_frames", "lost_bursts", "doubled_frames", "late_frames", "foreign_frames", "short_frames", "swapped_frames",
     "error_frames", "bus_off", "stuck_count", "cleared_count",
     "heater_dead", "cooling_dead", "runaway", "detached_sensor", "slow",
@@ -54,7 +54,9 @@ class ChamberSimulation(StrictModel):
 class HeadSimulation(StrictModel):
     """How the simulated head behaves."""
 
-    backlash: Arcseconds = Field(1.0, description="between its two directions")
+    backlash: Arcseconds = Field(
+        1.0, description="between its two directions, where its certificate states none to draw it from"
+    )
     acceleration: Annotated[float, InUnit("°/s²", above=0)] = Field(40.0, description="of every move")
 
 

@@ -16,9 +16,11 @@ from bench.engine.missed import Numbered
 from bench.engine.monitor import Monitor
 from bench.engine.orienting import orient, stop_axes
 from bench.engine.questions import Desk, Question
+from bench.errors import StepError
 from bench.rig import Rig
 from bench.sequence.custom import Custom, known_steps
 from bench.sequence.measuring import Acquire, Measure, Tare
+from bench.sequence.motion import came_from
 from bench.sequence.orienting import Orient
 from bench.sequence.step_fields import is_known
 from bench.sequence.steps import Step
@@ -118,7 +120,8 @@ async def _move(step: Move, bench: Bench) -> Found:
     bench.angles_deg.pop(step.role, None)
     reading = await head.move_to(target_deg, approach=step.approach, settle_s=step.settle_s)
     bench.angles_deg[step.role] = target_deg
-    return {"device": step.role, "angle_deg": reading.value}
+    side = came_from(step.approach, from_deg, target_deg)
+    return {"device": step.role, "angle_deg": reading.value, **({"came_from": side} if side else {})}
 
 
 async def begin_turning(step: Rotate | Oscillate, bench: Bench) -> None:
@@ -208,5 +211,10 @@ async def _custom(step: Custom, bench: Bench) -> Found:
     description = known_steps()[step.name]
     settings = description.settings.model_validate(dict(step.settings))
     module, _, function = description.target.partition(":")
-    found: Found = await getattr(importlib.import_module(module), function)(settings, bench)
+    try:
+        found: Found = await getattr(importlib.import_module(module), function)(settings, bench)
+    except SystemExit as problem:  # which would end this program, with the bench as it is
+        raise StepError(
+            f"{description.target} wants to end the program ({problem!r}); a step raises an error"
+        ) from problem
     return found if step.value_name is None else {**found, "as": step.value_name}

@@ -35,8 +35,10 @@ class Control:
     Concurrency: one loop; its methods may be called at any time, also from within the steps.
     """
 
-    def __init__(self, journal: Journal, notice: Callable[[str], None]) -> None:
-        self._journal, self._notice = journal, notice
+    def __init__(
+        self, journal: Journal, notice: Callable[[str], None], on_held: Callable[[str], None] = lambda _by: None
+    ) -> None:
+        self._journal, self._notice, self._on_held = journal, notice, on_held
         self._reasons: set[str] = set()
         self._repeat_last = False
         self._woken = asyncio.Event()
@@ -93,7 +95,9 @@ class Control:
         for by in sorted(self._reasons - self._journal.state.held):
             self._journal.try_to_write("held", step, by=by)
             self._notice(f"Held before step {step} by the {by}.")
+        self._on_held(self.held_by)
         self._woken.clear()
         await self._woken.wait()
+        self._on_held(self.held_by)
         for by in sorted(self._journal.state.held - self._reasons):
             self._journal.try_to_write("released", by=by)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
 from bench.config.models import BenchFile
 from bench.engine.actions import Bench
 from bench.engine.control import OPERATOR, Control
+from bench.engine.ending import OPERATOR as BY_OPERATOR
+from bench.engine.ending import EndRequest, Outcome
 from bench.engine.interlocks import Change
 from bench.engine.journal import Journal
 from bench.engine.missed import Numbered
@@ -18,26 +19,17 @@ from bench.engine.safety import finish
 from bench.engine.stepper import Stopped, UnitFailed, Watcher
 from bench.engine.units import UnitFailure
 from bench.engine.walk import Walk
-from bench.errors import InputError, WindowError, in_words
+from bench.errors import InputError, StepError, WindowError, in_words
 from bench.rig import MAKE_SAFE_S, Rig
 from bench.sequence.plan import Plan
 from bench.sequence.stimulus import Ramp
 from bench.store.writer import RunWriter
+from drivers.awake import patience
 from drivers.errors import DriverError, InstrumentFault
 
-How = Literal["completed", "failed", "error", "aborted"]
-
-
-@dataclass
-class Outcome:
-    """How a run ended: `failed` is what the unit did, `error` what the bench did.
-
-    `problems` are for people, the first one is why; `unsafe` names devices not made safe.
-    """
-
-    how: How = "completed"
-    problems: list[str] = field(default_factory=list)
-    unsafe: dict[str, str] = field(default_factory=dict)
+END_WITHIN_S = MAKE_SAFE_S + 5  # for a step that is to end, with what it has set going
+LOOK_S = 1.0  # how often that is looked at
+END_RECORD_S = 10.0  # for the last readings, after the devices were made safe
 
 
 class Observer(Watcher, Protocol):
@@ -52,7 +44,8 @@ class Engine:
 
     Lifetime: one `run`. Concurrency: the methods that control it may be called from signal handlers and other callbacks
     of the same loop while it runs. Whatever happens once setup began, teardown runs (unless aborted), and the devices
-    are made safe at the end.
+    are made safe at the end. A step that does not end when it is told to is left behind after `END_WITHIN_S`; no other
+    step begins after it.
     """
 
     def __init__(
@@ -61,7 +54,7 @@ class Engine:
         self._plan, self._rig, self._monitor, self._observer = plan, rig, monitor, observer
         self.journal = Journal(writer)
         self.desk = Desk(observer.asked)
-        self._control = Control(self.journal, observer.notice)
+        self._control = Control(self.journal, observer.notice, observer.held)
         numbered = Numbered({role: entry.options for role, entry in file.devices.items()})
         bench = Bench(file, rig, monitor, writer, self.journal, self.desk, observer.notice, numbered)
         monitor.units.angles_deg = bench.angles_deg
@@ -69,8 +62,11 @@ class Engine:
         self._walk = Walk(plan, bench, self._control, observer, self._failed)
         self._body_task: asyncio.Task[None] | None = None
         self._teardown_task: asyncio.Task[None] | None = None
+        self._ending, self._aborted = asyncio.Event(), asyncio.Event()
+        self._request: EndRequest | None = None
         monitor.on_interlock = self._interlock
         monitor.on_unit_failure = self._unit_failed
+        monitor.on_left_out = self._left_out
         self._switching_off: set[asyncio.Task[None]] = set()
         self._interlocks = {**file.interlocks, **plan.sequence.interlocks}
         self._giving_up: dict[str, asyncio.TimerHandle] = {}
@@ -114,23 +110,39 @@ class Engine:
             self.journal.try_to_write("operator", step, action=wish)
         return ", ".join(cut)
 
-    def stop_after_step(self) -> None:
+    def stop_after_step(self, request: EndRequest = BY_OPERATOR) -> None:
         """Ends setup and steps when the step under way is done; teardown runs."""
+        self._requested(request, "stop after step")
         self._control.last_step = True
         self._control.release_all()
 
-    def stop(self) -> None:
+    def stop(self, request: EndRequest = BY_OPERATOR) -> None:
         """Ends the step under way; teardown runs."""
         if self._body_task is not None and not self._body_task.done() and not self._body_task.cancelling():
-            self._body_task.cancel("stopped by the operator")
+            self._requested(request, "stop")
+            self._control.last_step = True  # for a step that ends as if it had not been told to
+            self._body_task.cancel(request.text)
+            self._ending.set()
 
-    def abort(self) -> None:
+    def abort(self, request: EndRequest = BY_OPERATOR) -> None:
         """Ends the step under way and drops the teardown; the devices are made safe."""
-        self._walk.abort()
+        self._requested(request, "abort")
+        self._abort(request.text)
         if self._body_task is not None:
-            self._body_task.cancel("aborted by the operator")
+            self._body_task.cancel(request.text)
+
+    def _abort(self, why: str) -> None:
+        """No step begins any more, and the teardown that is under way ends."""
+        self._walk.abort()
         if self._teardown_task is not None:
-            self._teardown_task.cancel("aborted by the operator")
+            self._teardown_task.cancel(why)
+        self._ending.set()
+        self._aborted.set()
+
+    def _requested(self, request: EndRequest, action: str) -> None:
+        if self._request is None:
+            self._request = request
+        self.journal.try_to_write("end_requested", action=action, by=request.by, text=request.text)
 
     async def run(self) -> Outcome:
         """Runs the plan; what a device, the disk or the operator did is told by the outcome, not raised."""
@@ -144,9 +156,13 @@ class Engine:
         finally:
             for timer in self._giving_up.values():
                 timer.cancel()
-            for switching_off in self._switching_off:
-                switching_off.cancel()  # all is made safe now
-            self.outcome.unsafe = await finish(self._make_safe(), MAKE_SAFE_S + 5)
+            for left in (*self._switching_off, self._body_task, self._teardown_task):
+                if left is not None:
+                    left.cancel()  # all is made safe now
+            try:
+                await finish(self._make_safe(), MAKE_SAFE_S + END_RECORD_S)
+            except TimeoutError:
+                self._failed(StepError("the record did not come to its end after the devices were made safe"))
         return self.outcome
 
     async def _tear_down(self) -> None:
@@ -154,7 +170,8 @@ class Engine:
         told = self._monitor.fault.done()
         teardown = self._walk.teardown(self._plan.teardown)
         self._teardown_task = asyncio.create_task(teardown, name="teardown")
-        await asyncio.wait([self._teardown_task])
+        await _first_of(self._teardown_task, self._aborted)
+        await self._wait_for_end(self._teardown_task)
         self._settle(self._teardown_task)
         if self._monitor.fault.done() and not told:
             self._failed(self._monitor.fault.result())
@@ -172,9 +189,7 @@ class Engine:
                 self._control.cut("hold", Ramp)
         else:
             if change.action == "abort":
-                self._walk.abort()
-                if self._teardown_task is not None:
-                    self._teardown_task.cancel(by)
+                self._abort(by)
             self._monitor.report(WindowError(change.text))
 
     def _let_go(self, interlock: str) -> None:
@@ -182,6 +197,12 @@ class Engine:
         self._control.release(f"interlock {interlock}")
         if (timer := self._giving_up.pop(interlock, None)) is not None:
             timer.cancel()
+
+    def _left_out(self, role: str, problem: DriverError) -> None:
+        """A device that the run does not use has failed: told, and not looked at any more."""
+        text = f"{problem}\nThe run goes on: it does not use {role}, which is made safe with the others at the end."
+        self.journal.try_to_write("device_left_out", device=role, text=text)
+        self._observer.notice(text)
 
     def _unit_failed(self, failure: UnitFailure, disregarded: list[str]) -> None:
         """One of several units is out: told, and its outputs made safe. The run goes on with the others, if any."""
@@ -218,7 +239,7 @@ class Engine:
         source = self._rig.source(role)
         self._monitor.being_made_safe.add(role)
         try:
-            async with asyncio.timeout(MAKE_SAFE_S):
+            async with patience(MAKE_SAFE_S):
                 await source.make_safe()
                 found = await source.read()
         finally:
@@ -236,26 +257,43 @@ class Engine:
 
     async def _watched(self, task: asyncio.Task[None]) -> None:
         """Waits for the task; what the monitor finds ends it."""
+        ending = asyncio.create_task(self._ending.wait(), name="ending")
         try:
-            first: list[asyncio.Future[Any]] = [task, self._monitor.fault]
+            first: list[asyncio.Future[Any]] = [task, self._monitor.fault, ending]
             await asyncio.wait(first, return_when=asyncio.FIRST_COMPLETED)
         finally:
+            ending.cancel()
             if not task.done():
-                task.cancel()
-                await asyncio.wait([task])
-        if self._monitor.fault.done():
+                self._control.last_step = True
+                if not task.cancelling():
+                    task.cancel()
+                await self._wait_for_end(task)
+        fault = self._monitor.fault.done()
+        if fault:
             self._failed(self._monitor.fault.result())
-        if not (self._monitor.fault.done() and task.cancelled()):
+        if not (fault and task.done() and (task.cancelled() or isinstance(task.exception(), Stopped))):
             self._settle(task)
 
+    async def _wait_for_end(self, task: asyncio.Task[None]) -> None:
+        """Returns when a task that is to end has ended, or has had `END_WITHIN_S` for it.
+
+        The teardowns of groups in it take as long as they take, unless the run is aborted.
+        """
+        loop = asyncio.get_running_loop()
+        patient_until_s = loop.time() + END_WITHIN_S
+        while not task.done() and loop.time() < patient_until_s:
+            await asyncio.wait([task], timeout=LOOK_S)
+            if self._walk.in_a_teardown and not self._control.aborting:
+                patient_until_s = loop.time() + END_WITHIN_S
+
     def _settle(self, task: asyncio.Task[None]) -> None:
-        """Takes over how a finished task ended."""
+        """Takes over how a task ended, or that it did not."""
+        if not task.done():
+            self._left_behind(task)
+            return
         problem = None if task.cancelled() else task.exception()
         if task.cancelled() or isinstance(problem, Stopped):
-            if self.outcome.how == "completed":
-                self.outcome.how = "aborted"
-            self.outcome.problems.append("ended by the operator")
-            self.journal.try_to_write("operator", action="abort" if self._control.aborting else "stop")
+            self.outcome.ended(self._request or BY_OPERATOR)
         elif isinstance(problem, UnitFailed):
             self.outcome.how = "failed"
             self.outcome.problems.append(str(problem))
@@ -264,6 +302,20 @@ class Engine:
         elif problem is not None:
             self._failed(problem)
 
+    def _left_behind(self, task: asyncio.Task[None]) -> None:
+        under_way = ", ".join(self.journal.state.under_way) or task.get_name()
+        problem = StepError(
+            f"{under_way} has not ended within {END_WITHIN_S:g} s after it was told to, and is left behind. "
+            "Look at the code of that step, or of its driver."
+        )
+        if self._request is None:
+            self._failed(problem)
+            return
+        self.outcome.ended(self._request)
+        self.outcome.problems.append(str(problem))
+        self._observer.notice(str(problem))
+        self.journal.try_to_write("problem", text=str(problem))
+
     def _failed(self, problem: BaseException) -> None:
         self.outcome.how = "error"
         text = in_words(problem)
@@ -271,12 +323,22 @@ class Engine:
         self._observer.notice(text)
         self.journal.try_to_write("problem", text=str(problem))
 
-    async def _make_safe(self) -> dict[str, str]:
+    async def _make_safe(self) -> None:
         """Makes every device safe while the readings are still recorded, then ends the record."""
-        unsafe = await self._rig.make_safe()
+        self._monitor.being_made_safe.update(self._rig.devices)
+        unsafe = self.outcome.unsafe = await self._rig.make_safe()
         self.journal.try_to_write("made_safe", unsafe=unsafe)
         for device, problem in unsafe.items():
-            self.outcome.how = "error"
+            if device in self._monitor.used:
+                self.outcome.how = "error"
             self._observer.notice(f"{device} COULD NOT BE MADE SAFE: {problem}")
         await self._monitor.stop()
-        return unsafe
+
+
+async def _first_of(task: asyncio.Task[None], event: asyncio.Event) -> None:
+    """Returns when the task is done or the event is set."""
+    waiting = asyncio.create_task(event.wait())
+    try:
+        await asyncio.wait([task, waiting], return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        waiting.cancel()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from bench.config.channels import Channel, channels_of
@@ -24,6 +24,12 @@ from bench.config.interlocks import (
 from bench.config.models import BenchFile
 from drivers.units import parse_unit
 from drivers.values import Reading
+
+Stalled = Callable[[float], float]
+
+
+def _never(_since_s: float) -> float:
+    return 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,10 +78,13 @@ class Interlocks:
             others[:] = [each for each in others if each not in gone]
         return [each.name for each in gone]
 
-    def look(self, now_s: float) -> Sequence[Change]:
-        """What has changed since the last look; for after every poll of a device, also of one that gave nothing."""
+    def look(self, now_s: float, stalled_s: Stalled = _never) -> Sequence[Change]:
+        """What has changed since the last look; for after every poll of a device, also of one that gave nothing.
+
+        `stalled_s` gives for how long nobody could look since an instant: no reading grows older by that.
+        """
         for interlock in self._interlocks:
-            if (change := interlock.look(now_s)) is not None:
+            if (change := interlock.look(now_s, stalled_s)) is not None:
                 self._changes.append(change)
         if not self._changes:
             return ()
@@ -109,7 +118,7 @@ class _Interlock:
         """A new reading of one of the sources."""
         return None
 
-    def look(self, now_s: float) -> Change | None:
+    def look(self, now_s: float, stalled_s: Stalled) -> Change | None:
         """Time has passed, and what belongs together has been taken."""
         return None
 
@@ -180,7 +189,7 @@ class _Difference(_Interlock):
         if source == self.sources[1] and (rests is None or abs(reading.value - rests.value) > self._good.high / 2):
             self._rests_since = reading
 
-    def look(self, now_s: float) -> Change | None:
+    def look(self, now_s: float, stalled_s: Stalled) -> Change | None:
         if len(self._newest) < 2 or self._rests_since is None:
             return None
         if self._newest[self.sources[1]].at_s - self._rests_since.at_s < self._rest_s:
@@ -199,10 +208,10 @@ class _Age(_Interlock):
     def take(self, source: str, reading: Reading) -> None:
         self._newest_s = reading.at_s
 
-    def look(self, now_s: float) -> Change | None:
+    def look(self, now_s: float, stalled_s: Stalled) -> Change | None:
         if self._newest_s is None:
             self._newest_s = now_s
-        return self._judge(now_s, now_s - self._newest_s)
+        return self._judge(now_s, now_s - self._newest_s - stalled_s(self._newest_s))
 
 
 def _made(name: str, entry: AnyInterlock, channels: Mapping[str, Channel]) -> _Interlock:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import math
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,10 +19,12 @@ from bench.errors import BenchError, WindowError
 from bench.rig import Rig
 from bench.sequence.readings import unit_of
 from bench.store.writer import RunWriter
+from drivers.awake import awake_s, stalled_s
 from drivers.capabilities import FrameSource
 from drivers.errors import DriverError
 from drivers.values import Reading
 
+STOP_WITHIN_S = 3.0  # for a look at a device that is under way
 WINDOW_GRACE_S = 2.0  # after switching a supply, before its current is judged
 
 
@@ -42,7 +43,9 @@ class Monitor:
     What it finds wrong it says once, by the future `fault`; the device concerned is not polled any more. An interlock
     that trips or is good again goes into the journal, then to `on_interlock`, which the engine sets before `start`.
     One of several units that fails is dropped, and told to `on_unit_failure` with the interlocks on its thermometer,
-    which are judged no more. Concurrency: one task for each device, owned by this object.
+    which are judged no more. A device that fails and is not `used` by the run is no longer polled; `on_left_out` is
+    called with it.
+    Concurrency: one task for each device, owned by this object.
     """
 
     def __init__(
@@ -53,20 +56,21 @@ class Monitor:
         writer: RunWriter,
         on_reading: Callable[[str, Reading], None],
         places: Collection[str] | None = None,
+        used: Collection[str] | None = None,
     ) -> None:
         self.units = Units(bench, places)
         self._rig, self._bench, self._writer, self._on_reading = rig, bench, writer, on_reading
         self._interlocks = interlocks
         self.on_interlock: Callable[[Change], None] = lambda _change: None
         self.on_unit_failure: Callable[[UnitFailure, list[str]], None] = lambda _failure, _interlocks: None
-        self.being_made_safe: set[str] = set()  # devices that the engine switches off for a unit that was dropped
+        self.on_left_out: Callable[[str, DriverError], None] = lambda _role, _problem: None
+        self.used = frozenset(rig.devices if used is None else used)
+        self.being_made_safe: set[str] = set()  # devices that the engine switches off or makes safe
         self._channels: dict[str, Channel] = {}
         self._names = {reading.from_: name for name, reading in bench.readings.items()}
         self._tasks: list[asyncio.Task[None]] = []
-        self.windows = {place.supply: Window(-math.inf, math.inf) for place in self.units.places.values()}
-        for place in self.units.places.values():
-            if place.supply_current is not None:
-                self.windows[place.supply] = Window(place.supply_current.min, place.supply_current.max)
+        there = bench.with_units_in(self.units.places)
+        self.windows = {place.supply: Window(*there.draws(place.supply)) for place in there.places.values()}
         self.fault: asyncio.Future[Exception] = asyncio.get_running_loop().create_future()
 
     def start(self) -> None:
@@ -81,7 +85,7 @@ class Monitor:
         for task in self._tasks:
             task.cancel()
         if self._tasks:
-            await asyncio.wait(self._tasks)
+            await asyncio.wait(self._tasks, timeout=STOP_WITHIN_S)
 
     def report(self, problem: Exception) -> None:
         """Ends the run by a problem, unless another one has already."""
@@ -136,6 +140,12 @@ class Monitor:
                         raise
                 due_s = max(due_s + every_s, loop.time())
                 await (news() if news is not None else asyncio.sleep(due_s - loop.time()))
+        except DriverError as problem:
+            if role in self.used:
+                self._writer_event("fault", device=role, problem=str(problem))
+                self.report(problem)
+            else:
+                self.on_left_out(role, problem)
         except Exception as problem:  # noqa: BLE001  nobody looks at the device any more, which the run must not outlast
             self._writer_event("fault", device=role, problem=str(problem))
             self.report(problem)
@@ -182,7 +192,7 @@ class Monitor:
         return channel.problem if channel is not None else ""
 
     def _look_at_interlocks(self) -> None:
-        for change in self._interlocks.look(asyncio.get_running_loop().time()):
+        for change in self._interlocks.look(asyncio.get_running_loop().time(), stalled_s):
             facts = {"name": change.name, "action": change.action, "tripped": change.tripped}
             self._writer_event("interlock", **facts, since_s=change.since_s, text=change.text)
             self.on_interlock(change)
@@ -217,8 +227,11 @@ class Monitor:
             return None
         sends_itself = "telemetry" in self._bench.devices[role].description.capabilities
         heard = device.heard().get((unit.telemetry or "") if sends_itself else unit.channel)
+        if heard is None:
+            return None
         now_s, late_s = asyncio.get_running_loop().time(), self._bench.devices[role].description.reports_every_s
-        text = self.units.silence(place, heard, on_since_s, now_s, late_s) if heard is not None else ""
+        late_s += stalled_s(max(heard.frame_s, on_since_s))
+        text = self.units.silence(place, heard, on_since_s, now_s, late_s)
         return ("silent", f"{text} Check the unit, its converter and their wiring.") if text else None
 
     def drop(self, failure: UnitFailure) -> None:
@@ -263,15 +276,14 @@ class Monitor:
 
     def _problem_with(self, name: str, entry: ReadingEntry) -> tuple[Kind, str] | None:
         newest = self.latest(name)
-        now_s = asyncio.get_running_loop().time()
         reports_every_s = self._bench.devices[entry.device].description.reports_every_s
         if problem := self._problem_of(entry.from_):
             return "thermometer", problem
         if newest is None:
             return None
-        if now_s - newest.at_s > entry.stale_after + reports_every_s:
+        if (age_s := awake_s(newest.at_s)) > entry.stale_after + reports_every_s:
             return "thermometer", (
-                f"{name}: the last reading is {now_s - newest.at_s:.0f} s old, allowed are {entry.stale_after:g} s. "
+                f"{name}: the last reading is {age_s:.0f} s old, allowed are {entry.stale_after:g} s. "
                 f"Check the thermometer and {entry.device}."
             )
         if entry.limits is not None and not entry.limits.min <= newest.value <= entry.limits.max:

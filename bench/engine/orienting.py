@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from bench.errors import StepError
+from bench.sequence.motion import Side, came_from
 from bench.sequence.orienting import Orient, Pose, Unreachable, targets_deg
 
 if TYPE_CHECKING:  # which calls the functions here
@@ -21,14 +22,17 @@ async def orient(step: Orient, bench: Bench) -> Mapping[str, Any]:
     except Unreachable as problem:
         raise StepError(f"{problem}. Nothing was sent.") from None
     stands_deg: dict[str, float] = {}
+    sides: dict[str, Side] = {}
     for role, target_deg in targets.items():
         if target_deg == pose.angles_deg[role]:
             continue
         bench.angles_deg.pop(role, None)
         reading = await bench.rig.positioner(role).move_to(target_deg, approach=step.approach, settle_s=0.0)
         bench.angles_deg[role], stands_deg[role] = target_deg, reading.value
+        if (side := came_from(step.approach, pose.angles_deg[role], target_deg)) is not None:
+            sides[role] = side
     await asyncio.sleep(step.settle_s)
-    return {"attitude": str(step.attitude), "angles_deg": stands_deg}
+    return {"attitude": str(step.attitude), "angles_deg": stands_deg, "came_from": sides}
 
 
 async def stop_axes(bench: Bench) -> None:

@@ -107,7 +107,7 @@ class _Looks:
         if steady is None or per_g is None:
             return False
         sd, slope = steady
-        return sd <= self._rule.sd_g * per_g and abs(slope) <= self._rule.slope_g_per_s * per_g
+        return sd <= self._rule.sd_g * abs(per_g) and abs(slope) <= self._rule.slope_g_per_s * abs(per_g)
 
 
 async def _turned(table: RateTable, turns: float, course: dict[str, Any]) -> None:

@@ -6,6 +6,8 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
+from drivers.awake import patience
+
 T = TypeVar("T")
 
 
@@ -63,5 +65,5 @@ def _first_of(problems: BaseExceptionGroup[BaseException]) -> BaseException:
 
 
 async def _limited(work: Coroutine[Any, Any, T], limit_s: float) -> T:
-    async with asyncio.timeout(limit_s):
+    async with patience(limit_s):
         return await work

@@ -25,13 +25,16 @@ Body = Callable[[], Awaitable[None]]  # does the steps that are done meanwhile
 
 
 class Watcher(Protocol):
-    """Whoever is told of steps; called in the loop, so it must not take long."""
+    """Whoever follows the steps of a run; called in the loop, so it must not take long."""
 
     def step_begins(self, planned: PlannedStep, index: int) -> None:
         """A step of the plan, by its place in it, begins."""
 
     def step_ended(self, planned: PlannedStep, index: int) -> None:
         """A step is done."""
+
+    def held(self, by: str) -> None:
+        """No step begins while `by` holds the run; nobody does when it is empty."""
 
     def notice(self, text: str) -> None:
         """Something a person should see now."""

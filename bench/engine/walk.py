@@ -63,6 +63,11 @@ class Walk:
         for teardown in self._teardowns:
             teardown.cancel("aborted")
 
+    @property
+    def in_a_teardown(self) -> bool:
+        """Whether the teardown of a group is under way."""
+        return bool(self._teardowns)
+
     async def nodes(self, nodes: Nodes) -> None:
         """Does nodes one after the other."""
         for node in nodes:
@@ -73,6 +78,8 @@ class Walk:
         for node in nodes:
             try:
                 await self._node(node)
+            except Stopped:
+                raise
             except Exception as problem:  # noqa: BLE001  the next step of the teardown matters more
                 self._failed(problem)
 
@@ -196,7 +203,9 @@ class Walk:
             self._last = planned
 
     async def _may_begin(self, planned: PlannedStep) -> None:
-        """Where a pause holds, and a stop after the step under way takes effect; not in a teardown."""
+        """Where a pause holds, and a stop after the step under way takes effect; in a teardown only an abort."""
+        if self._control.aborting:
+            raise Stopped
         if planned.phase == "teardown":
             return
         while not await self._control.may_begin(planned.id):

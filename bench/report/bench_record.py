@@ -72,6 +72,7 @@ def _axis(bench: BenchFile, role: str, points: Vector) -> AxisRecord:
         zero_u_deg=float(known.get("zero", 0.0)) * ARCSEC_DEG,
         harmonics_u_deg=tuple(np.array(known.get("harmonics", ())) * ARCSEC_DEG),
         repeatability_u_deg=float(known.get("repeatability", 0.0)) * ARCSEC_DEG,
+        backlash_u_deg=float(known["backlash"]) * ARCSEC_DEG if "backlash" in known else None,
         wobble_u_deg=float(known.get("wobble", 0.0)) * ARCSEC_DEG,
     )
 

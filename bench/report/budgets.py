@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from bench.analysis.finding import COVERAGE, BudgetLine, Finding, UnitResult
 from bench.report.languages import tr
 from bench.report.shown import SHOWN, decimals
-from bench.report.words import name_of, quantity_of, source_in_words, unit_shown, where
+from bench.report.words import name_of, quantity_of, shared_in_words, source_in_words, unit_shown, where
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def _budget_row(line: BudgetLine, finding: Finding, factor: float, digits: int) 
         u=_small(line.u * factor, digits),
         share=_small(share, 1),
         dof=_dof(line.dof),
-        shared=line.shared or "",
+        shared=shared_in_words(line.shared or ""),
     )
 
 

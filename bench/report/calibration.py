@@ -23,7 +23,7 @@ from bench.analysis.rundata import ReleasedCalibration
 from bench.analysis.second_order import NAMES
 from bench.config.models import BenchFile
 from bench.errors import InputError
-from bench.report.case_file import Settings, read_json, validated
+from bench.report.case_file import Tolerant, read_json, validated
 from bench.report.table import Table, read_table
 from drivers.suggest import did_you_mean
 
@@ -64,7 +64,7 @@ def calibration_files(
             )
 
 
-class _Polynomial(Settings):
+class _Polynomial(Tolerant):
     unit: str
     centre: float
     scale: float = Field(gt=0)
@@ -79,7 +79,7 @@ class _Polynomial(Settings):
         )  # fmt: skip
 
 
-class _Knots(Settings):
+class _Knots(Tolerant):
     unit: str
     knots_c: tuple[float, ...] = Field(min_length=1)
     values: tuple[float, ...] = Field(min_length=1)
@@ -88,7 +88,7 @@ class _Knots(Settings):
         return KnotModel("", "", "", self.unit, self.knots_c, self.values, ())
 
 
-class _Constant(Settings):
+class _Constant(Tolerant):
     unit: str
     value: float
 
@@ -108,7 +108,7 @@ _Curve = Annotated[
 ]
 
 
-class _Linearity(Settings):
+class _Linearity(Tolerant):
     full_scale: float = Field(gt=0)
     scale_error: _Constant | None = None
     asymmetry: _Constant | None = None
@@ -121,7 +121,7 @@ class _Linearity(Settings):
         return Linearity(given, {}, (), self.full_scale, self.valid)
 
 
-class _Response(Settings):
+class _Response(Tolerant):
     K: _Constant
     f0: _Constant
     damping: _Constant
@@ -129,7 +129,7 @@ class _Response(Settings):
     valid_hz: tuple[float, float]
 
 
-class _Channel(Settings):
+class _Channel(Tolerant):
     channel: str
     output: str
     value: str
@@ -150,7 +150,7 @@ class _Channel(Settings):
         return Compensation(self.channel, self.output, self.value, scale, offset, bias, linearity)
 
 
-class CalibrationFile(Settings):
+class CalibrationFile(Tolerant):
     """A calibration file as it was read, without what stands in it for people."""
 
     schema_: Literal["itb-calibration/1"] = Field(alias="schema")

@@ -6,21 +6,22 @@ The formats, the names of settings and results, and the units in them are those 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import Field
 
+from bench.analysis import plausibility
 from bench.analysis.fit import NotDetermined
 from bench.analysis.ramp import RampRecord, cut_into_legs
 from bench.analysis.temperature_dynamic import RampLimits, reduce_ramp
 from bench.analysis.temperature_static import Characteristic, Dwell, TumbleRecord, reduce_static
 from bench.analysis.tilt import compare_tilt
 from bench.errors import InputError
-from bench.report import case_channel, case_imu, case_indexing, case_response
-from bench.report.case_file import Case, Limit, Scale, Settings, read_case
+from bench.report import case_channel, case_doubts, case_imu, case_indexing, case_response
+from bench.report.case_doubts import with_doubts
+from bench.report.case_file import Case, Limit, Reduction, Reductions, Scale, Settings, read_case
 
 LEGS = ("up", "down")
 RAMP_FIGURES = (
@@ -60,15 +61,19 @@ def reduce_case(path: Path) -> dict[str, Any]:
     """
     case = read_case(path)
     method, sub = case.content.method, case.content.sub
-    reduce = REDUCTIONS.get((method, sub)) or REDUCTIONS.get((method, ""))  # a method of one reduction has no sub
-    if reduce is None:
+    reduction = REDUCTIONS.get((method, sub)) or REDUCTIONS.get((method, ""))  # a method of one reduction has no sub
+    if reduction is None:
         known = ", ".join(" ".join(title).rstrip() for title in REDUCTIONS)
         raise InputError(f"{case.name}: there is no reduction of {method!r} {sub!r}; known: {known}")
+    case.check_records(reduction.records)
     try:
-        result = reduce(case)
+        with np.errstate(all="ignore"):  # of readings that are no readings; what becomes of them is null
+            result = reduction.reduce(case)
     except NotDetermined as problem:
         files = ", ".join(record.name for record in case.content.records.values())
         raise InputError(f"{case.name}: the record does not suffice ({files}): {problem}") from None
+    result = with_doubts(result, result.pop("doubts"))
+    result["notes"] = [*case.notes, *result["notes"]]
     return {"method": method, "sub": sub, **_json(result)}
 
 
@@ -92,8 +97,13 @@ def _static(case: Case) -> dict[str, Any]:
         "K0": _characteristic(found.bias),
         "K1": _characteristic(found.scale),
         "flags": found.flags,
+        "notes": [],
         "rejected": found.excluded,
-    }
+        "doubts": case_doubts.tumble(
+            record.position_deg, record.output_v, record.measured_c, record.set_c,
+            [dwell.tumble.k1 for dwell in found.dwells],
+        ),
+    }  # fmt: skip
 
 
 def _point(dwell: Dwell) -> dict[str, Any]:
@@ -163,8 +173,15 @@ def _dynamic(case: Case) -> dict[str, Any]:
         },
         "verdict": found.verdict,
         "flags": found.flags,
-        "notes": ["the loop is a lag behind the thermometer, not hysteresis"] if found.is_lag else [],
+        "notes": [
+            *(["the loop is a lag behind the thermometer, not hysteresis"] if found.is_lag else []),
+            *(f"not known: {what}" for what in found.missing),
+        ],
         "rejected": found.excluded,
+        "doubts": case_doubts.ramp(
+            [(leg.time_s, leg.temperature_c) for leg in found.legs], record.temperature_c, record.output_g,
+            float(found.line.powers[1]),
+        ),
     }  # fmt: skip
 
 
@@ -177,6 +194,7 @@ def _no_ramp(record: RampRecord, problem: NotDetermined) -> dict[str, Any]:
         "flags": ["invalid"],
         "notes": [f"the record does not suffice: {problem}"],
         "rejected": cut_into_legs(record)[1],
+        "doubts": case_doubts.ramp([], record.temperature_c, record.output_g, None),
     }
 
 
@@ -195,20 +213,24 @@ def _tilt(case: Case) -> dict[str, Any]:
         "comp_span_deg": found.compensated_span_deg,
         "raw_mean_deg": found.raw_mean_deg,
         "comp_mean_deg": found.compensated_mean_deg,
-        "flags": [],
+        "flags": [flag for flag in found.flags if flag != "out_of_range"],
         "notes": ["samples beyond ±90° are left out"] if "out_of_range" in found.flags else [],
         "rejected": found.excluded,
+        "doubts": [
+            *plausibility.kelvin("T_C", table.numbers("T_C")),
+            *case_doubts.tilts(len(table.columns["U_V"]) - found.excluded["missing"], found.excluded["out_of_range"]),
+        ],
     }
 
 
-REDUCTIONS: Mapping[tuple[str, str], Callable[[Case], dict[str, Any]]] = {
+REDUCTIONS: Reductions = {
     **case_channel.REDUCTIONS,
     **case_indexing.REDUCTIONS,
     **case_imu.REDUCTIONS,
     **case_response.REDUCTIONS,
-    ("M4", "static"): _static,
-    ("M4", "dynamic"): _dynamic,
-    ("M4", "tilt"): _tilt,
+    ("M4", "static"): Reduction(_static, ("tumble",)),
+    ("M4", "dynamic"): Reduction(_dynamic, ("ramp",)),
+    ("M4", "tilt"): Reduction(_tilt, ("tilt",)),
 }
 
 

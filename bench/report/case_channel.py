@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from bench.analysis.channel_levels import ChannelDrift, Comparison, channel_drift, compare, out_of_proportion
-from bench.analysis.channel_temperature import ChannelRecord, ChannelRules, ChannelRun, reduce_run
+from bench.analysis.channel_temperature import ChannelRecord, ChannelRules, ChannelRun, no_counts, reduce_run
 from bench.analysis.fit import OUTLIER_SIGMAS, NotDetermined
+from bench.analysis.plausibility import Doubt
 from bench.errors import InputError
-from bench.report.case_file import Case, Limit, Scale, Settings
+from bench.report import case_doubts
+from bench.report.case_file import Case, Limit, Reduction, Reductions, Scale, Settings
 from bench.report.table import Table
 from drivers.suggest import did_you_mean
 from drivers.wording import telling
@@ -105,10 +107,8 @@ def _channel(case: Case) -> dict[str, Any]:
     references = _references(case, settings)
     table = case.record("channel", "run,t_s,cum_pos,cum_neg,T_conv_C,T_acc_C")
     record, labels = _record(table), [text.strip() for text in table.columns["run"]]
-    runs = {
-        name: reduce_run(record.rows(np.array([label == name for label in labels], np.bool_)), settings.rules(run.kind))
-        for name, run in settings.runs.items()
-    }
+    rows = {name: record.rows(np.array([label == name for label in labels], np.bool_)) for name in settings.runs}
+    runs = {name: reduce_run(rows[name], settings.rules(run.kind)) for name, run in settings.runs.items()}
     compared = {
         name: compare(runs[name], runs[reference], threshold=settings.threshold, basis=settings.basis)
         for name, reference in references.items()
@@ -126,9 +126,19 @@ def _channel(case: Case) -> dict[str, Any]:
             *_levels_notes(settings, runs),
             *drift_notes,
             *_strangers_notes(strangers),
+            *_no_counts_notes(table, record, settings.counter_bits),
         ],
         "rejected": {"no_run": labels.count(""), "unknown_run": strangers.total()},
+        "doubts": _doubts(settings, rows),
     }
+
+
+def _doubts(settings: ChannelSettings, rows: Mapping[str, ChannelRecord]) -> Iterator[Doubt]:
+    gravity = [name for name, run in settings.runs.items() if run.kind == "gravity"]
+    yield from case_doubts.levels((name, settings.runs[name].level_g) for name in gravity)
+    for name, record in rows.items():
+        held_c = settings.accelerometer_c if name in gravity else None
+        yield from case_doubts.thermostats(name, record.converter_c, record.accelerometer_c, held_c)
 
 
 def _references(case: Case, settings: ChannelSettings) -> dict[str, str]:
@@ -224,4 +234,10 @@ def _strangers_notes(strangers: Mapping[str, int]) -> list[str]:
     return [f"rows of runs that are not among settings.runs were passed over: {names}{more}"]
 
 
-REDUCTIONS: Mapping[tuple[str, str], Callable[[Case], dict[str, Any]]] = {("M0", ""): _channel}
+def _no_counts_notes(table: Table, record: ChannelRecord, counter_bits: int) -> list[str]:
+    kinds = ("counts with a fraction", f"counts that a counter of {counter_bits} bits does not show")
+    found = zip(kinds, map(np.flatnonzero, no_counts(record, counter_bits)), strict=True)
+    return [f"{table.file}: {kind} were left out: {table.lines(rows)}" for kind, rows in found if len(rows)]
+
+
+REDUCTIONS: Reductions = {("M0", ""): Reduction(_channel, ("channel",))}

@@ -22,17 +22,18 @@ from bench.analysis.imu_calibration import AxisCalibration, ImuCalibration, Scat
 from bench.analysis.imu_compensation import Extrapolation, TemperatureTable, check_model, compensate, temperature_table
 from bench.analysis.imu_readings import ImuReadings, PositionRecord, RateRecord, arrange
 from bench.errors import InputError
-from bench.report.case_file import Case, Limit, Settings
+from bench.report import case_doubts
+from bench.report.case_file import Case, Limit, Reduction, Reductions, Settings
+from bench.report.case_imu_visits import COMPENSATED, check_set_points, repeatability, with_visits
 from bench.report.table import Table
 
 POSITIONS = "T_set_C,pos,dwell_s,Nx,Ny,Nz,Wx,Wy,Wz,Tax,Tay,Taz,Tgx,Tgy,Tgz"
 RATES = "T_set_C,axis,rate_cmd_dps,rate_true_dps,dwell_s,Wx,Wy,Wz,Tax,Tay,Taz,Tgx,Tgy,Tgz"
+THERMOMETERS = ("Tax", "Tay", "Taz", "Tgx", "Tgy", "Tgz")
 APPLY = "channel,T_C,raw_pps"
 CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("acc", "gyro") for axis in AXES)
 CALIBRATED = ("K0_pps", "K1_pps_per_g", "D0_pps", "D0_dph", "KG_p_per_deg")
-COMPENSATED = {"acc": ("K0_pps", "K1_pps_per_g"), "gyro": ("D0_pps", "KG_p_per_deg")}
 SAME_SET_POINT_C = 1e-6
-MOST_SET_POINTS = 1000
 NAMES_SHOWN = 5  # of unknown positions
 
 
@@ -40,28 +41,18 @@ class ImuSettings(Settings):
     """Of M2; scale factors are per local g, so that its value has no part in the reduction."""
 
     nominal_c: float | None = Field(None, alias="T_nominal_C", ge=-273.15, le=1000)
+    local_g_mps2: float | None = Field(None, alias="g_mps2", gt=0)
     extrapolation: Extrapolation = "hold"
     attitude_tolerance_g: float = Field(0.05, alias="attitude_tol_g", gt=0)
     rate_tolerance: Limit = Field(0.5, alias="rate_tol")  # farther off is another unit, or another row's command
     least_squares_set_c: float | None = Field(None, alias="ls24_T_set_C")
 
 
-class ImuSite(Settings):
-    """Where the bench stands; the horizontal earth rate tells headings."""
-
-    latitude_deg: float | None = Field(None, alias="lat_deg", ge=-90, le=90)
-
-
 def _imu(case: Case) -> dict[str, Any]:
-    settings, site = case.settings(ImuSettings), case.site(ImuSite)
-    at_rest = case.record("positions", POSITIONS)
-    positions, rates = _positions(at_rest), _rates(_rate_rows(case))
-    different = len(np.unique(np.concatenate([positions.set_c, rates.set_c])))
-    if different > MOST_SET_POINTS:
-        raise InputError(
-            f"{case.name}: records: T_set_C has {different} different values, more than {MOST_SET_POINTS}; "
-            "it is what the chamber was set to, not what a thermometer said"
-        )
+    settings, site = case.settings(ImuSettings), case.site
+    at_rest, turned = case.record("positions", POSITIONS, optional="visit"), _rate_rows(case)
+    positions, rates = with_visits(_positions(at_rest), _rates(turned), at_rest, turned)
+    check_set_points(case, positions, rates)
     readings = arrange(positions, rates, rate_tolerance=settings.rate_tolerance)
     found = calibrate(readings, settings.attitude_tolerance_g, site.latitude_deg)
     fits, no_fits = _fits(case, settings.least_squares_set_c, site.latitude_deg, readings, found)
@@ -75,11 +66,28 @@ def _imu(case: Case) -> dict[str, Any]:
             "table": _table(found, _u_calibrated),
             "ls24": fits and _by_axis(fits, _u_accelerometer, _u_gyro),
         },
+        "repeatability": repeatability(found, tables, _calibrated),
         "model_check": {name: _model_check(name.split("_")[0], table) for name, table in tables.items()},
         "flags": [*found.flags, *(["ill_conditioned"] if fits and fits.notes else [])],
         "notes": [*found.notes, *(fits.notes if fits else no_fits), *beyond, *_unknown_positions(at_rest)],
         "rejected": found.excluded,
-    }
+        "doubts": case_doubts.unit(
+            np.concatenate([positions.dwell_s, rates.dwell_s]), rates.command_dps, rates.rate_dps,
+            {name: at_rest.numbers(name) for name in THERMOMETERS},
+            _scales(found),
+        ),
+    }  # fmt: skip
+
+
+def _scales(found: ImuCalibration) -> list[tuple[str, float]]:
+    """The scale factors of every axis at every set point, by their keys."""
+    return [
+        (key, value)
+        for point in found.points
+        for axis in point.axes
+        if axis
+        for key, value in _calibrated(axis).items()
+    ]
 
 
 def _positions(table: Table) -> PositionRecord:
@@ -109,8 +117,12 @@ def _rates(table: Table) -> RateRecord:
 
 def _rate_rows(case: Case) -> Table:
     """The record `rates`; without rows where the case has none."""
-    columns = RATES.split(",")
-    return case.record("rates", RATES) if "rates" in case.content.records else Table("", dict.fromkeys(columns, ()), "")
+    columns = [*RATES.split(","), "visit"]
+    return (
+        case.record("rates", RATES, optional="visit")
+        if case.has("rates")
+        else Table("", dict.fromkeys(columns, ()), "")
+    )
 
 
 def _unknown_positions(table: Table) -> list[str]:
@@ -142,7 +154,7 @@ def _triple(table: Table, name: str) -> Array:
 def _table(found: ImuCalibration, show: Callable[[AxisCalibration, Scatter], dict[str, float]]) -> list[dict[str, Any]]:
     """What `show` says of each axis, one entry for each set point."""
     return [
-        {"T_set_C": point.set_c}
+        {"T_set_C": point.set_c, "visit": point.visit}
         | {
             name: axis and show(axis, scatter)
             for name, axis, scatter in zip(AXES, point.axes, found.scatter, strict=True)
@@ -169,7 +181,7 @@ def _fits(
         return None, ()
     if latitude_deg is None:
         raise InputError(f"{case.name}: site.lat_deg: is missing; ls24 needs the earth rate")
-    near = np.flatnonzero(np.abs(readings.set_c - set_c) < SAME_SET_POINT_C)
+    near = np.flatnonzero(np.abs(readings.set_c - set_c) < SAME_SET_POINT_C)  # the first visit there is the first
     if not len(near):
         known = ", ".join(f"{known_c:.10g}" for known_c in readings.set_c) or "none"
         return None, (f"ls24_T_set_C: there is no set point {set_c:.10g}; there are: {known}",)
@@ -237,7 +249,7 @@ def _apply(
     case: Case, settings: ImuSettings, tables: Mapping[str, TemperatureTable]
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """The rows of the record `apply` after compensation, in their order, and what is to be said of it."""
-    if "apply" not in case.content.records:
+    if not case.has("apply"):
         return [], []
     if settings.nominal_c is None:
         raise InputError(f"{case.name}: settings.T_nominal_C: is missing; the record 'apply' needs it")
@@ -270,4 +282,4 @@ def _model_check(sensor: str, table: TemperatureTable) -> dict[str, Any]:
     return result
 
 
-REDUCTIONS: Mapping[tuple[str, str], Callable[[Case], dict[str, Any]]] = {("M2", ""): _imu}
+REDUCTIONS: Reductions = {("M2", ""): Reduction(_imu, ("positions", "rates", "apply"))}

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field
 
 from bench.analysis.fit import Array
-from bench.analysis.indexing_sweep import EndSweep, SweepRecord
+from bench.analysis.indexing_sweep import EndSweep, SweepRecord, by_travel
 from bench.analysis.propagation import Measured
 from bench.analysis.static_calibration import CalibrationSettings, StaticCalibration, calibrate
 from bench.analysis.sweep_model import SweepModel
 from bench.analysis.two_ends import Agreement, TwoEnds
-from bench.report.case_file import Case, Limit, Settings
+from bench.report import case_doubts
+from bench.report.case_file import Case, Limit, Reduction, Reductions, Settings
 from bench.report.table import Table
 
 Term = Literal["c0", "c1", "c2", "c3", "cxz", "delta"]
@@ -56,10 +56,11 @@ class IndexingSettings(Settings):
 
 def _static_calibration(case: Case) -> dict[str, Any]:
     settings = case.settings(IndexingSettings)
-    table = case.record("sweep", "end,pass,seq,theta_deg,V_mean,stable", optional="T_C")
-    clock = case.record("clock", "psi_deg,V") if "clock" in case.content.records else None
+    table = case.record("sweep", "end,pass,seq,theta_deg,V_mean,stable", optional="T_C,approach")
+    clock = case.record("clock", "psi_deg,V") if case.has("clock") else None
     with np.errstate(over="ignore", invalid="ignore"):  # of readings that are no voltages; what becomes of them is null
-        found = calibrate(_sweep(table), _settings(settings), _clocking(clock))
+        record = _sweep(table)
+        found = calibrate(record, _settings(settings), _clocking(clock))
     ends = {name: end and _end(end) for name, end in found.ends.items()}
     missing = None in ends.values()
     return {
@@ -69,11 +70,15 @@ def _static_calibration(case: Case) -> dict[str, Any]:
         "rejected": {reason: found.excluded[reason] for reason in REJECTED},
         "flags": found.flags,
         "notes": found.notes,
+        "doubts": case_doubts.sweep(
+            record.angle_deg, record.output_v, [end.fit.scale_v_per_g for end in found.ends.values() if end and end.fit]
+        ),
     }
 
 
 def _sweep(table: Table) -> SweepRecord:
-    return SweepRecord(
+    came = table.words("approach", ("from_below", "from_above"))
+    record = SweepRecord(
         end=table.words("end", ("up", "down")),
         direction=table.words("pass", ("fwd", "rev")),
         sequence=_sequence(table),
@@ -81,7 +86,10 @@ def _sweep(table: Table) -> SweepRecord:
         output_v=table.numbers("V_mean"),
         stable=table.truths("stable"),
         temperature_c=table.numbers("T_C"),
+        side=np.select([came == "from_below", came == "from_above"], ["below", "above"], ""),
+        stand=np.zeros(len(came), dtype=np.int_),
     )
+    return by_travel(record)
 
 
 def _sequence(table: Table) -> Array:
@@ -135,7 +143,7 @@ def _combined(found: StaticCalibration) -> dict[str, Any]:
 def _measured(both: TwoEnds) -> dict[str, Measured | None]:
     return dict(zip(MEASURED, (
         both.scale_v_per_g, both.bias_v, both.scale_difference_v_per_g, both.bias_difference_v, both.misalignment_rad,
-        both.coupling_v_per_g2, both.installation_v, both.platform_v, both.seat_v, both.bias_total_v,
+        both.coupling_v_per_g2, both.installation_v, both.platform_v, both.beyond_v, both.bias_total_v,
         both.bias_corrected_v,
     ), strict=True))  # fmt: skip
 
@@ -167,4 +175,4 @@ def _ratio(coefficient: float | None, c1: float | None) -> float | None:
     return coefficient / c1 if coefficient is not None and c1 else None
 
 
-REDUCTIONS: Mapping[tuple[str, str], Callable[[Case], dict[str, Any]]] = {("M1", ""): _static_calibration}
+REDUCTIONS: Reductions = {("M1", ""): Reduction(_static_calibration, ("sweep", "clock"))}

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field
 
+from bench.analysis import plausibility, plausibility_table
 from bench.analysis.fit import Array
 from bench.analysis.frequency_response import FrequencyResponse, ResponsePoint, gyro_response
 from bench.analysis.gravity import normal_gravity_mps2
 from bench.analysis.lever_arm import AccelerometerSweep, accelerometer_response
+from bench.analysis.plausibility import Doubt
 from bench.analysis.range_test import BIAS, LinearityLimit, RangePoint, RangeTest, accelerometer_range, gyro_range
 from bench.analysis.table_blocks import TableRecord
 from bench.analysis.two_sample import velocity_increments
 from bench.errors import InputError
-from bench.report.case_file import Case, Limit, Settings
+from bench.report.case_file import Case, Limit, Reduction, Reductions, Settings
 from bench.report.table import Table
 from bench.report.table_words import UNITS
 from drivers.wording import telling
@@ -54,13 +56,6 @@ class AccelerometerRangeSettings(Settings):
     fraction: Limit = Field(alias="k_m")
     basis: Basis = Field("full_scale", alias="linearity_basis")
     clip_g: Positive | None = None
-
-
-class ResponseSite(Settings):
-    """Where the table stands; it tells gravity where the settings do not."""
-
-    latitude_deg: float | None = Field(None, alias="lat_deg", ge=-90, le=90)
-    height_m: float | None = Field(None, alias="h_m", ge=-1000, le=10000)
 
 
 class GyroSweepSettings(Settings):
@@ -102,14 +97,16 @@ def _gyro_range(case: Case) -> dict[str, Any]:
         LinearityLimit(settings.fraction, settings.full_scale_dps if by_full_scale else None),
         clip_dps=settings.clip_dps, rate_tolerance=settings.rate_tolerance,
     )  # fmt: skip
-    return {"bias_dps": found.bias, **_range_result(found, _gyro_point)}
+    doubts = plausibility_table.gyro_range(record, settings.commands_dps)
+    return {"bias_dps": found.bias, **_range_result(found, _gyro_point), "doubts": doubts}
 
 
 def _acc_range(case: Case) -> dict[str, Any]:
     settings = case.settings(AccelerometerRangeSettings)
     local_g_mps2, gravity_notes = _local_g_mps2(case, settings.local_g_mps2)
+    record = _range_record(case.record("range", "phase,t_s,enc_deg,acc_g"), "acc_g", ("low", "run"))
     found = accelerometer_range(
-        _range_record(case.record("range", "phase,t_s,enc_deg,acc_g"), "acc_g", ("low", "run")),
+        record,
         local_g_mps2,
         LinearityLimit(settings.fraction, settings.range_g if settings.basis == "full_scale" else None),
         clip_g=settings.clip_g,
@@ -119,6 +116,7 @@ def _acc_range(case: Case) -> dict[str, Any]:
         "radius_m": found.radius_m,
         "u_radius_m": found.u_radius_m,
         **_range_result(found, lambda point: _accelerometer_point(point, found.bias), gravity_notes),
+        "doubts": plausibility_table.accelerometer_range(record, found.radius_m, found.bias),
     }
 
 
@@ -126,7 +124,7 @@ def _local_g_mps2(case: Case, given_mps2: float | None) -> tuple[float, tuple[st
     """Gravity as the settings give it, or normal gravity at the site and the note that it is."""
     if given_mps2 is not None:
         return given_mps2, ()
-    site = case.site(ResponseSite)
+    site = case.site
     if site.latitude_deg is None or site.height_m is None:
         raise InputError(f"{case.name}: settings.g_mps2: is missing; give it, or the site's lat_deg and h_m")
     normal_mps2 = normal_gravity_mps2(site.latitude_deg, site.height_m)
@@ -184,20 +182,17 @@ def _accelerometer_point(point: RangePoint, bias_g: float | None) -> dict[str, A
 
 def _gyro_freq(case: Case) -> dict[str, Any]:
     settings = case.settings(GyroSweepSettings)
-    found = gyro_response(
-        _sweep_record(case.record("sweep", "f_Hz,t_s,enc_deg,gyro_dps"), "enc_deg", "gyro_dps"),
-        settle_s=settings.settle_s,
-        to_lowest=settings.gain_reference == "lowest",
-    )
-    return _response(found)
+    record = _sweep_record(case.record("sweep", "f_Hz,t_s,enc_deg,gyro_dps"), "enc_deg", "gyro_dps")
+    found = gyro_response(record, settle_s=settings.settle_s, to_lowest=settings.gain_reference == "lowest")
+    return {**_response(found), "doubts": plausibility_table.gyro_sweep(record)}
 
 
 def _acc_freq(case: Case) -> dict[str, Any]:
     settings = case.settings(AccelerometerSweepSettings)
     local_g_mps2, gravity_notes = _local_g_mps2(case, settings.local_g_mps2)
+    record = _sweep_record(case.record("sweep", "f_Hz,t_s,dtheta_rad,acc_g"), "dtheta_rad", "acc_g")
     arm, found = accelerometer_response(
-        _sweep_record(case.record("sweep", "f_Hz,t_s,dtheta_rad,acc_g"), "dtheta_rad", "acc_g"),
-        AccelerometerSweep(local_g_mps2, settings.interval_s, settings.lever_hz, settings.settle_s),
+        record, AccelerometerSweep(local_g_mps2, settings.interval_s, settings.lever_hz, settings.settle_s)
     )
     lever = {
         "rxx_m": arm and arm.x_m,
@@ -205,7 +200,9 @@ def _acc_freq(case: Case) -> dict[str, Any]:
         "u_rxx_m": arm and arm.u_x_m,
         "u_rxy_m": arm and arm.u_y_m,
     }
-    return {"lever": lever, **_response(found, gravity_notes)}
+    arms_m = (arm.x_m, arm.y_m) if arm else None
+    doubts = plausibility_table.accelerometer_sweep(record, settings.interval_s, arms_m)
+    return {"lever": lever, **_response(found, gravity_notes), "doubts": doubts}
 
 
 def _sweep_record(table: Table, angle: str, output: str) -> TableRecord:
@@ -254,8 +251,16 @@ def _two_sample(case: Case) -> dict[str, Any]:
         "dvx_mps": by_x_mps,
         "dvy_mps": by_y_mps,
         "flags": (),
+        "notes": (),
         "rejected": {"missing": int(np.sum(~np.isfinite(first_rad + second_rad)))},
+        "doubts": _turned_far(np.concatenate([first_rad, second_rad])),
     }
+
+
+def _turned_far(increment_rad: Array) -> Iterator[Doubt]:
+    largest = plausibility.beyond(increment_rad, np.pi)
+    if largest is not None:
+        yield Doubt("implausible_angle", f"increments go to {largest:.4g} rad, over half a turn; are they degrees?")
 
 
 def _usable(increment_rad: Array) -> Array:
@@ -263,10 +268,10 @@ def _usable(increment_rad: Array) -> Array:
     return np.where(np.abs(increment_rad) < 1e100, increment_rad, np.nan)
 
 
-REDUCTIONS: Mapping[tuple[str, str], Callable[[Case], dict[str, Any]]] = {
-    ("M3", "gyro_range"): _gyro_range,
-    ("M3", "gyro_freq"): _gyro_freq,
-    ("M3", "acc_range"): _acc_range,
-    ("M3", "acc_freq"): _acc_freq,
-    ("M3", "two_sample"): _two_sample,
+REDUCTIONS: Reductions = {
+    ("M3", "gyro_range"): Reduction(_gyro_range, ("range",)),
+    ("M3", "gyro_freq"): Reduction(_gyro_freq, ("sweep",)),
+    ("M3", "acc_range"): Reduction(_acc_range, ("range",)),
+    ("M3", "acc_freq"): Reduction(_acc_freq, ("sweep",)),
+    ("M3", "two_sample"): Reduction(_two_sample, ("increments",)),
 }

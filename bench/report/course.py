@@ -26,7 +26,7 @@ BINS = 1000  # over the width of the page; more cannot be told apart
 CHARACTER = 0.0095  # of the width of the strip, in which its names are written
 MOST_INSIDE = 0.6  # of half a name stays within the strip; what is beyond has room in the margin
 FIRST_WIDE = "\u2e80"  # Chinese characters are twice as wide as others
-INCIDENTS = ("fault", "problem", "operator")
+INCIDENTS = ("fault", "problem", "operator", "end_requested")
 PHASES = {"steps": "#dbeafe", "": "white"}  # "" is after everything was made safe; others are grey
 CHAMBER: dict[str, tuple[str, dict[str, Any]]] = {
     "set_point": ("set point", {"color": "#111111", "linestyle": (0, (4, 2)), "linewidth": 0.8}),

@@ -6,7 +6,8 @@ import csv
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from bench.errors import InputError
+from bench.files import written_whole
+from bench.report.csv_cells import harmless
 from bench.report.export_hdf5 import export_hdf5
 from bench.report.export_matlab import export_matlab
 from bench.report.export_parquet import export_parquet
@@ -14,15 +15,24 @@ from bench.report.recorded import JOURNAL, READINGS, TIMES, Acquired, acquired, 
 from bench.report.stored import StoredRun
 from drivers.frame_block import EXTENDED, FrameBlock
 
+NOT_THE_WHOLE_BUS = """\
+These logs are not the whole bus. A run records frames while a step acquires, and at no other time; of these it records
+what the devices of its bench file read. What else was on the bus, and what passed between acquisitions, was not
+recorded and cannot be exported. A log of everything is made beside the run, by candump on the same bus.
+"""
 Exporter = Callable[[StoredRun, Path], list[Path]]
 
 
 def export_csv(run: StoredRun, out: Path) -> list[Path]:
-    """`readings.csv`, `journal.csv` and a table of each kind of output; times in seconds of bench time."""
+    """`readings.csv`, `journal.csv` and a table of each kind of output; `columns.csv` has the unit of every column.
+
+    Times are seconds of bench time. Text that a spreadsheet would take for a formula is made harmless.
+    """
     writers: dict[str, Iterator[Iterable[object]]] = {
         "readings": _readings(run),
         **{name: _acquired(run, table) for name, table in acquired(run).items()},
         "journal": _journal(run),
+        "columns": _columns(run),
     }
     return [_write_csv(out / f"{name}.csv", rows) for name, rows in writers.items()]
 
@@ -30,8 +40,9 @@ def export_csv(run: StoredRun, out: Path) -> list[Path]:
 def _readings(run: StoredRun) -> Iterator[Iterable[object]]:
     yield READINGS
     for series in readings(run):
+        name, unit = harmless(series.name), harmless(series.unit)
         for at_s, value in zip(series.at_s.tolist(), series.values.tolist(), strict=True):
-            yield (series.name, series.unit, f"{at_s:.6f}", repr(value))
+            yield (name, unit, f"{at_s:.6f}", repr(value))
 
 
 def _acquired(run: StoredRun, table: Acquired) -> Iterator[Iterable[object]]:
@@ -41,30 +52,36 @@ def _acquired(run: StoredRun, table: Acquired) -> Iterator[Iterable[object]]:
             [f"{value:.6f}" for value in values.tolist()] if name in TIMES else map(repr, values.tolist())
             for name, values in columns.items()
         ]
+        told = [harmless(word) for word in words.values()]
         for row in zip(*spelled, strict=True):
-            yield (*words.values(), *row)
+            yield (*told, *row)
 
 
 def _journal(run: StoredRun) -> Iterator[Iterable[object]]:
     yield JOURNAL
     for event, data in journal(run):
-        yield (event.seq, f"{event.at_s:.6f}", event.kind, event.step, data)
+        yield (event.seq, f"{event.at_s:.6f}", harmless(event.kind), harmless(event.step), harmless(data))
+
+
+def _columns(run: StoredRun) -> Iterator[Iterable[object]]:
+    """The unit and the meaning of each column of the other files."""
+    yield ("table", "column", "unit", "description")
+    outputs = {name: table.columns for name, table in acquired(run).items()}
+    for table, columns in {"readings": READINGS, **outputs, "journal": JOURNAL}.items():
+        yield from ((table, name, column.unit, column.meaning) for name, column in columns.items())
 
 
 def _write_csv(path: Path, rows: Iterable[Iterable[object]]) -> Path:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows(rows)
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be written ({problem})") from problem
+    with written_whole(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows(rows)
     return path
 
 
 def export_candump(run: StoredRun, out: Path) -> list[Path]:
     """`STREAM.log` for each counter, as can-utils' `candump -l` writes it; the DBC of the run decodes it.
 
-    Times are seconds since 1970, counted from the beginning of the run.
+    Times are seconds since 1970, counted from the beginning of the run. Frames are recorded while something is acquired
+    and at no other time, of the devices of the bench and of nobody else on the bus: `candump.txt` says so beside them.
     """
     streams: dict[str, list[FrameBlock]] = {}
     for stream, _, block in run.reader.blocks():
@@ -74,15 +91,13 @@ def export_candump(run: StoredRun, out: Path) -> list[Path]:
     paths = []
     for stream, blocks in streams.items():
         path = out / f"{stream}.log"
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with path.open("w", encoding="ascii") as file:
-                for block in blocks:
-                    file.writelines(_candump_lines(block, epoch_s))
-        except OSError as problem:
-            raise InputError(f"{path}: cannot be written ({problem})") from problem
+        with written_whole(path) as draft, draft.open("w", encoding="ascii") as file:
+            for block in blocks:
+                file.writelines(_candump_lines(block, epoch_s))
         paths.append(path)
-    return paths
+    with written_whole(out / "candump.txt") as draft:
+        draft.write_text(NOT_THE_WHOLE_BUS, encoding="utf-8")
+    return [*paths, out / "candump.txt"]
 
 
 def _candump_lines(block: FrameBlock, epoch_s: float) -> Iterator[str]:
@@ -90,6 +105,17 @@ def _candump_lines(block: FrameBlock, epoch_s: float) -> Iterator[str]:
     for frame_id, at_s, length, data in zip(*columns, strict=True):
         name = f"{frame_id & ~EXTENDED:08X}" if frame_id & EXTENDED else f"{frame_id:03X}"
         yield f"({at_s:.6f}) can0 {name}#{data[:length].tobytes().hex().upper()}\n"
+
+
+def mark_damage(run: StoredRun, out: Path) -> list[Path]:
+    """`DAMAGED.txt` beside what was exported of a record that is not as it was written; nothing of any other."""
+    if not run.damage:
+        return []
+    path = out / "DAMAGED.txt"
+    with written_whole(path) as draft:
+        lines = (f"The record of run {run.folder.name} is damaged; what was exported here is of it:", *run.damage)
+        draft.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+    return [path]
 
 
 FORMATS: dict[str, Exporter] = {

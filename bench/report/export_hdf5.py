@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.errors import InputError
+from bench.files import written_whole
 from bench.report.extras import imported
 from bench.report.recorded import JOURNAL, READINGS, Column, acquired, journal, readings
 from bench.report.stored import StoredRun
@@ -33,16 +33,12 @@ def export_hdf5(run: StoredRun, out: Path) -> list[Path]:
     """
     h5py = imported("h5py", "hdf5")
     path = out / HDF5
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with h5py.File(path, "w") as file:
-            file.attrs.update(run=run.manifest["run"], title=run.manifest["title"], began=run.began.isoformat())
-            _write_series(h5py, file.create_group("readings"), READINGS, _readings(run))
-            for name, table in acquired(run).items():
-                _write_series(h5py, file.create_group(name), table.columns, table.parts(run))
-            _write_journal(h5py, file.create_group("journal"), run)
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be written ({problem})") from problem
+    with written_whole(path) as draft, h5py.File(draft, "w") as file:
+        file.attrs.update(run=run.manifest["run"], title=run.manifest["title"], began=run.began.isoformat())
+        _write_series(h5py, file.create_group("readings"), READINGS, _readings(run))
+        for name, table in acquired(run).items():
+            _write_series(h5py, file.create_group(name), table.columns, table.parts(run))
+        _write_journal(h5py, file.create_group("journal"), run)
     return [path]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.errors import InputError
+from bench.files import written_whole
 from bench.report.recorded import JOURNAL, READINGS, Column, acquired, journal, readings
 from bench.report.stored import StoredRun
 
@@ -39,9 +40,9 @@ def export_matlab(run: StoredRun, out: Path) -> list[Path]:
     }
     path = out / MATLAB
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        savemat(path, content, do_compression=True, oned_as="column")
-    except (OSError, MatWriteError) as problem:
+        with written_whole(path) as draft:
+            savemat(draft, content, appendmat=False, do_compression=True, oned_as="column")
+    except MatWriteError as problem:
         raise InputError(f"{path}: cannot be written ({problem}); --format hdf5 has no limit of size") from problem
     return [path]
 

@@ -7,13 +7,24 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from bench.errors import InputError
+from bench.files import written_whole
 from bench.report.extras import imported
-from bench.report.recorded import JOURNAL, READINGS, TIMES, WHOLE_NUMBERS, Acquired, Column, acquired, journal, readings
+from bench.report.recorded import (
+    FIXED,
+    JOURNAL,
+    READINGS,
+    TIMES,
+    WHOLE_NUMBERS,
+    Acquired,
+    Column,
+    acquired,
+    journal,
+    readings,
+)
 from bench.report.stored import StoredRun
 
 ROWS_OF_GROUP = 1 << 16  # enough for encodings to pay, and all that is in memory
-_TYPES = {**dict.fromkeys((*TIMES, "value"), "float64"), **dict.fromkeys(WHOLE_NUMBERS, "int64")}
+_TYPES = {**dict.fromkeys((*TIMES, *FIXED, "value"), "float64"), **dict.fromkeys(WHOLE_NUMBERS, "int64")}
 _ENCODINGS = {"float64": "BYTE_STREAM_SPLIT", "int64": "DELTA_BINARY_PACKED"}
 
 Batch = Mapping[str, Any]
@@ -55,15 +66,14 @@ def _write(arrow: Any, parquet: Any, path: Path, columns: Mapping[str, Column], 
     )
     encodings = {name: _ENCODINGS[_TYPES[name]] for name in columns if name in _TYPES}
     words = [name for name in columns if name not in _TYPES and name != "data"]
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with parquet.ParquetWriter(
-            path, schema, compression="zstd", use_dictionary=words, column_encoding=encodings
-        ) as writer:
-            for tables in _groups(_table(arrow, schema, batch) for batch in batches):
-                writer.write_table(arrow.concat_tables(tables), row_group_size=ROWS_OF_GROUP)
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be written ({problem})") from problem
+    with (
+        written_whole(path) as draft,
+        parquet.ParquetWriter(
+            draft, schema, compression="zstd", use_dictionary=words, column_encoding=encodings
+        ) as writer,
+    ):
+        for tables in _groups(_table(arrow, schema, batch) for batch in batches):
+            writer.write_table(arrow.concat_tables(tables), row_group_size=ROWS_OF_GROUP)
     return path
 
 

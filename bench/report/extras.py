@@ -8,8 +8,11 @@ from types import ModuleType
 from bench.errors import InputError
 
 
-def imported(module: str, extra: str) -> ModuleType:
-    """A library that the extra of a format brings; where it cannot be loaded InputError says what to install."""
+def imported(module: str, extra: str, packages: str = "") -> ModuleType:
+    """A library that the extra of a format brings; where it cannot be loaded InputError says what to install.
+
+    `packages` are those of Debian that hold the system libraries it needs.
+    """
     library = module.partition(".")[0]
     try:
         return import_module(module)
@@ -18,4 +21,5 @@ def imported(module: str, extra: str) -> ModuleType:
             f"--format {extra}: {library} is not installed; install it with: pip install 'inertial-test-bench[{extra}]'"
         ) from None
     except OSError as problem:
-        raise InputError(f"--format {extra}: {library} lacks a library of the system ({problem})") from None
+        hint = f"; on Debian: sudo apt install {packages}" if packages else ""
+        raise InputError(f"--format {extra}: {library} lacks a library of the system ({problem}){hint}") from None

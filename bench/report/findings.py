@@ -19,7 +19,7 @@ from bench.sequence.methods import known_methods
 from bench.sequence.model import ResultEntry, SequenceFile
 
 SCHEMA = "itb-results/1"
-Verdict = Literal["PASS", "FAIL", "ERROR", "ABORTED", "INCOMPLETE"]
+Verdict = Literal["PASS", "FAIL", "ERROR", "ABORTED", "INCOMPLETE", "NOT JUDGED"]
 _ENDED: Mapping[str, Verdict] = {
     "error": "ERROR",
     "aborted": "ABORTED",
@@ -44,6 +44,11 @@ class Results:
     corrections: tuple[str, ...] = ()
     past_due: Mapping[str, dt.date] = field(default_factory=dict)
     missed: tuple[MissedIn, ...] = ()
+
+    @property
+    def within_u(self) -> int:
+        """How many values have a limit within their U: with as good a right they could be on its other side."""
+        return sum(finding.within_u for unit in self.units for finding in unit.findings)
 
     def to_json(self) -> dict[str, Any]:
         """The content of `results.json`; `missed` only where something did not come."""
@@ -103,14 +108,19 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
 
 
 def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on_the_way: OnTheWay) -> Verdict:
-    """A run that left something out is incomplete, whatever the rest of it says, as a unit is (methods.md 1.10)."""
+    """A run that left something out is incomplete, whatever the rest of it says, as a unit is (methods.md 1.10).
+
+    One in which nothing has a limit passes nothing: NOT JUDGED.
+    """
     ended = _ENDED.get(state)
     if ended is not None and ended != "INCOMPLETE":
         return ended
     verdicts = {unit.verdict for unit in units} | verdicts_of(on_the_way.measurements)
     if ended or on_the_way.left_out or verdicts & {"INCOMPLETE", "INVALID"} or (sequence.results and not units):
         return "INCOMPLETE"
-    return "FAIL" if "FAIL" in verdicts else "PASS"
+    if "FAIL" in verdicts:
+        return "FAIL"
+    return "PASS" if "PASS" in verdicts else "NOT JUDGED"
 
 
 def _unit(unit: UnitResult) -> dict[str, Any]:

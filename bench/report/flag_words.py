@@ -46,6 +46,11 @@ _UNITS = {
         "what a step lets expect."
     ),
     "no_sweep": "There is no reading of a sweep, without which nothing can be determined.",
+    "hysteresis:equal_histories": (
+        "Forward and reverse came to every angle from the same side, by the record of the moves: their difference is "
+        "no hysteresis, and none is stated. The reverse pass is to come from above: move with approach: direct, from "
+        "the largest angle back."
+    ),
     "no_clocking": (
         "The unit was not clocked on its seat: the tilt of the seat is in the bias, but for what the level and the "
         "platform tell of it, and in its uncertainty."
@@ -84,6 +89,12 @@ _QUANTITIES = {
         "its input drifted more than it may between the points at rest; its verdicts, and what is decided by it, are "
         "marginal."
     ),
+    "accelerometer_drift": (
+        "its slope differs from that of the source at the same level by more than the settings state of the "
+        "accelerometer's drift with its own temperature (accelerometer_drift_u). The uncertainties at levels of "
+        "gravity are those of the drift found. Measure the accelerometer's temperature coefficients, or look for what "
+        "else differs between the two levels."
+    ),
     "no_points": "no two points at rest tell how its input drifted.",
     "slope_follows_level": (
         "its slope is not that of its reference, because its level is not: the drift is in proportion to the output. "
@@ -109,7 +120,9 @@ _QUANTITIES = {
         "the ammeter reads another current than the source says, by more than three times what their certificates "
         "admit: one of them is wrong, or current leaks past the ammeter."
     ),
-    "temperature_slope_unknown": "how it changes with temperature is not known, so the thermometer has no part in U.",
+    "temperature_slope_unknown": (
+        "how it changes with temperature is not known; U allows for what the settings state for 1 °C."
+    ),
 }
 _PARTS = {
     **table_words.PARTS,

@@ -9,8 +9,8 @@ from bench.report.languages import tr
 from bench.report.measured import Measurement
 from bench.report.page import Facts
 from bench.report.revision import Revision
-from bench.report.shown import instant
 from bench.report.stored import StoredRun
+from bench.report.times_and_sizes import instant
 from bench.sequence.methods import known_methods
 
 

@@ -26,7 +26,7 @@ from bench.report.revision import Revision
 from bench.report.stored import BENCH_COPY, StoredRun
 from bench.report.svg import drawing, font_of
 from bench.report.timeline import clock
-from bench.report.words import said_in_words
+from bench.report.words import of_those_within_u, said_in_words
 from bench.sequence.limits import limits_in
 from bench.sequence.methods import CHANNEL, MethodDescription, known_methods
 
@@ -70,6 +70,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
         number=report_number(run.manifest, revision),
         head=head(run, revision, on_the_way.measurements, deviates=bool(problems or notes)),
         verdict=verdict,
+        within_u=of_those_within_u(results.within_u) if results is not None and results.within_u else "",
         simulated=page.simulated(run.manifest, list(run.bench.devices)),
         problems=problems,
         notes=notes,

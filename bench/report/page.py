@@ -12,12 +12,14 @@ from bench.analysis.rundata import RunData
 from bench.config.devices import Calibration
 from bench.config.fixture import FixtureEntry
 from bench.report.languages import tr
-from bench.report.shown import decimals, duration, instant
+from bench.report.shown import decimals
 from bench.report.stored import StoredRun
+from bench.report.times_and_sizes import duration, instant
 from bench.report.words import ENDINGS
 from bench.sequence.dwells import first_visit
 from bench.sequence.methods import known_methods
 from bench.store.reader import Event
+from bench.store.verify import Record
 
 Facts = list[tuple[str, str]]
 """Pairs of what is told and what is to be told of it."""
@@ -52,6 +54,8 @@ class Instrument:
 def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
     """What a person must know first, in the order of its weight; empty when all went well."""
     manifest = run.manifest
+    for damage in run.damage:
+        yield tr("THE RECORD OF THIS RUN IS DAMAGED: {what}", what=damage)
     for device, why in manifest.get("unsafe", {}).items():
         yield tr("{device} COULD NOT BE MADE SAFE: {why}", device=device, why=why)
     dropped = [
@@ -106,8 +110,24 @@ def notes_of_steps(run: StoredRun) -> Iterator[str]:
 
 def done_again(run: StoredRun) -> Iterator[str]:
     """What was asked or read once more, or done again, after a failure or because the operator wanted it."""
-    for event in run.reader.events("retried", "operator", "device_note", "doubted"):
-        if event.kind == "device_note":
+    kinds = ("retried", "operator", "device_note", "doubted", "clock_step", "stalled", "device_left_out", "not_reached")
+    for event in run.reader.events(*kinds):
+        when = _since_start(run, event)
+        if event.kind == "clock_step":
+            yield from _steps_of_clock(event, when)
+        elif event.kind == "stalled":
+            yield tr(
+                "This program stood still for {seconds} s, {time} after the start; nobody looked at the bench then.",
+                seconds=f"{event.data['for_s']:g}", time=when,
+            )  # fmt: skip
+        elif event.kind in ("device_left_out", "not_reached"):
+            if event.data.get("used"):  # the problem by which the run ended
+                continue
+            role = event.data["device"]
+            yield tr("{role}, which the run does not use, {time} after the start:", role=role, time=when) + (
+                f" {event.data['text']}"
+            )
+        elif event.kind == "device_note":
             yield tr("{role}, {time} after the start:", role=event.data["device"], time=_since_start(run, event)) + (
                 f" {event.data['text']}"
             )
@@ -117,6 +137,20 @@ def done_again(run: StoredRun) -> Iterator[str]:
             yield tr("Done again: step {step}.", step=event.step) + f" {event.data['text']}"
         elif event.data["action"] == "repeat":
             yield tr("Done again, as the operator wished: step {step}.", step=event.step)
+
+
+def _steps_of_clock(event: Event, when: str) -> Iterator[str]:
+    step, slept = f"{event.data['set_by_s']:+g}", event.data["slept_s"]
+    if event.data["set_by_s"]:
+        yield tr(
+            "The computer's clock was set by {step} s, {time} after the start; the times of this run do not follow it.",
+            step=step, time=when,
+        )  # fmt: skip
+    if slept:
+        yield tr(
+            "The computer slept for {slept} s, {time} after the start; nobody looked at the bench meanwhile.",
+            slept=slept, time=when,
+        )  # fmt: skip
 
 
 def faults_on_purpose(run: StoredRun) -> Iterator[str]:
@@ -255,10 +289,22 @@ def provenance(run: StoredRun, data: Sequence[RunData]) -> Facts:
         *([(tr("Seed of the simulation"), str(manifest["seed"]))] if manifest["simulated"] else []),
         *recorded(run, data),
         (tr("Digest of the data"), manifest.get("digest", tr("not computed"))),
+        *([(tr("Record"), _record(run.record))] if run.record is not None else []),
         *((name, value) for name, value in manifest["hashes"].items()),
         (tr("Programs"), ", ".join(f"{name} {version}" for name, version in manifest["software"].items())),
         (tr("Computer"), f"{host['name']}, {host['system']}, Python {host['python']}"),
     ]
+
+
+def _record(record: Record) -> str:
+    """What the record of a run is known by."""
+    if record.damage:
+        return tr("damaged")
+    if record.kind == "sealed":
+        return tr("sealed, {rows} rows, head {head}", rows=record.rows, head=record.head)
+    if record.kind == "unchained":
+        return tr("unsealed, written by an earlier version")
+    return tr("not sealed; intact up to row {rows}", rows=record.rows)
 
 
 def _released(found: Mapping[str, Any]) -> str:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from types import ModuleType
+
 from bench.report.extras import imported
+
+
+def library() -> ModuleType:
+    """Return WeasyPrint; InputError with what to install where it is missing."""
+    return imported("weasyprint", "pdf", "libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0")
 
 
 def pdf(page: str) -> bytes:
     """The page as it prints, tagged for screen readers; equal pages give equal bytes. InputError without WeasyPrint."""
-    weasyprint = imported("weasyprint", "pdf")
-    content: bytes = weasyprint.HTML(string=page).write_pdf(pdf_tags=True, pdf_identifier=b"inertial-test-bench")
+    content: bytes = library().HTML(string=page).write_pdf(pdf_tags=True, pdf_identifier=b"inertial-test-bench")
     return content

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from itertools import cycle
 from pathlib import Path
 
@@ -14,18 +15,20 @@ from matplotlib.ticker import AutoMinorLocator, MultipleLocator
 
 from bench.config.models import BenchFile
 from bench.errors import InputError
+from bench.files import written_whole
 from bench.report.languages import tr
 from bench.report.planned import Panel, Planned, planned
-from bench.report.shown import duration, megabytes
-from bench.report.svg import as_document, drawing, new_figure, rendered
+from bench.report.svg import CLEAR, as_document, drawing, new_figure, rendered
 from bench.report.timeline import plan_table
+from bench.report.times_and_sizes import duration, megabytes
 from bench.sequence.estimate import Estimate
 from bench.sequence.plan import PHASES, Plan
-from bench.sequence.values import in_words
+from bench.sequence.values import as_written
 
 WIDTH_IN, LEFT_IN = 10.7, 1.15  # of A4 on its side, between the margins
 TOP_IN, BOTTOM_IN, GAP_IN = 0.42, 0.42, 0.16
 STRIP_IN, PANEL_IN, OUTPUT_IN, BAR_IN = 0.18, 1.25, 0.6, 0.2
+TITLE_LINE_IN, TITLE_CHARACTERS = 0.17, 100
 LEAST_SPAN = 10.0  # of a panel, so that a value at rest is not shown in its last digits
 MOST_NUMBERS = 40  # of values beside a line; more cannot be read
 LONGEST_NAME = 18  # of a row of bars; it stands in the margin
@@ -42,10 +45,8 @@ def write_picture(path: Path, plan: Plan, expected: Estimate, bench: BenchFile) 
     with drawing():
         figure = plan_figure(plan, expected, bench)
         text = as_document(figure) if path.suffix == ".svg" else _page(figure, plan, expected, bench)
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be written ({problem})") from None
+    with written_whole(path) as draft:
+        draft.write_text(text, encoding="utf-8")
 
 
 def _page(figure: Figure, plan: Plan, expected: Estimate, bench: BenchFile) -> str:
@@ -62,7 +63,7 @@ def _page(figure: Figure, plan: Plan, expected: Estimate, bench: BenchFile) -> s
             ("Bench", bench.title),
             ("Takes", f"about {duration(expected.total_s)}, {len(plan)} steps"),
             ("Writes", f"about {megabytes(expected.size_bytes)}"),
-            *((f"Parameter {name}", in_words(value)) for name, value in plan.parameters.items()),
+            *((f"Parameter {name}", as_written(value)) for name, value in plan.parameters.items()),
         ],
         picture=rendered(figure, "plan", title),
         timeline="\n".join(plan_table(plan, expected, bench)),
@@ -75,8 +76,10 @@ def plan_figure(plan: Plan, expected: Estimate, bench: BenchFile) -> Figure:
     heights_in = [STRIP_IN, *(OUTPUT_IN if panel.kind == "output" else PANEL_IN for panel in content.panels)]
     if content.bars:
         heights_in.append(BAR_IN * (len(content.bars) + 0.6))
-    height_in = TOP_IN + sum(heights_in) + GAP_IN * (len(heights_in) - 1) + BOTTOM_IN
-    figure = new_figure(height_in, width_in=WIDTH_IN, top_in=TOP_IN, bottom_in=BOTTOM_IN)
+    title = _title(plan, expected, bench)
+    top_in = TOP_IN + TITLE_LINE_IN * (len(title) - 1)
+    height_in = top_in + sum(heights_in) + GAP_IN * (len(heights_in) - 1) + BOTTOM_IN
+    figure = new_figure(height_in, width_in=WIDTH_IN, top_in=top_in, bottom_in=BOTTOM_IN)
     figure.subplots_adjust(left=LEFT_IN / WIDTH_IN)
     gaps = {"hspace": GAP_IN * len(heights_in) / sum(heights_in)}  # a part of the mean height
     strip, *rows = figure.subplots(
@@ -95,13 +98,17 @@ def plan_figure(plan: Plan, expected: Estimate, bench: BenchFile) -> Figure:
     last.set_xlabel(f"time since the run began / {unit}{chosen}")
     last.set_xlim(0, max(expected.total_s, 1.0) / unit_s)
     last.xaxis.set_minor_locator(AutoMinorLocator())
-    preset = f", preset {plan.preset}" if plan.preset else ""
     figure.text(
-        LEFT_IN / WIDTH_IN, 1 - 0.08 / height_in,
-        f"{plan.sequence.title} ({plan.name}{preset}): {len(plan)} steps, about {duration(expected.total_s)}, "
-        f"on {bench.title}", va="top", fontsize=10, fontweight="bold",
+        LEFT_IN / WIDTH_IN, 1 - 0.08 / height_in, "\n".join(title), va="top", fontsize=10, fontweight="bold"
     )  # fmt: skip
     return figure
+
+
+def _title(plan: Plan, expected: Estimate, bench: BenchFile) -> list[str]:
+    """Lines of the title: sequence, number of steps, duration and bench, each short enough for the page."""
+    preset = f", preset {plan.preset}" if plan.preset else ""
+    text = f"{plan.sequence.title} ({plan.name}{preset}): {len(plan)} steps, about {duration(expected.total_s)}"
+    return [*textwrap.wrap(text, TITLE_CHARACTERS), *textwrap.wrap(f"on {bench.title}", TITLE_CHARACTERS)]
 
 
 def _time_unit(total_s: float) -> tuple[str, float]:
@@ -145,7 +152,7 @@ def _draw_panel(axes: Axes, panel: Panel, unit_s: float) -> None:
     axes.set_ylabel(panel.label)
     axes.yaxis.set_label_coords(-0.55 / WIDTH_IN, 0.5)
     if len(panel.lines) > 1:
-        axes.legend(loc="upper right", ncols=4)
+        axes.legend(loc="lower right", bbox_to_anchor=(1, 0.96), ncols=6, frameon=False, borderpad=0, fontsize=7)
     else:
         axes.set_title("".join(panel.lines), loc="right", fontsize=7, fontweight="normal", color="#555555", pad=1)
 
@@ -155,7 +162,8 @@ def _draw_values(axes: Axes, panel: Panel, unit_s: float) -> None:
     ends = [end for line in panel.lines.values() for end in line[2:-1:2]]
     for at_s, value in ends if len(ends) <= MOST_NUMBERS else []:
         axes.annotate(
-            f"{value:g}", (at_s / unit_s, value), (2, 2), textcoords="offset points", fontsize=6.5, color="#444444"
+            f"{value:g}", (at_s / unit_s, value), (2, 3.5), textcoords="offset points", fontsize=6.5, color="#444444",
+            bbox=CLEAR,
         )  # fmt: skip
 
 

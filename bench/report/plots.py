@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +17,7 @@ from bench.analysis.finding import COVERAGE, UnitResult
 from bench.analysis.models import TemperatureModel
 from bench.report.languages import tr
 from bench.report.shown import SHOWN, decimals
-from bench.report.svg import new_figure, rendered
+from bench.report.svg import CLEAR, new_figure, rendered
 from bench.report.words import quantity_of
 
 Array = NDArray[np.float64]
@@ -105,14 +106,14 @@ class Scale:
         found = [finding for finding in unit.findings if finding.quantity == quantity and "dwell" in finding.at]
         if not found:
             return None
-        own = [sum(line.u**2 for line in finding.budget if line.shared is None) for finding in found]
+        own = [math.fsum(line.u**2 for line in finding.budget if line.shared is None) for finding in found]
         return Points(
             dwell=np.array([finding.at["dwell"] for finding in found]),
             temperature_c=np.array([finding.at["temperature_c"] for finding in found]),
             rising=np.array([finding.at["leg"] == "up" for finding in found]),
             values=(np.array([finding.value for finding in found]) - self.zero) * self.factor,
-            expanded=COVERAGE * np.array([finding.u for finding in found]) * self.factor,
-            own=COVERAGE * np.sqrt(own) * self.factor,
+            expanded=COVERAGE * np.array([finding.u for finding in found]) * abs(self.factor),
+            own=COVERAGE * np.sqrt(own) * abs(self.factor),
         )
 
     def curves(self, unit: UnitResult, quantity: str) -> list[Curve]:
@@ -239,7 +240,9 @@ def _loop(name: str, symbol: str, points: Points, model: Curve) -> Plot:
     _draw_legs(axes, points, residuals, points.own)
     if len(residuals) <= MOST_NUMBERS:
         for number, x, y in zip(points.dwell, points.temperature_c, residuals, strict=True):
-            axes.annotate(str(number), (x, y), (4, 4), textcoords="offset points", fontsize=6.5, color="#444444")
+            axes.annotate(
+                str(number), (x, y), (5, 5), textcoords="offset points", fontsize=6.5, color="#444444", bbox=CLEAR
+            )
     axes.axhline(0, color="#444444", linewidth=0.6)
     axes.set(
         xlabel=temperature_label(),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 from bench.errors import StoreError
 from bench.report.missed import MissedIn
 from bench.report.stored import StoredRun
+from bench.store.kept_json import NUMBER, TEXT, an_object, every, or_none, read_kept
 
 RESULTS = "results.json"
 ROUNDING = 1e-9  # of the standard uncertainty: what another processor or library may make of the same equations
@@ -75,6 +75,7 @@ class ReducedAgain:
     findings: int
     changes: tuple[Change, ...]
     missed: tuple[MissedIn, ...] = ()
+    damage: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """All of it, for programs."""
@@ -83,11 +84,13 @@ class ReducedAgain:
             "verdict": {"before": self.verdict_before, "now": self.verdict},
             "findings": self.findings,
             "changes": [change.to_json() for change in self.changes],
+            **({"damage": list(self.damage)} if self.damage else {}),
             **({"missed": [each.to_json() for each in self.missed]} if self.missed else {}),
         }
 
     def in_words(self) -> Iterator[str]:
         """A line for each acquisition with gaps, one for each change, and one for the run."""
+        yield from (f"{self.run}: THE RECORD IS DAMAGED: {each}" for each in self.damage)
         yield from (each.in_words() for each in self.missed)
         yield from (change.in_words() for change in self.changes)
         if self.verdict_before is None:
@@ -108,11 +111,25 @@ def reduced_again(run: StoredRun) -> ReducedAgain:
     results, missed = evaluated.to_json(), evaluated.missed
     now, kept = _findings(results), _kept(run)
     if kept is None:
-        return ReducedAgain(run.manifest["run"], None, results["verdict"], len(now), (), missed)
+        return ReducedAgain(run.manifest["run"], None, results["verdict"], len(now), (), missed, run.damage)
     verdict, before = kept
     pairs = (Change(name, before.get(name), now.get(name)) for name in dict.fromkeys((*before, *now)))
     changes = tuple(change for change in pairs if _differs(change))
-    return ReducedAgain(run.manifest["run"], verdict, results["verdict"], len(now), changes, missed)
+    return ReducedAgain(run.manifest["run"], verdict, results["verdict"], len(now), changes, missed, run.damage)
+
+
+_RESULTS = an_object(
+    {
+        "verdict": TEXT,
+        "findings": every(
+            an_object(
+                {"id": TEXT, "value": NUMBER, "u": NUMBER, "unit": TEXT, "verdict": or_none(TEXT)},
+                ("id", "value", "u", "unit", "verdict"),
+            )
+        ),
+    },
+    ("verdict", "findings"),
+)
 
 
 def _kept(run: StoredRun) -> tuple[str, dict[str, Found]] | None:
@@ -121,9 +138,9 @@ def _kept(run: StoredRun) -> tuple[str, dict[str, Found]] | None:
     if not path.is_file():
         return None
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_kept(path, _RESULTS)
         return str(content["verdict"]), _findings(content)
-    except (OSError, ValueError, TypeError, LookupError) as problem:
+    except StoreError as problem:
         raise StoreError(f"{path}: is damaged, so nothing can be compared with it ({problem})") from problem
 
 

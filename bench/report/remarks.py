@@ -47,7 +47,8 @@ class Shown:
 
     @classmethod
     def of_remark(cls, remark: Remark, document: Document) -> Self:
-        """A remark on a document."""
+        """A remark on a sequence, or on another document that it names."""
+        document = remark.document(document)
         mark = document.mark(remark.place)
         text = f"{remark.problem}. {remark.advice}"
         return cls(remark.severity, remark.rule, str(document.path), mark.line, mark.column, text)
@@ -55,7 +56,7 @@ class Shown:
 
 def warning_line(remark: Remark, document: Document) -> str:
     """A warning as people read it."""
-    return f"{document.where(remark.place)}: warning: {remark.text}"
+    return f"{remark.document(document).where(remark.place)}: warning: {remark.text}"
 
 
 def as_json(found: Sequence[Shown]) -> str:

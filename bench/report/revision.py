@@ -1,10 +1,14 @@
-"""Which revision of its report a run is at."""
+"""Which revision of its report a run is at, and which files were made of it.
+
+Reports are made of the sealed record, and may be written again; they are not under its seal. The list of revisions has
+the hash of every file that was written last, and one of itself.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from importlib.metadata import version
@@ -13,10 +17,15 @@ from typing import Any
 
 from bench.clock import wall_utc
 from bench.errors import StoreError
+from bench.files import write_whole
 from bench.report.findings import Results
-from bench.store.runs import json_text, write_whole
+from bench.store.kept_json import TEXT, WHOLE, an_object, every, named, one_of, read_kept
+from bench.store.manifest_form import instant
+from bench.store.runs import json_text
+from bench.store.seal import file_hash
 
 REVISIONS = "report_revisions.json"
+SCHEMA = "itb-reports/1"
 
 
 @dataclass(frozen=True)
@@ -39,31 +48,78 @@ def revision_of(folder: Path, manifest: Mapping[str, Any], results: Results | No
         "not_evaluated": not_evaluated,
         "program": version("inertial-test-bench"),
     }
-    text = json.dumps(content, ensure_ascii=False, sort_keys=True)
-    content_hash = "sha256:" + hashlib.sha256(text.encode()).hexdigest()
+    content_hash = _hash_of(content)
     known = _known(folder / REVISIONS)
-    if not known or known[-1]["content"] != content_hash:
+    if not known.revisions or known.revisions[-1]["content"] != content_hash:
         issued = wall_utc().isoformat(timespec="seconds")
-        known.append({"revision": len(known) + 1, "issued": issued, "content": content_hash})
-        write_whole(folder / REVISIONS, json_text(known).encode())
-    return Revision(len(known), datetime.fromisoformat(known[-1]["issued"]))
+        added = {"revision": len(known.revisions) + 1, "issued": issued, "content": content_hash}
+        known = _Reports((*known.revisions, added), known.files)
+        _keep(folder, known)
+    return Revision(len(known.revisions), datetime.fromisoformat(known.revisions[-1]["issued"]))
 
 
-def _known(path: Path) -> list[dict[str, Any]]:
-    if not path.is_file():
-        return []
+def note_written(folder: Path, name: str, content: bytes) -> None:
+    """Keep the hash of a report that was written; raises StoreError."""
+    known = _known(folder / REVISIONS)
+    written = f"sha256:{hashlib.sha256(content).hexdigest()}"
+    if known.files.get(name) != written:
+        _keep(folder, _Reports(known.revisions, {**known.files, name: written}))
+
+
+def changed_reports(folder: Path) -> Iterator[str]:
+    """The reports of a run that are not as they were written, and the list of them where that is damaged."""
+    path = folder / REVISIONS
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        return [
-            {
-                "revision": int(each["revision"]),
-                "issued": datetime.fromisoformat(each["issued"]).isoformat(),
-                "content": str(each["content"]),
-            }
-            for each in found
-        ]
-    except (OSError, ValueError, TypeError, LookupError) as problem:
+        files = _known(path).files
+    except StoreError as problem:
+        yield str(problem)
+        return
+    for name, expected in files.items():
+        report = folder / name
+        if not report.is_file() or file_hash(report) != expected:
+            yield f"{report}: has changed since it was written; 'bench report {folder.name}' writes it again"
+
+
+@dataclass(frozen=True)
+class _Reports:
+    """What was issued, oldest first, and the hash of each file by its name."""
+
+    revisions: Sequence[Mapping[str, Any]]
+    files: Mapping[str, str]
+
+
+_REVISIONS = every(
+    an_object({"revision": WHOLE, "issued": instant, "content": TEXT}, ("revision", "issued", "content"))
+)
+_REPORTS = an_object(
+    {"schema": one_of(SCHEMA), "revisions": _REVISIONS, "files": named(TEXT), "hash": TEXT},
+    ("schema", "revisions", "files", "hash"),
+)
+
+
+def _known(path: Path) -> _Reports:
+    """The list of a run; of versions that kept no hashes of files, without them."""
+    if not path.is_file():
+        return _Reports((), {})
+    try:
+        found = read_kept(path, lambda value: (_REVISIONS if isinstance(value, list) else _REPORTS)(value))
+        if isinstance(found, list):
+            return _Reports(found, {})
+        if found.pop("hash") != _hash_of(found):
+            raise StoreError("it is not as it was written")
+    except StoreError as problem:
         raise StoreError(
             f"{path}: is damaged ({problem}), so the revision of the report is not known; put it back from a copy, or "
             "move it away to begin with revision 1"
         ) from problem
+    return _Reports(found["revisions"], found["files"])
+
+
+def _keep(folder: Path, reports: _Reports) -> None:
+    content: dict[str, Any] = {"schema": SCHEMA, "revisions": list(reports.revisions), "files": dict(reports.files)}
+    write_whole(folder / REVISIONS, json_text({**content, "hash": _hash_of(content)}).encode())
+
+
+def _hash_of(content: object) -> str:
+    text = json.dumps(content, ensure_ascii=False, sort_keys=True)
+    return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"

@@ -23,6 +23,7 @@ from drivers.can_counter.description import CounterOptions
 from drivers.can_telemetry.description import TelemetryOptions
 from drivers.frame_block import FrameBlock
 
+STOOD = "stood"  # what the record says of an axis that did not need to move
 AS_READ = Corrections({}, {}, {}, {}, {})
 
 
@@ -159,25 +160,40 @@ class _InForce:
     sources_a: Mapping[str, float] = field(default_factory=dict)
     motion: Motion | None = None
     on_since_s: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    came_from: Mapping[str, str] = field(default_factory=dict)
+    stand: int = 0
 
     def after(self, event: Event, bench: BenchFile, begun_s: float) -> _InForce:
         """What it stands at when a step has ended that began at `begun_s`."""
         data, now = event.data, self
         if "angle_deg" in data:
             device = data.get("device", next(iter(bench.axes), ""))
-            now = replace(now, angles_deg={**now.angles_deg, device: float(data["angle_deg"])})
+            now = now.moved({device: float(data["angle_deg"])}, {device: data.get("came_from")})
         if "angles_deg" in data:
-            now = replace(now, angles_deg={**now.angles_deg, **data["angles_deg"]})
+            now = now.moved(data["angles_deg"], data.get("came_from", {}))
         if "mount" in data:
             now = replace(now, mount=_mount(bench, data["mount"]))
         now = replace(now, input=data.get("input", now.input), sources_a=_sources_on(now.sources_a, data))
         now = replace(now, on_since_s=_supplies_on(now.on_since_s, data, (begun_s, event.at_s)))
         return replace(now, set_c=float(data["set_point_c"])) if "set_point_c" in data else now
 
+    def moved(self, angles_deg: Mapping[str, float], sides: Mapping[str, str | None]) -> _InForce:
+        """After axes have gone to angles; from where one without a side came is not known."""
+        moved = {role: sides.get(role) for role in angles_deg if sides.get(role) != STOOD}
+        came_from = {role: side for role, side in {**self.came_from, **moved}.items() if side is not None}
+        return replace(
+            self, angles_deg={**self.angles_deg, **angles_deg}, came_from=came_from,
+            stand=self.stand + bool(moved),
+        )  # fmt: skip
+
     def without(self, roles: set[str]) -> _InForce:
         """What it stands at when nobody knows where axes stand, or what the chamber has been told."""
         angles_deg = {role: math.nan if role in roles else angle for role, angle in self.angles_deg.items()}
-        return replace(self, angles_deg=angles_deg, set_c=self.set_c if roles <= set(angles_deg) else math.nan)
+        came_from = {role: side for role, side in self.came_from.items() if role not in roles}
+        return replace(
+            self, angles_deg=angles_deg, came_from=came_from, stand=self.stand + 1,
+            set_c=self.set_c if roles <= set(angles_deg) else math.nan,
+        )  # fmt: skip
 
     @property
     def is_known(self) -> bool:
@@ -281,6 +297,8 @@ def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mappin
         counts={},
         motion=state.motion,
         on_since_s=state.on_since_s,
+        came_from=state.came_from,
+        stand=state.stand,
         temperatures_c={name: series.values for name, series in meanwhile.items()},
         temperatures_at_s={name: series.at_s for name, series in meanwhile.items()},
         over_s=event.data.get("over_s"),

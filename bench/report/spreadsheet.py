@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from bench.analysis.finding import COVERAGE
+from bench.report.csv_cells import harmless
 from bench.report.findings import Results
 
 COLUMNS = (
@@ -20,15 +21,14 @@ def spreadsheet(results: Results) -> str:
     """A line for each finding, each single measurement and each acquisition with gaps; what is not known is empty.
 
     `u` is the standard uncertainty, `k` the coverage factor of U = k · u, `dof` its degrees of freedom, `inf` for
-    unlimited.
+    unlimited. Text that a spreadsheet would take for a formula is made harmless.
     """
     content = results.to_json()
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, extrasaction="ignore", lineterminator="\n")
     writer.writeheader()
-    writer.writerows(_findings(content))
-    writer.writerows(_measurements(content))
-    writer.writerows(_missed(content))
+    for row in (*_findings(content), *_measurements(content), *_missed(content)):
+        writer.writerow({name: harmless(cell) for name, cell in row.items()})
     return text.getvalue()
 
 

@@ -20,9 +20,13 @@ from bench.report.missed import MissedIn, missed_in_run
 from bench.report.rundata import run_data
 from bench.sequence.load import load_sequence
 from bench.sequence.methods import CountsAt, known_methods
+from bench.store.kept_json import read_kept
+from bench.store.manifest_form import WHOLE_FORM
 from bench.store.reader import RunReader
-from bench.store.runs import summary
+from bench.store.runs import MANIFEST, summary
+from bench.store.verify import Record, examine
 
+MOST_TOLD = 3  # places of damage
 SEQUENCE_COPY, BENCH_COPY = "sequence.yaml", "bench.yaml"
 
 
@@ -34,13 +38,21 @@ def released_copy(place: str) -> str:
 class StoredRun:
     """A run's manifest, its kept files and its data together; raises InputError or StoreError for what is missing."""
 
-    def __init__(self, folder: Path, manifest: Mapping[str, Any], reader: RunReader) -> None:
+    def __init__(
+        self, folder: Path, manifest: Mapping[str, Any], reader: RunReader, record: Record | None = None
+    ) -> None:
         self.folder, self.manifest, self.reader = folder, manifest, reader
+        self.record = record
         self.bench = load_kept_bench(folder / BENCH_COPY)
         self.document, self.sequence = load_sequence(folder / SEQUENCE_COPY)
         self.serials = {unit["place"]: unit["uut"] for unit in manifest["units"]}
         self._data: dict[str, RunData] = {}
         self._evaluated: dict[str, Results] = {}  # by the state of the run
+
+    @property
+    def damage(self) -> tuple[str, ...]:
+        """What is not as it was written; empty of a record that was not examined."""
+        return self.record.damage if self.record is not None else ()
 
     @property
     def began(self) -> datetime:
@@ -72,8 +84,10 @@ class StoredRun:
         """The findings of the methods that the sequence asks for; worked out once for a state of the run."""
         state = str(self.manifest["state"])
         if state not in self._evaluated:
+            found = evaluate(self.sequence, self.data, state, on_the_way(self.reader))
             self._evaluated[state] = replace(
-                evaluate(self.sequence, self.data, state, on_the_way(self.reader)),
+                found,
+                verdict="ERROR" if self.damage else found.verdict,
                 corrections=tuple(self.corrections()),
                 past_due=self.bench.past_due(self.began.date()),
                 missed=self.missed(),
@@ -95,10 +109,23 @@ class StoredRun:
 
 
 @contextmanager
-def open_run(folder: Path) -> Iterator[StoredRun]:
-    """A run directory to read, whatever state it is in; an interrupted run holds what was acknowledged."""
-    found = summary(folder)
-    if not found.manifest:
-        raise StoreError(f"{folder}: has no readable manifest; the run ended before it began")
+def open_run(folder: Path, *, damaged: bool = False) -> Iterator[StoredRun]:
+    """A run directory to read, whatever state it is in; an interrupted run holds what was acknowledged.
+
+    One that is not as it was written is refused with StoreError, unless `damaged` ones are taken too.
+    """
+    if not (folder / MANIFEST).is_file():
+        raise StoreError(f"{folder}: has no manifest; the run ended before it began")
+    record = examine(folder, thoroughly=False)
+    if record.damage and not damaged:
+        raise StoreError(
+            f"{folder}: {record.in_words}. {'; '.join(record.damage[:MOST_TOLD])}. It is not read, so that nothing is "
+            "made of altered data; put it back from a copy, or read it all the same with --damaged, which marks what "
+            "is written"
+        )
+    manifest = read_kept(folder / MANIFEST, WHOLE_FORM)
+    state = summary(folder).state
     with RunReader(folder) as reader:
-        yield StoredRun(folder, {**found.manifest, "state": found.state}, reader)
+        yield StoredRun(
+            folder, {**manifest, "state": manifest["state"] if state == "damaged" else state}, reader, record
+        )

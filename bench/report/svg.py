@@ -23,6 +23,8 @@ FONTS = {"zh": ("notosanscjk", "sourcehansans", "wqy-", "droidsansfallback", "ms
 WIDTH_IN = 7.1  # between the margins of an A4 page, so that print has the sizes given here
 LEFT_IN = 0.68
 
+# The ground of a label that stands on lines, so that none strikes through it.
+CLEAR: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6}
 STYLE: dict[Any, Any] = {
     "figure.dpi": 72,  # a dot is a point
     "svg.fonttype": "none",  # text stays text: in the font of the page, found by a search, read by a screen reader

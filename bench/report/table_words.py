@@ -5,8 +5,8 @@ from __future__ import annotations
 CONDITIONS = {"acceleration_g": "g", "rate_dps": "°/s", "frequency_hz": "Hz"}
 """Of a point, with their units."""
 REASONS = {
-    "saturated": "the sensor is at the end of its range",
-    "unstable": "the table did not turn at the rate that it was told",
+    "clipped": "the sensor is at the end of its range",
+    "off_rate": "the table did not turn at the rate that it was told",
 }
 READINGS = {
     "no_encoder": "the encoder of the table was latched by nothing",
@@ -34,11 +34,15 @@ UNITS = {
     "lever_arm_unlike_bench_file": (
         "The arms that the accelerometer found are not those of the bench file: is it in its place, and turned rightly?"
     ),
+    "radius_unlike_bench_file": (
+        "The radius that the accelerometer found is not that of the bench file: its scale factor is not what is "
+        "stated, at this temperature, or it is not in its place."
+    ),
     "no_response": "There is no frequency with a response.",
 }
 PARTS = {
-    "unstable": "not judged: the table did not turn at the rate that it was told.",
-    "saturated": "the sensor is at the end of its range: more than 1 % of its samples are at the clip level.",
+    "off_rate": "not judged: the table did not turn at the rate that it was told.",
+    "clipped": "the sensor is at the end of its range: more than 1 % of its samples are at the clip level.",
 }
 FREQUENCIES = {
     "invalid": "left out: its samples tell no sine of the table or of the sensor.",

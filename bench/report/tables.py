@@ -264,7 +264,7 @@ def model_sheet(model: Equation | KnotModel) -> Sheet:
     """The constants of an equation, or the knots of a model of straight lines."""
     if isinstance(model, Equation):
         valid = tr(", ").join(_range_in_words(name, *ends) for name, ends in model.valid.items())
-        rows = tuple((name, *_constant(each), each.unit) for name, each in model.constants.items())
+        rows = tuple((_symbol(name), *_constant(each), each.unit) for name, each in model.constants.items())
         return Sheet(
             f"{quantity_in_words(model.quantity)}{tr(': ')}{form_in_words(model.form)}",
             tr("Valid for {valid}.", valid=valid) if valid else "",
@@ -286,6 +286,12 @@ def _range_in_words(name: str, low: float, high: float) -> str:
     form = ".2f" if name == "temperature_c" else ".6g"
     ends = tr("{low} to {high}", low=format(low, form), high=format(high, form))
     return f"{tr(VARIABLES.get(name, name.replace('_', ' ')))} {ends}"
+
+
+def _symbol(name: str) -> str:
+    """A constant as the equation names it, with its translation behind where there is one."""
+    translated = tr(name.replace("_", " "))
+    return name if translated in (name, name.replace("_", " ")) else f"{name} ({translated})"
 
 
 def _constant(constant: Constant) -> tuple[str, str]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, assert_never
 
 from bench.config.models import BenchFile
-from bench.report.shown import duration
+from bench.report.times_and_sizes import duration
 from bench.sequence.estimate import BenchState, Estimate, Span
 from bench.sequence.orienting import Orient
 from bench.sequence.plan import (

@@ -18,7 +18,7 @@ ENDINGS = {
     "completed": "It ran to its end.",
     "error": "It was ended by a problem of the bench; what was measured until then is evaluated here.",
     "failed": "It was ended because a value was outside its limits, as the sequence says.",
-    "aborted": "It was ended by the operator; what was measured until then is evaluated here.",
+    "aborted": "It was ended on request before its plan was done; what was measured until then is evaluated here.",
     "interrupted": (
         "It was interrupted: the program, the computer or its power stopped before the run was over. What was "
         "on the disk until then is evaluated here."
@@ -48,7 +48,7 @@ REASONS = {
 SOURCES = (
     "head", "fixture", "platform", "counter", "site", "readings", "samples", "bias", "K1", "ladder", "power-on",
     "asymmetry of the converter", "read-outs", "points", "accelerometer", "source", "sensor", "encoder", "axis",
-    "low rates", "lever arm", "scale factor", "fit and readings", "computer",
+    "low rates", "lever arm", "scale factor", "residuals of the model", "computer",
     "temperature", "readings of the rates", "gyro", "stretch of the arm", "misalignment of the input axis",
     "second-order nonlinearity of the sensor at low rates", "K2 of the accelerometer", "asymmetry of the voltmeter",
     "scatter of the readings of a tumble",
@@ -93,6 +93,12 @@ def source_in_words(source: str) -> str:
     """A source of uncertainty: "head: zero", "src_1g: source: gain"; the name of a reading is nothing to translate."""
     what, colon, part = source.partition(": ")
     return f"{tr(what) if what in SOURCES else what}{tr(colon)}{source_in_words(part)}" if colon else tr(source)
+
+
+def shared_in_words(shared: str) -> str:
+    """The error that results have in common: "head.time_base" as "head: time base"."""
+    what, point, part = shared.partition(".")
+    return source_in_words(f"{what}: {part.replace('_', ' ')}") if point else shared
 
 
 def said_in_words(text: str) -> str:
@@ -178,3 +184,10 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
         parts.append(tr("at {at_c} °C", at_c=f"{at['at_c']:.1f}"))
     parts += [f"{at[key]:.5g} {unit}" for key, unit in table_words.CONDITIONS.items() if key in at]
     return tr(", ").join(parts)
+
+
+def of_those_within_u(count: int) -> str:
+    """What a headline says of values whose U reaches over a limit."""
+    return tr(
+        "{count} value within U of the limit" if count == 1 else "{count} values within U of the limit", count=count
+    )

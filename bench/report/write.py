@@ -6,13 +6,14 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from bench.errors import BenchError
+from bench.files import write_whole
 from bench.report.html import render
 from bench.report.languages import ENGLISH, language
-from bench.report.pdf import pdf
-from bench.report.revision import revision_of
+from bench.report.pdf import library, pdf
+from bench.report.revision import note_written, revision_of
 from bench.report.spreadsheet import spreadsheet
 from bench.report.stored import StoredRun
-from bench.store.runs import json_text, write_whole
+from bench.store.runs import json_text
 
 REPORT = "report"
 
@@ -20,14 +21,16 @@ REPORT = "report"
 def write_report(run: StoredRun, form: str = "html", lang: str = ENGLISH) -> Path:
     """Evaluates a run, finished or not, and writes `report.html`, or another form of it, into its directory.
 
-    Gives the path; in another language than English it is `report.zh.html`. Data that cannot be evaluated are told in
-    the page; `json` and `csv` are nothing but the results, and raise what stands in their way. Raises StoreError when
-    it cannot be written.
+    Gives the path; in another language than English it is `report.zh.html`, of a damaged record `report.DAMAGED.html`.
+    Data that cannot be evaluated are told in the page; `json` and `csv` are nothing but the results, and raise what
+    stands in their way. Raises StoreError when it cannot be written.
     """
-    path = run.folder / (f"{REPORT}.{form}" if lang == ENGLISH else f"{REPORT}.{lang}.{form}")
+    parts = [REPORT, *(["DAMAGED"] if run.damage else []), *([lang] if lang != ENGLISH else []), form]
+    path = run.folder / ".".join(parts)
     with language(lang):
         content = FORMS[form](run)
     write_whole(path, content)
+    note_written(run.folder, path.name, content)
     return path
 
 
@@ -36,6 +39,7 @@ def _html(run: StoredRun) -> bytes:
 
 
 def _pdf(run: StoredRun) -> bytes:
+    library()  # before the run is evaluated, which may take long
     return pdf(_page(run))
 
 

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+from collections.abc import Awaitable, Callable
 from typing import Any
 
+from bench.engine.ending import EndRequest
 from bench.engine.engine import Engine
+from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.engine.state import RunState
-from bench.errors import InputError
-from bench.runner.control import Arguments, Handlers
+from bench.errors import InputError, StoreError
+from bench.runner.control import STOPS, Arguments, Handlers
 from bench.sequence.values import in_words
 
 
 def commands_of(  # noqa: C901  one small function for each command
-    engine: Engine, monitor: Monitor, *, can_pause: bool
+    engine: Engine, monitor: Monitor, notice: Callable[[str], None], *, can_pause: bool
 ) -> Handlers:
-    """Every command by its name, as a function that does it and says so."""
+    """Every command by its name, as a function that does it and says so.
+
+    Who gave which command is in the journal, and told to `notice`. What is answered is on the disk by then, except of
+    what ends the run, which no disk holds up.
+    """
 
     def pause(_: Arguments) -> str:
         if not can_pause:
@@ -30,16 +38,16 @@ def commands_of(  # noqa: C901  one small function for each command
         engine.resume()
         return "it goes on"
 
-    def stop(_: Arguments) -> str:
-        engine.stop()
+    def stop(said: Arguments) -> str:
+        engine.stop(_by(said, "stop"))
         return "the step under way ends, teardown runs"
 
-    def stop_after_step(_: Arguments) -> str:
-        engine.stop_after_step()
+    def stop_after_step(said: Arguments) -> str:
+        engine.stop_after_step(_by(said, "stop --after-step"))
         return "teardown runs after the step under way"
 
-    def abort(_: Arguments) -> str:
-        engine.abort()
+    def abort(said: Arguments) -> str:
+        engine.abort(_by(said, "abort"))
         return "the teardown is dropped, all devices are made safe"
 
     def skip(_: Arguments) -> str:
@@ -51,20 +59,40 @@ def commands_of(  # noqa: C901  one small function for each command
     def answer(said: Arguments) -> str:
         if "answer" not in said:
             raise InputError("an answer is missing")
-        by = said.get("by") or "operator"
-        if not by.isprintable():
-            raise InputError("who answers is told in characters that cannot be printed")
-        question = engine.desk.answer(said["answer"], by, said.get("step") or None)
+        question = engine.desk.answer(said["answer"], said["by"], said.get("step") or None)
         return f"answered: {question.text}"
 
-    def status(_: Arguments) -> str:
+    async def status(_: Arguments) -> str:
         told = {"state": "running"} | state_to_json(engine.journal.state) | _now(engine, monitor)
+        await _kept(engine.journal, "the state of the run is not on the disk")
         return json.dumps(told, ensure_ascii=False)
 
-    return {
-        "pause": pause, "resume": resume, "stop": stop, "stop_after_step": stop_after_step, "abort": abort,
-        "skip": skip, "repeat": repeat, "answer": answer, "status": status,
-    }  # fmt: skip
+    def command(name: str, act: Callable[[Arguments], str]) -> Callable[[Arguments], Awaitable[str]]:
+        async def done(said: Arguments) -> str:
+            told = act(said)
+            engine.journal.try_to_write("command", command=name, **said)
+            notice(f"{name.replace('_', ' ')} by {said['by']}: {told}")
+            if name not in STOPS:
+                await _kept(engine.journal, f"{told}, which is not on the disk")
+            return told
+
+        return done
+
+    acts = (pause, resume, stop, stop_after_step, abort, skip, repeat, answer)
+    return {act.__name__: command(act.__name__, act) for act in acts} | {"status": status}
+
+
+async def _kept(journal: Journal, otherwise: str) -> None:
+    """Returns when all that was written is on the disk; InputError when it cannot be."""
+    try:
+        await journal.commit()
+    except StoreError as problem:
+        raise InputError(f"{otherwise}: {problem}") from problem
+
+
+def _by(said: Arguments, command: str) -> EndRequest:
+    """Who ends the run by a command."""
+    return EndRequest("command", f"ended by {said['by']} with 'bench {command}'")
 
 
 def state_to_json(state: RunState) -> dict[str, Any]:
@@ -83,8 +111,9 @@ def state_to_json(state: RunState) -> dict[str, Any]:
 
 
 def _now(engine: Engine, monitor: Monitor) -> dict[str, Any]:
-    """What only a run under way can tell: open questions, and the newest readings."""
+    """State that only a run under way has: its bench time, open questions and the newest readings."""
     return {
+        "now_s": asyncio.get_running_loop().time(),
         "questions": [
             {"step": question.step, "text": question.text, "expected": question.expected}
             for question in engine.desk.questions

@@ -1,24 +1,32 @@
-"""Whose instruments are in use: of all programs of this user on this computer, one at a time talks to an address.
+"""Whose instruments are in use: of all programs of all users on this computer, one at a time talks to an address.
 
-A lock for each real address, in the folder of the control sockets; the kernel lets go of it when its owner dies. What
-is in the file tells the next one who holds it. A simulated address needs no lock.
+The lock of a place is an abstract Unix socket with its name: in no folder, so that no permission, environment or file
+left behind stands between two programs, and gone with its owner. Whoever finds it taken connects to it and is told who
+has it; the kernel adds which process and user that is. A simulated address needs no lock.
 """
 
 from __future__ import annotations
 
-import fcntl
+import errno
 import hashlib
 import os
+import pwd
+import selectors
+import socket
+import struct
+import threading
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager
-from pathlib import Path
+from contextlib import ExitStack, contextmanager, suppress
 
 from bench.config.models import BenchFile
 from bench.errors import InUseError, StoreError
-from bench.runner.control import own_folder
+from bench.runner.whereabouts import marks
 from drivers.transport.address import Address
 
 _WORDS_AT_MOST = 200
+_OWNER_ANSWERS_S = 0.5
+_pause = threading.Event().wait
+_ATTEMPTS, _BETWEEN_ATTEMPTS_S = 3, 0.02  # the owner may end before it is asked who it is, or have just begun
 
 
 def real_addresses(bench: BenchFile) -> dict[str, Address]:
@@ -29,35 +37,105 @@ def real_addresses(bench: BenchFile) -> dict[str, Address]:
 @contextmanager
 def holding(addresses: Iterable[Address], who: str) -> Iterator[None]:
     """Holds the addresses while inside, as `who`; InUseError names who has one of them already."""
+    places = {mark: address for address in addresses for mark in marks(address)}  # several may share a line
     with ExitStack() as held:
-        places = {_lock_of(address): address for address in addresses if not address.simulated}
-        for lock, address in places.items():  # several instruments may share a line
-            _hold(lock, address, f"{who}, process {os.getpid()}", held)
+        locks = [held.enter_context(_lock(mark, places[mark])) for mark in sorted(places)]
+        if locks:
+            held.enter_context(_answering(locks, who.encode()[:_WORDS_AT_MOST]))
         yield
 
 
-def _lock_of(address: Address) -> Path:
-    """The file of an address: however it is spelled, a port is one."""
-    place = f"{address.host}:{address.port}" if address.port else os.path.realpath(address.path)
-    name = hashlib.sha256(place.encode()).hexdigest()[:20]
-    try:
-        return own_folder() / f"{name}.lock"
-    except OSError as problem:
-        raise StoreError(f"nobody can be told that {address} is in use ({problem})") from problem
+def peer(connection: socket.socket) -> tuple[int, int]:
+    """Process and user at the other end of a Unix socket, as the kernel has them; of a listener, who made it."""
+    size = struct.calcsize("3i")
+    process, user, _ = struct.unpack("3i", connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size))
+    return process, user
 
 
-def _hold(path: Path, address: Address, who: str, held: ExitStack) -> None:
+def _lock(mark: str, address: Address) -> socket.socket:
+    name = f"\0inertial-test-bench/{hashlib.sha256(mark.encode()).hexdigest()[:32]}"
+    for _ in range(_ATTEMPTS):
+        lock = socket.socket(socket.AF_UNIX)
+        try:
+            lock.bind(name)
+            lock.listen()
+        except OSError as problem:
+            lock.close()
+            if problem.errno != errno.EADDRINUSE:
+                raise StoreError(f"nobody can be told that {address} is in use ({problem})") from problem
+            if owner := _owner(name):
+                break
+            _pause(_BETWEEN_ATTEMPTS_S)
+        else:
+            lock.setblocking(False)
+            return lock
+    raise InUseError(
+        f"{address} is in use by {owner or 'another program'}. Wait until it has ended, or end it: "
+        "bench status tells what is under way"
+    )
+
+
+def _owner(name: str) -> str:
+    """Who has the lock of this name, "" when nobody has it any more; an owner that does not answer is named as well."""
+    words = ""
+    with socket.socket(socket.AF_UNIX) as client:
+        client.settimeout(_OWNER_ANSWERS_S)
+        try:
+            client.connect(name)
+        except ConnectionRefusedError:
+            return ""
+        except OSError:  # it has stood still for long, and many have asked
+            return "another program that does not answer"
+        process, user = peer(client)
+        with suppress(OSError):
+            words = client.recv(_WORDS_AT_MOST).decode(errors="replace")
+    words = "".join(letter if letter.isprintable() else "?" for letter in words)
+    return f"{words or 'a program that does not answer'}, process {process}" + (
+        "" if user == os.getuid() else f" of user {_user(user)}"
+    )
+
+
+def _user(number: int) -> str:
     try:
-        lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        held.callback(os.close, lock)
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        os.truncate(lock, 0)
-        os.pwrite(lock, who.encode()[:_WORDS_AT_MOST], 0)
-    except BlockingIOError:
-        owner = os.pread(lock, _WORDS_AT_MOST, 0).decode(errors="replace")
-        raise InUseError(
-            f"{address} is in use by {owner or 'another program'}. Wait until it has ended, or end it: "
-            "bench status tells what is under way"
-        ) from None
-    except OSError as problem:
-        raise StoreError(f"nobody can be told that {address} is in use ({problem})") from problem
+        return pwd.getpwuid(number).pw_name
+    except KeyError:
+        return str(number)
+
+
+@contextmanager
+def _answering(locks: list[socket.socket], words: bytes) -> Iterator[None]:
+    """While inside, whoever connects to one of the locks is given the words, by a thread of its own."""
+    near, far = socket.socketpair()
+
+    def answer() -> None:
+        with selectors.DefaultSelector() as waiting:
+            waiting.register(far, selectors.EVENT_READ)
+            for lock in locks:
+                waiting.register(lock, selectors.EVENT_READ, lock)
+            while True:
+                for key, _ in waiting.select():
+                    if key.data is None:
+                        return
+                    _answer_one(key.data, words)
+
+    thread = threading.Thread(target=answer, name="held", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        near.close()
+        thread.join()
+        far.close()
+
+
+def _answer_one(lock: socket.socket, words: bytes) -> None:
+    try:
+        connection, _ = lock.accept()
+    except BlockingIOError:  # whoever asked has gone
+        return
+    except OSError:  # no descriptor is left; somebody may give one back
+        _pause(_OWNER_ANSWERS_S)
+        return
+    with connection, suppress(OSError):
+        connection.setblocking(False)
+        connection.send(words)

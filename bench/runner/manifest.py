@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+import uuid
 from collections.abc import Mapping
 from datetime import datetime
 from importlib.metadata import version
@@ -13,7 +14,7 @@ from typing import Any
 
 from bench.config.models import BenchFile
 from bench.sequence.plan import Plan
-from bench.sequence.values import in_words
+from bench.sequence.values import as_written
 from drivers.values import Identity
 
 SCHEMA = "itb-manifest/1"
@@ -30,6 +31,7 @@ def opening(
     return {
         "schema": SCHEMA,
         "run": run_id,
+        "uuid": uuid.uuid4().hex,  # runs of one second may have one name in different places
         "state": "running",
         "verdict": None,
         "title": plan.sequence.title,
@@ -41,7 +43,7 @@ def opening(
         "wall_s": None,
         "bench_s": None,
         "preset": plan.preset,
-        "parameters": {name: in_words(value) for name, value in plan.parameters.items()},
+        "parameters": {name: as_written(value) for name, value in plan.parameters.items()},
         "seed": seed,
         "simulated": [role for role, entry in bench.devices.items() if entry.connection.simulated],
         "units": [_unit(bench, place, serial) for place, serial in serials.items()],

@@ -32,6 +32,9 @@ class Quiet:
     def asked(self, question: Question) -> None:
         """Nobody to show it to."""
 
+    def held(self, by: str) -> None:
+        """Nothing to show."""
+
     def notice(self, text: str) -> None:
         """Kept."""
         self.notices.append(text)

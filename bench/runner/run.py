@@ -1,25 +1,30 @@
-"""Runs a plan on devices, with the record beside it; what a signal does."""
+"""Runs a plan on devices, with the record beside it; what a signal does in each phase."""
 
 from __future__ import annotations
 
 import asyncio
-import signal
-from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from bench.config.models import BenchFile
-from bench.engine.engine import Engine, Observer, Outcome
+from bench.engine.ending import Outcome
+from bench.engine.engine import Engine, Observer
 from bench.engine.interlocks import Interlocks
+from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.engine.people import People
 from bench.engine.questions import Desk
-from bench.rig import OpenError, Rig
+from bench.engine.safety import finish
+from bench.errors import StoreError, in_words
+from bench.rig import CLOSE_S, MAKE_SAFE_S, Rig
 from bench.runner.commands import commands_of
 from bench.runner.control import control_socket
+from bench.runner.signals import Sent, Signals
 from bench.runner.terminal import answers_from_terminal
 from bench.sequence.plan import Plan
+from bench.sequence.used import devices_used
 from bench.store.writer import RunWriter
 from drivers.capabilities import Device
 from drivers.values import Identity, Reading
@@ -36,40 +41,127 @@ async def run_plan(
     *,
     folder: Path,
     can_pause: bool,
+    signals: Signals,
     on_desk: Callable[[Desk], object] | None = None,
     places: Collection[str] | None = None,
     people: People | None = None,
 ) -> tuple[Outcome, Mapping[str, Identity]]:
     """Opens the devices, runs the plan, makes everything safe, closes; how it ended, and who the devices were.
 
-    SIGINT: the step ends and teardown runs; a second one, or SIGTERM, drops the teardown. `teardown_s` is its estimated
-    duration, to be told. While it runs a control socket takes commands; it is named in `folder`. `on_desk` is given the
-    desk at which questions are asked, before the first one. `places` are those with a unit in them; None for all.
-    `people` are whom the devices ask.
+    Whatever goes wrong is in the outcome. What has opened is made safe, also when not all has; what has not is named. A
+    signal ends the opening, or the run as `_acting` says. `teardown_s` is the estimated duration of the teardown, to be
+    told. While it runs a control socket takes commands; it is named in `folder`. `on_desk` is given the desk at which
+    questions are asked, before the first one. `places` are those with a unit in them; None for all. `people` are whom
+    the devices ask.
     """
-    rig = Rig(devices)
+    rig, journal = Rig(devices), Journal(writer)
+    in_use = bench.with_units_in(bench.places if places is None else places)
+    used = devices_used(plan, in_use)
+    outcome: Outcome | None = None
     try:
-        async with rig:
-            for role, identity in rig.identities.items():
-                writer.event("identified", device=role, **_facts(identity))
+        await _open(rig, used, signals)
+        _tell_who_is_there(rig, writer, journal, observer)
+        if signals.first is None:
             interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
-            monitor = Monitor(rig, bench, interlocks, writer, on_reading, places)
-            in_use = bench.with_units_in(bench.places if places is None else places)
+            monitor = Monitor(rig, bench, interlocks, writer, on_reading, places, used)
             engine = Engine(plan, in_use, rig, monitor, writer, observer)
+            loop = asyncio.get_running_loop()
+
+            def end_run(failure: StoreError) -> None:
+                with suppress(RuntimeError):  # the loop is closed: the run has ended
+                    loop.call_soon_threadsafe(monitor.report, failure)
+
+            writer.on_failure = end_run
             if people is not None:
                 people.meet(engine.desk, engine.journal, observer.notice)
             if on_desk is not None:
                 on_desk(engine.desk)
-            commands = commands_of(engine, monitor, can_pause=can_pause)
             with (
-                _signals(engine, observer, teardown_s),
-                control_socket(folder, commands),
+                signals.told_to(_acting(engine, observer, teardown_s)),
+                control_socket(folder, commands_of(engine, monitor, observer.notice, can_pause=can_pause)),
                 answers_from_terminal(engine.desk, observer, can_wait=can_pause),
             ):
-                return await engine.run(), rig.identities
-    except OpenError as problem:
-        writer.event("problem", text=str(problem))
-        return Outcome("error", [str(problem)]), rig.identities
+                outcome = await engine.run()
+    except Exception as problem:  # noqa: BLE001  whatever it is, what has opened is made safe
+        outcome = await _failed(problem, outcome, rig, journal, observer)
+    if outcome is None:
+        outcome = await _ended_while_opening(rig, journal, signals, observer)
+    outcome.not_reached = rig.not_reached
+    await _close(rig, outcome)
+    return outcome, rig.identities
+
+
+async def _open(rig: Rig, used: Collection[str], signals: Signals) -> None:
+    """Opens the devices that are used, and the others as far as they are there; a signal ends it. Raises OpenError."""
+    if signals.first is not None:
+        return
+    opening = asyncio.create_task(rig.open(used), name="opening")
+    try:
+        with signals.told_to(lambda _: opening.cancel()):
+            await asyncio.wait([opening])
+    finally:
+        opening.cancel()
+    if not opening.cancelled():
+        opening.result()
+
+
+def _tell_who_is_there(rig: Rig, writer: RunWriter, journal: Journal, observer: Observer) -> None:
+    for role, identity in rig.identities.items():
+        writer.event("identified", device=role, **_facts(identity))
+    for role, why in rig.not_reached.items():
+        journal.try_to_write("not_reached", device=role, text=why, used=False)
+        observer.notice(
+            f"{why}\nThe run does not use {role} and goes on without it. Nothing was sent to it: see for yourself that "
+            "it is safe."
+        )
+
+
+async def _failed(
+    problem: Exception, outcome: Outcome | None, rig: Rig, journal: Journal, observer: Observer
+) -> Outcome:
+    """The outcome of a run that something has ended from outside of its steps."""
+    text = in_words(problem)
+    journal.try_to_write("problem", text=text)
+    observer.notice(text)
+    if outcome is None:  # the engine has not begun
+        outcome = await _made_safe(rig, journal, observer)
+    outcome.failed(text)
+    outcome.problems.sort(key=lambda each: each != text)  # why it ended is told first
+    return outcome
+
+
+async def _ended_while_opening(rig: Rig, journal: Journal, signals: Signals, observer: Observer) -> Outcome:
+    outcome = await _made_safe(rig, journal, observer)
+    if (request := signals.first) is not None:
+        journal.try_to_write("end_requested", action="abort", by=request.by, text=request.text)
+        outcome.ended(request)
+    return outcome
+
+
+async def _made_safe(rig: Rig, journal: Journal, observer: Observer) -> Outcome:
+    """Makes safe what has opened of a bench on which no step has begun: it may be as a crash has left it."""
+    outcome = Outcome()
+    outcome.unsafe = await finish(rig.make_safe(), MAKE_SAFE_S + CLOSE_S)
+    for role, why in rig.not_reached.items():
+        journal.try_to_write("not_reached", device=role, text=why, used=True)
+    journal.try_to_write("made_safe", unsafe=outcome.unsafe)
+    safe = [role for role in rig.devices if role not in outcome.unsafe]
+    if safe:
+        observer.notice(f"No step was begun. Made safe: {', '.join(safe)}.")
+    if rig.not_reached:
+        names = ", ".join(rig.not_reached)
+        observer.notice(f"NOT REACHED, so that nothing was sent: {names}. See for yourself that it is safe there.")
+    for role, why in outcome.unsafe.items():
+        outcome.failed(why)
+        observer.notice(f"{role} COULD NOT BE MADE SAFE: {why}")
+    return outcome
+
+
+async def _close(rig: Rig, outcome: Outcome) -> None:
+    try:
+        await rig.close()
+    except Exception as problem:  # noqa: BLE001  the run is over, and how it ended is not to be lost
+        outcome.failed(in_words(problem))
 
 
 def _facts(identity: Identity) -> dict[str, Any]:
@@ -83,37 +175,21 @@ def _facts(identity: Identity) -> dict[str, Any]:
     }
 
 
-@contextmanager
-def _signals(engine: Engine, observer: Observer, teardown_s: float) -> Iterator[None]:
-    """While inside, SIGINT stops, then aborts; SIGTERM aborts. Outside the main thread signals are not ours."""
-    loop = asyncio.get_running_loop()
-    pressed = False
+def _acting(engine: Engine, observer: Observer, teardown_s: float) -> Callable[[Sent], None]:
+    """What a signal does while the plan runs: SIGINT stops, a second one and any other signal aborts."""
+    stopping = False
 
-    def interrupt() -> None:
-        nonlocal pressed
-        if pressed or engine.in_teardown:
-            observer.notice("Aborting: the teardown is dropped, all devices are made safe.")
-            engine.abort()
+    def act(sent: Sent) -> None:
+        nonlocal stopping
+        if sent.gentle and not stopping and not engine.in_teardown:
+            stopping = True
+            engine.stop(sent.request)
+            observer.notice(
+                f"Stopping: teardown runs now and takes about {teardown_s / 60:.0f} min. Ctrl-C again drops it and "
+                "makes the devices safe at once."
+            )
             return
-        pressed = True
-        observer.notice(
-            f"Stopping: teardown runs now and takes about {teardown_s / 60:.0f} min. Ctrl-C again drops it and makes "
-            "the devices safe at once."
-        )
-        engine.stop()
+        engine.abort(sent.request)
+        observer.notice(f"Aborting: the teardown is dropped, all devices are made safe ({sent.request.text}).")
 
-    def terminate() -> None:
-        observer.notice("Terminated: the teardown is dropped, all devices are made safe.")
-        engine.abort()
-
-    try:
-        loop.add_signal_handler(signal.SIGINT, interrupt)
-        loop.add_signal_handler(signal.SIGTERM, terminate)
-    except (RuntimeError, ValueError):
-        yield
-        return
-    try:
-        yield
-    finally:
-        loop.remove_signal_handler(signal.SIGINT)
-        loop.remove_signal_handler(signal.SIGTERM)
+    return act

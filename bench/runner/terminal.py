@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import sys
 from collections.abc import AsyncIterator, Iterator
@@ -18,13 +19,16 @@ READ_AT_ONCE_BYTES = 4096
 @contextmanager
 def answers_from_terminal(desk: Desk, observer: Observer, *, can_wait: bool) -> Iterator[None]:
     """While inside, a line typed on the terminal answers the open question; nothing where there is no terminal."""
-    if not can_wait or not sys.stdin.isatty():
+    if not can_wait or not _is_a_terminal():
         yield
         return
     loop = asyncio.get_running_loop()
 
     def typed() -> None:
-        line = sys.stdin.readline()
+        try:
+            line = sys.stdin.readline()
+        except (OSError, ValueError):  # the terminal is gone, or belongs to another program now
+            line = ""
         if not line:
             loop.remove_reader(sys.stdin)
         elif desk.questions:
@@ -38,6 +42,12 @@ def answers_from_terminal(desk: Desk, observer: Observer, *, can_wait: bool) -> 
         yield
     finally:
         loop.remove_reader(sys.stdin)
+
+
+def _is_a_terminal() -> bool:
+    with contextlib.suppress(OSError, ValueError):
+        return sys.stdin is not None and sys.stdin.isatty()
+    return False
 
 
 async def typed_lines() -> AsyncIterator[str]:

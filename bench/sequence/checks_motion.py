@@ -94,7 +94,7 @@ def short_acquisition(plan: Plan, bench: BenchFile) -> Iterator[Found]:
         for name, place in bench.places.items():
             if place.nominal is None or place.nominal.S is None:
                 continue
-            needed_s = 1 / (place.nominal.S * place.nominal.amperes_per_g * resolution_g)
+            needed_s = 1 / (abs(place.nominal.S * place.nominal.amperes_per_g) * resolution_g)
             if step.duration_s < needed_s:
                 yield (
                     (*planned.place, "for"),

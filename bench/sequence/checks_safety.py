@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 
 from bench.config.models import BenchFile
 from bench.sequence.orienting import Orient
@@ -59,18 +60,27 @@ def left_cold(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def limit_below_window(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A supply that limits the current before the window of the unit on it can tell that it draws too much."""
+    """A supply that limits the current before the windows of the units on it can tell that they draw too much."""
     for planned in plan:
         step = planned.step
         if not isinstance(step, SetOutput) or step.current_limit_a is None:
             continue
-        for name, unit in bench.places.items():
-            fed = unit.supply in bench.members(step.role)
-            if fed and unit.supply_current and unit.supply_current.max > step.current_limit_a:
-                yield (
-                    (*planned.place, "current_limit"),
-                    f"the supply stops at {step.current_limit_a:g} A, the unit in place '{name}' may draw "
-                    f"{unit.supply_current.max:g} A, so that its window never tells that it draws too much",
-                    f"Give a current_limit of at least {unit.supply_current.max:g} A, or lower "
-                    f"places.{name}.supply_current.max of the bench file",
-                )
+        for supply in bench.members(step.role):
+            fed = [name for name, unit in bench.places.items() if unit.supply == supply]
+            most_a = bench.draws(supply)[1]
+            if not math.isfinite(most_a) or most_a <= step.current_limit_a:
+                continue
+            alone = len(fed) == 1
+            units = f"the unit in place '{fed[0]}'" if alone else f"the units on it, in {_listed(fed)}, together"
+            unseen = "its window never tells that it draws" if alone else "their windows never tell that they draw"
+            yield (
+                (*planned.place, "current_limit"),
+                f"the supply stops at {step.current_limit_a:g} A, {units} may draw {most_a:g} A, so that {unseen} "
+                "too much",
+                f"Give a current_limit of at least {most_a:g} A, or lower "
+                f"places.{fed[0]}.supply_current.max of the bench file",
+            )
+
+
+def _listed(places: Sequence[str]) -> str:
+    return "places " + ", ".join(f"'{name}'" for name in places[:-1]) + f" and '{places[-1]}'"

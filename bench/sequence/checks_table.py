@@ -16,7 +16,9 @@ from bench.sequence.stimulus import Oscillate, Rotate
 from drivers.can_counter.description import CounterOptions
 from drivers.can_telemetry.description import TelemetryOptions
 
-LEAST_STEPS = 30.0  # of a swing, pulses or codes: with fewer the steps are a large part of it
+LEAST_STEPS = 30.0  # of a swing, pulses or codes: with fewer the steps are much of its uncertainty
+COUNT_SD = 0.29  # of a pulse, that what is left over in a converter varies by
+CODE_PART = 0.1  # of a sine of one code, that rounding changes it by
 FEW_PHASES = 100  # of a swing that the samples come back to; their number divides the errors of the encoder
 RANGE_METHODS, RESPONSE_METHODS = ("gyro_range", "accelerometer_range"), ("gyro_response", "accelerometer_response")
 Inside = tuple[PlannedStep, Oscillate | Rotate | None]  # an acquisition, and what turns the table meanwhile
@@ -117,21 +119,23 @@ def incomplete_table_test(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def too_few_pulses(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A swing on which an accelerometer pulses hardly to and fro, or sends hardly more than a few codes."""
+    """A swing on which an accelerometer pulses hardly to and fro, or sends few codes, with what that costs."""
     for _, entry in _on_a_table(plan):
         if entry.method != "accelerometer_response":
             continue
-        for _, motion in _acquired(plan, entry.data):
-            found = _small_swings(bench, motion) if isinstance(motion, Oscillate) else iter(())
+        for planned, motion in _acquired(plan, entry.data):
+            for_s = planned.step.duration_s if isinstance(planned.step, Acquire) else None
+            found = _small_swings(bench, motion, for_s or 0.0) if isinstance(motion, Oscillate) else iter(())
             if isinstance(motion, Oscillate) and (small := next(found, None)) is not None:
                 yield (*_place_of(plan, motion), "amplitude"), *small
 
 
-def _small_swings(bench: BenchFile, motion: Oscillate) -> Iterator[tuple[str, str]]:
-    """Of each unit whose output swings by too little: what is wrong, and what to do.
+def _small_swings(bench: BenchFile, motion: Oscillate, for_s: float) -> Iterator[tuple[str, str]]:
+    """Of each unit whose output swings by little over a time: what that costs, and what to do.
 
     A rate of amplitude A makes A·r·S/g pulses at an arm r, whatever the frequency f, and a sine of A·2πf·r·K/g codes.
     Rounding changes a sine of n codes by about 0.1 n^-3/2 of it, without noise that would hide the steps: 6e-4 of 30.
+    A count is off by 0.29 of a pulse, and by another part after each of the 4 n f T pulses that come within T.
     """
     turn_hz = 2 * math.pi * motion.highest_hz
     rate_dps = motion.amplitude_deg * turn_hz
@@ -139,14 +143,18 @@ def _small_swings(bench: BenchFile, motion: Oscillate) -> Iterator[tuple[str, st
         per_g = bench.nominal_per_g(name)
         if place.arm is None or per_g is None or not place.arm.y or place.voltmeter is not None:
             continue
-        per_rps = abs(place.arm.y) * per_g / bench.site.gravity.value * (1 if place.is_counted else turn_hz)
+        per_rps = abs(place.arm.y * per_g) / bench.site.gravity.value * (1 if place.is_counted else turn_hz)
         size = math.radians(rate_dps) * per_rps
         if size < LEAST_STEPS:
             does = f"pulse {size:.3g} times to and fro" if place.is_counted else f"send a sine of {size:.3g} codes"
+            pulses = max(4 * size * motion.highest_hz * for_s, 1.0)
+            cost = COUNT_SD * math.sqrt(2 / pulses) / size if place.is_counted else CODE_PART * size**-1.5
             yield (
                 f"the swing by {rate_dps:.3g} °/s at {motion.highest_hz:.6g} Hz makes the unit in place "
-                f"'{name}' {does}, which is fewer than {LEAST_STEPS:g}",
-                f"Swing by at least {math.degrees(LEAST_STEPS / per_rps):.3g} °/s, or use a longer arm",
+                f"'{name}' {does}: steps of the output make its gain uncertain by about {100 * cost:.2g} %, and by "
+                "more where they meet few phases of the swing",
+                f"Swing by at least {math.degrees(LEAST_STEPS / per_rps):.3g} °/s for {LEAST_STEPS:g}, use a longer "
+                "arm, or count for longer; the uncertainties of the results hold it",
             )
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.metadata import entry_points
 from typing import Any
 
 from pydantic import BaseModel, Field
@@ -16,6 +15,7 @@ from pydantic import BaseModel, Field
 from bench.sequence.expressions import Value
 from bench.sequence.step_fields import StepBase
 from drivers.fields import Name
+from drivers.installed import Installed
 
 ENTRY_POINTS = "inertial_test_bench.steps"
 
@@ -61,4 +61,4 @@ class Custom(StepBase):
 @lru_cache(maxsize=1)
 def known_steps() -> Mapping[str, StepDescription]:
     """Every installed plug-in's step by name."""
-    return {point.name: point.load() for point in entry_points(group=ENTRY_POINTS)}
+    return Installed(ENTRY_POINTS)

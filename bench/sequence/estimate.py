@@ -86,7 +86,7 @@ class Estimate:
     @property
     def total_s(self) -> float:
         """From the beginning of the first phase to the end of the last."""
-        return sum(self.phases_s.values())
+        return math.fsum(self.phases_s.values())
 
     @property
     def steps_s(self) -> tuple[float, ...]:
@@ -112,13 +112,13 @@ def estimate(plan: Plan, bench: BenchFile) -> Estimate:
 
 def _size_bytes(spans: tuple[Span, ...], total_s: float, bench: BenchFile) -> int:
     meters = set(bench.with_capability("voltmeter"))
-    counting_s = sum(
+    counting_s = math.fsum(
         span.duration_s * span.times
         for span in spans
         if isinstance(span.step.step, Acquire) and not meters & set(bench.acquired_from(span.step.step.role))
     )
     latch_s = min((_frame_period_s(entry) for entry in bench.devices.values()), default=1.0)
-    per_s = sum(len(entry.channels) / period_s(role, bench) for role, entry in bench.devices.items())
+    per_s = math.fsum(len(entry.channels) / period_s(role, bench) for role, entry in bench.devices.items())
     size = counting_s / latch_s * STORED_BYTES_PER_LATCH + total_s * per_s * STORED_BYTES_PER_READING
     return int(size) + STORED_BYTES_PER_STEP * sum(span.times for span in spans) + STORED_BYTES
 

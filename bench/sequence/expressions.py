@@ -45,7 +45,7 @@ def scalar_of(raw: object) -> Scalar:
     try:
         return parse(raw)
     except QuantityError as problem:
-        if raw[0].isnumeric() or raw[0] in "+-−.":
+        if raw[0].isnumeric() or raw[0] in "+-−.‐‒–—":
             raise ValueProblem(str(problem)) from None
         return raw
 

@@ -53,14 +53,14 @@ def gain(poles: Poles, period_s: float) -> float:
 
 def _after_a_step(poles: Poles, t_s: float) -> float:
     """The answer to an input that steps from 0 to 1 at time 0: 1 - Σ w e^(pt)."""
-    return 1 - sum((weight * cmath.exp(pole * t_s)).real for pole, weight in _fractions(poles))
+    return 1 - math.fsum((weight * cmath.exp(pole * t_s)).real for pole, weight in _fractions(poles))
 
 
 def _on_a_slope(poles: Poles, t_s: float) -> float:
     """The answer to an input that rises by 1 a second from time 0 on: t + Σ 1/p - Σ w/p e^(pt)."""
     if t_s <= 0:
         return 0.0
-    return t_s + sum(((1 - weight * cmath.exp(pole * t_s)) / pole).real for pole, weight in _fractions(poles))
+    return t_s + math.fsum(((1 - weight * cmath.exp(pole * t_s)) / pole).real for pole, weight in _fractions(poles))
 
 
 @lru_cache(maxsize=64)

@@ -86,9 +86,13 @@ def _choose(
         problems_there, given = _from_file(outline, parameters)
         found += problems_there
         values.update(given)
+    already: set[str] = set()
     for setting in settings:
         try:
             name, value = _setting(outline, setting)
+            if name in already:
+                raise ValueProblem(f"'{name}' is set twice: give it once")
+            already.add(name)
             values[name] = value
         except ValueProblem as problem:
             found.append(f"--set {setting}: {problem}")

@@ -17,7 +17,7 @@ from drivers.capabilities import READING
 from drivers.fields import Name, StrictModel
 from drivers.quantities import Quantity
 from drivers.suggest import did_you_mean
-from drivers.units import customary_unit, in_unit, quoted
+from drivers.units import NO_DIMENSION, customary_unit, in_unit, quoted
 from drivers.wording import telling
 
 Text = Annotated[str, Field(min_length=1, max_length=500)]
@@ -85,6 +85,8 @@ class Parameter(StrictModel):
             return (
                 "" if type(item) is type(one) else f"is {quoted(in_words(item))}, expected a value like {in_words(one)}"
             )
+        if item.dimension == NO_DIMENSION != one.dimension:
+            return f"is {in_words(item)}, without a unit; write it like '{in_words(item)} {_unit_as_written(one)}'"
         if item.dimension != one.dimension:
             return f"is {in_words(item)}, expected {in_unit(customary_unit(one.dimension))}"
         if self.min is not None and item < self.min:
@@ -92,6 +94,14 @@ class Parameter(StrictModel):
         if self.max is not None and item > self.max:
             return f"is {in_words(item)}, expected at most {in_words(self.max)}"
         return ""
+
+
+def _unit_as_written(quantity: Quantity) -> str:
+    """The unit that somebody wrote a quantity in."""
+    number, _, unit = quantity.written.partition(" ")
+    return (
+        unit if number and unit and not any(letter.isdigit() for letter in unit) else customary_unit(quantity.dimension)
+    )
 
 
 class Preset(StrictModel):

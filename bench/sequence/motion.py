@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 from bench.sequence.stimulus import Move, Oscillate, Rotate
 from drivers.capabilities import Approach
@@ -13,6 +13,8 @@ SEEN_AFTER_S = 0.1  # an axis has arrived, until that is seen
 USUAL_RATE_DPS, USUAL_ACCELERATION_DPS2 = 20.0, 40.0  # of an axis whose driver has no such options
 REST_S = 0.6  # of a table before it turns or swings after something else
 SINE_GROWS_S, SINE_GROWS_PERIODS = 2.0, 4.0  # until a sine has its amplitude: the longer of both
+Side = Literal["below", "above", "stood"]
+"""Where an axis comes from; it stood there already when nothing moves it."""
 _SIDES = {"direct": 0.0, "from_below": -1.0, "from_above": 1.0}
 
 
@@ -35,11 +37,26 @@ def way_s(approach: Approach, from_deg: float, target_deg: float, options: Any) 
     """
     if (hand_s := getattr(options, "turn_time", None)) is not None:
         return float(hand_s) if approach != "direct" or from_deg != target_deg else 0.0
+    legs_deg = [there - here for here, there in pairwise(corners_deg(approach, from_deg, target_deg, options))]
+    return math.fsum(_leg_s(leg_deg, options) for leg_deg in legs_deg) + _hold_s(options)
+
+
+def corners_deg(approach: Approach, from_deg: float, target_deg: float, options: Any) -> list[float]:
+    """Where the way of an axis begins, turns and ends."""
     side = _SIDES[approach]
     begin_deg = target_deg + side * getattr(options, "approach_distance", 0.0)
-    corners_deg = [from_deg, begin_deg, target_deg] if (from_deg - begin_deg) * side < 0 else [from_deg, target_deg]
-    legs_deg = [there - here for here, there in pairwise(corners_deg)]
-    return sum(_leg_s(leg_deg, options) for leg_deg in legs_deg) + _hold_s(options)
+    return [from_deg, begin_deg, target_deg] if (from_deg - begin_deg) * side < 0 else [from_deg, target_deg]
+
+
+def came_from(approach: Approach, from_deg: float | None, target_deg: float) -> Side | None:
+    """The side from which an axis comes to its angle; None where it is not known from where it comes."""
+    if approach != "direct":
+        return "below" if approach == "from_below" else "above"
+    if from_deg is None:
+        return None
+    if from_deg == target_deg:
+        return "stood"
+    return "below" if from_deg < target_deg else "above"
 
 
 def rate_change_s(step: Rotate, options: Any) -> float:
@@ -52,7 +69,7 @@ def oscillation_s(step: Oscillate, options: Any) -> float:
 
     Each frequency of a sweep begins with a rest, and with the sine growing; the table goes back in between.
     """
-    growing_s = sum(REST_S + max(SINE_GROWS_S, SINE_GROWS_PERIODS / each) for each in step.frequencies_hz)
+    growing_s = math.fsum(REST_S + max(SINE_GROWS_S, SINE_GROWS_PERIODS / each) for each in step.frequencies_hz)
     back_s = REST_S + _leg_s(step.amplitude_deg, options) + _hold_s(options)
     returns = len(step.frequencies_hz) - 1
     return step.least_s + growing_s + (returns * back_s if returns else 0.0)

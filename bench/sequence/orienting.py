@@ -159,8 +159,8 @@ def targets_deg(attitude: Attitude, bench: BenchFile, pose: Pose) -> dict[str, f
             role: _nearest(quarter * QUARTER_DEG, pose.angles_deg.get(role, 0.0), _ends_deg(bench, role))
             for role, quarter in zip(bench.axes, quarters, strict=True)
         }
-        way_deg = sum(abs(angle_deg - pose.angles_deg.get(role, 0.0)) for role, angle_deg in found.items())
-        cost = (round(way_deg, 6), sum(map(abs, found.values())))  # of ways as long the one that winds up less
+        way_deg = math.fsum(abs(angle_deg - pose.angles_deg.get(role, 0.0)) for role, angle_deg in found.items())
+        cost = (round(way_deg, 6), math.fsum(map(abs, found.values())))  # of ways as long the one that winds up less
         if cost < least:
             best, least = found, cost
     if best:

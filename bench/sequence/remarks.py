@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
-from bench.config.document import Place
+from bench.config.document import Document, Place
 from bench.config.models import BenchFile
 from bench.sequence.plan import Plan
 
@@ -26,13 +26,21 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What a rule found: a run with an error is refused, a run with a warning goes on."""
+    """What a rule found: a run with an error is refused, a run with a warning goes on.
+
+    `elsewhere` is the document that `place` is in, where that is not the sequence.
+    """
 
     severity: Severity
     rule: str
     place: Place
     problem: str
     advice: str
+    elsewhere: Document | None = field(default=None, compare=False, repr=False)
+
+    def document(self, sequence: Document) -> Document:
+        """The document that it is on."""
+        return self.elsewhere or sequence
 
     @property
     def text(self) -> str:

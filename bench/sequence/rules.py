@@ -15,6 +15,7 @@ from bench.sequence.checks_method import (
 )
 from bench.sequence.checks_motion import forbidden_angle, short_acquisition, unreachable_attitude
 from bench.sequence.checks_names import unused_need, unused_parameter
+from bench.sequence.checks_range import beyond_unit_range
 from bench.sequence.checks_safety import left_cold, left_energised, limit_below_window, no_teardown
 from bench.sequence.checks_structure import shared_device, unreachable
 from bench.sequence.checks_table import (
@@ -31,6 +32,7 @@ RULES = (
     Rule("left-energised", "error", "every output is off after the teardown", left_energised),
     Rule("shared-device", "error", "branches done at the same time have devices of their own", shared_device),
     Rule("forbidden-angle", "error", "the head keeps away from what the fixture forbids", forbidden_angle),
+    Rule("beyond-unit-range", "error", "no unit is taken beyond its range", beyond_unit_range),
     Rule("unreachable-attitude", "error", "the table reaches every attitude", unreachable_attitude),
     Rule("source-unplugged", "error", "a source is on only while it feeds the converter", source_unplugged),
     Rule("no-ammeter", "error", "where an ammeter is to be believed there is one", no_ammeter),
@@ -42,7 +44,7 @@ RULES = (
     Rule("no-encoder", "error", "a test on a table has its encoder", no_encoder),
     Rule("no-scale", "error", "a test on a table knows the scale factor of the output", no_scale),
     Rule("incomplete-table-test", "error", "a test on a table has all its parts", incomplete_table_test),
-    Rule("too-few-pulses", "error", "an accelerometer gives many pulses or codes on a swing", too_few_pulses),
+    Rule("too-few-pulses", "warning", "an accelerometer gives many pulses or codes on a swing", too_few_pulses),
     Rule("too-few-temperatures", "warning", "a model over temperature has the degree asked for", too_few_temperatures),
     Rule("too-few-repetitions", "error", "a scatter has values enough", too_few_repetitions),
     Rule("unsuited-ramp", "warning", "a ramp for a channel is long and slow enough", unsuited_ramp),

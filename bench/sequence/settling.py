@@ -62,7 +62,9 @@ class _Course:
 
     def temperature_c(self, now_s: float) -> float:
         """What it is at a time."""
-        return self.still_c + sum(by_c * followed(poles, now_s - at_s, over) for by_c, poles, at_s, over in self.moving)
+        return self.still_c + math.fsum(
+            by_c * followed(poles, now_s - at_s, over) for by_c, poles, at_s, over in self.moving
+        )
 
 
 class Settling:
@@ -198,7 +200,7 @@ def _is_stable(window: deque[float], every_s: float, stable: Stable, restless_c:
     if max(window) - min(window) + restless_c > stable.band_c:
         return False
     middle = (len(window) - 1) / 2
-    rise_c = sum((index - middle) * temperature_c for index, temperature_c in enumerate(window))
+    rise_c = math.fsum((index - middle) * temperature_c for index, temperature_c in enumerate(window))
     slope_c_per_h = rise_c / sum((index - middle) ** 2 for index in range(len(window))) / every_s * 3600
     return abs(slope_c_per_h) <= stable.slope_c_per_h
 

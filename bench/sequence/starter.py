@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import os
 from importlib.resources import files
 from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
+from bench.config.schema_file import way_to_schema
 from bench.errors import InputError
+from bench.files import written_new
 from drivers.fields import Name
 from drivers.wording import in_plain_words
 
 _PACKAGE = Path(str(files("bench")))
-_SCHEMA = Path("docs/schema/sequence.schema.json")
+_SCHEMA = "../../docs/schema/sequence.schema.json"  # as the starter names it
 
 
 def write_starter(name: str, folder: Path) -> Path:
@@ -24,9 +25,8 @@ def write_starter(name: str, folder: Path) -> Path:
         raise InputError(f"NAME: {in_plain_words(error.errors()[0])}") from None
     path = folder / f"{name}.yaml"
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with path.open("x", encoding="utf-8") as file:
-            file.write(_starter(name, folder))
+        with written_new(path) as draft:
+            draft.write_text(_starter(name, way_to_schema("sequence", folder)), encoding="utf-8")
     except FileExistsError:
         raise InputError(f"{path}: is there already; choose another name, or remove it first") from None
     except OSError as problem:
@@ -34,15 +34,8 @@ def write_starter(name: str, folder: Path) -> Path:
     return path
 
 
-def _starter(name: str, folder: Path) -> str:
+def _starter(name: str, schema: str) -> str:
     """The text, with the title and with the way from its folder to the schema."""
     text = (_PACKAGE / "sequence" / "starter.yaml").read_text("utf-8")
-    schema = os.path.relpath(_schema(), folder.resolve())
     title = name.replace("_", " ").capitalize()
-    return text.replace(f"../../{_SCHEMA}", schema, 1).replace("title: Starter", f"title: {title}", 1)
-
-
-def _schema() -> Path:
-    """Where the schema is: in the wheel, or in the source tree around the package."""
-    shipped = _PACKAGE / "shipped" / _SCHEMA
-    return shipped if shipped.is_file() else _PACKAGE.parent / _SCHEMA
+    return text.replace(_SCHEMA, schema, 1).replace("title: Starter", f"title: {title}", 1)

@@ -90,7 +90,8 @@ def _values(first: Quantity, last: Quantity, step: Quantity) -> tuple[Quantity, 
     signed = stride if end >= begin else -stride
     factor = parse_unit(unit).factor
     between = (Quantity(float(Fraction(begin + signed * index) * factor), first.dimension) for index in range(1, count))
-    return (first, *between, last) if count else (first,)
+    ends = [Quantity(end.base_value, end.dimension) for end in (first, last)]  # all values spelled in one unit
+    return (ends[0], *between, ends[1]) if count else (ends[0],)
 
 
 def _quantity(raw: Any, names: Mapping[str, Value], what: str) -> Quantity:
@@ -114,3 +115,10 @@ def in_words(value: Value) -> str:
     if isinstance(value, tuple):
         return ", ".join(in_words(item) for item in value)
     return spell(value) if isinstance(value, Quantity) else spelled(value)
+
+
+def as_written(value: Value) -> str:
+    """A value as its document writes it, like "2.5 µg"; what was computed in its customary unit."""
+    if isinstance(value, tuple):
+        return ", ".join(as_written(item) for item in value)
+    return value.written or spell(value) if isinstance(value, Quantity) else spelled(value)

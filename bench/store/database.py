@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,20 +15,26 @@ from numpy.typing import NDArray
 from bench.errors import StoreError
 from drivers.frame_block import FrameBlock
 
-VERSION = 1
+VERSION = 2
+READABLE = (1, 2)  # 1 has no chain
 FILE_NAME = "run.db"
 TABLES = {"journal": 5, "block": 8, "channel": 3, "reading": 4, "sample": 5}  # and how many columns they have
+CHAIN = "chain"
+CHAIN_COLUMNS = 2 + len(TABLES)
 _SCHEMA = """
 CREATE TABLE journal(seq INTEGER PRIMARY KEY, at_s REAL NOT NULL, kind TEXT NOT NULL, step TEXT NOT NULL,
   data TEXT NOT NULL);
 CREATE TABLE block(seq INTEGER PRIMARY KEY, stream TEXT NOT NULL, step TEXT NOT NULL, frames INTEGER NOT NULL,
   first_s REAL NOT NULL, last_s REAL NOT NULL, crc INTEGER NOT NULL, data BLOB NOT NULL);
-CREATE TABLE channel(id INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, unit TEXT NOT NULL);
+CREATE TABLE channel(id INTEGER PRIMARY KEY, name TEXT NOT NULL, unit TEXT NOT NULL);
 CREATE TABLE reading(seq INTEGER PRIMARY KEY, at_s REAL NOT NULL, channel INTEGER NOT NULL, value REAL NOT NULL);
 CREATE TABLE sample(seq INTEGER PRIMARY KEY, at_s REAL NOT NULL, stream TEXT NOT NULL, step TEXT NOT NULL,
   value REAL NOT NULL);
+CREATE TABLE chain(number INTEGER PRIMARY KEY, journal INTEGER NOT NULL, block INTEGER NOT NULL,
+  channel INTEGER NOT NULL, reading INTEGER NOT NULL, sample INTEGER NOT NULL, head BLOB NOT NULL);
 """
 _NS = 1e9
+MOST_PACKED = 1100  # zlib packs no more bytes than these into one
 FRAME_BYTES = 21  # of a time, an identifier, a length and a payload
 
 
@@ -38,12 +45,12 @@ def create(path: Path) -> sqlite3.Connection:
     the reading back.
     """
     try:
-        database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
-        mode = database.execute("PRAGMA journal_mode=WAL").fetchone()[0]
-        database.execute("PRAGMA synchronous=FULL")
-        if mode != "wal" or database.execute("PRAGMA synchronous").fetchone()[0] != 2:
-            raise StoreError(f"{path}: this disk cannot keep a run safely; use a local disk, not a network share")
-        database.executescript(f"BEGIN; {_SCHEMA} PRAGMA user_version={VERSION}; COMMIT;")
+        with _kept_if_good(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as database:
+            mode = database.execute("PRAGMA journal_mode=WAL").fetchone()[0]
+            database.execute("PRAGMA synchronous=FULL")
+            if mode != "wal" or database.execute("PRAGMA synchronous").fetchone()[0] != 2:
+                raise StoreError(f"{path}: this disk cannot keep a run safely; use a local disk, not a network share")
+            database.executescript(f"BEGIN; {_SCHEMA} PRAGMA user_version={VERSION}; COMMIT;")
     except sqlite3.Error as problem:
         raise StoreError(f"{path}: cannot be made ({problem})") from problem
     return database
@@ -54,14 +61,32 @@ def open_to_read(path: Path) -> sqlite3.Connection:
     if not path.is_file():
         raise StoreError(f"{path}: there is no such file; the run did not get as far as writing data")
     try:
-        database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None)
-        version = database.execute("PRAGMA user_version").fetchone()[0]
+        _roll_back(path)
+        read_only = f"{path.absolute().as_uri()}?mode=ro"
+        with _kept_if_good(sqlite3.connect(read_only, uri=True, isolation_level=None)) as database:
+            version = database.execute("PRAGMA user_version").fetchone()[0]
+            if version not in READABLE:
+                raise StoreError(f"{path}: has format {version}, this program reads formats 1 to {VERSION}")
     except sqlite3.Error as problem:
         raise StoreError(f"{path}: cannot be read ({problem})") from problem
-    if version != VERSION:
-        database.close()
-        raise StoreError(f"{path}: has format {version}, this program reads format {VERSION}")
     return database
+
+
+def _roll_back(path: Path) -> None:
+    """Take back what a power cut has left half done at the very end of a run, which a reader alone cannot."""
+    if path.with_name(f"{path.name}-journal").exists():
+        with closing(sqlite3.connect(path)) as database:
+            database.execute("PRAGMA user_version").fetchone()
+
+
+@contextmanager
+def _kept_if_good(database: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
+    """Closes a database when something goes wrong with it here; else it stays open."""
+    try:
+        yield database
+    except BaseException:
+        database.close()
+        raise
 
 
 def plain_bytes(block: FrameBlock) -> bytes:
@@ -100,8 +125,11 @@ def unpack_all(packed: Sequence[tuple[bytes, int, int]]) -> FrameBlock:
     return FrameBlock(column("<u4", 8), times_ns / _NS, column("u1", 12), payloads)
 
 
-def plain_of(data: bytes, frames: int, crc: int) -> bytes:
+def plain_of(data: Any, frames: Any, crc: int) -> bytes:
     """The bytes that were `compressed`, which are the same for the same frames; StoreError when they are damaged."""
+    are_packed = isinstance(data, bytes) and isinstance(frames, int)
+    if not are_packed or not 0 <= FRAME_BYTES * frames <= MOST_PACKED * len(data):
+        raise StoreError(f"a block of {frames} frames is damaged")
     try:
         plain = isal_zlib.decompress(data, bufsize=FRAME_BYTES * frames)
     except isal_zlib.error as problem:  # type: ignore[misc]  # its stubs say an exception where a class of them is

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from bench.errors import StoreError
+from drivers.bounded import UnfitFileError
 from drivers.can_options import text_of
 from drivers.dbc import Dbc, DbcError
 
@@ -18,7 +19,7 @@ def kept_format(path: Path, bind: Callable[[Dbc], FormatT]) -> FormatT:
     """What `bind` makes of the DBC in a file; StoreError when that cannot be read, or is another."""
     try:
         return bind(_parsed(text_of(path)))
-    except (OSError, DbcError) as problem:
+    except (UnfitFileError, DbcError) as problem:
         raise StoreError(f"{path}: the frames of this run cannot be decoded ({problem})") from problem
 
 

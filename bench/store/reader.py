@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 
 from bench.errors import StoreError
 from bench.store import database
+from bench.store.chain import Walked, walk
 from bench.store.digest import Digest
+from bench.store.encoded import encoded
 from drivers.frame_block import FrameBlock
 
 BLOCKS_AHEAD = 8  # which are unpacked while one is looked at
@@ -100,7 +102,16 @@ class RunReader:
         """The journal in order; only these kinds when some are given."""
         for seq, at_s, kind, step, data in self._rows("SELECT seq, at_s, kind, step, data FROM journal ORDER BY seq"):
             if not kinds or kind in kinds:
-                yield Event(seq, at_s, kind, step, json.loads(data))
+                yield Event(seq, at_s, kind, step, self._data(seq, data))
+
+    def _data(self, seq: int, text: object) -> Mapping[str, Any]:
+        try:
+            found = json.loads(text) if isinstance(text, str) else None
+        except (ValueError, RecursionError):
+            found = None
+        if not isinstance(found, dict):
+            raise StoreError(f"{self.folder}: entry {seq} of the journal is damaged")
+        return found
 
     def blocks(self) -> Iterator[tuple[str, str, FrameBlock]]:
         """(stream, step, frames) in order."""
@@ -182,6 +193,26 @@ class RunReader:
             self._series[name] = Series(name, unit, read["at_s"].copy(), read["value"].copy())
         return self._series[name]
 
+    def walked(self) -> Walked:
+        """Every row held against the chain of the run."""
+        return walk(self._database)
+
+    def passes_over_a_log(self) -> bool:
+        """Whether a log lies beside the database that it does not know of, as where its first page is damaged."""
+        log = self.folder / f"{database.FILE_NAME}-wal"
+        return log.is_file() and log.stat().st_size > 0 and next(self._rows("PRAGMA journal_mode"))[0] != "wal"
+
+    @cached_property
+    def format(self) -> int:
+        """The version of the format of the database."""
+        return int(next(self._rows("PRAGMA user_version"))[0])
+
+    def _encoded(self, table: str, rows: list[tuple[Any, ...]]) -> bytes:
+        try:
+            return encoded(table, rows)
+        except (TypeError, ValueError, OverflowError) as problem:
+            raise StoreError(f"{self.folder}: rows of {table} are damaged ({problem})") from problem
+
     def digest(self) -> str:
         """The digest of all that is stored; equal for equal runs, however they were compressed."""
         digest = Digest()
@@ -190,7 +221,7 @@ class RunReader:
         for table in database.TABLES.keys() - {"block"}:
             if table != "sample" or self._has_samples():
                 for rows in self._batches(f"SELECT * FROM {table} ORDER BY 1"):  # noqa: S608  the names are our own
-                    digest.rows(table, rows)
+                    digest.rows(table, self._encoded(table, rows))
         return digest.hexdigest()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import hashlib
 import json
 import os
 import re
@@ -14,9 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from bench.errors import InputError, StoreError
+from bench.files import make_folder, sync_folder, write_whole
+from bench.store.kept_json import read_kept
+from bench.store.manifest_form import MANIFEST_FORM, SEAL_FORM
 
 MANIFEST = "manifest.json"
 LOCK = "run.lock"
+RUNNER = "runner.json"
+SEAL = "seal.json"
 RESERVE = "reserve.bin"
 RESERVE_BYTES = 4 * 1024 * 1024
 _UNSAFE = re.compile(r"[^A-Za-z0-9.-]+")
@@ -38,7 +44,7 @@ class RunDirectory:
         """A new directory `<UTC>_<sequence>_<units>[_n]`; raises StoreError."""
         name = "_".join((started.strftime("%Y%m%dT%H%M%SZ"), _plain(sequence), _plain(units)))
         try:
-            runs.mkdir(parents=True, exist_ok=True)
+            make_folder(runs)
             path = _exclusively_made(runs, name)
             lock = os.open(path / LOCK, os.O_CREAT | os.O_RDWR, 0o644)
             fcntl.flock(lock, fcntl.LOCK_EX)
@@ -47,6 +53,8 @@ class RunDirectory:
                 os.posix_fallocate(reserve, 0, RESERVE_BYTES)
             finally:
                 os.close(reserve)
+            sync_folder(path)
+            sync_folder(runs)
         except OSError as problem:
             raise StoreError(f"{runs}: a run directory cannot be made ({problem})") from problem
         return cls(path, lock)
@@ -54,6 +62,15 @@ class RunDirectory:
     def write_json(self, name: str, value: Any) -> None:
         """A JSON file of the run, durable and whole when this returns."""
         write_whole(self.path / name, json_text(value).encode())
+
+    def write_text(self, name: str, text: str) -> None:
+        """A text of the run, durable and whole when this returns; `name` may lead into a folder of the directory."""
+        path = self.path / name
+        try:
+            make_folder(path.parent)
+        except OSError as problem:
+            raise StoreError(f"{path.parent}: cannot be made ({problem})") from problem
+        write_whole(path, text.encode())
 
     def use_reserve(self) -> None:
         """Gives the reserve back to the disk, for the last words."""
@@ -86,26 +103,6 @@ def json_text(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
 
 
-def write_whole(path: Path, data: bytes) -> None:
-    """Replaces a file so that after a crash there is the old or the new one, never a part; raises StoreError."""
-    draft = path.with_name(path.name + ".draft")
-    try:
-        with draft.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        draft.replace(path)
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
-    except OSError as problem:
-        with contextlib.suppress(OSError):
-            draft.unlink(missing_ok=True)
-        raise StoreError(f"{path}: cannot be written ({problem})") from problem
-
-
 @dataclass(frozen=True)
 class RunSummary:
     """What a run directory says of itself; `state` is running, interrupted, or how the run ended."""
@@ -119,6 +116,15 @@ class RunSummary:
         """The name of the directory."""
         return self.path.name
 
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Serial numbers of the units under test."""
+        return tuple(unit["uut"] for unit in self.manifest.get("units", []))
+
+    def to_json(self) -> dict[str, Any]:
+        """The summary as plain JSON types."""
+        return {"run": self.id, "path": str(self.path), "state": self.state, "manifest": dict(self.manifest)}
+
 
 def list_runs(runs: Path) -> Iterator[RunSummary]:
     """The runs below a directory, oldest first; what is not a run is passed over."""
@@ -129,15 +135,25 @@ def list_runs(runs: Path) -> Iterator[RunSummary]:
 
 
 def summary(path: Path) -> RunSummary:
-    """The summary of one run directory; a missing or damaged manifest is a state too."""
+    """The summary of one run directory; a manifest that is missing, damaged or not as it was sealed is a state too."""
     try:
-        manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
+        manifest = read_kept(path / MANIFEST, MANIFEST_FORM)
         state = str(manifest["state"])
-    except (OSError, ValueError, TypeError, KeyError):
+        if state != "running" and not _is_as_sealed(path, manifest):
+            raise StoreError(f"{path / MANIFEST}: is not the one that was sealed")
+    except StoreError:
         return RunSummary(path, "running" if _is_locked(path) else "damaged", {})
     if state == "running" and not _is_locked(path):
         state = "interrupted"
     return RunSummary(path, state, manifest)
+
+
+def _is_as_sealed(path: Path, manifest: Mapping[str, Any]) -> bool:
+    """Whether a manifest is the one that a run was sealed with; of a run that was not there is nothing to see."""
+    if not (path / SEAL).exists():
+        return not manifest.get("sealed", False)
+    of_manifest = read_kept(path / SEAL, SEAL_FORM)["files"].get(MANIFEST)
+    return bool(of_manifest == f"sha256:{hashlib.sha256((path / MANIFEST).read_bytes()).hexdigest()}")
 
 
 def _is_locked(path: Path) -> bool:

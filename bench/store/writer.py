@@ -9,25 +9,32 @@ import math
 import sqlite3
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from bench.clock import Stopwatch
 from bench.errors import StoreError
 from bench.loop import BenchLoop
-from bench.store import database
+from bench.store import database, ledger
+from bench.store.chain import NOTHING, Link, beginning
 from bench.store.digest import Digest
+from bench.store.encoded import Row, encoded
+from bench.store.place import Place, rescue
+from bench.store.runs import MANIFEST
+from drivers.awake import came_true
 from drivers.frame_block import FrameBlock
 from drivers.values import Reading
 
+T = TypeVar("T")
+
+LEDGER_EVERY_S = 60.0  # real time; what is cut off an interrupted run before it is noted is not missed
 GROUP_S = 1.0  # what is given is durable at the latest so much real time later
 WAITING_LIMIT = 50_000  # rows that may wait for the disk; more means that it is too slow
 SLOW_DISK_S = 30.0
 
 ROWS_AT_ONCE = 100  # go in with one statement, and keep the loop's thread from its work once and not so often
-Row = tuple[Any, ...]
 Rows = Mapping[str, Sequence[Row]]
 """By table."""
 
@@ -36,17 +43,30 @@ class RunWriter:
     """Appends to a run. All but `commit` return at once; `commit` returns when all that was given is durable.
 
     Lifetime: from the directory's making to `close`. Concurrency: called from the loop's thread; one thread of its own
-    owns the database. After a failed write nothing is acknowledged any more: every later call raises StoreError.
+    owns the database. After a failed write nothing is acknowledged any more: every later call raises StoreError, and
+    `on_failure` is called with it in that thread. The directory is looked after every second: where it is moved or
+    removed, that is a failure, and `folder` is where the record is.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._database = database.create(folder / database.FILE_NAME)
+        self._link = Link(0, NOTHING, beginning(folder / MANIFEST))
+        try:
+            self._insert({database.CHAIN: [self._link.to_row()]})
+        except sqlite3.Error as problem:
+            raise StoreError(f"{folder}: the run store cannot write ({problem})") from problem
+        self._beginning = self._link.head
+        self._place = Place(folder / database.FILE_NAME)
+        self.on_failure: Callable[[StoreError], object] = lambda _: None
+        self._noted: Stopwatch | None = None
+        self.ledger_problem = ""
         self._digest = Digest()
         self._changed = threading.Condition()
         self._rows = _no_rows()
         self._waiting = 0
         self._tickets: list[concurrent.futures.Future[None]] = []
+        self._in_hand: list[concurrent.futures.Future[None]] = []  # taken by the thread
         self._closing = False
         self._failure: StoreError | None = None
         self._numbers = dict.fromkeys(database.TABLES, 0)
@@ -96,6 +116,11 @@ class RunWriter:
         self._thread.join()
         self._raise_failure()
 
+    @property
+    def link(self) -> Link:
+        """The last link of the chain; after `close`."""
+        return self._link
+
     def digest(self) -> str:
         """The digest of all that was written, as a reader finds it; after `close`. Raises StoreError as that does."""
         self._raise_failure()
@@ -106,7 +131,7 @@ class RunWriter:
             self._raise_failure()
             if self._waiting > WAITING_LIMIT:
                 self._changed.notify_all()
-                if not self._changed.wait_for(lambda: self._waiting <= WAITING_LIMIT, SLOW_DISK_S):
+                if not came_true(partial(self._changed.wait_for, self._has_room), SLOW_DISK_S):
                     raise StoreError(f"the disk has not taken data for {SLOW_DISK_S:g} s; is it failing, or full?")
             first = self._numbers[table] + 1
             self._rows[table] += [(number, *row) for number, row in enumerate(rows, start=first)]
@@ -122,6 +147,18 @@ class RunWriter:
     # The thread
 
     def _write_for_ever(self) -> None:
+        """Whatever ends this thread, nobody waits for it in vain."""
+        try:
+            self._write_until_closed()
+        except BaseException as problem:  # noqa: BLE001  such as no memory between two writes
+            with self._changed:
+                self._failure = self._failure or StoreError(f"the run store has stopped ({problem!r})")
+                tickets, self._tickets, self._waiting = [*self._in_hand, *self._tickets], [], 0
+                self._changed.notify_all()
+            self._answer(tickets)
+        self._close_database()
+
+    def _write_until_closed(self) -> None:
         """Packs blocks as they come, so that who commits waits for the last of them alone."""
         closing, group = False, _Group()
         while not closing:
@@ -129,43 +166,94 @@ class RunWriter:
                 self._changed.wait_for(self._has_work, group.due_in_s)
                 rows, self._rows, self._waiting = self._rows, _no_rows(), 0
                 tickets, self._tickets = self._tickets, []
+                self._in_hand = tickets
                 closing = self._closing
                 self._changed.notify_all()
             self._try(group.take, rows)
             if tickets or closing or not group.due_in_s:
                 self._write(group, tickets)
                 group = _Group()
-        self._close_database()
+
+    def _has_room(self) -> bool:
+        return self._waiting <= WAITING_LIMIT
 
     def _has_work(self) -> bool:
         crowded = self._waiting > WAITING_LIMIT // 2
         return bool(self._tickets or self._rows["block"] or crowded or self._closing)
 
     def _write(self, group: _Group, tickets: Sequence[concurrent.futures.Future[None]]) -> None:
-        """One transaction; the tickets are answered when it is durable, or with why it is not."""
+        """One transaction; the tickets are answered when it is durable where it belongs, or with why it is not."""
         if any(group.rows.values()):
-            self._try(self._insert, group.rows)
+            self._try(self._append, group)
+            self._note()
+        self._try(self._look_after, self._place)
+        self._answer(tickets)
+
+    def _answer(self, tickets: Sequence[concurrent.futures.Future[None]]) -> None:
         for ticket in tickets:
+            if ticket.done():
+                continue
             if self._failure is not None:
                 ticket.set_exception(StoreError(str(self._failure)))
             else:
                 ticket.set_result(None)
-        if self._failure is None:
-            group.digest(self._digest)
 
-    def _try(self, action: Callable[[Rows], object], rows: Rows) -> None:
-        """Does it with rows, unless something has failed before."""
+    def _append(self, group: _Group) -> None:
+        """The rows of a group and the link that they add to the chain, in one transaction."""
+        of_tables = {table: encoded(table, rows) for table, rows in group.rows.items()}
+        link = self._link.next({table: len(rows) for table, rows in group.rows.items()}, of_tables)
+        self._insert({**group.rows, database.CHAIN: [link.to_row()]})
+        self._link = link
+        for table in group.rows.keys() - {"block"}:
+            self._digest.rows(table, of_tables[table])
+        for block in group.blocks:
+            self._digest.block(*block)
+
+    def _note(self) -> None:
+        """Note the head of the chain in the ledger from time to time; that this fails is no reason to end a run."""
+        if self._failure is not None or (self._noted is not None and self._noted.elapsed_s() < LEDGER_EVERY_S):
+            return
+        self._noted = Stopwatch()
+        try:
+            ledger.note(self.folder.name, self._beginning, self._link)
+        except OSError as problem:
+            self.ledger_problem = f"the ledger of this computer cannot be written ({problem}); the run goes on"
+
+    def _try(self, action: Callable[[T], object], given: T) -> None:
+        """Do it, unless something has failed before."""
         if self._failure is not None:
             return
         try:
-            action(rows)
+            action(given)
         except Exception as problem:  # noqa: BLE001  whatever it is: nothing more is acknowledged
             failure = StoreError(
                 f"the run store cannot write ({problem}). Free space on the disk of the run directory, if there is "
                 "none; everything up to the last completed step is kept."
             )
-            with self._changed:
-                self._failure = failure
+            self._fail(failure)
+
+    def _fail(self, failure: StoreError) -> None:
+        with self._changed:
+            self._failure = failure
+        self.on_failure(failure)
+
+    def _look_after(self, place: Place) -> None:
+        """Fail where the directory was moved or removed; `folder` is then where the record is."""
+        if not place.is_left():
+            return
+        lost, found = self.folder, place.found()
+        if found is not None:
+            self.folder = found
+            self._fail(
+                StoreError(f"the run directory {lost} was moved to {found} while the run went on; its record is there")
+            )
+            return
+        try:
+            self.folder = rescue(self._database, lost.name, database.FILE_NAME)
+            kept = f"what was recorded until then has been kept in {self.folder}"
+        except StoreError as problem:
+            kept = str(problem)
+        self._fail(StoreError(f"the run directory {lost} was removed while the run went on; {kept}"))
 
     def _insert(self, rows: Rows) -> None:
         self._database.execute("BEGIN IMMEDIATE")
@@ -185,6 +273,7 @@ class RunWriter:
             if self._failure is None:
                 self._database.execute("PRAGMA journal_mode=DELETE")  # one file is left, and readers add none
             self._database.close()
+            self._place.close()
         except sqlite3.Error as problem:
             self._failure = self._failure or StoreError(f"the run store cannot be closed ({problem})")
 
@@ -194,7 +283,7 @@ class _Group:
 
     def __init__(self) -> None:
         self.rows = _no_rows()
-        self._blocks: list[tuple[str, str, int, bytes]] = []
+        self.blocks: list[tuple[str, str, int, bytes]] = []
         self._since = Stopwatch()
 
     @property
@@ -207,17 +296,9 @@ class _Group:
         for table, given in rows.items():
             self.rows[table] += [self._packed(*row) for row in given] if table == "block" else given
 
-    def digest(self, digest: Digest) -> None:
-        """Feeds a digest with all of it."""
-        for table, rows in self.rows.items():
-            if rows and table != "block":
-                digest.rows(table, rows)
-        for block in self._blocks:
-            digest.block(*block)
-
     def _packed(self, number: int, stream: str, step: str, block: FrameBlock) -> Row:
         plain = database.plain_bytes(block)
-        self._blocks.append((stream, step, len(block), plain))
+        self.blocks.append((stream, step, len(block), plain))
         data, crc = database.compressed(plain)
         return (number, stream, step, len(block), float(block.at_s[0]), float(block.at_s[-1]), crc, data)
 
@@ -228,7 +309,8 @@ def _no_rows() -> dict[str, list[Row]]:
 
 @lru_cache
 def _statement(table: str, rows: int) -> str:
-    row = f"({', '.join('?' * database.TABLES[table])})"
+    columns = database.CHAIN_COLUMNS if table == database.CHAIN else database.TABLES[table]
+    row = f"({', '.join('?' * columns)})"
     return f"INSERT INTO {table} VALUES {', '.join([row] * rows)}"  # noqa: S608  the names are those above
 
 

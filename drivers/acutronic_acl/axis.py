@@ -13,7 +13,7 @@ from drivers.acutronic_acl.description import AclOptions
 from drivers.acutronic_acl.wire import Dynamics, Interlock, Reply
 from drivers.description import Setup, check_identity, still_the_same
 from drivers.errors import InstrumentFault, Refused
-from drivers.table.axis import Drive, Mode, State
+from drivers.table.axis import READ_BACK, Drive, Mode, State
 from drivers.table.description import TableLimits
 from drivers.table.turns import LONGEST_LEG_DEG, TURN_DEG, TurnCounter
 from drivers.transport.dialogue import Dialogue
@@ -100,7 +100,8 @@ class AclAxis:
             for command in (wire.enter(wire.Mode.OFF, self._number), wire.energise(self._number)):
                 await self._order(command)
                 await asyncio.sleep(INTERLOCK_STEP_S)
-        state = await self.look()
+        state = await READ_BACK.until(self.look, lambda state: state.drive is not Drive.OFF and state.ours)
+        await self.check_fault(state)
         if state.drive is not Drive.ON:
             raise Refused(
                 self._device, f"the drive of axis {self._number} stays off", sent=wire.energise(self._number),
@@ -157,7 +158,7 @@ class AclAxis:
     async def _set(self, *commands: str) -> None:
         """Sends what moves nothing by itself; raises Refused, and NoAnswer when nobody knows whether it holds."""
         for command in commands:
-            await self._accepted(command, await self._dialogue.ask(command.encode(), self._read_reply))
+            await self._accepted(command, await self._dialogue.ask_once(command.encode(), self._read_reply))
 
     async def _order(self, command: str) -> None:
         """Sends what moves or energises, once; raises InstrumentFault or Refused when the answer is an error.

@@ -6,7 +6,6 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.acutronic_acl.recognition import RECOGNITION
 from drivers.acutronic_acl.wire import ByteOrder
 from drivers.axes import AxisUncertainty
 from drivers.corrections import AxisCorrections
@@ -29,7 +28,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"tcp"}),
     target="drivers.acutronic_acl.driver:AcutronicAcl",
     simulator="simulators.acutronic_acl:SimulatedAcutrol",
-    recognition=RECOGNITION,
+    recognition="drivers.acutronic_acl.recognition:RECOGNITION",
     options=AclOptions,
     limits=TableLimits,
     uncertainty=AxisUncertainty,

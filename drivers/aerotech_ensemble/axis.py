@@ -11,7 +11,7 @@ from drivers.aerotech_ensemble.description import EnsembleOptions
 from drivers.aerotech_ensemble.wire import AxisStatus, Outcome, Reply
 from drivers.description import Nothing, Setup
 from drivers.errors import InstrumentFault, Refused, WrongIdentity
-from drivers.head.axis import ANSWER_S, AxisState, OwnLimits
+from drivers.head.axis import ANSWER_S, READ_BACK, AxisState, OwnLimits
 from drivers.head.description import HeadLimits
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Pace, Proof
@@ -92,7 +92,7 @@ class EnsembleAxis:
         """Energises the motor; raises Refused unless the status says so afterwards."""
         command = wire.enable(self._name)
         await self._order(command)
-        if not (await self.state()).enabled:
+        if not (await READ_BACK.until(self.state, lambda state: state.enabled)).enabled:
             raise Refused(
                 self._device, f"axis {self._name} stays disabled", sent=command,
                 remedy="Check the emergency stop and the amplifier, then run again.",

@@ -6,7 +6,6 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.aerotech_ensemble.recognition import RECOGNITION
 from drivers.axes import AxisUncertainty
 from drivers.corrections import AxisCorrections
 from drivers.description import DriverDescription
@@ -29,7 +28,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"serial", "socket", "tcp"}),
     target="drivers.aerotech_ensemble.driver:AerotechEnsemble",
     simulator="simulators.aerotech_ensemble:SimulatedEnsemble",
-    recognition=RECOGNITION,
+    recognition="drivers.aerotech_ensemble.recognition:RECOGNITION",
     options=EnsembleOptions,
     limits=HeadLimits,
     uncertainty=AxisUncertainty,

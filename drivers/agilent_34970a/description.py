@@ -7,11 +7,10 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from drivers.agilent_34970a.wire import Kind, Sensor, read_identity
+from drivers.agilent_34970a.wire import Kind, Sensor
 from drivers.capabilities import THERMOMETER
 from drivers.description import DriverDescription
 from drivers.fields import NOT_EMPTY, StrictModel, WholeNumber
-from drivers.recognition import SCPI, Recognition, answers_idn
 from drivers.wording import telling
 
 KINDS: Mapping[str, Kind] = {"tc": "TC", "rtd": "RTD", "frtd": "FRTD"}
@@ -63,13 +62,6 @@ def channels(options: ScannerOptions) -> Mapping[str, str]:
     return dict.fromkeys(options.channels, "°C")
 
 
-RECOGNITION = Recognition(
-    SCPI,
-    answers_idn(r"(HEWLETT-PACKARD|Agilent.*|Keysight.*)", r"3497[02]A", read=read_identity),
-    starter={"options": {"channels": {"first": {"channel": 101, "sensor": "tc", "type": "K"}}}},
-    lines=("baud=57600&flow=xonxoff", "baud=9600"),
-)
-
 DESCRIPTION = DriverDescription(
     name="agilent_34970a",
     title="thermometers on an Agilent (HP, Keysight) 34970A or 34972A scanner",
@@ -77,7 +69,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"serial", "socket", "tcp"}),
     target="drivers.agilent_34970a.driver:Agilent34970A",
     simulator="simulators.agilent_34970a:SimulatedScanner",
-    recognition=RECOGNITION,
+    recognition="drivers.agilent_34970a.recognition:RECOGNITION",
     options=ScannerOptions,
     channels=channels,
 )

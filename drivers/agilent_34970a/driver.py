@@ -11,9 +11,12 @@ from drivers.agilent_34970a import wire
 from drivers.agilent_34970a.description import ScannerOptions
 from drivers.description import Nothing, Setup
 from drivers.errors import InstrumentFault, Refused
+from drivers.readback import ReadBack
+from drivers.transport.dialogue import once_more
 from drivers.transport.scpi import ScpiLink
 from drivers.values import Identity, Reading
 
+READ_BACK = ReadBack()
 _SCAN_S, _CHANNEL_S = 3.0, 0.6  # what a scan may take: its answer, and each sensor with its relay
 
 
@@ -32,7 +35,7 @@ class Agilent34970A:
         self._names, self._sensors = setup.options.names(), setup.options.sensors()
         end = b"\r\n" if self._on_serial_line else b"\n"
         self._link = ScpiLink(setup, end=end, read_identity=wire.read_identity)
-        self._turn = asyncio.Lock()
+        self._turn, self._note, self._begun_s = asyncio.Lock(), setup.note, 0.0
 
     async def __aenter__(self) -> Self:
         """Connects, identifies, sets the scan up; raises CannotConnect, WrongIdentity, Refused."""
@@ -72,11 +75,10 @@ class Agilent34970A:
                     received=_in_words(state),
                     remedy="Look for a power failure, a front panel in use, or who else scans; then run again.",
                 )  # fmt: skip
-            begun_s = asyncio.get_running_loop().time()
             samples = await self._link.takes.agreed("a scan", self._scan, again=self._scanned, spell=_told)
         return {
             self._names[sample.channel]: (
-                [] if sample.temperature_c is None else [Reading(begun_s + sample.since_s, sample.temperature_c)]
+                [] if sample.temperature_c is None else [Reading(self._begun_s + sample.since_s, sample.temperature_c)]
             )
             for sample in samples
         }
@@ -89,7 +91,8 @@ class Agilent34970A:
         messages = wire.set_up(self._sensors)
         for message in [wire.REMOTE, *messages] if self._on_serial_line else messages:
             await self._link.write(message)
-        state, wanted = await self._state(), wire.state_when(self._sensors)
+        wanted = wire.state_when(self._sensors)
+        state = await READ_BACK.until(self._state, lambda state: state == wanted)
         if state != wanted:
             raise Refused(
                 self.name, "a setting was not carried out", sent=messages[-1], received=_in_words(state),
@@ -104,8 +107,12 @@ class Agilent34970A:
                 )  # fmt: skip
 
     async def _scan(self) -> list[wire.Sample]:
+        return await once_more(self._scan_once, self._note)
+
+    async def _scan_once(self) -> list[wire.Sample]:
         patience_s = _SCAN_S + _CHANNEL_S * len(self._sensors)
-        return await self._link.ask(wire.SCAN_ONCE, self._read_scan, answer_s=patience_s)
+        self._begun_s = asyncio.get_running_loop().time()  # its readings tell their time from here
+        return await self._link.ask_once(wire.SCAN_ONCE, self._read_scan, answer_s=patience_s)
 
     async def _scanned(self) -> list[wire.Sample]:
         """The scan that was last, out of memory."""

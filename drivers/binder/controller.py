@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable
 from contextlib import suppress
 from typing import ClassVar
@@ -22,14 +21,12 @@ from drivers.binder.wire import (
 )
 from drivers.chamber.controller import Control, Look, as_stated
 from drivers.chamber.ramp import ARRIVED_WITHIN_C
-from drivers.chamber.registers import ProvedRegisters, hexadecimal
+from drivers.chamber.registers import READ_BACK, ProvedRegisters, hexadecimal
 from drivers.chamber.words import Words
 from drivers.description import IdentityPin
 from drivers.errors import BadAnswer, InstrumentFault, LinkLost, NoAnswer, Refused, WrongIdentity
 from drivers.transport.modbus import ModbusLink
 from drivers.values import Identity
-
-FOLLOWS_S = 1.0  # within it the set point in force is the commanded one, when nothing else decides it
 
 
 class _Controller:
@@ -164,8 +161,7 @@ class Mb2(_Controller):
         if lines & IDLE_LINE:
             return Look(process_value_c, in_force_c, target_c, Control.NOBODY, "it is idle")
         if abs(in_force_c - target_c) > ARRIVED_WITHIN_C:
-            await asyncio.sleep(FOLLOWS_S)
-            in_force_c = await self._temperature(self._at.set_point_in_force)
+            in_force_c = await self._followed(target_c)
         if abs(in_force_c - target_c) > ARRIVED_WITHIN_C:
             why = f"set point in force {in_force_c:g} °C, manual set point {target_c:g} °C: perhaps a program runs"
             return Look(process_value_c, in_force_c, target_c, Control.OTHER, why)
@@ -181,19 +177,21 @@ class Mb2(_Controller):
         (lines,) = await self._registers.read(LINES, 1)
         if lines & IDLE_LINE:
             await self._registers.set(LINES, (lines & ~IDLE_LINE,), "state of the operation lines", hexadecimal)
-        elif not await self._follows(target_c):
+        elif abs(await self._temperature(self._at.set_point_in_force) - target_c) > ARRIVED_WITHIN_C:
             with suppress(NoAnswer, LinkLost):  # the set point in force will tell whether it was carried out
                 await self._link.write(PROGRAM_STOP, (1,))
-        await asyncio.sleep(FOLLOWS_S)
-        if not await self._follows(target_c):
+        if abs(await self._followed(target_c) - target_c) > ARRIVED_WITHIN_C:
             raise InstrumentFault(
                 self._link.device, "the chamber does not follow its set point", sent=f"set point {target_c:g} °C",
                 remedy="Stop the program at the controller.",
             )  # fmt: skip
 
-    async def _follows(self, target_c: float) -> bool:
-        """Whether the manual set point is in force now."""
-        return abs(await self._temperature(self._at.set_point_in_force) - target_c) <= ARRIVED_WITHIN_C
+    async def _followed(self, target_c: float) -> float:
+        """The set point in force, which is the manual one within some time when nothing else decides it."""
+        return await READ_BACK.until(
+            lambda: self._temperature(self._at.set_point_in_force),
+            lambda in_force_c: abs(in_force_c - target_c) <= ARRIVED_WITHIN_C,
+        )
 
 
 def _mode_name(mode: int) -> str:

@@ -6,7 +6,6 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from drivers.binder.recognition import RECOGNITION
 from drivers.binder.wire import Kind, SetPointName
 from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions, TemperatureRange
 from drivers.description import DriverDescription
@@ -38,7 +37,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"serial", "socket"}),
     target="drivers.binder.driver:Binder",
     simulator="simulators.binder:SimulatedBinder",
-    recognition=RECOGNITION,
+    recognition="drivers.binder.recognition:RECOGNITION",
     options=BinderOptions,
     limits=ChamberLimits,
     safe=ChamberSafe,

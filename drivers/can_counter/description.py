@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
 from drivers.can_options import (
+    DBC_LIMIT_BYTES,
     FRAME_SCHEMES,
     IDLE_BLOCK_S,
     ClockUncertainty,
@@ -47,7 +48,7 @@ class ChannelOptions(StrictModel):
 class CounterOptions(StrictModel):
     """Where in the frames the counters are; names are Message.Signal of the DBC."""
 
-    dbc: Annotated[Path, FileBeside()] = Field(description="describes the frames")
+    dbc: Annotated[Path, FileBeside(DBC_LIMIT_BYTES)] = Field(description="describes the frames")
     period: PositiveSeconds = Field(description="from latch to latch")
     max_rate: Hertz = Field(description="of the pulses; bounds the gap over which a counter stays unambiguous")
     latch: LatchOptions

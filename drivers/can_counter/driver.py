@@ -7,6 +7,7 @@ from collections.abc import Collection
 from functools import partial
 from typing import Self
 
+from drivers.awake import awake_s
 from drivers.can_counter import wire
 from drivers.can_counter.binding import format_of
 from drivers.can_counter.description import CounterOptions
@@ -94,7 +95,7 @@ class CanCounter(FrameDriver[CounterOptions]):
             self._last_latch_s = float(at_s[-1])
             self._last_numbers = [*self._last_numbers, *sequence[-STANDING_FRAMES:].tolist()][-STANDING_FRAMES:]
         silent_s = SILENT_PERIODS * self._options.period
-        if asyncio.get_running_loop().time() - self._last_latch_s > silent_s:
+        if awake_s(self._last_latch_s) > silent_s:
             raise NoAnswer(
                 self.name, f"counter frames have stopped: none for more than {silent_s:g} s",
                 remedy="Check the converter's power, the CAN cable and the adapter, then run again.",

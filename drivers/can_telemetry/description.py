@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -10,6 +11,7 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
 from drivers.can_options import (
+    DBC_LIMIT_BYTES,
     FRAME_SCHEMES,
     IDLE_BLOCK_S,
     ClockUncertainty,
@@ -84,7 +86,7 @@ class SampledPositionOptions(PositionOptions):
 class TelemetryOptions(StrictModel):
     """Where in the frames the samples are; names are Message.Signal of the DBC."""
 
-    dbc: Annotated[Path, FileBeside()] = Field(description="describes the frames")
+    dbc: Annotated[Path, FileBeside(DBC_LIMIT_BYTES)] = Field(description="describes the frames")
     channels: Annotated[dict[str, SampleOptions], NOT_EMPTY]
     positions: dict[str, SampledPositionOptions] = Field(
         {}, description="encoders that are latched with the samples, by the devices that drive their axes"
@@ -144,7 +146,7 @@ def bus_bits_per_s(options: TelemetryOptions) -> float:
     for encoder in options.positions.values():
         for signal in (encoder.position, encoder.sequence):
             period_s[signal.partition(".")[0]] = options.channels[encoder.channel].period
-    return sum(bits.get(message, 0) / each_s for message, each_s in period_s.items())
+    return math.fsum(bits.get(message, 0) / each_s for message, each_s in period_s.items())
 
 
 def channels(options: TelemetryOptions) -> Mapping[str, str]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Mapping
 from typing import Self
 
 import numpy as np
 
+from drivers.awake import awake_s
 from drivers.can_telemetry import wire
 from drivers.can_telemetry.binding import encoders_of, formats_of
 from drivers.can_telemetry.description import TelemetryOptions
@@ -99,7 +99,7 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
             return
         silent_s = SILENT_PERIODS * max(sample.period for sample in self._options.channels.values())
         last_s = max(since_s, *(heard.frame_s for heard in self._heard.values()))
-        if asyncio.get_running_loop().time() - last_s <= silent_s:
+        if awake_s(last_s) <= silent_s:
             return
         wanted = frames_named(form.value.message.id for form in self._formats.values())
         raise NoAnswer(

@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Mapping, Sequence
 from typing import Self
 
+from drivers.awake import Deadline, patience
 from drivers.chamber.controller import Control, Controller, Look
 from drivers.chamber.description import ChamberLimits, ChamberOptions, ChamberSafe, StairOptions
 from drivers.chamber.following import FollowWatch
@@ -73,7 +74,7 @@ class Chamber:
         async with self._turn:
             climb = await self._begin(temperature_c, rate_c_per_min)
             mine = self._commands
-        deadline_s = loop.time() + climb.takes_s * RAMP_LONGER_BY + RAMP_LATER_S
+        deadline = Deadline(climb.takes_s * RAMP_LONGER_BY + RAMP_LATER_S)
         end_c = self._controller.kept(temperature_c)
         while True:
             async with self._turn:
@@ -86,7 +87,7 @@ class Chamber:
                     mine = self._commands
             if abs(look.set_point_c - end_c) <= ARRIVED_WITHIN_C:
                 return
-            if loop.time() > deadline_s:
+            if deadline.passed:
                 raise self._not_arrived(temperature_c, f"of {climb.takes_s:.0f} s has not ended", look)
             await asyncio.sleep(climb.pause_s(loop.time(), look.set_point_c, self._poll_s))
 
@@ -122,7 +123,7 @@ class Chamber:
         something else is told to follow the set point. Raises a DriverError when that could not be proved.
         """
         try:
-            async with asyncio.timeout(MAKE_SAFE_WITHIN_S), self._turn:
+            async with patience(MAKE_SAFE_WITHIN_S), self._turn:
                 await self._command_safe()
                 look = await self._controller.look(self._commanded_c)
                 if look.control is Control.OTHER:

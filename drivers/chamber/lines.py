@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from drivers.chamber.refusal import Refusal
 from drivers.description import Setup
 from drivers.errors import NoAnswer, Refused
-from drivers.transport.dialogue import Dialogue
+from drivers.transport.dialogue import Dialogue, once_more
 from drivers.transport.exchange import Framing, Pace, Proof, Wrap
 
 T = TypeVar("T")
@@ -53,7 +53,7 @@ class ProvedLine:
         if await self._dialogue.reopen():
             return
         try:
-            await self._identify()
+            await once_more(self._identify, self._note)
         except BaseException:
             self._dialogue.close()  # who is there is not known: the next exchange connects and asks first
             raise
@@ -64,10 +64,9 @@ class ProvedLine:
         try:
             return await self.ask_once(question, read)
         except NoAnswer as problem:
-            await self._dialogue.reopen()
-            answer = await self.ask_once(question, read)
             self._note(f"asked again: {problem}")
-            return answer
+            await self._dialogue.reopen()
+            return await self.ask_once(question, read)
 
     async def ask_once(self, question: str, read: Read[T]) -> T:
         """The same on the connection as it is."""

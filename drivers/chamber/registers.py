@@ -7,9 +7,12 @@ from collections.abc import Awaitable, Callable
 from drivers.chamber.words import Words
 from drivers.description import unheard
 from drivers.errors import DriverError, LinkLost, NoAnswer, Refused
+from drivers.readback import ReadBack
+from drivers.transport.dialogue import once_more
 from drivers.transport.modbus import ModbusLink
 from drivers.transport.modbus_frames import ReadFunction
 
+READ_BACK = ReadBack()
 Spelled = Callable[[Words], str]
 """Words as numbers for a person."""
 
@@ -19,40 +22,50 @@ class ProvedRegisters:
 
     After a timeout or a lost connection the next request connects and identifies first, by `identify`, which asks
     through `link` and raises WrongIdentity. A read without an answer is asked again once, which `note` is told; a write
-    is sent once, whatever happens.
+    is sent once, whatever happens. `read_back` says for how long what was written may be told as it was before.
 
     Concurrency: one caller at a time.
     """
 
     def __init__(
-        self, link: ModbusLink, identify: Callable[[], Awaitable[None]], note: Callable[[str], object] = unheard
-    ) -> None:
+        self, link: ModbusLink, identify: Callable[[], Awaitable[None]], note: Callable[[str], object] = unheard, *,
+        read_back: ReadBack = READ_BACK,
+    ) -> None:  # fmt: skip
         self.link = link
-        self._identify, self._note = identify, note
+        self._identify, self._note, self._read_back = identify, note, read_back
 
     async def connect(self) -> None:
-        """Connects anew and identifies; raises CannotConnect and what `identify` raises."""
+        """Connects anew and identifies, once more when there is no answer.
+
+        Raises CannotConnect and what `identify` raises.
+        """
+        await once_more(self._connect, self._note)
+
+    async def _connect(self) -> None:
         await self.link.open()
         await self._prove()
 
     async def identify(self) -> None:
         """Identifies; raises and closes the connection when it is not the controller that it should be."""
-        if self.link.is_open:
-            await self._prove()
-        else:
+        if not self.link.is_open:
             await self.connect()
+            return
+        try:
+            await self._prove()
+        except NoAnswer as problem:
+            self._note(f"asked again: {problem}")
+            await self._connect()
 
     async def read(self, address: int, count: int, *, function: ReadFunction = 3) -> Words:
         """`count` words from the wire address `address`."""
         if not self.link.is_open:
-            await self.connect()
+            await self._connect()
         try:
             return await self.link.read(address, count, function=function)
         except NoAnswer as problem:
-            await self.connect()
-            words = await self.link.read(address, count, function=function)
             self._note(f"asked again: {problem}")
-            return words
+            await self._connect()
+            return await self.link.read(address, count, function=function)
 
     async def set(
         self, address: int, words: Words, what: str, spelled: Spelled, *, many: bool = False, function: ReadFunction = 3
@@ -63,13 +76,18 @@ class ProvedRegisters:
         controller kept something else.
         """
         if not self.link.is_open:
-            await self.connect()
+            await self._connect()
+        count = len(words)
         unanswered: DriverError | None = None
         try:
             await self.link.write(address, words, many=many)
         except (NoAnswer, LinkLost) as problem:
             unanswered = problem
-        kept = await self.read(address, len(words), function=function)
+            kept = await self.read(address, count, function=function)  # at once: the time for an answer has passed
+        else:
+            kept = await self._read_back.until(
+                lambda: self.read(address, count, function=function), lambda kept: kept == words
+            )
         if kept == words:
             return
         if unanswered is not None:

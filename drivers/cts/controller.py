@@ -18,10 +18,13 @@ from drivers.cts.description import CtsOptions
 from drivers.cts.wire import Ramp, Status
 from drivers.description import Setup, check_identity, still_the_same
 from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, Refused
+from drivers.readback import ReadBack
 from drivers.transport.exchange import Pace, Proof, lines_ending
 from drivers.values import Identity
 
 T = TypeVar("T")
+
+READ_BACK = ReadBack()
 
 
 class CtsController:
@@ -61,20 +64,20 @@ class CtsController:
     async def look(self, commanded_c: float | None) -> Look:
         """Temperatures, where a ramp ends, and what the chamber does."""
         process_value_c, set_point_c, ramp = await self._temperatures()
-        control, why = _control(await self._ask(wire.STATUS_QUERY, wire.read_status))
+        control, why = await self._control()
         return Look(process_value_c, set_point_c, ramp.target_c, control, why)
 
     async def command(self, temperature_c: float) -> None:
         """Sends the set point and reads it back."""
         target_c = wire.kept(temperature_c)
         process_value_c, set_point_c, ramp = await self._temperatures()
-        control, _ = _control(await self._ask(wire.STATUS_QUERY, wire.read_status))
+        control, _ = await self._control()
         start_c = process_value_c if control is Control.NOBODY else set_point_c
         rate_c_per_min = (ramp.up_c_per_min if target_c > start_c else ramp.down_c_per_min) if ramp.active else math.inf
         command = wire.set_point(target_c)
         self._ramp = OwnRamp(start_c, target_c, rate_c_per_min / 60, _now_s())
         await self._order(command)
-        kept_c = (await self._temperatures())[2].target_c
+        kept_c = (await READ_BACK.until(self._temperatures, lambda told: told[2].target_c == target_c))[2].target_c
         if kept_c != target_c:
             raise Refused(
                 self._device, "the chamber did not take a new set point", sent=command,
@@ -95,8 +98,13 @@ class CtsController:
         commands = wire.ramp_rates(self._options.ramp_channel, rate_c_per_min)
         for command in commands:
             await self._order(command)
-        ramp = await self._ask_ramp()
-        if not ramp.active or {ramp.up_c_per_min, ramp.down_c_per_min} != {round(rate_c_per_min, 1)}:
+        rates = {round(rate_c_per_min, 1)}
+
+        def agrees(ramp: Ramp) -> bool:
+            return ramp.active and {ramp.up_c_per_min, ramp.down_c_per_min} == rates
+
+        ramp = await READ_BACK.until(self._ask_ramp, agrees)
+        if not agrees(ramp):
             raise Refused(
                 self._device, "the chamber did not take a new rate", sent=" and ".join(commands),
                 received=f"rates {ramp.up_c_per_min:g} and {ramp.down_c_per_min:g} °C/min",
@@ -115,7 +123,7 @@ class CtsController:
             await self._order(wire.RESUME)
         else:
             await self._order(wire.START)
-        control, why = _control(await self._ask(wire.STATUS_QUERY, wire.read_status))
+        control, why = await READ_BACK.until(self._control, lambda found: found[0] is Control.SET_POINT)
         if control is not Control.SET_POINT:
             raise Refused(
                 self._device, "the chamber did not start", sent=wire.RESUME if status.running else wire.START,
@@ -124,6 +132,9 @@ class CtsController:
         if self._ramp is not None:
             self._ramp = replace(self._ramp, began_s=_now_s())  # it stood until now
             await self.command(self._ramp.target_c)
+
+    async def _control(self) -> tuple[Control, str]:
+        return _control(await self._ask(wire.STATUS_QUERY, wire.read_status))
 
     async def _temperatures(self) -> tuple[float, float, Ramp]:
         """Process value and set point in force, °C, and the ramp.

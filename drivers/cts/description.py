@@ -7,7 +7,6 @@ from typing import Annotated
 from pydantic import Field
 
 from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberOptions, ChamberSafe
-from drivers.cts.recognition import RECOGNITION
 from drivers.cts.wire import ADDRESSES, RampChannel
 from drivers.description import DriverDescription
 from drivers.fields import Flag, WholeNumber
@@ -30,7 +29,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"serial", "socket"}),
     target="drivers.cts.driver:Cts",
     simulator="simulators.cts:SimulatedCts",
-    recognition=RECOGNITION,
+    recognition="drivers.cts.recognition:RECOGNITION",
     options=CtsOptions,
     limits=ChamberLimits,
     safe=ChamberSafe,

@@ -15,11 +15,13 @@ from drivers.errors import BadAnswer, InstrumentFault, Refused, WrongIdentity
 from drivers.espec_p300 import wire
 from drivers.espec_p300.description import P300Options
 from drivers.espec_p300.wire import Monitor, Temperatures
+from drivers.readback import ReadBack
 from drivers.transport.exchange import Pace, Proof
 from drivers.values import Identity
 
 T = TypeVar("T")
 
+READ_BACK = ReadBack()
 SAME_WITHIN_C = 1.0  # what the air of a chamber may do in the second between two questions
 QUESTION_GAP_S, SETTING_GAP_S = 0.3, 1.0  # what drivers of others leave after a question and after a setting
 _CONTROL: Mapping[str, Control] = {
@@ -61,7 +63,7 @@ class P300:
     async def look(self, commanded_c: float | None) -> Look:
         """Temperatures, then what the chamber does; BadAnswer when the two answers disagree of the process value."""
         temperatures = await self._temperatures()
-        monitor = await self._ask(wire.MONITOR_QUERY, wire.read_monitor)
+        monitor = await self._monitor()
         set_point_c = temperatures.set_point_c
         if abs(temperatures.process_value_c - monitor.process_value_c) > SAME_WITHIN_C:
             raise BadAnswer(
@@ -82,15 +84,16 @@ class P300:
         command = wire.set_point(temperature_c)
         try:
             await self._order(command)
-            set_point_c = (await self._temperatures()).set_point_c
-            if set_point_c != wire.kept(temperature_c):
+            kept_c = wire.kept(temperature_c)
+            told = await READ_BACK.until(self._temperatures, lambda told: told.set_point_c == kept_c)
+            if (set_point_c := told.set_point_c) != kept_c:
                 raise Refused(
                     self._device, "the controller did not take a new set point", sent=command,
                     received=f"set point {set_point_c:g} °C",
                     remedy="Look at the controller for a running program or protected settings.",
                 )  # fmt: skip
         except Refused:
-            if (await self._ask(wire.MONITOR_QUERY, wire.read_monitor)).mode in _CONTROL:
+            if (await self._monitor()).mode in _CONTROL:
                 raise
 
     def kept(self, temperature_c: float) -> float:
@@ -105,7 +108,7 @@ class P300:
 
         InstrumentFault while there is an alarm.
         """
-        monitor = await self._ask(wire.MONITOR_QUERY, wire.read_monitor)
+        monitor = await self._monitor()
         if monitor.alarms:
             raise InstrumentFault(
                 self._device, "the chamber has an alarm", received=await self._in_words(monitor),
@@ -113,8 +116,9 @@ class P300:
             )  # fmt: skip
         if monitor.mode == wire.OFF:
             await self._order(wire.POWER_ON)
+            await READ_BACK.until(self._monitor, lambda told: told.mode != wire.OFF)
         await self._order(wire.CONSTANT_MODE)
-        monitor = await self._ask(wire.MONITOR_QUERY, wire.read_monitor)
+        monitor = await READ_BACK.until(self._monitor, lambda told: told.mode == wire.CONSTANT)
         if monitor.mode != wire.CONSTANT:
             raise Refused(
                 self._device, "the chamber did not go to constant operation", sent=wire.CONSTANT_MODE,
@@ -148,6 +152,9 @@ class P300:
 
     async def _ask_temperatures(self) -> Temperatures:
         return await self._ask(wire.TEMPERATURE_QUERY, wire.read_temperatures)
+
+    async def _monitor(self) -> Monitor:
+        return await self._ask(wire.MONITOR_QUERY, wire.read_monitor)
 
     async def _in_words(self, monitor: Monitor) -> str:
         if not monitor.alarms:

@@ -8,7 +8,6 @@ from pydantic import Field
 
 from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions
 from drivers.description import DriverDescription
-from drivers.espec_p300.recognition import RECOGNITION
 from drivers.fields import WholeNumber
 
 
@@ -27,7 +26,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"serial", "socket", "tcp"}),
     target="drivers.espec_p300.driver:EspecP300",
     simulator="simulators.espec_p300:SimulatedP300",
-    recognition=RECOGNITION,
+    recognition="drivers.espec_p300.recognition:RECOGNITION",
     options=P300Options,
     limits=ChamberLimits,
     safe=ChamberSafe,

@@ -10,9 +10,8 @@ from drivers.corrections import CurrentCorrections
 from drivers.current_source import CurrentUncertainty
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, PositiveSeconds, StrictModel
-from drivers.fluke_5700a.wire import MODELS, RANGES_A, Terminator
+from drivers.fluke_5700a.wire import RANGES_A, Terminator
 from drivers.ranges import SourceLimits, range_of
-from drivers.recognition import SCPI, Recognition, answers_idn
 
 KNOWN_RANGE = range_of(RANGES_A, "A", "220 µA, 2.2 mA, 22 mA, 220 mA or 2.2 A")
 
@@ -41,16 +40,6 @@ class FlukeOptions(StrictModel):
     terminator: Terminator = "crlf"
 
 
-RECOGNITION = Recognition(
-    SCPI,
-    answers_idn(r"FLUKE", "|".join(MODELS), terminators=True),
-    starter={
-        "options": {"range": "2.2 mA", "compliance": "10 V"},
-        "limits": {"current": {"min": "-1 mA", "max": "1 mA"}},
-    },
-    lines=("baud=9600",),
-)
-
 DESCRIPTION = DriverDescription(
     name="fluke_5700a",
     title="calibrator Fluke 5700A, 5720A or 5730A as a precision current source",
@@ -58,7 +47,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"serial", "socket", "tcp"}),
     target="drivers.fluke_5700a.driver:Fluke5700A",
     simulator="simulators.fluke_5700a:SimulatedFluke",
-    recognition=RECOGNITION,
+    recognition="drivers.fluke_5700a.recognition:RECOGNITION",
     options=FlukeOptions,
     limits=SourceLimits,
     uncertainty=CurrentUncertainty,

@@ -7,18 +7,20 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Self
 
+from drivers.awake import Deadline
 from drivers.description import Nothing, Setup
-from drivers.errors import BeyondLimit, InstrumentFault, NotSettled, Refused
+from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, NotSettled, Refused
 from drivers.fluke_5700a import wire
 from drivers.fluke_5700a.description import FlukeOptions
 from drivers.fluke_5700a.link import FlukeLink
 from drivers.fluke_5700a.wire import OFF, Event, Setting, State, Status
 from drivers.ranges import SourceLimits
+from drivers.readback import ReadBack
 from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading, SourceReading
 
 SETTLE_LOOK_S = 1.0  # how often a setting is looked at until it has settled, and how long after it for the first time
-CARRIED_OUT_S, CARRIED_OUT_LOOK_S = 2.0, 0.2  # relays take their time between a command and the status that tells it
+READ_BACK = ReadBack()  # relays take their time between a command and the status that tells it
 MINUTE_S = 60.0
 _DISTORTING = {
     Status.BOOST: "an amplifier is on",
@@ -37,7 +39,7 @@ class Fluke5700A:
     """
 
     def __init__(self, setup: Setup[FlukeOptions, SourceLimits, Nothing]) -> None:
-        self.name = setup.name
+        self.name, self._note = setup.name, setup.note
         self._options, self._limits = setup.options, setup.limits
         self._link = FlukeLink(setup, end=wire.TERMINATORS[setup.options.terminator])
         self._band_a = wire.band_a(setup.options.range)
@@ -67,7 +69,7 @@ class Fluke5700A:
         state = await self._agreed_state()
         if self._made is not None:
             await self._check_still(state, self._made)
-        on_time_s = await self._on_time_s()
+        on_time_s = await self._on_time_s(state)
         at_s = _now_s()
         values = {"current": state.flowing_a, "settled": float(state.settled), "on_time": on_time_s}
         return {channel: [Reading(at_s, value)] for channel, value in values.items()}
@@ -122,28 +124,31 @@ class Fluke5700A:
 
         Each is sent once and given some time; a fault in the queue ends the way to anything but OFF.
         """
-        sent, faults, sent_s = "", list[str](), 0.0
-        while step := wire.next_step(now := await self._state(), wanted, self._band_a):
+        sent, faults, now = "", list[str](), await self._state()
+        while step := wire.next_step(now, wanted, self._band_a):
             self._check_wanted(order)
-            if step != sent:
-                sent, sent_s = step, _now_s()
-                faults = await self._link.write(step)
-            elif _now_s() - sent_s < CARRIED_OUT_S:
-                await asyncio.sleep(CARRIED_OUT_LOOK_S)
-            else:
+            if step == sent:
                 raise Refused(
                     self.name, "a setting was not carried out", sent=sent, received="; ".join([str(now), *faults]),
                     remedy="Look at the display of the calibrator: a message, a menu left open, or local control.",
                 )  # fmt: skip
+            sent, faults = step, await self._link.write(step)
             if faults and wanted != OFF:
                 raise Refused(
                     self.name, "the calibrator refused a command", sent=sent, received="; ".join(faults),
                     remedy="Look at its display, and check the levels and limits in the sequence and the bench file.",
                 )  # fmt: skip
+            now = await self._state_after(order, step, wanted)
+
+    async def _state_after(self, order: int, step: str, wanted: Setting) -> State:
+        """The state as soon as it tells that a step was carried out, or at last; at once when nobody waits for it."""
+        return await READ_BACK.until(
+            self._state, lambda state: order != self._order or wire.next_step(state, wanted, self._band_a) != step
+        )
 
     async def _settle(self, order: int, wanted: Setting) -> None:
         """Returns when the output is within its specification, with no fault in the queue."""
-        deadline_s = _now_s() + self._options.settle_within
+        deadline = Deadline(self._options.settle_within)
         while True:
             await asyncio.sleep(SETTLE_LOOK_S)
             state = await self._state()
@@ -151,7 +156,7 @@ class Fluke5700A:
             await self._check_still(state, wanted)
             if state.settled:
                 break
-            if _now_s() >= deadline_s:
+            if deadline.passed:
                 raise NotSettled(
                     self.name, f"the output has not settled within {self._options.settle_within:g} s",
                     received=str(state), remedy="Check the load and its cable, and settle_within in the bench file.",
@@ -169,13 +174,26 @@ class Fluke5700A:
     async def _minutes(self) -> int:
         return await self._link.ask(wire.MINUTES_QUERY, wire.read_integer)
 
-    async def _on_time_s(self) -> float:
+    async def _events(self, state: State) -> Event:
+        """What has happened since it was last asked, which is told only once.
+
+        When the answer is missing, all that may have been in it: errors, and a power failure unless the calibrator is
+        still as only this driver sets it.
+        """
+        try:
+            return await self._link.ask_once(wire.EVENTS_QUERY, wire.read_events)
+        except NoAnswer as problem:
+            still_set = self._range_chosen and Status.REMOTE | Status.RANGE_LOCKED in state.status
+            self._note(f"looked for its faults{'' if still_set else ', and counts its time anew'}: {problem}")
+            return wire.ERRORS if still_set else wire.ERRORS | Event.POWER_ON
+
+    async def _on_time_s(self, state: State) -> float:
         """For how long the power is known to be on, at least: since it was first asked, or last switched on.
 
         ETIME? counts the minutes of the calibrator's whole life, so that two answers give a time, less one minute
-        for what is left of each. The event that tells a power failure begins it anew; it is told once only.
+        for what is left of each. The event that tells a power failure begins it anew.
         """
-        events = await self._link.ask(wire.EVENTS_QUERY, wire.read_events)
+        events = await self._events(state)
         minutes = await self._link.takes.agreed("its time in minutes", self._minutes, alike=_within_a_minute)
         if self._first_min is None or Event.POWER_ON in events:
             self._first_min = minutes

@@ -9,7 +9,7 @@ from drivers import scpi
 from drivers.description import Setup, check_identity, still_the_same
 from drivers.errors import BadAnswer, Refused, WrongIdentity
 from drivers.fluke_5700a import wire
-from drivers.transport.dialogue import Dialogue
+from drivers.transport.dialogue import Dialogue, once_more
 from drivers.transport.exchange import Pace, Proof
 from drivers.values import Identity
 
@@ -28,7 +28,7 @@ class FlukeLink:
     """
 
     def __init__(self, setup: Setup[Any, Any, Any], *, end: bytes) -> None:
-        self._device, self._pin, self._end = setup.name, setup.identity, end
+        self._device, self._pin, self._end, self._note = setup.name, setup.identity, end, setup.note
         self._identity: Identity | None = None
         proof = Proof(wire.IDENTITY_QUERY, self._recognise)
         pace = Pace(answer_s=ANSWER_S)
@@ -39,7 +39,7 @@ class FlukeLink:
         """Connects, identifies, and empties the fault queue; raises CannotConnect, WrongIdentity or BadAnswer."""
         try:
             await self._dialogue.open()
-            await self.faults()
+            await once_more(self.faults, self._note)  # of before
         except BadAnswer as problem:
             self.close()
             raise BadAnswer(
@@ -55,7 +55,7 @@ class FlukeLink:
         """Connects and identifies again if the wire was lost; whether it was."""
         lost = await self._dialogue.reopen()
         if lost:
-            await self.faults()
+            await once_more(self.faults, self._note)
         return lost
 
     def close(self) -> None:
@@ -67,8 +67,12 @@ class FlukeLink:
         return await self.ask(wire.IDENTITY_QUERY, self._recognise)
 
     async def ask(self, question: bytes, read: Callable[[bytes], T]) -> T:
-        """One question; see LineExchange.ask."""
+        """One question that may be asked again; see Dialogue.ask."""
         return await self._dialogue.ask(question, read)
+
+    async def ask_once(self, question: bytes, read: Callable[[bytes], T]) -> T:
+        """One question that the instrument answers only once; see Dialogue.ask_once."""
+        return await self._dialogue.ask_once(question, read)
 
     async def write(self, command: str) -> list[str]:
         """Sends a command, once; the faults that are in the queue after it.
@@ -84,8 +88,11 @@ class FlukeLink:
         self._dialogue.line.cut_in(self._end.join(command.encode() for command in commands))
 
     async def faults(self) -> list[str]:
-        """Every fault in the queue, with what it means; the queue is empty after it."""
-        return await self._faults_from(await self.ask(wire.FAULT_QUERY, wire.read_integer))
+        """Every fault in the queue, with what it means; the queue is empty after it.
+
+        NoAnswer when one of them may have been told and not heard: it is told only once.
+        """
+        return await self._faults_from(await self.ask_once(wire.FAULT_QUERY, wire.read_integer))
 
     async def _faults_from(self, fault: int) -> list[str]:
         found: list[str] = []
@@ -93,7 +100,7 @@ class FlukeLink:
             found.append(f"{fault} {await self.ask(wire.explain_query(fault), wire.read_text)}")
             if len(found) == FAULTS_AT_MOST:
                 raise Refused(self._device, "its fault queue does not become empty", received=found[-1])
-            fault = await self.ask(wire.FAULT_QUERY, wire.read_integer)
+            fault = await self.ask_once(wire.FAULT_QUERY, wire.read_integer)
         return found
 
     def _recognise(self, line: bytes) -> Identity:

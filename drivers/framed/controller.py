@@ -12,7 +12,10 @@ from drivers.framed.line import FramedLine
 from drivers.framed.parts import Number
 from drivers.framed.status import Status
 from drivers.framed.wire import NumberFormat, Raw
+from drivers.readback import ReadBack
 from drivers.values import Identity
+
+READ_BACK = ReadBack()
 
 
 class FramedController:
@@ -62,7 +65,7 @@ class FramedController:
         """Energises the motor, where that is a command; Refused unless the status says so afterwards."""
         if self.profile.commands.enable is not None:
             await self.line.order("enable")
-        status = await self.look()
+        status = await READ_BACK.until(self.look, lambda status: status.enabled or status.faults)
         self.check_faults(status, "enable")
         if not status.enabled:
             raise Refused(

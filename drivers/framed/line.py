@@ -13,13 +13,14 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
 
+from drivers.awake import patience
 from drivers.errors import BadAnswer, LinkLost, NoAnswer, Refused
 from drivers.framed.profile import FrameProfile
 from drivers.framed.status import Status, StatusReader
 from drivers.framed.stream import StatusStream
 from drivers.framed.wire import NumberFormat, Raw
 from drivers.transport.address import Address
-from drivers.transport.dialogue import Pauses
+from drivers.transport.dialogue import Pauses, once_more
 from drivers.transport.exchange import printable_hex
 from drivers.transport.wires import Wires
 
@@ -34,9 +35,10 @@ Numbers = Iterable[tuple[NumberFormat, Raw]]
 class FramedLine:
     """One line after the other to the same controller.
 
-    Reading the status connects again when the wire was lost: at once, then after longer and longer pauses; a command
-    does not. `check` sees the first status of every connection, and raises when it is another controller's. `note` is
-    told what was dropped or is missing, once a minute at most, and that the wire was lost and is there again.
+    Reading the status looks once more when there is none, and connects again when the wire was lost: at once, then
+    after longer and longer pauses; a command does neither. `check` sees the first status of every connection, and
+    raises when it is another controller's. `note` is told what was looked at again, what was dropped or is missing,
+    once a minute at most, and that the wire was lost and is there again.
 
     Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers take turns.
     """
@@ -64,7 +66,7 @@ class FramedLine:
     async def open(self) -> None:
         """Connects, and looks who is there; raises CannotConnect, NoAnswer, and what `check` raises."""
         async with self._turn:
-            await self._connect()
+            await once_more(self._connect, self._note)
 
     async def reopen(self) -> None:
         """Connects again if the wire was lost; else nothing, at once."""
@@ -92,7 +94,8 @@ class FramedLine:
         async with self._turn:
             if self._stream is not None and self._stream.lost:
                 await self._revive()
-            return await self._look(self._opened())
+            stream = self._opened()
+            return await once_more(lambda: self._look(stream), self._note)
 
     async def order(self, name: str, numbers: Numbers = ()) -> None:
         """Sends a command, once; what became of it the status tells. Raises LinkLost, and Refused if it was not sent.
@@ -162,7 +165,7 @@ class FramedLine:
         dropped, repeated = stream.dropped, stream.repeated
         self._doubtful = True  # until it is here
         try:
-            async with asyncio.timeout(self._answer_s):
+            async with patience(self._answer_s):
                 found = await stream.expected()
         except TimeoutError:
             self._silences += 1
@@ -182,7 +185,7 @@ class FramedLine:
         while True:
             stream.forget()
             try:
-                async with asyncio.timeout(self._answer_s):
+                async with patience(self._answer_s):
                     await stream.more()
             except TimeoutError:
                 self._doubtful = False

@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Mapping, Sequence
 from typing import Self
 
+from drivers.awake import Deadline
 from drivers.axes import pause_s
 from drivers.capabilities import Approach
 from drivers.errors import BeyondLimit, InstrumentFault, NotSettled, Refused
@@ -161,12 +162,12 @@ class Head:
         options = self._options
         start_deg = (await self._axis.angle()).value
         travel_s = abs(target_deg - start_deg) / options.rate + options.rate / options.acceleration
-        deadline_s = asyncio.get_running_loop().time() + travel_s + options.settle.give_up
+        deadline = Deadline(travel_s + options.settle.give_up)
         self._check_wanted(order)
         await self._axis.start_move(target_deg, options.rate, answer_s=travel_s + ANSWER_S)
-        await self._stand(order, target_deg, hold_s, deadline_s)
+        await self._stand(order, target_deg, hold_s, deadline)
 
-    async def _stand(self, order: int, target_deg: float, hold_s: float, deadline_s: float) -> None:
+    async def _stand(self, order: int, target_deg: float, hold_s: float, deadline: Deadline) -> None:
         """Returns when the axis has stood within its band of the target for `hold_s`."""
         since_s: float | None = None
         while True:
@@ -185,17 +186,16 @@ class Head:
                 since_s = reading.at_s
             if since_s is not None and reading.at_s - since_s >= hold_s:
                 return
-            if reading.at_s >= deadline_s:
+            if deadline.passed:
                 raise self._not_settled(target_deg, reading, "is at rest" if at_rest else "is not at rest")
             left_s = abs(reading.value - target_deg) / self._options.rate
             await asyncio.sleep(pause_s(self._options.poll, left_s))
 
     async def _come_to_rest(self) -> None:
         """Returns when the axis no longer moves; raises NotSettled."""
-        loop = asyncio.get_running_loop()
-        deadline_s = loop.time() + self._options.settle.give_up
+        deadline = Deadline(self._options.settle.give_up)
         while (await self._axis.state()).moving:
-            if loop.time() >= deadline_s:
+            if deadline.passed:
                 raise NotSettled(self.name, "the axis still moves after a stop", remedy="Press the emergency stop.")
             await asyncio.sleep(self._options.poll)
 

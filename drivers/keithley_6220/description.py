@@ -12,7 +12,6 @@ from drivers.description import DriverDescription
 from drivers.fields import InUnit, StrictModel
 from drivers.keithley_6220.wire import COMPLIANCE_MAX_V, COMPLIANCE_MIN_V, RANGES_A, Terminator
 from drivers.ranges import SourceLimits, range_of
-from drivers.recognition import SCPI, Recognition, answers_idn
 
 KNOWN_RANGE = range_of(RANGES_A, "A", "one of 2 nA to 20 mA in decades, or 100 mA")
 
@@ -33,16 +32,6 @@ class KeithleyOptions(StrictModel):
     terminator: Terminator = "crlf"
 
 
-RECOGNITION = Recognition(
-    SCPI,
-    answers_idn(r"KEITHLEY.*", r"(MODEL )?622[01].*", terminators=True),
-    starter={
-        "options": {"range": "2 mA", "compliance": "1 V"},
-        "limits": {"current": {"min": "-1 mA", "max": "1 mA"}},
-    },
-    lines=("baud=9600", "baud=19200"),
-)
-
 DESCRIPTION = DriverDescription(
     name="keithley_6220",
     title="precision current source Keithley 6220 or 6221",
@@ -50,7 +39,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"serial", "socket", "tcp"}),
     target="drivers.keithley_6220.driver:Keithley6220",
     simulator="simulators.keithley_6220:SimulatedKeithley",
-    recognition=RECOGNITION,
+    recognition="drivers.keithley_6220.recognition:RECOGNITION",
     options=KeithleyOptions,
     limits=SourceLimits,
     uncertainty=CurrentUncertainty,

@@ -9,7 +9,6 @@ from pydantic import AfterValidator, Field
 from drivers.corrections import VoltageCorrections
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, Number, Ratio, StrictModel
-from drivers.keysight_3458a.recognition import RECOGNITION
 from drivers.keysight_3458a.wire import NPLCS, RANGES_V
 from drivers.ranges import range_of
 from drivers.wording import telling
@@ -59,7 +58,7 @@ DESCRIPTION = DriverDescription(
     capabilities=frozenset({"voltmeter"}),
     schemes=frozenset({"tcp"}),
     target="drivers.keysight_3458a.driver:Keysight3458A",
-    recognition=RECOGNITION,
+    recognition="drivers.keysight_3458a.recognition:RECOGNITION",
     options=VoltmeterOptions,
     uncertainty=VoltmeterUncertainty,
     corrections=VoltageCorrections,

@@ -9,16 +9,18 @@ from dataclasses import replace
 from typing import Self, TypeVar
 
 from drivers.description import Nothing, Setup, check_identity, still_the_same
-from drivers.errors import BeyondLimit, InstrumentFault, Refused
+from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, Refused
 from drivers.keysight_3458a import wire
 from drivers.keysight_3458a.description import MeterOptions
 from drivers.keysight_3458a.wire import Setting
-from drivers.transport.dialogue import Dialogue
+from drivers.readback import ReadBack
+from drivers.transport.dialogue import Dialogue, once_more
 from drivers.transport.exchange import Pace, Proof
 from drivers.values import Identity, Reading
 
 T = TypeVar("T")
 
+READ_BACK = ReadBack()
 ERRORS_AT_MOST = 32  # more than its two registers have bits
 KEPT_READINGS = 10_000  # for a poll that never comes
 _SLOWEST_LINE_HZ = 45.0
@@ -47,7 +49,7 @@ class Keysight3458A:
         self._dialogue = Dialogue(
             setup.name, setup.wires, setup.address, proof, end=wire.END, pace=pace, note=setup.note
         )
-        self._turn = asyncio.Lock()
+        self._turn, self._note = asyncio.Lock(), setup.note
         self._identity: Identity | None = None
         self._set: Setting | None = None  # what was made and read back
         self._line_hz = _SLOWEST_LINE_HZ
@@ -57,7 +59,7 @@ class Keysight3458A:
         """Connects, identifies, sets the instrument up; raises CannotConnect, WrongIdentity, InstrumentFault."""
         await self._dialogue.open()
         try:
-            await self._errors()  # what others sent wrongly is forgotten
+            await once_more(self._errors, self._note)  # what others sent wrongly is forgotten
             self._line_hz = await self._ask(wire.LINE_FREQUENCY_QUESTION, wire.read_number)
             await self._set_up(self._setting(self._options.nplc))
         except BaseException:
@@ -124,7 +126,8 @@ class Keysight3458A:
         self._set = None
         message = wire.set_up(setting)
         await self._dialogue.order(message, wire.read_numbers)
-        if problem := "; ".join(await self._errors()) or await self._misfit(setting):
+        problem = "; ".join(await once_more(self._errors, self._note))
+        if problem := problem or await READ_BACK.until(lambda: self._misfit(setting), lambda misfit: not misfit):
             raise Refused(
                 self.name, "a setting was not carried out", sent=message.decode(), received=problem,
                 remedy="Look at its display, and check range and nplc in the bench file.",
@@ -139,10 +142,22 @@ class Keysight3458A:
                 self.name, "is no longer set as it was", received="" if setting is None else misfit,
                 remedy="Look for a power failure, a front panel in use, or who else sets it; then run again.",
             )  # fmt: skip
-        readings = [await self._reading(setting) for _ in range(count)]
-        if errors := await self._errors():
+        readings, errors = await self._proved(setting, count)
+        if errors:
             raise InstrumentFault(self.name, "has errors after a measurement", received="; ".join(errors))
         return readings
+
+    async def _proved(self, setting: Setting, count: int) -> tuple[Sequence[Reading], list[str]]:
+        """Readings, and the errors that the instrument tells after them.
+
+        It tells an error only once: where that answer is missing, the readings before it are not believed.
+        """
+        readings = [await self._reading(setting) for _ in range(count)]
+        try:
+            return readings, await self._errors()
+        except NoAnswer as problem:
+            self._note(f"measured again: {problem}")
+        return [await self._reading(setting) for _ in range(count)], await self._errors()
 
     async def _reading(self, setting: Setting) -> Reading:
         takes_s = wire.takes_s(setting.nplc, self._line_hz)
@@ -172,7 +187,7 @@ class Keysight3458A:
         errors: list[str] = []
         faults: list[str] = []
         for _ in range(ERRORS_AT_MOST):
-            entry = await self._ask(wire.ERROR_QUESTION, wire.read_error)
+            entry = await self._dialogue.ask_once(wire.ERROR_QUESTION, wire.read_error)
             if not entry.code:
                 break
             (faults if wire.is_own_fault(entry) else errors).append(str(entry))

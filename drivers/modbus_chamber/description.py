@@ -10,7 +10,6 @@ from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, St
 from drivers.description import DriverDescription
 from drivers.fields import DocumentFile, ModelBeside, WholeNumber
 from drivers.modbus_chamber.profile import ChamberProfile
-from drivers.modbus_chamber.recognition import RECOGNITION
 from drivers.wording import problem_at
 
 
@@ -38,7 +37,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"tcp", "serial", "socket"}),
     target="drivers.modbus_chamber.driver:ModbusChamber",
     simulator="simulators.modbus_chamber:SimulatedProfile",
-    recognition=RECOGNITION,
+    recognition="drivers.modbus_chamber.recognition:RECOGNITION",
     options=ModbusChamberOptions,
     limits=ChamberLimits,
     safe=ChamberSafe,

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from drivers.description import Nothing, Setup, check_identity, still_the_same
 from drivers.errors import InstrumentFault, Refused
-from drivers.head.axis import ANSWER_S, AxisState, OwnLimits
+from drivers.head.axis import ANSWER_S, READ_BACK, AxisState, OwnLimits
 from drivers.head.description import HeadLimits
 from drivers.newport_xps import wire
 from drivers.newport_xps.description import XpsOptions
@@ -128,7 +128,7 @@ class XpsAxis:
         call = wire.enable(self._group)
         await self._moving.reopen()
         await self._order(self._moving, call)
-        state = await self.state()
+        state = await READ_BACK.until(self.state, lambda state: state.enabled)
         if not state.enabled:
             raise Refused(
                 self._device, f"group {self._group} stays disabled", sent=call, received=state.words,
@@ -138,19 +138,22 @@ class XpsAxis:
     async def prepare(self, rate_dps: float) -> None:
         """Sets rate and acceleration unless they are so, and reads them back; raises Refused."""
         await self._moving.reopen()
-        found = Profile(*await self._ask(wire.ask_profile(self._positioner), _numbers(4)))
+        found = await self._profile()
         wanted = found._replace(rate_dps=rate_dps, acceleration_dps2=self._acceleration_dps2)
         if _alike(found, wanted):
             return
         call = wire.set_profile(self._positioner, wanted)
         await self._order(self._moving, call)
-        found = Profile(*await self._ask(wire.ask_profile(self._positioner), _numbers(4)))
+        found = await READ_BACK.until(self._profile, lambda found: _alike(found, wanted))
         if not _alike(found, wanted):
             raise Refused(
                 self._device, f"{self._positioner} would move at {found.rate_dps:g} °/s and "
                 f"{found.acceleration_dps2:g} °/s², expected {rate_dps:g} °/s and {self._acceleration_dps2:g} °/s²",
                 sent=call, remedy="Look for another program that uses the controller; nothing was moved.",
             )  # fmt: skip
+
+    async def _profile(self) -> Profile:
+        return Profile(*await self._ask(wire.ask_profile(self._positioner), _numbers(4)))
 
     async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
         """Sends the axis to an angle, once, as prepared; the answer comes when it has arrived.

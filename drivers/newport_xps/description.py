@@ -11,7 +11,6 @@ from drivers.corrections import AxisCorrections
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, TextLike
 from drivers.head.description import HeadLimits, HeadOptions
-from drivers.newport_xps.recognition import RECOGNITION
 
 Name = Annotated[str, TextLike("[A-Za-z][A-Za-z0-9_-]{0,31}", "a name such as HEAD")]
 
@@ -31,7 +30,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"tcp"}),
     target="drivers.newport_xps.driver:NewportXps",
     simulator="simulators.newport_xps:SimulatedXps",
-    recognition=RECOGNITION,
+    recognition="drivers.newport_xps.recognition:RECOGNITION",
     options=XpsOptions,
     limits=HeadLimits,
     uncertainty=AxisUncertainty,

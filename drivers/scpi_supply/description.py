@@ -8,7 +8,6 @@ from pydantic import Field
 
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, StrictModel
-from drivers.scpi_supply.recognition import RECOGNITION
 
 Answer = Literal["maximum", "over_voltage", "over_current"]
 
@@ -49,7 +48,7 @@ DESCRIPTION = DriverDescription(
     target="drivers.scpi_supply.driver:ScpiSupply",
     simulator="simulators.scpi_supply:SimulatedSupply",
     options=SupplyOptions,
-    recognition=RECOGNITION,
+    recognition="drivers.scpi_supply.recognition:RECOGNITION",
     limits=SupplyLimits,
     channels={"voltage": "V", "current": "A"},
 )

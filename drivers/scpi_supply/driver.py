@@ -9,12 +9,15 @@ from typing import Self
 
 from drivers.description import Nothing, Setup
 from drivers.errors import BeyondLimit, InstrumentFault, Refused
+from drivers.readback import ReadBack
 from drivers.scpi_supply import wire
 from drivers.scpi_supply.description import SupplyLimits, SupplyOptions
 from drivers.scpi_supply.wire import Setting, State
 from drivers.transport.dialogue import safe_in_time
 from drivers.transport.scpi import ScpiLink
 from drivers.values import Identity, Reading, SourceReading
+
+READ_BACK = ReadBack()
 
 
 class ScpiSupply:
@@ -107,8 +110,15 @@ class ScpiSupply:
                     remedy="Look at the supply: is it locked, tripped, or limited below this setting?",
                 )  # fmt: skip
             await self._link.write(step)
-            sent, now = step, (await self._state()).setting
+            sent, now = step, await self._setting_after(order, step, wanted)
         self._made = now
+
+    async def _setting_after(self, order: int, step: str, wanted: Setting) -> Setting:
+        """The setting as soon as it tells that a step was carried out, or at last; at once when nobody waits for it."""
+        state = await READ_BACK.until(
+            self._state, lambda state: order != self._order or wire.next_step(state.setting, wanted) != step
+        )
+        return state.setting
 
     async def _state(self) -> State:
         return await self._link.ask(

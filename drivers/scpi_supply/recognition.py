@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from drivers import scpi
 from drivers.recognition import IDN, SCPI, Found, Port, Recognition, forget_errors, text_of
 
 SETTINGS_QUERY = b":VOLT?;:CURR?;:OUTP?\n"
-ERROR_QUERY = b":SYST:ERR?\n"
+ERROR_QUERIES = (b":SYST:ERR?\n", b":STAT:ERR?\n")
 
 
 async def ask(port: Port) -> Found:
@@ -16,7 +18,10 @@ async def ask(port: Port) -> Found:
         level, limit, output = scpi.answers(text_of(await port.ask(SETTINGS_QUERY)).encode(), 3)
         scpi.number(level), scpi.number(limit), scpi.boolean(output)
     finally:
-        await forget_errors(port, ERROR_QUERY)
+        for question in ERROR_QUERIES:
+            with suppress(ValueError):  # it does not know this one
+                await forget_errors(port, question)
+                break
     return Found(identity)
 
 

@@ -16,6 +16,7 @@ CURRENT = "[SOURce:]CURRent[:LEVel][:IMMediate][:AMPLitude]"
 OUTPUT = "OUTPut[:STATe]"
 MEASURE_VOLTAGE = "MEASure[:SCALar]:VOLTage[:DC]"
 MEASURE_CURRENT = "MEASure[:SCALar]:CURRent[:DC]"
+MEASURE_POWER = "MEASure[:SCALar]:POWer[:DC]"
 OVER_VOLTAGE = "[SOURce:]VOLTage:PROTection:TRIPped"
 OVER_CURRENT = "[SOURce:]CURRent:PROTection:TRIPped"
 

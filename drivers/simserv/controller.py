@@ -15,6 +15,7 @@ from drivers.chamber.ramp import OwnRamp
 from drivers.chamber.refusal import Refusal
 from drivers.description import Setup, check_identity, still_the_same
 from drivers.errors import InstrumentFault, NoAnswer, Refused, WrongIdentity
+from drivers.readback import ReadBack
 from drivers.simserv import wire
 from drivers.simserv.description import SimservOptions
 from drivers.simserv.wire import Function, Info, Status, message
@@ -23,6 +24,7 @@ from drivers.values import Identity
 
 T = TypeVar("T")
 
+READ_BACK = ReadBack()  # a controller may acknowledge a setting before it tells it
 MESSAGES_AT_MOST = 40  # that are looked through for the text of an error
 _SERIAL_QUESTION = message(Function.INFO, Info.SERIAL)
 _GRADIENTS = (
@@ -95,7 +97,7 @@ class Simpac:
         for setting, reading in _GRADIENTS:
             command = message(setting, wire.TEMPERATURE, rate)
             await self._order(command)
-            kept_c_per_min = await self._variable(reading)
+            kept_c_per_min = await self._told(reading, lambda told: wire.gradient(told) == rate)
             if wire.gradient(kept_c_per_min) != rate:
                 raise Refused(
                     self._device, "the controller did not take a new gradient", sent=command,
@@ -110,7 +112,7 @@ class Simpac:
             await self._order(message(Function.STOP_PROGRAM))
         start = message(Function.SWITCH, wire.START, 1)
         await self._order(start)
-        control, why = await self._control()
+        control, why = await READ_BACK.until(self._control, lambda found: found[0] is Control.SET_POINT)
         if control is not Control.SET_POINT:
             raise Refused(
                 self._device, "the chamber did not start", sent=start, received=why,
@@ -124,10 +126,12 @@ class Simpac:
         """Sends the end of a ramp and reads it back."""
         command = message(Function.SET_SET_POINT, wire.TEMPERATURE, wire.temperature(ramp.target_c))
         acknowledged = await self._order(command)
-        told_c = await self._variable(Function.SET_POINT)
+        told_c = await self._told(
+            Function.SET_POINT, lambda told: told == ramp.target_c or (acknowledged and self._may_be_on(ramp, told))
+        )
         if told_c == ramp.target_c:
             return
-        if self._tells_target or not ramp.is_at(told_c, _now_s()):
+        if not self._may_be_on(ramp, told_c):
             raise Refused(
                 self._device, "the controller did not take a new set point", sent=command,
                 received=f"set point {told_c:g} °C",
@@ -135,6 +139,10 @@ class Simpac:
             )  # fmt: skip
         if not acknowledged:
             raise NoAnswer(self._device, "nobody knows whether a new set point was taken", sent=command)
+
+    def _may_be_on(self, ramp: OwnRamp, told_c: float) -> bool:
+        """Whether a set point that is not the end of a ramp may be where the ramp is, as far as that is told."""
+        return not self._tells_target and ramp.is_at(told_c, _now_s())
 
     async def _ramp_to(self, target_c: float) -> OwnRamp:
         """The ramp that a new set point begins: from the one in force, or from the air when the chamber is off."""
@@ -214,6 +222,10 @@ class Simpac:
                 remedy="Check that the right chamber is at this address, or correct the bench file.",
             )  # fmt: skip
         self._serial = serial
+
+    async def _told(self, function: Function, agrees: Callable[[float], object]) -> float:
+        """What a variable is told to be after a setting: as soon as it agrees, or at last."""
+        return await READ_BACK.until(lambda: self._variable(function), agrees)
 
     async def _variable(self, function: Function) -> float:
         return await self._ask(message(function, wire.TEMPERATURE), wire.number)

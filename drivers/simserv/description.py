@@ -6,7 +6,6 @@ from pydantic import Field
 
 from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberOptions, ChamberSafe
 from drivers.description import DriverDescription
-from drivers.simserv.recognition import RECOGNITION
 from drivers.simserv.wire import Reads
 
 
@@ -25,7 +24,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"tcp"}),
     target="drivers.simserv.driver:Simserv",
     simulator="simulators.simserv:SimulatedSimserv",
-    recognition=RECOGNITION,
+    recognition="drivers.simserv.recognition:RECOGNITION",
     options=SimservOptions,
     limits=ChamberLimits,
     safe=ChamberSafe,

@@ -10,11 +10,13 @@ from typing import Any, Generic, NamedTuple, Self, TypeVar
 from drivers.description import Nothing, Setup
 from drivers.errors import BeyondLimit, InstrumentFault, Refused
 from drivers.ranges import SourceLimits
+from drivers.readback import ReadBack
 from drivers.source.setting import Commands, Setting, SourceState
 from drivers.transport.dialogue import safe_in_time
 from drivers.transport.scpi import ScpiLink
 from drivers.values import Identity, Reading, SourceReading
 
+READ_BACK = ReadBack()
 StateT = TypeVar("StateT", bound=SourceState)
 
 
@@ -32,13 +34,17 @@ class Fault(NamedTuple):
 
 @dataclass(frozen=True)
 class Dialect(Generic[StateT]):
-    """How one make of source is spoken to: one question for its state, and the next command towards a setting."""
+    """How one make of source is spoken to: one question for its state, and the next command towards a setting.
+
+    `read_back` is how long a setting may be told as it was before.
+    """
 
     commands: Commands
     state_query: bytes
     read_state: Callable[[bytes], StateT]
     next_step: Callable[[StateT, Setting], str]
     faults: Callable[[StateT], Sequence[Fault]] = lambda _state: ()
+    read_back: ReadBack = READ_BACK
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +142,14 @@ class ScpiSource(Generic[StateT]):
                     remedy="Look at the source: is it in local, in a sweep, or its interlock open?",
                 )  # fmt: skip
             await self._link.write(step)
-            sent, now = step, await self._state()
+            sent, now = step, await self._state_after(order, step, wanted)
         return now
+
+    async def _state_after(self, order: int, step: str, wanted: Setting) -> StateT:
+        """The state as soon as it tells that a step was carried out, or at last; at once when nobody waits for it."""
+        return await self._dialect.read_back.until(
+            self._state, lambda state: order != self._order or self._dialect.next_step(state, wanted) != step
+        )
 
     async def _state(self) -> StateT:
         return await self._link.ask(self._dialect.state_query, self._dialect.read_state)

@@ -5,7 +5,10 @@ from __future__ import annotations
 from enum import Enum
 from typing import NamedTuple, Protocol
 
+from drivers.readback import ReadBack
 from drivers.values import Identity
+
+READ_BACK = ReadBack()  # from a command to the status that tells it
 
 
 class Mode(Enum):

@@ -8,10 +8,11 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Self
 
+from drivers.awake import Deadline
 from drivers.axes import pause_s
 from drivers.capabilities import Approach
 from drivers.errors import DriverError, InstrumentFault, NotSettled, Refused
-from drivers.table.axis import Drive, Mode, State, TableAxis
+from drivers.table.axis import READ_BACK, Drive, Mode, State, TableAxis
 from drivers.table.bounds import Bounds
 from drivers.table.description import TableLimits, TableOptions
 from drivers.transport.dialogue import safe_in_time
@@ -135,8 +136,7 @@ class Table:
             self._bounds.check_angle("the end of the swing", end_deg)
         await self._axis.prepare(Mode.SYNTHESIS, self._fastest_dps, self._most_dps2)
         await self._axis.demand_sine(amplitude_deg, frequency_hz, run_up_s)
-        self._check_wanted(order)
-        await self._axis.enter(Mode.SYNTHESIS)
+        await self._follow(order, Mode.SYNTHESIS)
         await self._until(
             order, Mode.SYNTHESIS, lambda state: state.swinging, run_up_s,
             f"the sine of ±{amplitude_deg:g}° at {frequency_hz:g} Hz is not reached",
@@ -178,8 +178,13 @@ class Table:
         self._check_wanted(order)
         # A mode goes for its last demand as soon as it is entered.
         await self._axis.demand_here(mode, state.angle_deg)
+        return await self._follow(order, mode)
+
+    async def _follow(self, order: int, mode: Mode) -> State:
+        """Lets the servo follow the demand of a mode; what the axis does when it tells that mode, or at last."""
         self._check_wanted(order)
         await self._axis.enter(mode)
+        await READ_BACK.until(self._axis.look, lambda state: order != self._order or state.mode is mode or state.stale)
         return await self._watch(order, mode)
 
     async def _go(self, order: int, target_deg: float, *, hold_s: float) -> None:
@@ -220,9 +225,9 @@ class Table:
     ) -> None:  # fmt: skip
         """Returns when the axis has arrived and held; NotSettled when it takes `give_up` longer than expected."""
         near_s = _now_s() + expected_s
-        deadline_s = near_s + hold_s + self._options.settle.give_up
+        deadline = Deadline(expected_s + hold_s + self._options.settle.give_up)
         while not arrived(state := await self._watch(order, mode)):
-            if _now_s() >= deadline_s:
+            if deadline.passed:
                 raise self._not_settled(problem, state)
             await asyncio.sleep(pause_s(self._options.poll, near_s - _now_s()))
 
@@ -240,13 +245,13 @@ class Table:
 
     async def _come_to_rest(self) -> State:
         """What the axis does when nothing turns it any more; NotSettled. A tripped one may tell of before for ever."""
-        deadline_s = _now_s() + STOP_WITHIN_S + self._options.settle.give_up
+        deadline = Deadline(STOP_WITHIN_S + self._options.settle.give_up)
         while True:
             state = await self._axis.look()
             at_rest = state.held and abs(state.rate_dps) <= self._options.rate_band
             if at_rest or state.stale:
                 return state
-            if _now_s() >= deadline_s:
+            if deadline.passed:
                 raise NotSettled(
                     self.name, "the table still turns after a stop", received=str(state),
                     remedy="Press the emergency stop.",

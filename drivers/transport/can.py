@@ -13,6 +13,8 @@ from typing import TypeVar
 import can
 import numpy as np
 
+from drivers.awake import patience
+from drivers.bounded import expect_bounded
 from drivers.errors import CannotConnect, InstrumentFault, LinkLost
 from drivers.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.transport import slcan
@@ -23,6 +25,7 @@ from drivers.transport.serial import open_serial
 from drivers.transport.text_frames import TextFrames
 
 P = TypeVar("P", bound=asyncio.Protocol)
+LOG_LIMIT_BYTES = 2**30
 COLLECT_LIMIT_FRAMES = 2_000_000  # a minute of a full bus, should nobody take what arrives
 _ANSWER_S = 1.0
 
@@ -76,7 +79,7 @@ class Slcan(TextFrames):
         self._answer = asyncio.get_running_loop().create_future()
         self._transport.write(text + slcan.END)
         try:
-            async with asyncio.timeout(_ANSWER_S):
+            async with patience(_ANSWER_S):
                 agreed = await self._answer
         except TimeoutError:
             raise CannotConnect(self._device, "the CAN adapter does not answer", sent=repr(text)[1:]) from None
@@ -104,6 +107,7 @@ def read_log(device: str, path: Path) -> FrameBlock:
     Their times are those of the file, in seconds.
     """
     try:
+        expect_bounded(path, LOG_LIMIT_BYTES)
         with can.LogReader(path) as reader:
             kept = [(message.timestamp, *frame) for message in reader if (frame := frame_of(message)) is not None]
     except Exception as problem:  # the readers let errors of many kinds out

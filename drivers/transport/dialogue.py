@@ -9,6 +9,7 @@ from contextlib import asynccontextmanager
 from dataclasses import replace
 from typing import TypeVar
 
+from drivers.awake import patience
 from drivers.errors import LinkLost, NoAnswer
 from drivers.transport.address import Address
 from drivers.transport.exchange import Framing, LineExchange, Pace, Proof, Wrap
@@ -20,6 +21,22 @@ T = TypeVar("T")
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 30.0  # between attempts to connect again
 SERIAL_GAP_S = 0.02  # some twenty bytes at 9600 baud
 SAFE_LIMIT_S = 5.0
+
+
+async def once_more(ask: Callable[[], Awaitable[T]], note: Callable[[str], object]) -> T:
+    """What `ask` gives, which only reads; done once more when there is no answer, which `note` is told.
+
+    When there is none then either, raises NoAnswer of the first time.
+    """
+    try:
+        return await ask()
+    except NoAnswer as problem:
+        note(f"asked again: {problem}")
+        first = problem
+    try:
+        return await ask()
+    except (NoAnswer, LinkLost) as problem:
+        raise first from problem
 
 
 class Pauses:
@@ -42,9 +59,10 @@ class Pauses:
 class Dialogue:
     """One line after the other to the same instrument.
 
-    Whatever asks connects again when the wire was lost: at once, then after longer and longer pauses. A command does
-    not: what the instrument does by then is to be read first. `greet` is what must be said on every new line; `note` is
-    told that the wire was lost and is there again.
+    What only reads is asked once more when it has no answer, and connects again when the wire was lost: at once, then
+    after longer and longer pauses. A command does neither: what the instrument does by then is to be read first.
+    `greet` is what must be said on every new line; `note` is told what was asked again, and that the wire was lost and
+    is there again.
 
     `takes` are of what enters a result. TCP sees to it that what arrives is what was sent; a serial line does not, nor
     does one behind a serial server.
@@ -84,8 +102,12 @@ class Dialogue:
     async def open(self) -> None:
         """Connects, asks for the proof, and greets; raises CannotConnect, and what the proof raises.
 
-        A serial line is drained first: it may hold what an earlier program asked for.
+        All of it once more when there is no answer. A serial line is drained first: it may hold what an earlier program
+        asked for.
         """
+        await once_more(self._open, self._note)
+
+    async def _open(self) -> None:
         self._drop()
         self._in_use = self._opening = True
         try:
@@ -106,12 +128,21 @@ class Dialogue:
     async def ask(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
         """One question, on a new line if the wire was lost; see LineExchange.ask, and `open`.
 
-        Raises LinkLost at once while the next attempt to connect is still to come, and when it is not open.
+        It changes nothing at the instrument, so that it is asked once more when it has no answer. Raises LinkLost at
+        once while the next attempt to connect is still to come, and when it is not open.
         """
+        await self._be_open()
+        return await once_more(lambda: self.line.ask(question, read, answer_s=answer_s), self._note)
+
+    async def ask_once(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
+        """As `ask`, and never sent twice: for what an instrument answers only once, or does when it is asked."""
+        await self._be_open()
+        return await self.line.ask(question, read, answer_s=answer_s)
+
+    async def _be_open(self) -> None:
         if self._in_use and not self._opening and self.line.lost:
             async with self._reviving:
                 await self._revive()
-        return await self.line.ask(question, read, answer_s=answer_s)
 
     async def _revive(self) -> None:
         """Connects again, unless somebody else just has, or it is not time yet."""
@@ -130,7 +161,7 @@ class Dialogue:
         if self._line is not None and not self._line.lost:
             return False
         why = self._line.why_lost if self._line is not None else ""
-        await self.open()
+        await self._open()
         if why:
             self._note(f"connected and identified again at {self._address}: {why}")
         return True
@@ -160,7 +191,7 @@ class Dialogue:
 async def safe_in_time(device: str) -> AsyncIterator[None]:
     """Bounds what makes an instrument safe: NoAnswer after 5 s."""
     try:
-        async with asyncio.timeout(SAFE_LIMIT_S) as limit:
+        async with patience(SAFE_LIMIT_S) as limit:
             yield
     except TimeoutError as problem:
         if not limit.expired():

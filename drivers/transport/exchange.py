@@ -17,6 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
+from drivers.awake import patience
 from drivers.errors import BadAnswer, LinkLost, NoAnswer, Refused
 from drivers.transport.memory import let_arrive
 
@@ -217,7 +218,7 @@ class LineExchange(asyncio.Protocol):
         while True:
             self._received.clear()
             try:
-                async with asyncio.timeout(self._pace.quiet_s):
+                async with patience(self._pace.quiet_s):
                     await self._more()
             except TimeoutError:
                 return
@@ -235,7 +236,7 @@ class LineExchange(asyncio.Protocol):
     async def _line_until(self, until_s: float, deadline_s: float, question: bytes) -> bytes:
         """The answer to a question; raises NoAnswer, BadAnswer for one without an end, and LinkLost."""
         try:
-            async with asyncio.timeout_at(until_s):
+            async with patience(until_s - asyncio.get_running_loop().time()):
                 while (line := self._taken()) is None:
                     if len(self._received) > ANSWER_LIMIT_BYTES:
                         raise BadAnswer(self.device, "an answer without an end", received=self._leftover())

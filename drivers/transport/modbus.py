@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Sequence
 
+from drivers.awake import patience
 from drivers.errors import BadAnswer, CannotConnect, DriverError, LinkLost, NoAnswer, Refused
 from drivers.transport.address import Address
 from drivers.transport.exchange import printable_hex
@@ -53,7 +54,7 @@ class ModbusLink:
         """Connects, anew if need be; raises CannotConnect, and BadAnswer for a line that is never quiet."""
         self.close()
         try:
-            async with asyncio.timeout(self._answer_s) as limit:
+            async with patience(self._answer_s) as limit:
                 stream = await self._wires.stream(self.device, self.address, _Stream)
         except TimeoutError as problem:
             if not limit.expired():
@@ -129,7 +130,7 @@ class ModbusLink:
                 pass
             if answer is not None:  # of a simulator in this process, which saves a timer
                 return answer
-            async with asyncio.timeout_at(until_s):
+            async with patience(until_s - asyncio.get_running_loop().time()):
                 while (answer := self._frames.answer(stream.received)) is None:
                     await stream.more()
         except TimeoutError:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from drivers import scpi
 from drivers.description import Setup, check_identity, still_the_same
-from drivers.errors import Refused
+from drivers.errors import NoAnswer, Refused
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Proof
 from drivers.values import Identity
@@ -15,24 +15,33 @@ from drivers.values import Identity
 T = TypeVar("T")
 
 IDENTITY_QUERY = b"*IDN?"
-ERROR_QUERY = b":SYST:ERR?"
+ReadError = Callable[[bytes], scpi.ErrorEntry]
+ERROR_QUERIES: Mapping[bytes, ReadError] = {
+    b":SYST:ERR?": scpi.error_entry,  # SCPI-1999
+    b":STAT:ERR?": scpi.error_entry,  # Yokogawa
+    b"*ESR?": scpi.event_entry,  # IEEE 488.2, for an instrument without a queue
+}  # what an instrument is asked for its errors, in the order in which that is tried
 ERRORS_AT_MOST = 32
 
 
 class ScpiLink:
     """The line to one SCPI instrument.
 
-    `takes` are of what enters a result. Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency:
-    callers queue for the line.
+    It is asked for its errors by the first of `error_queries` that it answers; `setup.note` is told which, unless it is
+    the first of all. `takes` are of what enters a result. Lifetime: `open`, then `close`; `reopen` when the wire was
+    lost. Concurrency: callers queue for the line.
     """
 
     def __init__(
         self, setup: Setup[Any, Any, Any], *, end: bytes = b"\n",
         read_identity: Callable[[bytes], Identity] = scpi.identity,
+        error_queries: Mapping[bytes, ReadError] = ERROR_QUERIES,
     ) -> None:  # fmt: skip
         self._device, self._pin = setup.name, setup.identity
         self._identity: Identity | None = None
-        self._read_identity = read_identity
+        self._read_identity, self._note = read_identity, setup.note
+        self._error_queries = error_queries
+        self._error_query = b""  # the one that it answers
         proof = Proof(IDENTITY_QUERY, self._recognise)
         self._dialogue = Dialogue(
             setup.name, setup.wires, setup.address, proof, end=end, greet=self._forget_errors, note=setup.note
@@ -56,15 +65,20 @@ class ScpiLink:
         return await self.ask(IDENTITY_QUERY, self._recognise)
 
     async def ask(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
-        """One question; see LineExchange.ask."""
+        """One question that may be asked again; see Dialogue.ask."""
         return await self._dialogue.ask(question, read, answer_s=answer_s)
+
+    async def ask_once(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
+        """One question that the instrument acts on or answers only once; see Dialogue.ask_once."""
+        return await self._dialogue.ask_once(question, read, answer_s=answer_s)
 
     async def write(self, commands: str) -> None:
         """Sends commands in one message, once; raises Refused with every error that they left in the queue.
 
         Returns as well when the answer is missing or garbled: what the caller reads back decides.
         """
-        entry = await self._dialogue.order(commands.encode() + b";" + ERROR_QUERY, scpi.error_entry)
+        message = commands.encode() + b";" + self._error_query
+        entry = await self._dialogue.order(message, self._error_queries[self._error_query])
         if entry is not None and (errors := await self._errors_from(entry)):
             raise Refused(
                 self._device, "the instrument refused a command", sent=commands, received="; ".join(errors),
@@ -77,7 +91,30 @@ class ScpiLink:
 
     async def _forget_errors(self) -> None:
         """Empties the error queue of what others left there."""
-        await self._errors_from(await self.ask(ERROR_QUERY, scpi.error_entry))
+        await self._errors_from(await (self._next_error() if self._error_query else self._first_error()))
+
+    async def _first_error(self) -> scpi.ErrorEntry:
+        """An entry of the error queue, by the first question that has an answer; raises NoAnswer when none has.
+
+        An instrument says nothing to a question that it does not know, however often, and keeps that as an error, which
+        is forgotten here.
+        """
+        first, *others = self._error_queries
+        for query in (first, *others):
+            try:
+                entry = await self.ask(query, self._error_queries[query])
+            except NoAnswer as silent:
+                await self.ask_once(IDENTITY_QUERY, self._recognise)  # raises when it is silent altogether
+                problem = silent
+            else:
+                self._error_query = query
+                if query != first:
+                    self._note(f"it does not answer {first.decode()}; it is asked for its errors by {query.decode()}")
+                return entry
+        raise problem
+
+    async def _next_error(self) -> scpi.ErrorEntry:
+        return await self.ask(self._error_query, self._error_queries[self._error_query])
 
     async def _errors_from(self, entry: scpi.ErrorEntry) -> list[str]:
         """Every entry of the error queue, from `entry` on; the queue is empty after it."""
@@ -86,7 +123,7 @@ class ScpiLink:
             errors.append(str(entry))
             if len(errors) == ERRORS_AT_MOST:
                 raise Refused(self._device, "its error queue does not become empty", received=errors[-1])
-            entry = await self.ask(ERROR_QUERY, scpi.error_entry)
+            entry = await self._next_error()
         return errors
 
     def _recognise(self, line: bytes) -> Identity:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import asyncio
 import errno
 import os
+import termios
 from collections.abc import Callable
 from contextlib import ExitStack
+from fcntl import ioctl
 from pathlib import Path
 from typing import NamedTuple, Protocol, TypeVar
 
@@ -72,6 +74,7 @@ async def open_serial(device: str, address: Address, factory: Callable[[], P]) -
             timeout=0,
             exclusive=True,
         )
+        _keep_others_out(port, address)
         if address.options.get("rs485") == "rts":
             _turn_round_by_rts(port)
     except (OSError, ValueError, serial.SerialException) as problem:
@@ -82,6 +85,15 @@ async def open_serial(device: str, address: Address, factory: Callable[[], P]) -
     protocol = factory()
     await join_device(port, protocol)
     return protocol
+
+
+def _keep_others_out(port: serial.Serial, address: Address) -> None:
+    """No program but those of the administrator can open the port any more until it is closed, whatever it locks.
+
+    A pseudo-terminal would stay closed to all when this program is killed, since its other end keeps it alive.
+    """
+    if not _is_pseudo_terminal(address):
+        ioctl(port.fileno(), termios.TIOCEXCL)
 
 
 def _turn_round_by_rts(port: serial.Serial) -> None:
@@ -95,8 +107,11 @@ def _turn_round_by_rts(port: serial.Serial) -> None:
 
 def _parity(address: Address) -> str:
     """As the address has it; a pseudo-terminal carries whole bytes, and cannot be opened with a parity."""
-    is_pseudo_terminal = os.path.realpath(address.path).startswith("/dev/pts/")
-    return "N" if is_pseudo_terminal else address.options.get("parity", "N")
+    return "N" if _is_pseudo_terminal(address) else address.options.get("parity", "N")
+
+
+def _is_pseudo_terminal(address: Address) -> bool:
+    return os.path.realpath(address.path).startswith("/dev/pts/")
 
 
 async def join_device(device: CharacterDevice, protocol: asyncio.Protocol) -> DeviceTransport:

@@ -13,6 +13,7 @@ from collections.abc import Awaitable, Callable
 
 import numpy as np
 
+from drivers.awake import patience
 from drivers.errors import CannotConnect, LinkLost
 from drivers.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.transport.address import Address
@@ -123,7 +124,7 @@ class Socketcand(TextFrames):
         self._transport.write(request)
         self._find_answer()
         try:
-            async with asyncio.timeout(ANSWER_S):
+            async with patience(ANSWER_S):
                 await self._answer
         except TimeoutError:
             raise self._refused(f"no {wanted.decode()} within {ANSWER_S:g} s", request, self._rest) from None

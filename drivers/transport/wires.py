@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Protocol, TypeVar
 
+from drivers.awake import patience
 from drivers.errors import CannotConnect
 from drivers.transport.address import Address
 from drivers.transport.frames import FrameLink
@@ -34,7 +35,7 @@ class RealWires:
             return await open_serial(device, address, factory)
         loop = asyncio.get_running_loop()
         try:
-            async with asyncio.timeout(10):
+            async with patience(10):
                 _, protocol = await loop.create_connection(factory, address.host, address.port)
         except (OSError, TimeoutError) as problem:
             raise CannotConnect(

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from drivers.chamber.controller import Control, Look, as_stated
-from drivers.chamber.registers import ProvedRegisters, hexadecimal
+from drivers.chamber.registers import READ_BACK, ProvedRegisters, hexadecimal
 from drivers.chamber.words import Words
 from drivers.description import IdentityPin, check_identity
 from drivers.errors import InstrumentFault, LinkLost, NoAnswer, WrongIdentity
@@ -124,7 +124,9 @@ class F4Channel:
         with suppress(NoAnswer, LinkLost):
             await self._link.write(Register.TERMINATE, (1,))
         await asyncio.sleep(TERMINATING_S)
-        (status,) = await self._registers.read(Register.STATUS, 1)
+        (status,) = await READ_BACK.until(
+            lambda: self._registers.read(Register.STATUS, 1), lambda words: words[0] not in _PROFILE
+        )
         if status in _PROFILE:
             raise InstrumentFault(
                 self._link.device, "the profile did not end", sent="terminate the profile",

@@ -9,7 +9,6 @@ from pydantic import Field
 from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions
 from drivers.description import DriverDescription
 from drivers.fields import WholeNumber
-from drivers.watlow_f4.recognition import RECOGNITION
 from drivers.watlow_f4.wire import EVENT_OUTPUTS
 
 
@@ -29,7 +28,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"serial", "socket"}),
     target="drivers.watlow_f4.driver:WatlowF4",
     simulator="simulators.watlow_f4:SimulatedF4",
-    recognition=RECOGNITION,
+    recognition="drivers.watlow_f4.recognition:RECOGNITION",
     options=F4Options,
     limits=ChamberLimits,
     safe=ChamberSafe,

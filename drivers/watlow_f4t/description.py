@@ -10,7 +10,6 @@ from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberOptions,
 from drivers.chamber.words import WordOrder
 from drivers.description import DriverDescription
 from drivers.fields import Flag, WholeNumber
-from drivers.watlow_f4t.recognition import RECOGNITION
 
 
 class F4TOptions(ChamberOptions):
@@ -29,7 +28,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"tcp", "serial", "socket"}),
     target="drivers.watlow_f4t.driver:WatlowF4T",
     simulator="simulators.watlow_f4t:SimulatedF4T",
-    recognition=RECOGNITION,
+    recognition="drivers.watlow_f4t.recognition:RECOGNITION",
     options=F4TOptions,
     limits=ChamberLimits,
     safe=ChamberSafe,

@@ -11,7 +11,6 @@ from drivers.current_source import CurrentUncertainty
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, StrictModel
 from drivers.ranges import SourceLimits, range_of
-from drivers.recognition import SCPI, Recognition, answers_idn
 from drivers.wording import telling
 from drivers.yokogawa_gs200.wire import COMPLIANCE_MAX_V, COMPLIANCE_MIN_V, RANGES_A
 
@@ -35,15 +34,6 @@ class GS200Options(StrictModel):
     ] = Field(description="the most that a sequence may ask for, in whole volts")
 
 
-RECOGNITION = Recognition(
-    SCPI,
-    answers_idn(r"YOKOGAWA", r"GS2[01]0"),
-    starter={
-        "options": {"range": "1 mA", "compliance": "1 V"},
-        "limits": {"current": {"min": "-1 mA", "max": "1 mA"}},
-    },
-)
-
 DESCRIPTION = DriverDescription(
     name="yokogawa_gs200",
     title="precision current source Yokogawa GS200",
@@ -51,7 +41,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"tcp"}),
     target="drivers.yokogawa_gs200.driver:YokogawaGS200",
     simulator="simulators.yokogawa_gs200:SimulatedGS200",
-    recognition=RECOGNITION,
+    recognition="drivers.yokogawa_gs200.recognition:RECOGNITION",
     options=GS200Options,
     limits=SourceLimits,
     uncertainty=CurrentUncertainty,

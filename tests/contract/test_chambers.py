@@ -354,6 +354,29 @@ def test_a_cut_in_a_ramp_is_told_soon(dialect: Dialect) -> None:
 
 
 @every_dialect
+def test_a_controller_that_acknowledges_before_it_tells_is_ramped_and_made_safe(dialect: Dialect) -> None:
+    async def use(rig: Rig) -> None:
+        rig.faults.begin("lag")
+        async with rig.driver() as driver:
+            await driver.ramp_to(21.0, 3.0)
+            await driver.poll()
+            assert rig.set_point_c() == pytest.approx(21.0, abs=dialect.within_c)
+            began_s = rig.now_s()
+            await driver.make_safe()
+            assert rig.now_s() - began_s < MAKE_SAFE_WITHIN_S
+            assert (await driver.state()).target_c == 25.0
+            await asyncio.sleep(600.0)
+            assert rig.set_point_c() == pytest.approx(25.0, abs=1e-4)
+            if dialect.gives_back:
+                dialect.take_over(rig.instrument)
+                await asyncio.sleep(60.0)
+                await driver.make_safe()
+                assert (await driver.state()).target_c == 25.0
+
+    with_rig(dialect, use)
+
+
+@every_dialect
 @pytest.mark.parametrize("requests", range(0, 24, 3))
 def test_it_is_made_safe_from_any_moment_of_a_ramp(dialect: Dialect, requests: int) -> None:
     async def use(rig: Rig) -> None:

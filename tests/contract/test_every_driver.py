@@ -2,6 +2,7 @@
 
 import asyncio
 from contextlib import nullcontext, suppress
+from unittest import mock
 
 import pytest
 
@@ -63,6 +64,44 @@ def test_the_instrument_of_the_bench_file_is_taken(driver: str) -> None:
     run(main(), AS_FAST_AS_POSSIBLE)
 
 
+# Acknowledged at once, told later
+
+LAGGING = (
+    "set",
+    "off",
+    "ramp_to",
+    "hold",
+    "move_to",
+    "rotate_at",
+    "oscillate",
+    "stop",
+    "measure",
+    "poll",
+    "read",
+    "state",
+)
+COMMANDS_NOTHING = frozenset({"can_counter", "can_telemetry"})  # what only sends
+
+
+@every_driver
+@pytest.mark.parametrize("lag_s", [0.3, 1.0])
+def test_a_setting_that_is_told_later_than_it_is_acknowledged_is_waited_for(driver: str, lag_s: float) -> None:
+    async def main() -> None:
+        with mock.patch("simulators.faults.LAG_S", lag_s):
+            opened = Opened(driver)
+            opened.faults.begin("lag")
+            async with opened.driver() as device:
+                for name, call in calls_of(driver).items():
+                    if name not in LAGGING or driver in COMMANDS_NOTHING:
+                        continue
+                    await call(device)
+                    await device.poll()
+                await device.make_safe()
+                await device.poll()
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
 # What takes how long
 
 
@@ -84,13 +123,14 @@ def test_no_call_waits_for_ever_on_an_instrument_that_says_nothing(driver: str) 
 @every_driver
 def test_an_answer_is_waited_for_as_long_as_the_instrument_may_take_and_no_longer(driver: str) -> None:
     async def main() -> None:
-        opened = Opened(driver)
-        async with opened.driver() as device:
+        opened, told_s = Opened(driver), list[float]()
+        async with opened.driver(lambda _asked_again: told_s.append(now_s())) as device:
             opened.faults.begin("silent")
             began_s = now_s()
             with suppress(NoAnswer):
                 await device.identify()
-            assert now_s() - began_s == pytest.approx(EVERY[driver].patience_s, abs=PACING_S)
+            waited_s = told_s[0] - began_s if told_s else 0.0
+            assert waited_s == pytest.approx(EVERY[driver].patience_s, abs=PACING_S)
 
     run(main(), AS_FAST_AS_POSSIBLE)
 

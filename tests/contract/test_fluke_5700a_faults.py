@@ -199,7 +199,7 @@ def test_a_calibrator_that_is_busy_is_silent_in_time_and_heard_again() -> None:
         begun_s = now_s()
         with pytest.raises(NoAnswer, match="no answer within 5 s"):
             await driver.poll()
-        assert now_s() - begun_s < 6
+        assert now_s() - begun_s < 12  # it is asked twice
         source.go_on()
         assert (await driver.poll())["current"][0].value == 0.0012  # what comes late is drained
 
@@ -211,7 +211,7 @@ def test_a_calibrator_that_stays_busy_asks_for_a_pause_and_is_heard_again() -> N
         said = bytearray()
         source.wire.alter = lambda _request, answer: said.extend(answer) or answer
         source.instrument.busy = True
-        for _ in range(16):
+        for _ in range(8):
             with pytest.raises((NoAnswer, BadAnswer)):
                 await driver.poll()
         assert said == b"\x13"

@@ -411,7 +411,7 @@ def test_the_same_status_again_and_again_is_a_silence(profile: FrameProfile) -> 
         start_s = now_s()
         with pytest.raises(NoAnswer, match=r"only the same status again and again for 0\.5 s"):
             await driver.poll()
-        assert now_s() - start_s < 1.2
+        assert now_s() - start_s < 1.7  # it is looked at twice
         framed.controller.stale = False
         await driver.poll()
 

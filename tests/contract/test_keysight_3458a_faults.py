@@ -74,8 +74,6 @@ def test_a_second_master_is_a_fault_and_not_set_right_in_silence(line: bytes, to
 def test_a_power_failure_is_noticed() -> None:
     async def use(meter: Meter, driver: Keysight3458A) -> None:
         meter.instrument.restart()
-        with pytest.raises(NoAnswer):  # END is off again
-            await driver.poll()
         with pytest.raises(InstrumentFault, match="no longer set as it was"):
             await driver.poll()
 
@@ -120,7 +118,7 @@ def test_a_reading_that_does_not_come_is_silence_in_bounded_time() -> None:
         began_s = now_s()
         with pytest.raises(NoAnswer, match=r"no answer within 5 s; sent b?.TARM SGL"):
             await measuring
-        assert now_s() - began_s < 5
+        assert now_s() - began_s < 12  # it is asked twice, on a line that is quiet again
 
     with_driver(use)
 

@@ -16,6 +16,7 @@ from drivers.recognition import IDN, SCPI, Found, Recognition
 from drivers.transport.address import Address
 from drivers.transport.questions import QuestionPort
 from drivers.values import Identity
+from simulators.scpi import Interpreter
 from tests.support.lines import TappedWire
 from tests.support.runs import ROOT
 from tests.support.scanned import Case, cases, profile, simulated, standing, wire_to
@@ -152,6 +153,22 @@ def test_a_generic_question_leaves_no_error_in_an_instrument_that_does_not_know_
     assert place.words.startswith(r"somebody answers whom no driver knows: sent '*IDN?\r\n', received 'HEWLETT-PACKARD")
     assert wire.count(b":VOLT?") == 1
     assert {key for key in changed if "_errors" in key} == set()
+
+
+@pytest.mark.parametrize("known", [(), ("STATus:ERRor?",), ("SYSTem:ERRor[:NEXT]?",)])
+def test_a_supply_is_known_whatever_it_is_asked_for_its_errors_by(known: tuple[str, ...]) -> None:
+    told = dict.fromkeys(("VOLTage?", "CURRent?", "OUTPut?"), lambda _: "0")
+    interpreter = Interpreter("ACME,PSU 1,,1.0", told, error_queries=known)
+
+    class Supply(Answering):
+        async def ask(self, question: bytes, *, again: bool = False) -> bytes:
+            return interpreter.execute(question.decode().strip()).encode()
+
+    async def main() -> Found:
+        return await known_drivers()["scpi_supply"].recognised_by().ask(Supply(b""))
+
+    found = run(main(), AS_FAST_AS_POSSIBLE)
+    assert (found.identity.maker, found.identity.model) == ("ACME", "PSU 1")
 
 
 def test_nobody_there_is_told_within_the_time_for_a_place() -> None:

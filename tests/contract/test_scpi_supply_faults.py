@@ -95,7 +95,7 @@ def test_a_lost_supply_is_reported_in_time(kind: Any, error: type[Exception]) ->
         start_s = now_s()
         with pytest.raises(error):
             await driver.poll()
-        assert now_s() - start_s <= 2
+        assert now_s() - start_s <= 5.1  # it is asked twice, on a line that is quiet again
 
     with_driver(use)
 

@@ -116,3 +116,14 @@ def test_errors_of_the_instrument_are_quoted_until_its_queue_is_empty() -> None:
         await driver.set(0.0012, limit=5, output=True)
 
     with_gs200(use)
+
+
+def test_one_that_knows_only_the_question_of_its_maker_is_used_all_the_same() -> None:
+    async def use(source: SourceGS200, driver: YokogawaGS200) -> None:
+        await driver.set(5e-3, limit=10.0, output=True)
+        assert await driver.read() == SourceReading(None, 5e-3, True)
+        source.instrument.put_output(False)
+        await driver.make_safe()
+        assert source.wire.count(b":SYST:ERR?") == 2
+
+    with_gs200(use, error_queries=("STATus:ERRor?",))

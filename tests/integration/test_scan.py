@@ -64,8 +64,13 @@ def test_what_a_scan_proposes_is_a_bench_that_a_check_accepts_and_that_answers(t
                 app, ["run", str(tmp_path / "off.yaml"), "--bench", str(bench), "--attended", "--uut", "A1",
                       "--runs", str(tmp_path / "runs")],
             )  # fmt: skip
+            others = [
+                CliRunner().invoke(app, [*words, "--bench", str(bench)])
+                for words in (["devices"], ["trace", "--out", str(tmp_path / "t.trace")], ["console", "chamber"])
+            ]
         assert re.match(r"tcp://\S+ is in use by a run of smoke, process \d+. Wait until it has ended", place.words)
         assert str(refused.exception) == place.words
+        assert [" is in use by a run of smoke" in str(other.exception) for other in others] == [True] * 3
         assert not (tmp_path / "runs").exists()
 
 

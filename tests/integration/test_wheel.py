@@ -50,6 +50,13 @@ def test_the_wheel_runs_the_smoke_sequence_in_an_empty_folder(wheel, tmp_path):
         check=True,
     )
     assert str(installed / "bench" / "shipped" / "sequences" / "tumble_static.yaml") in checked.stdout
+    for command in (["new", "bench", "mine"], ["check", "smoke", "--bench", "mine.yaml"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "bench", *command], capture_output=True, text=True, cwd=empty, env=env, check=False
+        )
+        assert done.returncode == 0, done.stderr
+    copied = {path.name for path in (empty / "config").iterdir()}
+    assert {"bench.schema.json", "if_counter.dbc", "mine.yaml"} < copied
 
 
 def test_the_wheel_holds_the_packages_their_data_and_no_tests(wheel):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from bench.errors import StoreError
 from bench.store.reader import RunReader
 from tests.support.runs import ROOT
 from tests.support.served import on_real_wires, simulating
@@ -60,16 +62,29 @@ def test_the_smoke_sequence_passes_over_real_wires(wired_bench, tmp_path):
     assert not (tmp_path / "itb").exists() or not list((tmp_path / "itb").iterdir()), "the links are gone"
 
 
+def wait_for_ramp(runs: Path) -> None:
+    """Returns when a run has begun its ramp, with the supply on."""
+    for _ in range(400):
+        with contextlib.suppress(StoreError):
+            for path in runs.glob("*"):
+                with RunReader(path) as reader:
+                    if any(event.step.endswith("/ramp") for event in reader.events("step_begins")):
+                        return
+        time.sleep(0.1)
+    raise AssertionError("it does not begin its ramp")
+
+
 def test_when_the_laboratory_goes_away_the_run_ends_in_words(wired_bench, tmp_path):
     with simulating(wired_bench) as laboratory:
         run = subprocess.Popen(
             run_smoke(wired_bench, tmp_path / "runs", "--attended", "--set", "temperatures=[25 °C]"),
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
         )  # fmt: skip
-        time.sleep(8)  # in the ramp, with the supply on
+        wait_for_ramp(tmp_path / "runs")
+        time.sleep(1)
         laboratory.kill()
         _, said = run.communicate(timeout=60)
-    assert run.returncode == 3
+    assert run.returncode == 6
     assert "chamber" in said
     assert "supply COULD NOT BE MADE SAFE: supply: nobody answers" in said
     assert "Check that the instrument is on" in said

@@ -197,7 +197,7 @@ CASES = {
         options=_THERMOMETERS,
         settles_s=3600.0,
     ),
-    "keysight_3458a": Case("volts", "dvm", _volts, 1.9, 10.0),
+    "keysight_3458a": Case("volts", "dvm", _volts, 1.9, 14.0),
     "scpi_supply": Case("simulated", "supply", _output, 2.0, 6.0),
     "scpi_supply, serial": Case("simulated", "supply", _output, 2.0, 6.0, connection=_PORT),
     "yokogawa_gs200": Case(

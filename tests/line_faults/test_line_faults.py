@@ -47,7 +47,7 @@ def test_no_reading_over_a_bad_line_is_wrong_or_late(name: str) -> None:
     tally = play(name, CASES[name], READINGS, seed=1)
     assert tally.unexpected == []
     assert tally.trials == READINGS
-    assert tally.outcomes["reported"] > READINGS / 5
+    assert tally.outcomes["reported"] + tally.outcomes["asked again"] > READINGS / 5
 
 
 @pytest.mark.parametrize("name", ORDERS)

@@ -11,7 +11,8 @@ from bench.app.devices import open_devices
 from bench.app.faults import FaultPlayer
 from bench.app.laboratory import make_laboratory, unit_files
 from bench.config.models import BenchFile
-from bench.engine.engine import Engine, Outcome
+from bench.engine.ending import Outcome
+from bench.engine.engine import Engine
 from bench.engine.interlocks import Interlocks
 from bench.engine.monitor import Monitor
 from bench.engine.people import People

@@ -13,9 +13,10 @@ from bench.app.laboratory import BenchWires, Laboratory, make_laboratory, unit_f
 from bench.config.bench import load_bench
 from bench.config.models import BenchFile
 from drivers.capabilities import Device
-from drivers.description import IdentityPin, Nothing, Setup, known_drivers, make_driver
+from drivers.description import IdentityPin, Nothing, Setup, known_drivers, make_driver, unheard
 from drivers.transport.address import Address
 from simulators.faults import FaultPlan
+from simulators.line_faults import BadLine
 from tests.line_faults.cases import CASES
 from tests.support.runs import ROOT
 
@@ -107,9 +108,9 @@ EVERY = {
 
 
 class Opened:
-    """A simulated instrument that nobody has spoken to yet, and drivers of it."""
+    """A simulated instrument that nobody has spoken to yet, and drivers of it, on a `bad` line if one is given."""
 
-    def __init__(self, driver: str) -> None:
+    def __init__(self, driver: str, bad: BadLine | None = None) -> None:
         member = EVERY[driver]
         bench = member.bench_of(driver)
         self.role, self.entry = member.role, bench.devices[member.role]
@@ -117,7 +118,7 @@ class Opened:
         self.laboratory: Laboratory = make_laboratory(bench, units, 1, asyncio.get_running_loop().time)
         for place in bench.places.values():  # units that send their output do it while they have power
             self.laboratory.world.power(place.supply, True)
-        self._wires = BenchWires(bench, self.laboratory)
+        self._wires = BenchWires(bench, self.laboratory, {} if bad is None else {self.role: bad})
 
     @property
     def faults(self) -> FaultPlan:
@@ -125,12 +126,12 @@ class Opened:
         node = self.laboratory.nodes.get(self.role)
         return node.faults if node is not None else self.laboratory.instruments[self.role].faults
 
-    def driver(self, **pin: str) -> Device:
-        """A driver of it, not yet connected, with this identity stated."""
+    def driver(self, note: Callable[[str], object] = unheard, /, **pin: str) -> Device:
+        """A driver of it, not yet connected, with this identity stated; `note` is told what it does on its own."""
         entry = self.entry
         setup = Setup(
             self.role, entry.connection, self._wires, entry.options, entry.limits, entry.safe,
-            IdentityPin.model_validate(pin),
+            IdentityPin.model_validate(pin), note,
         )  # fmt: skip
         return make_driver(entry.description, setup)
 
@@ -159,7 +160,7 @@ CALLS: Mapping[str, Mapping[str, Call]] = {
         "read": lambda d: d.read(),
     },
     "current_source": {
-        "set": lambda d: d.set(1e-3, limit=5.0, output=True), "off": lambda d: d.set(0.0, limit=0.0, output=False),
+        "set": lambda d: d.set(1e-3, limit=10.0, output=True), "off": lambda d: d.set(0.0, limit=0.0, output=False),
         "read": lambda d: d.read(),
     },
     "pulse_counter": _FRAMES, "telemetry": _FRAMES, "voltmeter": _METER, "ammeter": _METER, "thermometer": {},

@@ -37,6 +37,7 @@ class Tap(InstrumentProtocol):
         if self._wire.lose(data):
             return
         self._request = data
+        self._wire.instrument.faults.catch_up()
         answer = self._wire.alter(data, self._session.feed(data))
         if answer and self.transport is not None:
             self.transport.write(answer)

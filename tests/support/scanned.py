@@ -52,7 +52,7 @@ def cases() -> list[Case]:
     found = [
         Case(name, scheme)
         for name, description in sorted(known_drivers().items())
-        if description.recognition is not None
+        if description.recognition
         for scheme in sorted(description.schemes & ADDRESSES.keys())
     ]
     found += [Case("binder", "serial", {"controller": "mb2"}, "binder-mb2")]
@@ -74,8 +74,9 @@ def simulated(case: Case) -> Any:
     if case.driver == "keysight_3458a":
         return Meter().instrument
     description = case.description
-    assert description.recognition is not None
-    given = {**description.recognition.starter.get("options", {}), **case.options}
+    recognition = description.recognised_by()
+    assert recognition is not None
+    given = {**recognition.starter.get("options", {}), **case.options}
     if case.driver == "modbus_chamber":
         given["profile"] = DocumentFile(PROFILE, profile())
     if case.driver == "binder":

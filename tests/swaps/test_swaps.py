@@ -26,7 +26,7 @@ def test_what_somebody_else_sets_is_found_by_the_next_look() -> None:
 def test_drivers_that_do_not_ask_who_is_there_after_they_connected_again_are_caught(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    real_open, real_connect = Dialogue.open, ProvedRegisters.connect
+    real_open, real_connect = Dialogue._open, ProvedRegisters.connect
 
     async def trusting_open(self: Dialogue) -> None:
         if self._line is None:
@@ -42,7 +42,7 @@ def test_drivers_that_do_not_ask_who_is_there_after_they_connected_again_are_cau
         await real_connect(self)
 
     connected: list[ProvedRegisters] = []
-    monkeypatch.setattr(Dialogue, "open", trusting_open)
+    monkeypatch.setattr(Dialogue, "_open", trusting_open)
     monkeypatch.setattr(ProvedRegisters, "connect", trusting_connect)
     told = [sentence for sentence in swaps(2 * len(KINDS)).unexpected if " told " in sentence]
     for driver in ("watlow_f4t", "espec_p300", "keithley_6220", "scpi_supply", "acutronic_acl", "newport_xps"):

@@ -113,7 +113,8 @@ def test_the_problems_of_the_bench_file_and_of_the_sequence_are_told_together(be
 
 # Warnings
 
-COLD = steps("{ramp: chamber, to: -40 °C, at: 1 °C/min}") + "needs: {chamber: thermal_chamber}\n" + HEAD
+JUDGED = "{measure: chamber.process_value, limits: {min: -60 °C}}"
+COLD = steps("{ramp: chamber, to: -40 °C, at: 1 °C/min}", JUDGED) + "needs: {chamber: thermal_chamber}\n" + HEAD
 LEFT_COLD = (
     "the last ramp goes to -40 °C; a unit colder than the room collects water when the door opens. "
     "End the teardown with a ramp to 15 °C or above"
@@ -136,14 +137,14 @@ def cold(tmp_path):
 def test_warnings_are_told_on_stderr_and_counted(bench, cold):
     code, (line,), err = bench("check", "s.yaml")
     assert (code, err) == (0, WARNED)
-    assert line == f"s.yaml: 1 step, 2 warnings on {ROOT / 'config/simulated.yaml'}"
+    assert line == f"s.yaml: 2 steps, 2 warnings on {ROOT / 'config/simulated.yaml'}"
 
 
 def test_one_warning_is_no_plural(bench, tmp_path):
     (tmp_path / "s.yaml").write_text(COLD + "teardown: [wait: 1 s]\n", "utf-8")
     code, (line,), err = bench("check", "s.yaml")
     assert (code, err) == (0, WARNED[1:])
-    assert " 2 steps, 1 warning on " in line
+    assert " 3 steps, 1 warning on " in line
 
 
 def test_strict_takes_warnings_for_errors(bench, cold):
@@ -155,7 +156,7 @@ def test_strict_takes_warnings_for_errors(bench, cold):
 def test_plan_and_run_go_on_after_their_warnings(bench, cold):
     code, out, err = bench("plan", "s.yaml")
     assert (code, err) == (0, WARNED)
-    assert out[-1].startswith("1 steps, about 60 min")
+    assert out[-1].startswith("2 steps, about 60 min")
     code, _, err = bench("run", "s.yaml", "--bench", "simulated")
     assert code == 0
     assert err[:2] == WARNED
@@ -309,11 +310,11 @@ def after_command(*arguments: str) -> str:
     )
 
 
-HEAVY = "numpy scipy pymodbus can cantools serial matplotlib"
+HEAVY = "numpy scipy pymodbus can cantools serial matplotlib rich jinja2"
 
 
 def test_help_loads_next_to_nothing():
-    found = loaded(after_command("--help"), f"{HEAVY} asyncio pydantic pydantic_core ruamel simpleeval jinja2 typer")
+    found = loaded(after_command("--help"), f"{HEAVY} asyncio pydantic pydantic_core ruamel simpleeval typer")
     assert found == ["typer"]
 
 
@@ -323,6 +324,26 @@ def test_checking_a_sequence_loads_no_arithmetic_and_no_wires(sequence):
     command = after_command("check", sequence, "--bench", bench)
     found = loaded(command, f"{HEAVY} asyncio simulators pydantic_core ruamel")
     assert found == ["pydantic_core", "ruamel"]
+
+
+def test_checking_loads_no_results_no_scan_and_no_methods_that_the_sequence_does_not_name():
+    never = "bench.analysis.finding bench.analysis.models bench.report.shown drivers.recognition"
+    methods = "bench.sequence.methods bench.sequence.methods.imu bench.sequence.methods.response"
+    assert loaded(after_command("check", "smoke"), f"{never} {methods}") == ["bench.sequence.methods"]
+
+
+def test_checking_loads_what_is_known_of_the_drivers_of_the_bench_and_of_no_others():
+    every = " ".join(
+        sorted(f"drivers.{path.parent.name}.description" for path in (ROOT / "drivers").glob("*/description.py"))
+    )
+    found = loaded(after_command("check", "smoke", "--bench", "simulated"), every)
+    named = {
+        line.split()[-1]
+        for line in (ROOT / "config/simulated.yaml").read_text("utf-8").splitlines()
+        if "driver:" in line
+    }
+    assert {f"drivers.{name}.description" for name in named} <= set(found)
+    assert not {"drivers.cts.description", "drivers.framed.description", "drivers.fluke_5700a.description"} & set(found)
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "drivers").glob("*/wire.py")), ids=lambda path: path.parent.name)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import get_args
 
+import pytest
+
 from bench.app.rehearse import rehearse
 from bench.app.request import RunRequest, prepare
 from bench.config.simulation import DeviceFault, UnitFault
@@ -13,6 +15,8 @@ from bench.store.reader import RunReader
 from simulators.faults import LINE_FAULTS
 from tests.support.how_to import FOLDER, blocks, commands
 from tests.support.runs import ROOT
+
+pytestmark = pytest.mark.slow
 
 PAGE = FOLDER / "rehearse_a_bad_night.md"
 

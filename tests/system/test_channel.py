@@ -9,6 +9,9 @@ from bench.store.reader import RunReader
 from tests.support.channel import FULL, SHORT, SOURCE, findings, ran
 from tests.support.runs import read_json
 from tests.truth.channel import compare_channel
+from tests.truth.signs import differences
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -98,3 +101,19 @@ def test_an_accelerometer_whose_thermostat_is_beaten_by_the_heat_ends_the_run(tm
     assert result.outcome.how == "failed"
     (measured,) = [event for event in events(result) if event.data.get("reading") == "unit_temperature"]
     assert measured.data["value"] == pytest.approx(67, abs=0.3)
+
+
+def test_a_unit_of_the_other_sign_differs_in_its_sign_alone(full):
+    assert list(differences(full.path)) == []
+
+
+def test_a_channel_of_negative_scale_factor_is_measured(tmp_path):
+    edits = (
+        ("channel.yaml", "K1: 1.13 mA/g", "K1: -1.13 mA/g"),
+        ("uut/if_channel.yaml", "at_reference: 1.13 mA/g", "at_reference: -1.13 mA/g"),
+    )
+    run = ran(tmp_path, "channel_source", SOURCE, *edits, seed=3)
+    assert (run.outcome.how, run.problems, run.results.verdict) == ("completed", [], "PASS")
+    found = findings(run)
+    assert -11_320 < found["rate@src_1g"]["value"] < -11_280, "1 g is -1.13 mA into a converter of 10 kHz/mA"
+    assert max(abs(each.ratio) for each in compare_channel(run.path).values()) < 3.5

@@ -11,6 +11,8 @@ from tests.support.channel import FULL, SOURCE, findings, ran
 from tests.support.runs import ROOT, run_short
 from tests.truth.channel import compare_channel
 
+pytestmark = pytest.mark.slow
+
 BENCHES = {"channel_volts": ("dvm", "V"), "channel_telemetry": ("x", "code")}
 
 

@@ -55,8 +55,29 @@ def test_a_failed_limit_is_exit_code_1(tmp_path, bench_command):
 
 
 def test_runs_are_listed_oldest_first_with_state_and_verdict(smoke_run, bench_command):
-    listed = bench_command("runs", "--runs", smoke_run.path.parent).stdout.splitlines()
-    assert listed == [f"{smoke_run.path.name}  completed    PASS        QF-0001"]
+    header, line = bench_command("runs", "--runs", smoke_run.path.parent).stdout.splitlines()
+    assert header.split() == ["run", "state", "verdict", "units", "operator"]
+    assert line.split()[:4] == [smoke_run.path.name, "completed", "PASS", "QF-0001"]
+
+
+@pytest.mark.parametrize(
+    ("filters", "count"),
+    [(("--verdict", "pass"), 1), (("--verdict", "FAIL"), 0), (("--uut", "QF-0001", "--state", "completed"), 1),
+     (("--uut", "QF-1"), 0), (("--last", "3"), 1)],
+)  # fmt: skip
+def test_runs_are_filtered_by_what_they_came_to(smoke_run, bench_command, filters, count):
+    assert len(json.loads(bench_command("runs", "--runs", smoke_run.path.parent, *filters, "--json").stdout)) == count
+
+
+def test_the_status_of_a_run_is_text_for_people_and_json_for_programs(smoke_run, bench_command):
+    told = bench_command("status", smoke_run.path).stdout
+    assert told.startswith(f"{smoke_run.path.name}: completed, PASS\n")
+    assert "steps done  13" in told
+    assert json.loads(bench_command("status", smoke_run.path, "--json").stdout)["done"] == 13
+
+
+def test_the_program_names_its_version(bench_command):
+    assert bench_command("--version").stdout.startswith("inertial-test-bench 0.")
 
 
 def test_a_run_verifies_until_somebody_touches_it(smoke_run, tmp_path, bench_command):

@@ -21,6 +21,8 @@ from drivers.transport.address import Address
 from tests.support.runs import ROOT, copy_bench
 from tests.support.served import on_real_wires, simulating
 
+pytestmark = pytest.mark.slow
+
 
 def console(*arguments: str, typed: str) -> tuple[int, list[str]]:
     """What a console of a simulated device says, without the times."""

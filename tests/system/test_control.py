@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import pwd
 import socket
 import subprocess
 import sys
@@ -16,11 +17,12 @@ from typing import Any
 import pytest
 
 from bench.errors import InputError
-from bench.runner.control import tell
+from bench.runner.control import socket_address
+from bench.runner.tell import tell
 from bench.store.reader import RunReader
 from tests.support.runs import ROOT
 
-pytestmark = pytest.mark.integration
+pytestmark = [pytest.mark.integration, pytest.mark.slow]
 PACED = ("smoke", "--speed", "20", "--set", "soak=1 min", "--set", "gate=40 s")
 
 
@@ -57,11 +59,11 @@ class Running:
     def operator(self) -> list[str]:
         """What the operator did: held and released the run, or what his action is called."""
         with RunReader(self.path) as reader:
-            events = reader.events("held", "released", "operator")
+            events = reader.events("held", "released", "operator", "end_requested")
             return [event.data.get("action", event.kind) for event in events]
 
     def finish(self) -> int:
-        self.process.communicate(timeout=40)
+        _, self.said = self.process.communicate(timeout=40)
         return self.process.returncode
 
 
@@ -92,7 +94,16 @@ def test_a_paused_run_holds_before_its_next_step_goes_on_and_stops_after_a_step(
     run.wait_for(lambda: run.steps("step_begins") != held)
     assert run.tell("stop", "--after-step").stdout.endswith(": teardown runs after the step under way\n")
     assert run.finish() == 4
-    assert run.operator() == ["held", "released", "stop"]
+    assert run.operator() == ["held", "released", "stop after step"]
+    user = pwd.getpwuid(os.getuid()).pw_name
+    for said in (
+        f"pause by {user}: it pauses before its next step", "Held before step", f"resume by {user}: it goes on",
+        f"stop after step by {user}: teardown runs after the step under way",
+    ):  # fmt: skip
+        assert said in run.said
+    with RunReader(run.path) as reader:
+        commands = [(event.data["command"], event.data["by"]) for event in reader.events("command")]
+    assert commands == [("pause", user), ("resume", user), ("stop_after_step", user)]
     assert run.steps("step_ended") == run.steps("step_begins"), "no step was cut short"
     assert run.steps("step_ended")[-2:] == ["teardown/set", "teardown/move"]
 
@@ -128,10 +139,12 @@ def test_at_full_speed_there_is_no_pause_but_a_stop(started):
 
 def test_a_run_that_is_over_takes_no_commands_and_leaves_no_socket(started):
     run = started("smoke")
-    address = json.loads((run.path / "runner.json").read_text("utf-8"))["socket"]
-    assert Path(address).stat().st_mode & 0o077 == 0 or Path(address).parent.stat().st_mode & 0o077 == 0
+    names = json.loads((run.path / "runner.json").read_text("utf-8"))
+    listening = Path("/proc/net/unix").read_text("utf-8")
+    assert names["socket"] in listening
+    assert names["stop"] in listening
     assert run.finish() == 0
-    assert not Path(address).exists()
+    assert names["socket"] not in Path("/proc/net/unix").read_text("utf-8")
     assert not (run.path / "runner.json").exists()
     told = run.tell("stop")
     assert told.returncode == 2
@@ -152,11 +165,11 @@ def test_nonsense_is_answered_with_what_is_known_and_the_silent_keep_nobody_wait
     address = json.loads((run.path / "runner.json").read_text("utf-8"))["socket"]
     silent = [socket.socket(socket.AF_UNIX) for _ in range(5)]
     for client in silent:
-        client.connect(address)
+        client.connect(socket_address(address))
     for line in (b"\n", b"{}\n", b'{"command": "dance"}\n', b"[" * 4000 + b"\n", b"\xff\n", b"x" * 9000):
         with socket.socket(socket.AF_UNIX) as client:
             client.settimeout(5)
-            client.connect(address)
+            client.connect(socket_address(address))
             client.sendall(line)
             answer = json.loads(client.makefile("rb").readline())
         known = "pause, resume, stop, stop_after_step, abort, skip, repeat, answer, status"
@@ -178,7 +191,7 @@ def test_a_step_is_skipped_or_begun_anew_and_the_run_goes_on(started):
     run.wait_for(lambda: f"{soak}~2" in run.steps("step_begins"))
     told = run.tell("skip")
     assert told.stdout.endswith(f": skipped: {soak}~2\n")
-    assert run.finish() == 3  # what was left out makes the run incomplete
+    assert run.finish() == 7  # what was left out makes the run incomplete
     assert run.steps("left_out") == [f"{soak}~2"]
     assert "steps/temperature=20/position=270/acquire" in run.steps("step_ended")
     manifest = json.loads((run.path / "manifest.json").read_text("utf-8"))
@@ -211,7 +224,7 @@ def test_a_question_is_answered_over_the_socket_by_name_and_the_status_shows_wha
     )
     run = started(str(path), "--speed", "20")
     run.wait_for(lambda: "steps/prompt" in run.steps("asked"))
-    status = json.loads(run.tell("status").stdout)
+    status = json.loads(run.tell("status", "--json").stdout)
     assert (status["state"], status["under_way"]) == ("running", ["steps/prompt"])
     assert status["variables"].keys() == {"t"}
     assert status["questions"][0]["expected"] == "a value in °C from 0 °C to 50 °C"
@@ -220,12 +233,12 @@ def test_a_question_is_answered_over_the_socket_by_name_and_the_status_shows_wha
     assert refused.returncode == 2
     assert "is 60 °C, expected at most 50 °C" in refused.stderr
     assert run.tell("answer", "23.5 °C", "--by", "A. Person").returncode == 0
-    assert run.finish() == 0
+    assert run.finish() == 5  # nothing is judged
     assert "steps/then/note" in run.steps("step_ended")
     with RunReader(run.path) as reader:
         (answered,) = [event.data for event in reader.events("step_ended") if event.step == "steps/prompt"]
     assert (answered["value"], answered["unit"], answered["by"]) == (23.5, "°C", "A. Person")
-    over = json.loads(run.tell("status").stdout)
+    over = json.loads(run.tell("status", "--json").stdout)
     assert over["variables"]["room"] == "23.5 °C"
     assert (over["state"], over["under_way"]) == ("completed", [])
     assert over["verdict"] == json.loads((run.path / "manifest.json").read_text("utf-8"))["verdict"]
@@ -254,7 +267,7 @@ def test_a_head_is_turned_by_whoever_answers_over_the_socket_or_on_the_terminal(
     assert run.tell("answer", "90 deg", "--step", "head#1~2", "--by", "A. Person").returncode == 0
     run.wait_for(lambda: run.steps("asked")[2:] == ["head#2"])
     os.write(terminal, b"270 deg\n")
-    assert run.finish() == 0
+    assert run.finish() == 5  # nothing is judged
     os.close(terminal)
     os.close(keyboard)
     with RunReader(run.path) as reader:

@@ -16,6 +16,8 @@ from bench.runner.quiet import Quiet
 from drivers.description import known_drivers
 from tests.support.runs import ROOT
 
+pytestmark = pytest.mark.slow
+
 BENCH = ROOT / "config/every_dialect.yaml"
 SHORT = {  # sequence: where its units are, and how the preset `quick` is made shorter still
     "imu_24_position": ("b", ["temperatures=[20 °C]", "warm_up=0 s", "dwell=10 s", "rates=[30 °/s, -30 °/s]"]),

@@ -18,7 +18,6 @@ def broken(tmp_path, faults, **wishes):
         ("{device: chamber, kind: cut, at: 30 min}", "chamber: the connection to sim+tcp://127.0.0.1:1502 was closed"),
         ("{device: supply, kind: silent, at: 30 min}", "supply: no answer within 2 s"),
         ("{device: supply, kind: cut, at: 30 min}", "supply: the connection was closed"),
-        ("{device: source, kind: silent, at: 30 min}", "source: no answer within 2 s"),
         ("{device: head, kind: silent, at: 30 min}", "head: no answer within 2 s"),
         ("{device: counter, kind: silent, at: 30 min}", "counter: counter frames have stopped"),
         ("{device: counter, kind: frozen, at: 30 min}", "counter: the counter stands still"),
@@ -86,5 +85,21 @@ def test_an_instrument_that_cannot_be_opened_ends_the_run_before_anything_moves(
     assert result.outcome.how == "error"
     assert "supply: nobody answers at tcp://127.0.0.1:5" in result.problems[0]
     with RunReader(result.path) as reader:
-        assert [event.kind for event in reader.events()] == ["run_begins", "problem", "run_ended"]
+        assert [event.kind for event in reader.events()] == [
+            "run_begins", "problem", "not_reached", "made_safe", "run_ended",
+        ]  # fmt: skip
     assert result.results.verdict == "ERROR"
+
+
+def test_an_answer_that_is_lost_once_is_asked_for_again_and_the_run_goes_on(tmp_path):
+    devices = ("chamber", "head", "supply", "source")
+    lost = (
+        f"{{device: {device}, kind: silent, at: {10 + 10 * number} min, for: 1.8 s}}"
+        for number, device in enumerate(devices)
+    )
+    result = broken(tmp_path, f"[{', '.join(lost)}]")
+    assert (result.outcome.how, result.problems) == ("completed", [])
+    with RunReader(result.path) as reader:
+        notes = [(event.data["device"], event.data["text"]) for event in reader.events("device_note")]
+    assert [device for device, _ in notes] == list(devices)
+    assert all("asked again: " in text for _, text in notes)

@@ -8,7 +8,9 @@ import pytest
 from bench.analysis import indexing_readings, indexing_static
 from bench.analysis.indexing_budget import SCATTER
 from bench.analysis.indexing_sweep import EndFit
+from bench.errors import InputError
 from bench.report import indexing_shown
+from bench.report.flag_words import flag_in_words
 from bench.report.languages import language
 from bench.report.shown import shown
 from bench.report.stored import open_run
@@ -16,23 +18,28 @@ from bench.report.svg import drawing
 from bench.report.tables import Sheet, model_sheet
 from bench.sequence.methods.indexing import INDEXING_STATIC
 from bench.store.reader import RunReader
+from simulators.world import World
 from tests.support.runs import ROOT, read_json, run_short
 from tests.truth.campaign import full_bench
-from tests.truth.indexing import QUANTITIES, compare_indexing
+from tests.truth.indexing import INPUT_HYSTERESIS, QUANTITIES, compare_indexing
+from tests.truth.signs import differences
+
+pytestmark = pytest.mark.slow
 
 SHORT = ("step=0.25°", "warm_up=20 min")
 SHORTEST = ("step=0.5°", "warm_up=20 min")
 SETTINGS = {"scale_tolerance": 1e-4, "k": 2.0, "output_limit_g": 9.6e-3, "outlier_k": 6.0,
+            "bias_per_c_u": 1e-6, "scale_per_c_u": 6e-5,
             "platform_rad": None, "platform_u_rad": 0.0}  # fmt: skip
 
 
-def calibrated(folder, bench, settings=SHORT, edits=(), **wishes):
+def calibrated(folder, bench, settings=SHORT, edits=(), sequence="indexing_static", **wishes):
     path = full_bench(folder / "config", bench)
     for file, old, new in edits:
         text = (folder / "config" / file).read_text("utf-8")
         assert old in text, old
         (folder / "config" / file).write_text(text.replace(old, new), "utf-8")
-    return run_short(folder / "runs", bench=path, sequence="indexing_static", settings=settings, **wishes)
+    return run_short(folder / "runs", bench=path, sequence=sequence, settings=settings, **wishes)
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +79,7 @@ def test_errors_stay_within_their_uncertainties(volts, pulses):
 
 def test_repeats_that_are_equal_by_chance_make_no_result_more_certain_than_its_readings_are(data):
     _, found = reduced(data)
-    with mock.patch.object(EndFit, "repeats", (0.0, 7)):
+    with mock.patch.object(EndFit, "repeats", return_value=(0.0, 7)):
         _, by_chance = reduced(data)
     for quantity in ("K1", "misalignment", "Kip"):
         (of_scatter, usual) = (
@@ -140,6 +147,7 @@ def test_unstable_readings_are_left_out_and_told(data):
     first, *others = data.acquisitions
     unit, _ = reduced(data, [dataclasses.replace(first, stable=frozenset()), *others])
     assert f"{first.step}: unstable" in unit.flags
+    assert "did not become stable in the time" in flag_in_words(f"{first.step}: unstable")
     assert unit.detail.attempts[-1].found.excluded["unstable"] == 1
 
 
@@ -187,6 +195,74 @@ def test_a_planted_mistake_is_seen(volts, data, plant, quantity):
     with plant():
         _, found = reduced(data)
     assert abs(found[quantity].value - truth[quantity]) > 20 * found[quantity].u
+
+
+# From which side the unit comes to an angle
+
+NO_RANGE = ("indexing.yaml", "    range: 10 mg\n", "")
+HYSTERETIC = ("uut/micro_g.yaml", "  drift: {mean", f"  {INPUT_HYSTERESIS}\n  drift: {{mean")
+
+
+def both_passes_from_below(folder):
+    """The sequence with an approach from below in both passes."""
+    text = (ROOT / "sequences" / "indexing_static.yaml").read_text("utf-8")
+    for way in ("forward", "reverse"):
+        to = f"to: ${{sign * {way}}}\n"
+        assert to in text
+        text = text.replace(to, f"{to}                    approach: from_below\n", 1)
+    path = folder / "from_below.yaml"
+    path.write_text(text, "utf-8")
+    return path
+
+
+def noted_moves():
+    """Where the head is sent, noted in the world that is moved."""
+    sent_deg, honest = [], World.move
+
+    def move(world, target_deg, *args, **named):
+        sent_deg.append(target_deg)
+        honest(world, target_deg, *args, **named)
+
+    return sent_deg, mock.patch.object(World, "move", move)
+
+
+def test_the_loop_of_a_unit_with_hysteresis_is_found_without_an_excursion_beyond_the_largest_angle(tmp_path):
+    sent_deg, noting = noted_moves()
+    with noting:
+        run = calibrated(tmp_path, "indexing", (*SHORT, "max_repeats=0"), [HYSTERETIC])
+    assert run.problems == []
+    assert (min(sent_deg), max(sent_deg)) == (-0.5, 0.5)
+    found = {finding["quantity"]: finding for finding in read_json(run, "results.json")["findings"]}
+    hysteresis = found["hysteresis"]
+    assert hysteresis["u"] < 1e-6
+    assert hysteresis["value"] == pytest.approx(2 * 20e-6, abs=3 * hysteresis["u"]), (
+        "at 0° the loop is open by all of it"
+    )
+    comparisons = {each.quantity: each for each in compare_indexing(run.path)}
+    assert max(abs(each.ratio) for each in comparisons.values()) < 3.5
+    assert comparisons["hysteresis"].truth == pytest.approx(40e-6, rel=0.01)
+
+
+def test_what_came_to_every_angle_from_below_is_not_called_hysteresis(tmp_path):
+    path = both_passes_from_below(tmp_path)
+    wishes = {"settings": (*SHORT, "max_repeats=0"), "sequence": path}
+    with pytest.raises(InputError, match=r"to 0\.0\d+ g, and its range is ±0\.01 g"):
+        calibrated(tmp_path / "refused", "indexing", edits=[HYSTERETIC], **wishes)
+    run = calibrated(tmp_path, "indexing", edits=[HYSTERETIC, NO_RANGE], **wishes)
+    assert run.problems == []
+    results = read_json(run, "results.json")
+    assert "hysteresis" not in {finding["quantity"] for finding in results["findings"]}
+    assert "hysteresis:equal_histories" in results["units"][0]["flags"]
+    assert results["verdict"] == "INCOMPLETE"
+    assert "came to every angle from the same side" in (run.path / "report.html").read_text("utf-8")
+
+
+def test_the_record_tells_from_where_the_head_came_and_while_it_stood(data):
+    swept = [each for each in data.acquisitions if "end=up/sign=1/" in each.step]
+    assert [each.came_from["head"] for each in swept] == ["below"] * 4 + ["above"] * 2
+    assert len({each.stand for each in swept}) == 5, "it does not move where it turns back"
+    clocked = [each for each in data.acquisitions if "/clocking/" in each.step]
+    assert len({each.stand for each in clocked}) == 1
 
 
 # Decisions in a run
@@ -289,3 +365,20 @@ def test_the_legends_above_the_residuals_are_inside_the_figure(data, monkeypatch
         figure = figures["a-residuals"]
         tops = [axes.get_legend().get_frame().get_window_extent().ymax for axes in figure.axes]
     assert max(tops) < figure.bbox.ymax - 1
+
+
+def test_a_unit_of_the_other_sign_differs_in_its_sign_alone(volts, pulses):
+    assert [*differences(volts.path), *differences(pulses.path)] == []
+
+
+def test_what_names_a_temperature_has_its_thermometer_in_its_budget(data):
+    _, found = reduced(data)
+    u_c = data.bench.temperature_u_c("unit_temperature", found["K1"].at["at_c"])
+    of = {
+        name: next(iter(line.u for line in each.budget if line.source == "unit_temperature: offset, gain"), 0.0)
+        for name, each in found.items()
+    }
+    assert of["K0"] == pytest.approx(SETTINGS["bias_per_c_u"] * u_c)
+    assert of["K1"] == pytest.approx(6e-5 * u_c * abs(found["K1"].value))
+    assert of["bias_corrected"] == pytest.approx(of["K0"] * abs(found["K1"].value))
+    assert of["scale_difference"] == of["misalignment"] == 0.0, "those of both ends are at one temperature"

@@ -24,6 +24,8 @@ class Shake(StrictModel):
 
 
 async def shake(settings, bench):
+    if not settings.times:
+        raise SystemExit(0)
     for _ in range(settings.times):
         await asyncio.sleep(settings.pause)
     bench.notice("shaken")
@@ -76,3 +78,13 @@ def test_a_step_that_no_plugin_brings_is_refused(tmp_path, plugin):
 def test_without_the_plugin_the_step_is_unknown(tmp_path):
     with pytest.raises(InputError, match="there is no plug-in with a step 'shake'"):
         plan_of(tmp_path, steps("{custom: shake, with: {times: 1}}"))
+
+
+def test_a_step_that_wants_to_end_the_program_ends_the_run_safely(tmp_path, plugin):
+    path = tmp_path / "s.yaml"
+    path.write_text(steps("{custom: shake, with: {times: 0}}") + "teardown: [wait: 1 s]\n" + TAIL, "utf-8")
+    result = run_short(tmp_path / "runs", sequence=str(path))
+    assert (result.outcome.how, result.outcome.unsafe) == ("error", {})
+    assert "toy_plugin:shake wants to end the program (SystemExit(0))" in result.problems[0]
+    with RunReader(result.path) as reader:
+        assert [event.step for event in reader.events("step_ended")] == ["teardown/wait"]

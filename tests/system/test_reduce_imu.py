@@ -11,7 +11,11 @@ def test_a_unit_over_temperature_is_reduced_to_result_json(tmp_path, bench_comma
     done = bench_command("reduce", write_case(tmp_path, made), "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     result = json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))
-    assert (result["method"], result["sub"], len(result["table"])) == ("M2", "", 10)
+    assert (result["method"], result["sub"], len(result["table"])) == (
+        "M2",
+        "",
+        11,
+    )  # the nominal temperature is visited twice
     assert result["apply"][0]["value"] == pytest.approx(1)  # zero 18.65 and scale factor 11452 at 30 °C
     assert result["apply"][0]["comp_pps"] == pytest.approx(11_468)
 

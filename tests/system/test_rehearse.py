@@ -18,6 +18,8 @@ from bench.store.reader import RunReader
 from tests.support.runs import ROOT, SHORT
 from tests.support.sequences import BENCH, TAIL
 
+pytestmark = pytest.mark.slow
+
 WIRES = ROOT / "config/simulated_wires.yaml"
 TABLE = load_bench(ROOT / "config/rate_table.yaml").bench
 SOAKING = """\
@@ -81,16 +83,16 @@ def test_a_rehearsal_is_of_a_bench_with_real_connections_and_ends_in_a_table(tmp
     assert set(manifest["simulated"]) == {"chamber", "head", "counter", "supply", "source"}
 
 
-def test_a_verdict_on_simulated_units_is_not_the_question(tmp_path, bench_command):
+def test_a_rehearsal_ends_with_the_exit_code_that_the_run_would_have(tmp_path, bench_command):
     strict = (ROOT / "sequences/smoke.yaml").read_text("utf-8").replace("min: -5 mg, max: 5 mg", "max: 5 µg")
     done = bench_command("rehearse", written(tmp_path, strict), "--bench", WIRES, "--runs", tmp_path / "runs")
-    assert done.returncode == 0
+    assert done.returncode == 1
     assert "Verdict on the simulated units: FAIL" in done.stdout
 
 
 def test_with_a_fault_it_says_what_was_broken_when_and_how_it_ended(tmp_path, bench_command):
     done = bench_command("rehearse", "smoke", "--bench", WIRES, "--runs", tmp_path, "--faults", "5")
-    assert done.returncode == 3
+    assert done.returncode == 6
     injected = re.findall(r"^Injected (\d+:\d\d:\d\d): (\w+) (\w+)$", done.stdout, re.MULTILINE)
     drawn = {(fault.device, fault.kind) for fault in draw_faults(BENCH, 69.6, 5)}
     assert injected

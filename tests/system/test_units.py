@@ -67,6 +67,15 @@ def one_failed(tmp_path_factory):
     )
 
 
+def test_two_units_on_one_supply_may_draw_what_both_may(tmp_path):
+    copy_bench(tmp_path / "config")
+    path = tmp_path / "config" / "three_units.yaml"
+    path.write_text(path.read_text("utf-8").replace("supply: supply_b\n", "supply: supply_a\n"), "utf-8")
+    for serials, how in ((("a=QF-1", "b=QF-2"), "completed"), (("a=QF-1",), "completed")):
+        result = run_short(tmp_path / "runs", bench=path, sequence="smoke", units=serials)
+        assert (result.outcome.how, result.problems) == (how, [])
+
+
 def test_each_unit_has_its_findings_its_verdict_and_its_section(good):
     assert good.problems == []
     units = [(unit.place, unit.uut, unit.verdict) for unit in good.results.units]

@@ -11,6 +11,8 @@ from tests.support.sequences import BENCH, plan_of, problems_of, steps
 from tests.truth.campaign import compare
 from tests.truth.ramp import compare_ramp
 
+pytestmark = pytest.mark.slow
+
 RAMP = ("low=10 °C", "high=40 °C", "ramp_rate=3 °C/min")  # warmed up: what K1 is found by rests
 VOLTS = load_bench(ROOT / "config/volts.yaml").bench
 TAIL = "schema: itb-sequence/1\ntitle: Test\nneeds: {output: output, head: positioner}\n"

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from multiprocessing import Pool
 from pathlib import Path
+from typing import Self
 
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
@@ -35,6 +36,19 @@ class Comparison:
     truth: float
     u: float
     interval: tuple[float, float] = (-math.inf, math.inf)
+    k: float = 2.0
+
+    @classmethod
+    def of(cls, seed: int, finding: dict, truth: float, point: int = 0) -> Self:
+        """A finding as it stands in the results beside its truth."""
+        ends = finding["interval"]
+        interval = (ends["low"], ends["high"]) if ends else (-math.inf, math.inf)
+        return cls(seed, point, finding["quantity"], finding["value"], truth, finding["u"], interval, finding["k"])
+
+    @property
+    def covered(self) -> bool:
+        """Whether the truth is within the expanded uncertainty."""
+        return abs(self.value - self.truth) <= self.k * self.u
 
     @property
     def held(self) -> bool:
@@ -86,15 +100,14 @@ def results_of(folder: Path) -> dict:
 
 def compare_one(folder: Path, results: dict) -> list[Comparison]:
     """The results of one run, from the disk or reduced anew, beside the truth at the temperature they state."""
-    truth = json.loads((folder / "truth.json").read_text("utf-8"))
+    return compared(json.loads((folder / "truth.json").read_text("utf-8")), results)
+
+
+def compared(truth: dict, results: dict) -> list[Comparison]:
+    """The same of a truth and of results at hand."""
     return [
-        Comparison(
-            seed=truth["seed"],
-            dwell=finding["at"]["dwell"],
-            quantity=finding["quantity"],
-            value=finding["value"],
-            truth=true_constants(truth, finding)[finding["quantity"]],
-            u=finding["u"],
+        Comparison.of(
+            truth["seed"], finding, true_constants(truth, finding)[finding["quantity"]], finding["at"]["dwell"]
         )
         for finding in results["findings"]
         if finding["quantity"] in QUANTITIES and "@" in finding["id"]
@@ -118,4 +131,5 @@ def true_constants(truth: dict, finding: dict) -> dict[str, float]:
     return channel_constants(
         UnitTruth(**fields), truth["bench"]["gravity_mps2"], dwell["axis_deg"], finding["at"]["temperature_c"],
         dwell["drifted_g"], through_of(truth, place), extra=dwell.get("extra", ()),
+        by_input_g=dwell.get("by_input_g", ()),
     )  # fmt: skip

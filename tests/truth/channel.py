@@ -13,19 +13,17 @@ import math
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from pathlib import Path
-from unittest import mock
 
 import numpy as np
 
-from bench.analysis import channel_runs, channel_scatter, channel_temperature
-from bench.analysis.counts import RESOLUTION_COUNTS
 from bench.app.request import RunRequest
 from bench.report.stored import open_run
 from tests.truth import judge
 from tests.truth.campaign import Comparison, campaign, full_bench, perfect_bench, results_of
 from tests.truth.judge import rms_of as rms
+from tests.truth.planted_channel import OF_COUNTING, PLANTED
 from tests.truth.replay import at_record_level
 
 BENCH = "channel"
@@ -63,7 +61,7 @@ def compared(truth: dict, results: dict) -> dict[str, Comparison]:
         else:
             continue
         key = each["id"].split("/", 2)[2]
-        compared[key] = Comparison(truth["seed"], 0, each["quantity"], value, true_value, each["u"])
+        compared[key] = Comparison(truth["seed"], 0, each["quantity"], value, true_value, each["u"], k=each["k"])
     return compared
 
 
@@ -103,64 +101,6 @@ def _deviation(finding: dict, lines: dict[str, Line]) -> float:
     reference_rate, reference = lines[finding["at"]["reference"]]
     ratio = slope / reference
     return (ratio if finding["quantity"] == "deviation/raw" else ratio * reference_rate / rate) - 1
-
-
-# Errors planted in the reduction
-
-
-def opposite_lines() -> AbstractContextManager[object]:
-    """The + and - lines of the converter the wrong way round."""
-    honest = channel_runs.read_out
-
-    def mistaken(acquisition: object, unit: object, gate_s: float) -> channel_temperature.ChannelRecord:
-        record = honest(acquisition, unit, gate_s)
-        return channel_temperature.ChannelRecord(
-            record.time_s, record.negative, record.positive, record.converter_c, record.accelerometer_c
-        )
-
-    return mock.patch.object(channel_runs, "read_out", mistaken)
-
-
-def host_clock() -> AbstractContextManager[object]:
-    """Rates over the arrival times at the host instead of the device's own clock."""
-    return mock.patch.object(channel_runs, "_device_s", lambda counts: counts.host_s)
-
-
-def accelerometer_thermometer() -> AbstractContextManager[object]:
-    """The thermometer of the chamber's other end: the accelerometer instead of the converter."""
-    honest = channel_runs.means_between
-    shift_c = 0.5
-    return mock.patch.object(
-        channel_runs, "means_between", lambda at_s, values, edges_s: honest(at_s, values, edges_s) * 1.01 + shift_c
-    )
-
-
-def late_temperatures() -> AbstractContextManager[object]:
-    """Temperatures of a minute later than the counts they are put beside."""
-    honest = channel_runs.means_between
-    return mock.patch.object(
-        channel_runs, "means_between", lambda at_s, values, edges_s: honest(at_s - 60.0, values, edges_s)
-    )
-
-
-def independent_gates() -> AbstractContextManager[object]:
-    """Gates side by side averaged as if each had counts of its own, though they share their latches."""
-
-    def mistaken(gains: np.ndarray, gates: channel_temperature.Gates) -> np.ndarray:
-        return RESOLUTION_COUNTS * gains / gates.seconds
-
-    return mock.patch.object(channel_scatter, "_of_latches", mistaken)
-
-
-PLANTED = {
-    "another thermometer": accelerometer_thermometer,
-    "temperatures of a minute later": late_temperatures,
-}
-OF_COUNTING = {
-    "gates averaged as independent": independent_gates,
-    "swapped + and - lines": opposite_lines,
-    "host instead of device time": host_clock,
-}
 
 
 def comparisons_with(plant: object, folders: Sequence[Path]) -> dict[str, list[Comparison]]:

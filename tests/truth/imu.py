@@ -58,7 +58,7 @@ def compare_imu(folder: Path, results: dict | None = None) -> list[Comparison]:
 def compared(truth: dict, results: dict) -> list[Comparison]:
     """The same of a truth and of results at hand."""
     return [
-        Comparison(truth["seed"], each["at"]["visit"], each["quantity"], each["value"], _true(truth, each), each["u"])
+        Comparison.of(truth["seed"], each, _true(truth, each), each["at"]["visit"])
         for each in results["findings"]
         if each["quantity"] in QUANTITIES and "visit" in each["at"]
     ]

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from bench.app.request import RunRequest
-from bench.report.calibration import read_calibration
 from bench.report.stored import open_run
 from tests.truth import judge
 from tests.truth.campaign import ROOT, Comparison, campaign, full_bench, results_of
@@ -54,7 +53,8 @@ def true_courses(folder: Path) -> list[TrueCourses]:
     """One for each power-on, from the states of the unit in all windows."""
     truth = json.loads((folder / "truth.json").read_text("utf-8"))
     unit = imu_truth(truth["imus"][PLACE])
-    channels = read_calibration(folder / f"released_{PLACE}.json").compensations()
+    released = json.loads((folder / f"released_{PLACE}.json").read_text("utf-8"))
+    channels = {each["channel"]: each for each in released["channels"]}
     decodings = {name: decoding_of(truth, PLACE, name) for name in channels}
     with open_run(folder) as stored:
         acquisitions = stored.data(LABEL).acquisitions
@@ -62,6 +62,15 @@ def true_courses(folder: Path) -> list[TrueCourses]:
     for acquisition in acquisitions:
         groups.setdefault(acquisition.group, []).append(acquisition)
     return [_courses(members, truth["windows"], unit, channels, decodings) for members in groups.values()]
+
+
+def compensated(channel: dict, output: np.ndarray, told_c: float) -> np.ndarray:
+    """Values of outputs at an indicated temperature, by a channel of a calibration file: straight lines of knots."""
+    offset, scale = (
+        np.interp(told_c, channel[name]["knots_c"], channel[name]["values"]) for name in ("offset", "scale")
+    )
+    bias = channel["bias"]
+    return (output - offset) / scale - (0.0 if bias is None else np.interp(told_c, bias["knots_c"], bias["values"]))
 
 
 def _courses(members, windows, unit, channels, decodings) -> TrueCourses:
@@ -78,7 +87,7 @@ def _courses(members, windows, unit, channels, decodings) -> TrueCourses:
             true_c, force_g = np.full(2, state["sensors_c"][0]), (np.array([1.0, -1.0]), nothing, nothing)
             current_a = accelerometer.current_a(force_g, true_c, drifted_g)
             output = accelerometer.output(current_a, decodings[f"acc_{axis}"])
-            up, down = channels[f"acc_{axis}"].apply(output, np.full(2, read_c["unit_temperature"][index]))[0]
+            up, down = compensated(channels[f"acc_{axis}"], output, read_c["unit_temperature"][index])
             drifted_dps, gyro_c = np.full(2, state["gyros_dps"][number]), np.full(2, state["sensors_c"][1])
             turned = (np.array([RATE_DPS, -RATE_DPS]), nothing, nothing)
             at_rest = gyro.output_pps((nothing, nothing, nothing), force_g, gyro_c, drifted_dps)
@@ -86,9 +95,9 @@ def _courses(members, windows, unit, channels, decodings) -> TrueCourses:
             if (decoding := decodings[f"gyro_{axis}"]) is not None:
                 sends = unit.gyros_send[number]
                 at_rest, turning = (sends.codes(each) * decoding.scale + decoding.offset for each in (at_rest, turning))
-            told_c = np.full(2, read_c["gyro_temperature"][index])
-            rest_dps = channels[f"gyro_{axis}"].apply(at_rest, told_c)[0]
-            plus, minus = channels[f"gyro_{axis}"].apply(turning, told_c)[0]
+            told_c = read_c["gyro_temperature"][index]
+            rest_dps = compensated(channels[f"gyro_{axis}"], at_rest, told_c)
+            plus, minus = compensated(channels[f"gyro_{axis}"], turning, told_c)
             rows.append(((up + down) / 2, (up - down) / 2 - 1, rest_dps.mean(), (plus - minus) / (2 * RATE_DPS) - 1))
         off |= {(quantity, axis): course for quantity, course in zip(LIMITS, np.array(rows).T, strict=True)}
     return TrueCourses(at_s, off, dict(zip([each.step for each in members], at_s.tolist(), strict=True)))
@@ -108,8 +117,7 @@ def compare_start_up(folder: Path, results: dict | None = None) -> list[Comparis
                 continue
         else:
             truth = course.at(quantity, axis, min(own_s) if what == "power_on" else max(own_s))
-        ends = [(each["interval"]["low"], each["interval"]["high"])] if each["interval"] else []
-        found.append(Comparison(0, each["at"]["visit"], each["quantity"], each["value"], truth, each["u"], *ends))
+        found.append(Comparison.of(0, each, truth, each["at"]["visit"]))
     return found
 
 

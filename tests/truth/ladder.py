@@ -10,8 +10,10 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shutil
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 from bench.app.request import RunRequest
@@ -32,12 +34,23 @@ def ladder_run(folder: Path, seed: int, unit: Path | None = DEAD_BAND, settings:
 
 def compare_ladders(folder: Path, results: dict | None = None) -> list[tuple[Comparison, float, float]]:
     """Every threshold of a run beside its truth, with the two ends between which the run says that it lies."""
-    truth, found = json.loads((folder / "truth.json").read_text("utf-8")), results or results_of(folder)
+    return bracketed(json.loads((folder / "truth.json").read_text("utf-8")), results or results_of(folder))
+
+
+def compared(truth: dict, results: dict) -> list[Comparison]:
+    """Every threshold outside of which lies something to find, its interval widened by the smeared edge."""
+    return [
+        replace(each, interval=(low_g - EDGE_G, high_g + EDGE_G)) for each, low_g, high_g in bracketed(truth, results)
+    ]
+
+
+def bracketed(truth: dict, results: dict) -> list[tuple[Comparison, float, float]]:
+    """The same of a truth and of results at hand."""
     compared = []
-    for each in found["findings"]:
-        label, place, quantity, position = each["id"].split("/")
+    for each in results["findings"]:
+        label, place, _, position = each["id"].split("/")
         true_g = true_threshold_g(truth["ladders"][f"{label}/{place}@{position}"])
-        comparison = Comparison(truth["seed"], 0, quantity, each["value"], true_g, each["u"])
+        comparison = Comparison.of(truth["seed"], each, true_g)
         compared.append((comparison, each["at"]["above_g"], each["at"]["up_to_g"] or math.inf))
     return compared
 
@@ -53,15 +66,20 @@ def is_inside(low_g: float, true_g: float, high_g: float) -> bool:
     return low_g - EDGE_G <= true_g <= high_g + EDGE_G
 
 
+def draw_dead_band(path: Path) -> None:
+    """Lets the dead band of a unit file differ from seed to seed."""
+    fixed = path.read_text("utf-8")
+    path.write_text(fixed.replace("dead_band: 100 nA", "dead_band: {mean: 110 nA, sd: 30 nA}"), "utf-8")
+    assert path.read_text("utf-8") != fixed, path
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=20)
     problems, ratios = [], []
     with tempfile.TemporaryDirectory() as temporary:
-        drawn = Path(temporary) / "drawn.yaml"
-        fixed = DEAD_BAND.read_text("utf-8")
-        drawn.write_text(fixed.replace("dead_band: 100 nA", "dead_band: {mean: 110 nA, sd: 30 nA}"), "utf-8")
-        assert drawn.read_text("utf-8") != fixed
+        drawn = Path(shutil.copy(DEAD_BAND, Path(temporary) / "drawn.yaml"))
+        draw_dead_band(drawn)
         for seed in range(1, parser.parse_args().seeds + 1):
             run = ladder_run(Path(temporary) / str(seed), seed, drawn, ("repeats=2", "warm_up=1 h"))
             for each, low_g, high_g in compare_ladders(run):

@@ -28,6 +28,7 @@ from simulators.imu import SENSORS
 from simulators.integrator import Integrator
 from simulators.unit_file import stream
 from simulators.world import World
+from tests.truth.foreign import Drifts
 
 BLOCK_S = 2.0  # worked out together: much shorter than the wander of a bias takes
 PAUSE_S = 60.0  # as long at most, while nothing is acquired
@@ -66,7 +67,9 @@ class _SetSource:
 class Player:
     """One world under the stimuli of a template."""
 
-    def __init__(self, template: Template, bench: BenchFile, seed: int, uut_model: Path | None) -> None:
+    def __init__(
+        self, template: Template, bench: BenchFile, seed: int, uut_model: Path | None, *, drifting: bool = False
+    ) -> None:
         self._template, self._bench, self._host_s = template, bench, template.origin_s
         self.world = World(world_settings(bench, unit_files(bench, uut_model), seed), lambda: self._host_s)
         options = next(e.options for e in bench.devices.values() if isinstance(e.options, CounterOptions))
@@ -83,6 +86,7 @@ class Player:
             self._noise = {name: stream(seed, "noise", "telemetry", name) for name in self._sent}
         draws = stream(seed, "counter", "start")
         self._integrators = {name: Integrator(float(draws.uniform(0, 1)), 0, 0) for name in self._counted}
+        self._drifts = Drifts(self.world) if drifting else None
         self._origin_s = self._now_s = self.world.now()  # true times of a latch, and up to which all is counted
         self._to_come = list(template.stimuli)
         self._sources = {
@@ -95,7 +99,10 @@ class Player:
         """The acquisitions of the template, with what this world gives."""
         every = [(label, each) for label, data in self._template.data.items() for each in data.acquisitions]
         found: dict[str, list[Acquisition]] = {label: [] for label in self._template.data}
+        ends_s = [each.end_s for _, each in every]
         for label, acquisition in sorted(every, key=lambda each: each[1].begin_s):
+            if self._drifts is not None:
+                self._drifts.go_to(2 * (acquisition.begin_s - min(ends_s)) / (max(ends_s) - min(ends_s)) - 1)
             self._pass_until(acquisition.begin_s)
             found[label].append(self._acquire(acquisition, self._template.data[label].units))
         record = bench_record(self._bench)

@@ -54,18 +54,16 @@ def compared(truth: dict, results: dict) -> list[Comparison]:
     """The same of a truth and of results at hand."""
     figures = true_figures(truth["legs"])
     return [
-        Comparison(
-            truth["seed"], 0, found["quantity"], found["value"], figures[found["quantity"]], found["u"],
-            *([(found["interval"]["low"], found["interval"]["high"])] if found["interval"] else []),
-        )
+        Comparison.of(truth["seed"], found, figures[found["quantity"]])
         for found in results["findings"]
         if found["quantity"] in QUANTITIES
-    ]  # fmt: skip
+    ]
 
 
 def true_figures(legs: dict) -> dict[str, float]:
     """The figures of the definitions in methods.md 6.3, of legs without noise."""
     level, upright = ({key: leg for key, leg in legs.items() if f"position={at}/" in key} for at in ("0", "90"))
+    level = {key: _one_way(leg) for key, leg in level.items()}
     temperature_c = np.concatenate([leg["temperature_c"] for leg in level.values()])
     output_g = np.concatenate([leg["output_g"] for leg in level.values()])
     slope, offset = np.polyfit(temperature_c, output_g, 1)
@@ -85,6 +83,17 @@ def true_figures(legs: dict) -> dict[str, float]:
         "K0/repeatability": np.nanmax(np.abs(changes)),
         "K1/temperature_coefficient": scale_slope / (scale_offset + scale_slope * np.mean(scale_c)),
     }
+
+
+def _one_way(leg: dict) -> dict:
+    """A leg after it has come back to the temperature of its third sample and before it has that of its third last."""
+    temperature_c = np.array(leg["temperature_c"])
+    along_c = temperature_c * np.sign(temperature_c[-1] - temperature_c[0])
+    half = len(along_c) // 2
+    begin = np.flatnonzero(along_c[:half] <= np.median(along_c[:5]))[-1] + 1
+    end = half + np.flatnonzero(along_c[half:] >= np.median(along_c[-5:]))[0]
+    begin, end = begin if begin > 5 else 0, end if end < len(along_c) - 5 else len(along_c)
+    return {name: values[begin:end] for name, values in leg.items()}
 
 
 def _cycle_and_end(key: str) -> tuple[int, int]:

@@ -22,7 +22,12 @@ ARCSEC_RAD = 4.84814e-6
 def scattering_bench(folder: Path) -> Path:
     """The demonstration bench with a unit whose bias steps at power-on, in a seat that is askew every time."""
     path = full_bench(folder)
-    unit = folder / "uut" / "quartz_flexure.yaml"
+    scatter(path, folder / "uut" / "quartz_flexure.yaml")
+    return path
+
+
+def scatter(path: Path, unit: Path) -> None:
+    """Lets the unit of a bench step at power-on, and lie askew in its seat."""
     for file, old, new in (
         (unit, "  warm_up:", f"  turn_on: {TURN_ON_G * 1e6:g} µg\n  warm_up:"),
         (path, "  ambient:", f"  remount: {REMOUNT_ARCSEC:g} arcsec\n  ambient:"),
@@ -30,23 +35,36 @@ def scattering_bench(folder: Path) -> Path:
         text = file.read_text("utf-8")
         assert old in text, old
         file.write_text(text.replace(old, new), "utf-8")
-    return path
 
 
 def compare_repeatability(folder: Path) -> list[Comparison]:
     """The standard deviations of a run beside those of the populations that were drawn from."""
-    seed = json.loads((folder / "truth.json").read_text("utf-8"))["seed"]
-    true = {"K0/sd": TURN_ON_G, "misalignment/sd": REMOUNT_ARCSEC * ARCSEC_RAD}
+    truth = json.loads((folder / "truth.json").read_text("utf-8"))
+    return [each for each in compared(truth, results_of(folder)) if each.quantity in true_sds()]
+
+
+def compared(truth: dict, results: dict) -> list[Comparison]:
+    """The standard deviations, and by how much the bias moved, of a truth and of results at hand."""
+    true = true_sds() | {"K0/closure": _closure_g(truth)}
     return [
-        Comparison(seed, 0, found["quantity"], found["value"], true[found["quantity"]], found["u"])
-        for found in results_of(folder)["findings"]
+        Comparison.of(truth["seed"], found, true[found["quantity"]])
+        for found in results["findings"]
         if found["quantity"] in true
     ]
 
 
+def true_sds() -> dict[str, float]:
+    """Of the populations that were drawn from."""
+    return {"K0/sd": TURN_ON_G, "misalignment/sd": REMOUNT_ARCSEC * ARCSEC_RAD}
+
+
 def true_closure_g(folder: Path) -> float:
     """By how much the bias really moved from the first repetition to the last."""
-    first, *_, last = json.loads((folder / "truth.json").read_text("utf-8"))["dwells"].values()
+    return _closure_g(json.loads((folder / "truth.json").read_text("utf-8")))
+
+
+def _closure_g(truth: dict) -> float:
+    first, *_, last = truth["dwells"].values()
     return float(last["K0"] - first["K0"])
 
 
@@ -69,7 +87,10 @@ def main() -> int:
             for comparison in compare_repeatability(folder):
                 variances[comparison.quantity].append((comparison.value / comparison.truth) ** 2)
             (closure,) = [found for found in results_of(folder)["findings"] if found["quantity"] == "K0/closure"]
-            closures.append((closure["value"] - true_closure_g(folder)) / closure["u"])
+            closures.append(
+                (closure["value"] - true_closure_g(json.loads((folder / "truth.json").read_text("utf-8"))))
+                / closure["u"]
+            )
     bad = []
     for quantity, found in variances.items():
         pooled, allowed = math.sqrt(sum(found) / len(found)), 3 / math.sqrt(2 * 5 * len(found))

@@ -30,6 +30,7 @@ from bench.sequence.methods import known_methods
 from bench.sequence.model import SequenceFile
 from simulators.world import World
 from tests.truth.campaign import run_one
+from tests.truth.foreign import bench_errors
 from tests.truth.player import Player, Stimulus, Template
 
 STIMULI = ("move", "turn", "swing", "stop", "ramp", "power", "fix_units", "connect")
@@ -79,9 +80,15 @@ class Replayed:
     results: dict[str, Any]
 
 
-def replayed(template: Template, bench: BenchFile, seed: int, uut_model: Path | None = None) -> Replayed:
-    """The run of the template with everything drawn by another seed; `bench` may also state other uncertainties."""
-    player = Player(template, bench, seed, uut_model)
+def replayed(
+    template: Template, bench: BenchFile, seed: int, uut_model: Path | None = None, form: str = "normal"
+) -> Replayed:
+    """The run of the template with everything drawn by another seed; `bench` may also state other uncertainties.
+
+    The errors of the bench are drawn from distributions of a `form` (tests/truth/foreign.py).
+    """
+    with bench_errors(form):
+        player = Player(template, bench, seed, uut_model, drifting=form == "drifting")
     data = player.play()
     truth = truth_of(_Stored(template.sequence, data), Laboratory(player.world, {}, {}))
     found = evaluate(template.sequence, data.__getitem__, "completed", OnTheWay())

@@ -1,6 +1,6 @@
 """The truth of the tests on a rate table: what a perfect bench would find of the units as drawn (methods.md 8.8).
 
-All is at the temperature of the room. By quantity, as a function of the conditions that a finding states.
+The units have been on for long. By quantity, as a function of the conditions that a finding states.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from simulators.gyro import GyroTruth
 from simulators.uut import UnitTruth
 
 EARTH_DPS = np.degrees(7.292115e-5)
-START_C = 22.0
 FULL_SCALE_DPS = 400.0
 Truth = Callable[[dict], float]
 Output = Callable[[GyroTruth | UnitTruth, np.ndarray], np.ndarray]
@@ -38,48 +37,59 @@ def truths(truth: dict, results: dict, output: str) -> dict[str, Truth]:
     quantities = {found["quantity"] for found in results["findings"]}
     if "scale_ppd" in unit:
         gyro = GyroTruth(**unit)
-        return gyro_range(gyro, truth, OF_GYRO[output]) if "rate_error" in quantities else gyro_response(gyro)
+        if "rate_error" in quantities:
+            return gyro_range(gyro, truth, _stated(OF_GYRO[output], gyro.scale_ppd))
+        return gyro_response(gyro, truth)
     accelerometer = UnitTruth(**unit)
     if "acceleration_error" in quantities:
-        return accelerometer_range(accelerometer, truth, results, OF_ACCELEROMETER[output])
+        of_unit = _stated(OF_ACCELEROMETER[output], accelerometer.scale_a_per_g)
+        return accelerometer_range(accelerometer, truth, results, of_unit)
     return accelerometer_response(accelerometer, truth)
+
+
+def _stated(output: Output, scale: float) -> Output:
+    """An output by a stated scale factor of the sign that the unit has."""
+    return lambda unit, values: np.copysign(1.0, scale) * output(unit, values)
 
 
 def gyro_range(gyro: GyroTruth, truth: dict, output: Output) -> dict[str, Truth]:
     bench = truth["bench"]
     x_m, y_m, _ = bench["arms_m"]["a"]
+    warm_c = bench["warm_c"]["a"]
     earth_dps = EARTH_DPS * np.sin(np.radians(bench["latitude_deg"]))
 
-    def output_dps(rate_dps: float) -> float:
+    def output_dps(rate_dps: float, at_c: float = warm_c) -> float:
         pull_g = np.radians(rate_dps) ** 2 / bench["gravity_mps2"]
         force_g = tuple(np.array([each]) for each in (1.0, pull_g * x_m, -pull_g * y_m))
         rates_dps = tuple(np.array([each]) for each in (rate_dps + earth_dps, 0.0, 0.0))
-        pps = gyro.output_pps(rates_dps, force_g, START_C, np.zeros(1))
+        pps = gyro.output_pps(rates_dps, force_g, at_c, np.zeros(1))
         return float(output(gyro, gyro.clipped_pps(pps))[0])
 
-    def error_dps(at: dict) -> float:
-        return output_dps(at["rate_dps"]) - output_dps(0.0) - at["rate_dps"]
+    def error_dps(at: dict) -> float:  # at the temperature that the unit had
+        rate_dps = at["rate_dps"] * (1 + bench["table"]["rate"])  # a table turns a little faster than it is told to
+        return output_dps(rate_dps) - output_dps(0.0) - rate_dps
 
-    def relative(part: float, sense: int) -> float:
+    def relative(part: float, sense: int, at_c: float = warm_c) -> float:
         rate_dps = sense * part * FULL_SCALE_DPS
-        return error_dps({"rate_dps": rate_dps}) / rate_dps
+        return (output_dps(rate_dps, at_c) - output_dps(0.0, at_c)) / rate_dps - 1
 
-    def even(part: float) -> float:
-        return (relative(part, 1) + relative(part, -1)) / 2
+    def even(part: float, at_c: float = warm_c) -> float:
+        return (relative(part, 1, at_c) + relative(part, -1, at_c)) / 2
 
     cubic = (even(1.0) - even(0.5)) / (1 - 0.5**2)
     return {
         "rest_rate": lambda _: output_dps(0.0),
         "rate_error": error_dps,
-        "rate_error/relative": lambda at: error_dps(at) / abs(at["rate_dps"]),
-        "scale_error": lambda _: even(1.0) - cubic,
+        "rate_error/relative": lambda at: error_dps(at) / abs(at["rate_dps"] * (1 + bench["table"]["rate"])),
+        "scale_error": lambda at: even(1.0, at["at_c"]) - cubic,  # at the temperature that it names
         "asymmetry": lambda _: (relative(1.0, 1) - relative(1.0, -1)) / 2,
         "nonlinearity/cubic": lambda _: cubic,
     }
 
 
-def gyro_response(gyro: GyroTruth, scale_ppd: float = 4000.0) -> dict[str, Truth]:
-    scale = gyro.scale_ppd * (1 + gyro.scale_per_c * (START_C - gyro.reference_c)) / scale_ppd
+def gyro_response(gyro: GyroTruth, truth: dict, scale_ppd: float = 4000.0) -> dict[str, Truth]:
+    scale = gyro.scale_ppd * (1 + gyro.scale_per_c * (truth["bench"]["warm_c"]["a"] - gyro.reference_c))
+    scale /= np.copysign(scale_ppd, gyro.scale_ppd)
 
     def response(hz: float) -> complex:
         return complex(gyro.dynamics.response(np.array([hz]))[0]) * scale
@@ -92,9 +102,7 @@ def accelerometer_response(unit: UnitTruth, truth: dict, lever_hz: float = 0.5) 
         at, low = unit.dynamics.response(np.array([hz, lever_hz]))
         return complex(at / abs(low))
 
-    # What its scale factor is in the room is not what is stated of it at its reference.
-    warm = float(np.polynomial.polynomial.polyval(START_C - unit.reference_c, unit.scale))
-    x_m, y_m, _ = warm * np.array(truth["bench"]["arms_m"]["a"])
+    x_m, y_m, _ = truth["bench"]["arms_m"]["a"]
     return _response(response) | {
         "lever_arm/x": lambda _: x_m - unit.misalignment_p * y_m,
         "lever_arm/y": lambda _: y_m + unit.misalignment_p * x_m,
@@ -119,11 +127,12 @@ def accelerometer_range(unit: UnitTruth, truth: dict, results: dict, output: Out
     """The definition of the error put through the noiseless channel: at the rates that the run went to."""
     bench = truth["bench"]
     x_m, y_m, _ = bench["arms_m"]["a"]
+    warm_c = bench["warm_c"]["a"]
 
     def output_g(rate_dps: float) -> float:
         pull_g = np.radians(rate_dps) ** 2 / bench["gravity_mps2"]
         force_g = tuple(np.array([each]) for each in (-pull_g * x_m, 1.0, -pull_g * y_m))
-        current_a = unit.current_a(force_g, np.array([START_C]), np.zeros(1))
+        current_a = unit.current_a(force_g, np.array([warm_c]), np.zeros(1))
         return float(output(unit, current_a)[0])
 
     low_dps = [np.degrees(np.sqrt(g * 9.8 / 0.5)) for g in _low_g(results)]
@@ -131,7 +140,7 @@ def accelerometer_range(unit: UnitTruth, truth: dict, results: dict, output: Out
     per_square = float(squares @ [output_g(rate) - output_g(0.0) for rate in low_dps]) / float(squares @ squares)
 
     def error_g(at: dict) -> float:
-        rate_dps = abs(at["rate_dps"])
+        rate_dps = abs(at["rate_dps"]) * (1 + bench["table"]["rate"])
         return output_g(rate_dps) - output_g(0.0) - np.radians(rate_dps) ** 2 * per_square
 
     return {

@@ -15,6 +15,7 @@ from tests.support.runs import read_json
 from tests.truth.campaign import results_of
 from tests.truth.imu import QUANTITIES, SHORT, bench_file, compare_imu, compared, rms_of
 from tests.truth.replay import replayed, template_of
+from tests.truth.signs import differences
 
 
 @pytest.fixture(scope="module")
@@ -105,3 +106,7 @@ def test_the_report_tells_it_in_words(run):
     page = (run / "report.html").read_text("utf-8")
     for words in ("Misalignment of the gyros", "without compensation", "K0 contains K2", "Course of the run"):
         assert words in page
+
+
+def test_a_unit_of_the_other_sign_differs_in_its_sign_alone(run):
+    assert list(differences(run)) == []

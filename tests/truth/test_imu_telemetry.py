@@ -13,6 +13,7 @@ from tests.truth.campaign import results_of, run_one
 from tests.truth.imu import QUANTITIES, SHORT, bench_file, compare_imu, compared, rms_of
 from tests.truth.imu_start_up import CALIBRATION, LIMITS, compare_start_up
 from tests.truth.replay import replayed, template_of
+from tests.truth.signs import differences
 
 START_UP = ("temperatures=[27 °C]", "soak=30 min", "passes=6", "ramp_rate=3 °C/min")
 
@@ -109,3 +110,7 @@ def test_the_rate_of_the_table_is_timed_by_the_computer(run):
         windows = [window for each in stored.data("imu").acquisitions for window in each.windows.values()]
     assert windows
     assert all(window.span_s == window.host_span_s for window in windows if window.alone_u != 0)
+
+
+def test_a_unit_of_the_other_sign_differs_in_its_sign_alone(run):
+    assert list(differences(run)) == []

@@ -26,8 +26,8 @@ SCALE = Channel(scale_per_c=1e-5, zero_pps=0.0)  # all of the drift in proportio
 OFFSET = Channel(scale_per_c=0.0, offset_pps_per_c=0.1)  # all of it the same at all levels
 BOTH = Channel(scale_per_c=1e-5, offset_pps_per_c=0.01)
 CLEAN = dict.fromkeys(
-    ("missing", "duplicate", "thermometer", "ambiguous_gap", "too_short", "impossible_rate", "saturated", "stuck",
-     "accelerometer_temperature", "outlier"), 0,
+    ("missing", "fractional_count", "beyond_counter", "duplicate", "thermometer", "ambiguous_gap", "too_short",
+     "impossible_rate", "saturated", "stuck", "accelerometer_temperature", "outlier"), 0,
 )  # fmt: skip
 
 
@@ -552,7 +552,7 @@ def test_a_constant_temperature_has_no_slope(tmp_path, rng):
 
 
 def test_milliseconds_for_seconds_and_kelvin_for_celsius_decide_nothing(tmp_path, rng):
-    runs = campaign(rng, BOTH)
+    runs = campaign(rng, BOTH, bits=24)
     runs["skew"]["t_s"] *= 1000
     runs["src_1g"]["t_s"] /= 1000
     runs["src_12g"]["T_conv_C"] += 273.15
@@ -560,8 +560,25 @@ def test_milliseconds_for_seconds_and_kelvin_for_celsius_decide_nothing(tmp_path
     assert result["runs"]["skew"]["rejected"] == CLEAN | {"ambiguous_gap": 648}
     assert result["runs"]["src_1g"]["rejected"] == CLEAN | {"impossible_rate": 648}
     assert result["runs"]["src_12g"]["rejected"] == CLEAN | {"thermometer": 649}
-    assert result["flags"] == ["skew:invalid", "src_1g:ramp_too_fast", "src_1g:invalid", "src_12g:invalid"]
+    assert result["flags"] == [
+        "skew:invalid", "src_1g:ramp_too_fast", "src_1g:invalid", "src_12g:invalid", "implausible_temperature",
+    ]  # fmt: skip
     assert {found["decision"] for found in result["deviation"].values()} == {"invalid"}
+
+
+def test_what_no_counter_shows_is_named_with_its_rows(tmp_path, rng):
+    runs = campaign(rng, BOTH)
+    runs["up_1g"]["cum_neg"][[4, 9]] -= 0.37  # falls by a part of a count, which no wrap does
+    runs["skew"]["cum_pos"][7] += 2.0**32
+    runs["src_1g"]["cum_neg"][3] = -1
+    result = reduced(tmp_path, runs)
+    assert result["flags"] == []
+    assert result["runs"]["up_1g"]["rejected"] == CLEAN | {"fractional_count": 2}
+    assert result["runs"]["skew"]["rejected"] == result["runs"]["src_1g"]["rejected"] == CLEAN | {"beyond_counter": 1}
+    assert result["notes"] == [
+        "channel.csv: counts with a fraction were left out: lines 6, 11",
+        "channel.csv: counts that a counter of 32 bits does not show were left out: lines 658, 1303",
+    ]
 
 
 def test_a_current_in_another_unit_is_noticed(tmp_path, rng):

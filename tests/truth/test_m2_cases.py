@@ -71,14 +71,19 @@ def readings(unit, rng, count=40, low_c=-10.0, high_c=58.0):
 def test_a_unit_without_noise_is_found_exactly(tmp_path):
     unit = Unit()
     result = reduced(tmp_path, records(unit))
-    assert [point["T_set_C"] for point in result["table"]] == [55, 45, 35, 25, 15, 5, 0, -5, -10, -15]
+    visited = [(point["T_set_C"], point["visit"]) for point in result["table"]]
+    assert visited == [(set_c, 1) for set_c in (55, 45, 35, 25)] + [(25, 2)] + [
+        (c, 1) for c in (15, 5, 0, -5, -10, -15)
+    ]
     for point in result["table"]:
         for axis in AXES:
             assert point[axis] == pytest.approx(truth(unit, point["T_set_C"], axis), rel=1e-12, abs=1e-10)
     assert_least_squares(result, unit, abs=1e-12)
     assert result["flags"] == result["notes"] == result["apply"] == []
     assert max(u for point in result["u"]["table"] for axis in AXES for u in point[axis].values()) < 1e-9
-    assert result["rejected"] == {"missing": 0, "duplicate": 42, "rate": 0, "thermometer": 0}
+    assert result["rejected"] == {"missing": 0, "duplicate": 0, "rate": 0, "thermometer": 0}
+    assert [(each["T_set_C"], each["visits"]) for each in result["repeatability"]] == [(25, 2)]
+    assert max(apart for axis in AXES for apart in result["repeatability"][0][axis].values()) < 1e-9
     assert result["model_check"]["acc_z"]["T_C"] == [-5, 0, 5, 10, 20, 30, 40, 50]
     assert np.abs(result["model_check"]["acc_z"]["K1_pps_per_g"]["left_out_error"]).max() < 1e-9
 
@@ -86,9 +91,9 @@ def test_a_unit_without_noise_is_found_exactly(tmp_path):
 def test_result_has_the_keys_of_the_method(tmp_path):
     result = reduced(tmp_path, records(Unit(), FEW_C))
     assert list(result) == [
-        "method", "sub", "table", "apply", "ls24", "u", "model_check", "flags", "notes", "rejected",
+        "method", "sub", "table", "apply", "ls24", "u", "repeatability", "model_check", "flags", "notes", "rejected",
     ]  # fmt: skip
-    assert list(result["table"][0]) == ["T_set_C", "x", "y", "z"]
+    assert list(result["table"][0]) == ["T_set_C", "visit", "x", "y", "z"]
     assert list(result["table"][0]["x"]) == [
         "Ta_C", "Tg_C", "K0_pps", "K1_pps_per_g", "D0_pps", "D0_dph", "KG_p_per_deg",
     ]  # fmt: skip
@@ -108,7 +113,7 @@ def test_noise_stays_within_its_uncertainty(tmp_path, rng):
         for axis in AXES:
             true = truth(unit, point["T_set_C"], axis)
             ratios += [(point[axis][key] - true[key]) / u_value for key, u_value in u[axis].items()]
-    assert len(ratios) == 150
+    assert len(ratios) == 165
     assert np.max(np.abs(ratios)) < 4
     assert 0.85 < np.sqrt(np.mean(np.square(ratios))) < 1.15
     of_one_reading = result["u"]["table"][0]["y"]["K0_pps"] * np.sqrt(8) * DWELL_S
@@ -271,7 +276,7 @@ def test_rates_of_which_nothing_is_left(tmp_path):
     made.rates = [dict.fromkeys(made.rates[0])]
     result = reduced(tmp_path, made)
     assert result["flags"] == ["T=25:missing_rate:x", "T=25:missing_rate:y", "T=25:missing_rate:z"]
-    assert result["table"] == [{"T_set_C": 25, "x": None, "y": None, "z": None}]
+    assert result["table"] == [{"T_set_C": 25, "visit": 1, "x": None, "y": None, "z": None}]
     assert_least_squares(result, Unit(), abs=1e-12)  # the attitudes at rest are all there
 
 
@@ -352,12 +357,74 @@ def test_the_last_good_repetition_counts(tmp_path):
         assert entry(result, 25)[axis] == pytest.approx(truth(unit, 25, axis), rel=1e-12, abs=1e-10)
 
 
-def test_of_two_nominal_runs_the_second_counts(tmp_path):
-    later = Unit(zero_pps=np.array([36.0, -52.0, 18.0]))
-    first, second = records(Unit(), [25]), records(later, [25])
-    first.positions += second.positions
-    first.rates += second.rates
-    assert reduced(tmp_path, first)["table"][0]["x"]["K0_pps"] == pytest.approx(truth(later, 25, "x")["K0_pps"])
+def two_visits(first, second):
+    """Records of the nominal temperature twice, of a unit that has become another one."""
+    made, again = records(first, [25, 55, 0]), records(second, [25])
+    made.positions += again.positions
+    made.rates += again.rates
+    return made
+
+
+def test_two_visits_of_a_set_point_are_two_knots_and_their_difference_is_the_repeatability(tmp_path):
+    first, second = (
+        Unit(),
+        Unit(zero_pps=Unit().zero_pps + np.array([4.0, -6.0, 1.0]), gyro_scale=Unit().gyro_scale * 1.001),
+    )
+    result = reduced(tmp_path, two_visits(first, second))
+    assert [(point["T_set_C"], point["visit"]) for point in result["table"]] == [(55, 1), (25, 1), (25, 2), (0, 1)]
+    for point, unit in zip(result["table"], (first, first, second, first), strict=True):
+        for axis in AXES:
+            assert point[axis] == pytest.approx(truth(unit, point["T_set_C"], axis), rel=1e-12, abs=1e-10)
+    (repeated,) = result["repeatability"]
+    assert [repeated[axis]["K0_pps"] for axis in AXES] == pytest.approx([4, 6, 1], abs=1e-9)
+    assert [repeated[axis]["KG_p_per_deg"] for axis in AXES] == pytest.approx([4, 4.011, 3.99], abs=1e-9)
+    assert result["rejected"]["duplicate"] == 0
+
+
+def test_a_knot_is_the_mean_of_the_visits_of_a_set_point(tmp_path):
+    shift = np.array([4.0, -6.0, 1.0])
+    made = two_visits(Unit(), Unit(zero_pps=Unit().zero_pps + shift))
+    middle = Unit(zero_pps=Unit().zero_pps + shift / 2)
+    zero, scale = middle.accelerometer(30.0)  # 25 °C of the chamber
+    made.apply = [
+        {"channel": f"acc_{axis}", "T_C": 30.0, "raw_pps": zero[i] + 0.5 * scale[i]} for i, axis in enumerate(AXES)
+    ]
+    assert [row["value"] for row in reduced(tmp_path, made)["apply"]] == pytest.approx(3 * [0.5], abs=1e-12)
+
+
+def test_a_column_tells_visits_apart_in_any_order_of_rows(tmp_path, rng):
+    made = two_visits(Unit(), Unit(zero_pps=Unit().zero_pps + 4))
+    expected = reduced(tmp_path, made)
+    for rows, of_one in ((made.positions, 24), (made.rates, 18)):
+        for number, row in enumerate(rows):
+            row["visit"] = number // of_one + 1  # 1 and 4 are those of 25 °C
+        rng.shuffle(rows)
+    found = reduced(tmp_path, made)
+    assert [(point["T_set_C"], point["visit"]) for point in found["table"]] == [(55, 2), (25, 1), (25, 4), (0, 3)]
+    for one, other in zip(found["table"], expected["table"], strict=True):
+        assert [one[axis] for axis in AXES] == [pytest.approx(other[axis], rel=1e-12, abs=1e-12) for axis in AXES]
+    del made.positions[0]["visit"]
+    made.positions[0]["visit"] = None
+    assert reduced(tmp_path, made)["rejected"]["missing"] == 1
+
+
+def test_a_second_visit_that_lacks_something_does_not_spoil_the_first(tmp_path):
+    made = two_visits(Unit(), Unit())
+    made.positions.pop()  # Az8 of the second visit
+    result = reduced(tmp_path, made)
+    assert result["flags"] == ["T=25:missing_position:Az8"]
+    assert [point["z"] is None for point in result["table"]] == [False, False, True, False]
+    assert result["repeatability"][0]["z"] is None
+    assert result["repeatability"][0]["x"] is not None
+
+
+def test_more_visits_than_a_chamber_makes_are_refused(tmp_path):
+    made = records(Unit(), [25, 55])
+    made.positions = [row for pair in zip(made.positions[:24], made.positions[24:], strict=True) for row in pair] * 30
+    for row, pos in zip(made.positions, ["Ax1"] * 1440, strict=True):
+        row["pos"] = pos
+    with pytest.raises(InputError, match=r"set points are visited 14\d\d times, more than 1000; rows of one visit"):
+        reduced(tmp_path, made)
 
 
 def test_set_points_closer_than_half_a_degree_are_one_knot(tmp_path):
@@ -486,9 +553,11 @@ def test_dead_and_absurd_channels_do_no_harm_to_others(tmp_path):
         row["Wz"] = 7 * DWELL_S  # a gyro that does not see the rate
     made.apply = [{"channel": name, "T_C": 20.0, "raw_pps": -1e308} for name in CHANNELS]
     result = reduced(tmp_path, made)
-    assert result["flags"][-1] == "ill_conditioned"  # misalignment towards an axis that was never seen vertical
-    assert len(result["flags"][:-1]) == 3 * 8
-    assert all("attitude_inconsistent:Ax" in flag for flag in result["flags"][:-1])
+    *inconsistent, ill, wild, hot = result["flags"]
+    assert ill == "ill_conditioned"  # misalignment towards an axis that was never seen vertical
+    assert {wild, hot} == {"implausible_scale", "implausible_temperature"}
+    assert len(inconsistent) == 3 * 8
+    assert all("attitude_inconsistent:Ax" in flag for flag in inconsistent)
     for set_c in FEW_C:
         found = entry(result, set_c)
         assert found["x"] is None
@@ -547,7 +616,7 @@ def test_a_case_without_rates_is_one_with_an_empty_record_of_them(tmp_path):
     made.rates = None
     result = reduced(tmp_path, made)
     assert result["flags"] == [f"T=25:missing_rate:{axis}" for axis in "xyz"]
-    assert result["table"] == [{"T_set_C": 25, "x": None, "y": None, "z": None}]
+    assert result["table"] == [{"T_set_C": 25, "visit": 1, "x": None, "y": None, "z": None}]
 
 
 def test_rows_of_unknown_positions_are_passed_over_and_named(tmp_path):

@@ -83,7 +83,11 @@ def test_gyro_beyond_its_linearity_fails_by_reading_and_passes_by_full_scale(tmp
     assert [each["passed"] for each in by_reading["points"]] == [False] * 4
     by_scale = reduced(tmp_path, "gyro_range", blocks, settings | {"linearity_basis": "full_scale"})
     assert by_scale["passed"] is True
-    assert by_scale["points"][0]["rel_error"] == pytest.approx(by_reading["points"][0]["rel_error"])
+    for by, basis in ((by_reading, [each["table_dps"] for each in by_reading["points"]]), (by_scale, [400] * 4)):
+        for each, over in zip(by["points"], basis, strict=True):
+            assert each["rel_error"] == pytest.approx(each["error_dps"] / over)
+            assert each["passed"] == (abs(each["rel_error"]) <= settings["k_m"])
+    assert [np.sign(each["rel_error"]) for each in by_scale["points"]] == [1, -1, 1, -1]
 
 
 def test_gyro_at_its_clip_level_is_saturated_and_fails(tmp_path, rng):
@@ -227,7 +231,7 @@ def test_accelerometer_on_its_arm(tmp_path, rng):
         true_g = np.radians(rate) ** 2 * 0.5 / G_MPS2
         assert each["a_true_g"] == pytest.approx(true_g, rel=3e-4)
         assert each["a_meas_g"] == pytest.approx(true_g, abs=3e-4)
-        assert each["rel_error"] == pytest.approx(each["a_meas_g"] / each["a_true_g"] - 1)
+        assert each["rel_error"] == pytest.approx((each["a_meas_g"] - each["a_true_g"]) / ACC["range_g"])
         assert each["passed"] is True
     assert result["passed"] is True
     assert result["flags"] == []
@@ -246,6 +250,16 @@ def test_an_axis_away_from_the_spindle_has_a_negative_radius(tmp_path, rng):
     assert result["radius_m"] == pytest.approx(-0.48, abs=4 * result["u_radius_m"])
     assert result["points"][1]["a_true_g"] < 0
     assert result["passed"] is True
+
+
+def test_errors_on_the_arm_are_relative_to_what_the_limit_is_a_fraction_of(tmp_path, rng):
+    blocks = arm(rng, radius_m=-0.48, square=3e-5)
+    by_scale = reduced(tmp_path, "acc_range", blocks, ACC)["points"]
+    by_reading = reduced(tmp_path, "acc_range", blocks, ACC | {"linearity_basis": "reading"})["points"]
+    for scaled, read in zip(by_scale, by_reading, strict=True):
+        error_g = scaled["a_meas_g"] - scaled["a_true_g"]
+        assert scaled["rel_error"] == pytest.approx(error_g / 50, rel=1e-6)
+        assert read["rel_error"] == pytest.approx(error_g / read["a_true_g"], rel=1e-6)
 
 
 def test_a_square_term_shows_at_full_range(tmp_path, rng):

@@ -399,7 +399,7 @@ def test_blanks_and_glitches_of_an_accelerometer_sweep(tmp_path, rng):
 def test_two_samples_keep_the_order_and_the_gaps(tmp_path):
     columns = {"dtheta1_rad": [0.001, None, 0.002, 1e300], "dtheta2_rad": [0.003, 0.1, 0.002, 1.0]}
     result = reduce_case(write_case(tmp_path, "two_sample", {"h_s": 0.002, "rx_m": 0.05, "ry_m": -0.03}, columns))
-    assert list(result) == ["method", "sub", "dvx_mps", "dvy_mps", "flags", "rejected"]
+    assert list(result) == ["method", "sub", "dvx_mps", "dvy_mps", "flags", "notes", "rejected"]
     assert [value is None for value in result["dvx_mps"]] == [False, True, False, True]
     # ω = 2 rad/s, no dω/dt: -ω² r over 2 ms.
     assert result["dvx_mps"][2] == pytest.approx(-4 * 0.05 * 0.002)

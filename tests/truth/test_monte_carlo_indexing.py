@@ -18,10 +18,12 @@ TRIALS = 250
 ARCSEC_DEG = 1 / 3600
 G, G_U = 9.8, 2e-4
 GAIN_U, OFFSET_U_V = 4e-6, 1e-6
-ZERO_U_DEG, HARMONIC_U_DEG, REPEATABILITY_U_DEG, LEVEL_U_DEG = (each * ARCSEC_DEG for each in (5, 1, 0.1, 2))
+ZERO_U_DEG, HARMONIC_U_DEG, REPEATABILITY_U_DEG, LEVEL_U_DEG, BACKLASH_U_DEG = (
+    each * ARCSEC_DEG for each in (5, 1, 0.1, 2, 0.1)
+)
 BENCH = BenchRecord(
     gravity_mps2=G, gravity_u_mps2=G_U,
-    axes={"head": AxisRecord((0.0, -1.0, 0.0), ZERO_U_DEG, (HARMONIC_U_DEG,) * 4, REPEATABILITY_U_DEG)},
+    axes={"head": AxisRecord((0.0, -1.0, 0.0), ZERO_U_DEG, (HARMONIC_U_DEG,) * 4, REPEATABILITY_U_DEG, BACKLASH_U_DEG)},
     x=(1.0, 0.0, 0.0), z=(0.0, 0.0, 1.0), level_deg=0.0, level_u_deg=LEVEL_U_DEG, time_base_u=0.0,
     thermometers_u={}, voltmeters_u={"dvm": (GAIN_U, OFFSET_U_V)},
 )  # fmt: skip
@@ -39,33 +41,40 @@ CLOCKED = tuple(Mount(f"clock_{angle}", clock_deg=float(angle)) for angle in (0,
 
 
 class Run:
-    """A calibration on a bench with errors drawn, and the errors."""
+    """A calibration on a bench with errors drawn, and the errors; `tilt_rad` is more tilt of the seat."""
 
-    def __init__(self, rng, *, perfect):
+    def __init__(self, rng, *, perfect, tilt_rad=0.0):
         self._rng, size = rng, 0.0 if perfect else 1.0
         self.zero_rad, self.level_rad = np.radians((ZERO_U_DEG, LEVEL_U_DEG)) * rng.standard_normal(2) * size
         self.harmonics_rad = np.radians(HARMONIC_U_DEG) * rng.standard_normal((4, 2)) * size
+        self.level_rad += tilt_rad
         self.gain, self.offset_v = np.array((GAIN_U, OFFSET_U_V)) * rng.standard_normal(2) * size
         self.gravity_mps2 = G + G_U * rng.standard_normal() * size
         self._repeatability_rad = np.radians(REPEATABILITY_U_DEG) * size
-        self.acquisitions = []
+        self._backlash_rad = np.radians(BACKLASH_U_DEG) * size * rng.standard_normal()
+        self.acquisitions, self._stand, self._head_deg, self._came_from = [], 0, -1.0, ""
+        self._stands_rad = 0.0
         for end, mount in ENDS.items():
             for angle_deg, way in SWEEP:
                 self._read(f"steps/end={end}/{way}={angle_deg:g}", {way: angle_deg}, angle_deg, mount)
-        stands_rad = self._come_back_rad()
         for mount in CLOCKED:
-            self._read("steps/clocking", {}, 0.0, mount, stands_rad)
+            self._read("steps/clocking", {}, 0.0, mount)
 
-    def _come_back_rad(self):
-        return self._repeatability_rad * self._rng.standard_normal()
+    def _go(self, angle_deg):
+        """Straight to an angle: the head comes back anew, and shows its backlash, where it moves."""
+        if angle_deg != self._head_deg:
+            self._came_from = "below" if angle_deg > self._head_deg else "above"
+            self._head_deg, self._stand = angle_deg, self._stand + 1
+            self._stands_rad = self._repeatability_rad * self._rng.standard_normal()
+            self._stands_rad += self._backlash_rad * (self._came_from == "above")
 
     def head_rad(self, angle_deg):
         turns = np.radians(angle_deg) * np.arange(1, 5)
         return self.zero_rad + self.harmonics_rad[:, 0] @ np.cos(turns) + self.harmonics_rad[:, 1] @ np.sin(turns)
 
-    def _read(self, group, loops, angle_deg, mount, stands_rad=None):
-        come_back_rad = self._come_back_rad() if stands_rad is None else stands_rad
-        turn = np.radians(angle_deg) + self.head_rad(angle_deg) + self.level_rad + come_back_rad
+    def _read(self, group, loops, angle_deg, mount):
+        self._go(angle_deg)
+        turn = np.radians(angle_deg) + self.head_rad(angle_deg) + self.level_rad + self._stands_rad
         down, clock = np.cos(np.radians(mount.roll_deg)), np.radians(mount.clock_deg)
         along, normal = np.sin(turn) * np.cos(clock), down * np.cos(turn)
         force_g = along + MISALIGNMENT * normal + KIP * along * normal + K0 + NOISE_G * self._rng.standard_normal()
@@ -77,6 +86,7 @@ class Run:
                 end_s=60.0 * number + 60.0, angles_deg={"head": angle_deg}, set_from_c=np.nan, set_c=np.nan, counts={},
                 temperatures_c={"t": np.array([20.0])}, temperatures_at_s={"t": np.zeros(1)}, mount=mount,
                 voltages={"dvm": Voltages(60.0 * number + np.array([20.0, 40.0]), np.full(2, read_v))},
+                came_from={"head": self._came_from}, stand=self._stand,
             )
         )  # fmt: skip
 
@@ -91,7 +101,7 @@ class Run:
 
 def trials(*, perfect):
     """Errors and uncertainties by quantity, (n, 2)."""
-    rng, settings = np.random.default_rng(1), INDEXING_STATIC.settings.model_validate({}).model_dump()
+    rng, settings = np.random.default_rng(12), INDEXING_STATIC.settings.model_validate({}).model_dump()
     found = {}
     for _ in range(TRIALS):
         run = Run(rng, perfect=perfect)

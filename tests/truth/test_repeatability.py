@@ -8,15 +8,19 @@ from bench.analysis.repeatability import interval_of, reduce
 from bench.app.request import RunRequest
 from bench.report.stored import open_run
 from bench.store.reader import RunReader
+from tests.support.runs import latest
 from tests.truth.campaign import results_of, run_one
 from tests.truth.repeatability import compare_repeatability, scattering_bench, true_closure_g
+from tests.truth.signs import differences
 
 SHORT = ("repetitions=4", "steady_within=265 µg", "gate=20 s", "off_time=1 min")
 
 
 def repeated(folder, *settings):
     bench = scattering_bench(folder / "config")
-    request = RunRequest("repeatability", bench=str(bench), seed=4, settings=(*SHORT, *settings), runs=folder / "runs")
+    request = RunRequest(
+        "repeatability", bench=str(bench), seed=4, settings=latest(*SHORT, *settings), runs=folder / "runs"
+    )
     return run_one(request)
 
 
@@ -76,3 +80,7 @@ def test_fewer_than_three_tumbles_say_nothing(remounted):
 
 def test_the_interval_is_the_published_one():
     assert interval_of(1.0, 9) == pytest.approx((0.688, 1.826), abs=0.001)
+
+
+def test_a_unit_of_the_other_sign_differs_in_its_sign_alone(remounted):
+    assert list(differences(remounted)) == []

@@ -1,7 +1,9 @@
 """The static tumble against the truth: few seeds of a short sequence here, forty of the whole one by `make truth`."""
 
 import json
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from bench.analysis.limits import Limits
@@ -13,6 +15,7 @@ from tests.support.runs import SHORT
 from tests.truth import judge
 from tests.truth.campaign import compare, full_bench, perfect_bench, results_of, run_one
 from tests.truth.planted import PLANTED, comparisons_with
+from tests.truth.signs import differences
 
 SEEDS = (1, 2)
 SETTLED = ("temperatures=[20 °C, 20 °C, 20 °C]", "soak=30 min")  # warm, and at rest: only noise is left
@@ -107,3 +110,27 @@ def test_the_report_names_what_the_angles_do_not_tell(eight_points, perfect_runs
     assert "cannot tell K3" not in eight
     assert "contains K3<" in four
     assert "contains K3<" not in eight
+
+
+def test_a_unit_of_the_other_sign_differs_in_its_sign_alone(perfect_runs, eight_points):
+    for folder in (perfect_runs[0], eight_points):
+        assert list(differences(folder)) == []
+
+
+def test_where_the_head_stood_is_new_in_each_dwell_and_in_what_compares_dwells(perfect_runs):
+    """A level axis feels all of the head's repeatability, an upright one none: residuals of tumbles hold half of it."""
+    u_deg = 1e-4
+    with open_run(perfect_runs[0]) as stored:
+        data = stored.data("tumble")
+    axes = {name: replace(axis, repeatability_u_deg=u_deg) for name, axis in data.bench.axes.items()}
+    scattering = replace(data, bench=replace(data.bench, axes=axes))
+    settings = TEMPERATURE_TUMBLE.settings.model_validate({}).model_dump()
+    u = {}
+    for each in (data, scattering):
+        (unit,) = reduce(each, settings)
+        u[each is data] = {finding.quantity: finding.u for finding in unit.findings}
+    added = {quantity: np.sqrt(u[False][quantity] ** 2 - u[True][quantity] ** 2) for quantity in u[True]}
+    of_a_dwell = np.radians(u_deg) / 2  # four level readings of each dwell
+    assert added["K0"] == pytest.approx(of_a_dwell, rel=1e-3)
+    assert added["K0/closure"] == pytest.approx(of_a_dwell * np.sqrt(2), rel=1e-3)
+    assert added["K1"] < 0.05 * of_a_dwell * abs(u[True]["K1"] / u[True]["K0"])

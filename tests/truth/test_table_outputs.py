@@ -9,22 +9,24 @@ from bench.app.request import RunRequest
 from bench.report.calibration import read_calibration
 from bench.report.export import FORMATS
 from bench.report.stored import open_run
+from tests.support.runs import latest
 from tests.truth.campaign import results_of, run_one
-from tests.truth.table import BENCHES_BY_OUTPUT, SHORT, check_held, table_bench
+from tests.truth.signs import differences
+from tests.truth.table import BENCHES_BY_OUTPUT, LONG_ON, SHORT, check_held, table_bench
 
 SEEDS = (3, 4)
-RANGE = ("warm_up=0 s", "record=3 s", "rest=3 s")
+RANGE = (*LONG_ON, "record=3 s", "rest=3 s")
 SHORTER = {
     "gyro_range": (*RANGE, "rates=[50 °/s, 400 °/s]"),
     "accel_range": (*RANGE, "accelerations=[0.5 g, 1 g, 20 g]"),
-    "gyro_response": (*SHORT["gyro_response"], "frequencies=[10.37 Hz, 57.37 Hz, 61.37 Hz]", "record=3 s"),
-    "accel_response": (
+    "gyro_response": latest(*SHORT["gyro_response"], "frequencies=[10.37 Hz, 57.37 Hz, 61.37 Hz]", "record=3 s"),
+    "accel_response": latest(
         *SHORT["accel_response"], "frequencies=[10.37 Hz, 30.37 Hz, 57.37 Hz, 61.37 Hz, 90.37 Hz]", "record=2 s",
         "lever_record=10 s",
     ),
 }  # fmt: skip
 WORTH = {  # a standard uncertainty that is worth stating, at most
-    "rest_rate": 3e-4, "rate_error/relative": 6e-5, "rest_output": 2e-5, "radius": 1e-4,
+    "rest_rate": 3e-4, "rate_error/relative": 6e-5, "rest_output": 2e-5, "radius": 3e-4,
     "acceleration_error/relative": 8e-5, "gain": 2e-3, "phase": 2.0, "bandwidth": 0.15, "phase_at_bandwidth": 1.5,
     "lever_arm/x": 3e-4, "lever_arm/y": 5e-5,
 }  # fmt: skip
@@ -109,6 +111,11 @@ def test_what_a_voltmeter_read_is_exported(run_of, tmp_path):
     with open_run(run_of("volts", "gyro_range")) as stored:
         names = {path.name for path in FORMATS["csv"](stored, tmp_path)}
         read = stored.data("range").acquisitions[0]
-    assert names == {"readings.csv", "acquisitions.csv", "positions.csv", "voltages.csv", "journal.csv"}
+    assert names == {"readings.csv", "acquisitions.csv", "positions.csv", "voltages.csv", "journal.csv", "columns.csv"}
     found = [float(row["value"]) for row in rows_of(tmp_path / "voltages.csv", read.step)]
     assert found == pytest.approx(read.voltages["dvm"].values_v, abs=0)
+
+
+@pytest.mark.parametrize(("output", "sequence"), CASES)
+def test_a_unit_of_the_other_sign_differs_in_its_sign_alone(run_of, output, sequence):
+    assert list(differences(run_of(output, sequence))) == []

@@ -4,6 +4,7 @@ import pytest
 
 from tests.truth.campaign import results_of, run_one
 from tests.truth.ramp import QUANTITIES, compare_ramp, quick_request
+from tests.truth.signs import differences
 
 JUMP_C, JUMP_G = 30.0, 150e-6
 JUMPING = ("  Kd:", f"  jumps: [{{at: {JUMP_C:g} °C, size: {JUMP_G * 1e6:g} µg}}]\n  Kd:")
@@ -56,3 +57,7 @@ def test_the_report_draws_every_leg_and_the_jump(good_run, jumping_run):
         assert words in good
     assert ">jump<" in jumping
     assert ">jump<" not in good
+
+
+def test_a_unit_of_the_other_sign_differs_in_its_sign_alone(jumping_run):
+    assert list(differences(jumping_run)) == []

@@ -8,6 +8,7 @@ from bench.analysis import ladder
 from bench.report.stored import open_run
 from tests.truth.campaign import results_of
 from tests.truth.ladder import compare_ladders, is_inside, ladder_run
+from tests.truth.signs import differences
 
 GOOD = ("ladder=[10 arcsec, 20 arcsec, 50 arcsec]", "repeats=2", "warm_up=0 s", "positions=[0°, 30°]")
 
@@ -75,3 +76,7 @@ def test_a_step_taken_for_its_size_alone_is_seen(silent):
         (_, low_g, high_g), _ = compare_ladders(silent, anew(silent))
     (threshold, *_), _ = compare_ladders(silent)
     assert not is_inside(low_g, threshold.truth, high_g)
+
+
+def test_a_unit_of_the_other_sign_differs_in_its_sign_alone(silent, good):
+    assert [*differences(silent), *differences(good)] == []

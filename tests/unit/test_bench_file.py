@@ -268,7 +268,8 @@ DRIVERS = f"{', '.join(OTHERS)} or {LAST}"
         ("axis: X", "approach_distance: 31°", "is 31 °, expected at most 30 °"),
         ("harmonics: [2 arcsec, 2 arcsec, 2 arcsec, 2 arcsec]", "harmonics: 2 arcsec",
          "is '2 arcsec', expected a list"),
-        ("dbc: if_counter.dbc", "dbc: if_countr.dbc", "there is no file 'if_countr.dbc' beside this one"),
+        ("dbc: if_counter.dbc", "dbc: if_countr.dbc",
+         "there is no file 'if_countr.dbc' beside this one; a copied file needs what it names as well"),
         ("dbc: if_counter.dbc", "dbc: ../if_counter.dbc", "'../if_counter.dbc' leaves the folder of this file"),
         ("dbc: if_counter.dbc", "dbc: /etc/hostname", "'/etc/hostname' leaves the folder of this file"),
         ("tick: Latch.Tick", "tick: Latch.Tik",
@@ -277,7 +278,7 @@ DRIVERS = f"{', '.join(OTHERS)} or {LAST}"
         ("positive: AxisX.Positive", "positive: AxisW.Positive",
          "if_counter.dbc has no signal 'AxisW.Positive'; did you mean 'AxisZ.Positive'?"),
         ("max_rate: 256 kHz", "max_rate: 256", "256 has no unit, write it like '256 Hz'"),
-        ("max_rate: 256 kHz", "max_rate: 256 khz", "'khz' is not a known unit; expected a quantity in Hz"),
+        ("max_rate: 256 kHz", "max_rate: 256 khz", "'khz' is not a known unit; write kHz; expected a quantity in Hz"),
         ("range: 20 mA", "range: 30 mA", "is 0.03 A, expected one of 2 nA to 20 mA in decades, or 100 mA"),
         ("compliance: 10 V", "compliance: 106 V", "is 106 V, expected at most 105 V"),
         ("max: 16 V", "max: 0 V", "is 0 V, expected more than 0 V"),
@@ -331,7 +332,8 @@ def test_a_wrong_value_in_a_device_is_told_under_its_key(folder, old, new, probl
         ("seed: 1", "seed: 9223372036854775808", "is 9223372036854775808, expected less than 9.22337203685e+18"),
         ("start: 2026-01-01T00:00:00Z", "start: 2026-01-01",
          "is '2026-01-01', expected a time with its zone like 2026-01-31T08:00:00Z"),
-        ("a: uut/quartz_flexure.yaml", "a: uut/quartz.yaml", "there is no file 'uut/quartz.yaml' beside this one"),
+        ("a: uut/quartz_flexure.yaml", "a: uut/quartz.yaml",
+         "there is no file 'uut/quartz.yaml' beside this one; a copied file needs what it names as well"),
         ("units: {a: uut/quartz_flexure.yaml}", "units: [a]", "is a list, expected a mapping"),
         ("damping: 0.5", "damping: 6", "is 6, expected at most 5"),
         ("host_clock: 20 ppm", "host_clock: 20 s", "is in s, expected a number without a unit"),
@@ -380,15 +382,16 @@ def test_a_wrong_value_elsewhere_is_told_under_its_key(folder, old, new, problem
         ("devices:\n", "devices:\n  x: 5\n", "x: 5", "x: is 5, expected a mapping"),
         ("seed: 1", "faults: [{device: head, kind: broken, at: 5 s}]", "kind: broken",
          "kind: is 'broken', expected 'silent', 'cut', 'delay', 'late', 'duplicate', 'garbage', 'cut_short', 'split', "
-         "'flip', 'echo', 'half_open', 'slow_close', 'frozen', 'stuck', 'restart', 'door_open', 'emergency_stop', "
-         "'front_panel', 'program', 'interlock', 'compliance', 'tripped', 'alarm', 'open_sensor', 'lost_frames', "
-         "'lost_bursts', 'doubled_frames', 'late_frames', 'foreign_frames', 'short_frames', 'swapped_frames', "
-         "'error_frames', 'bus_off', 'stuck_count', 'cleared_count', 'heater_dead', 'cooling_dead', 'runaway', "
-         "'detached_sensor', 'slow', 'dead', 'open_thermometer', 'current' or 'detached_thermometer'"),
+         "'flip', 'echo', 'half_open', 'slow_close', 'frozen', 'stuck', 'lag', 'restart', 'door_open', "
+         "'emergency_stop', 'front_panel', 'program', 'interlock', 'compliance', 'tripped', 'alarm', 'open_sensor', "
+         "'lost_frames', 'lost_bursts', 'doubled_frames', 'late_frames', 'foreign_frames', 'short_frames', "
+         "'swapped_frames', 'error_frames', 'bus_off', 'stuck_count', 'cleared_count', 'heater_dead', "
+         "'cooling_dead', 'runaway', 'detached_sensor', 'slow', 'dead', 'open_thermometer', "
+         "'current' or 'detached_thermometer'"),
         ("seed: 1", "faults: [{device: head, kind: dead, at: 5 s}]", "{device: head",
          "kind is 'dead', a device can be silent, cut, delay, late, duplicate, garbage, cut_short, split, flip, echo, "
-         "half_open, slow_close, frozen, stuck, restart, door_open, emergency_stop, front_panel, program, interlock, "
-         "compliance, tripped, alarm, open_sensor, lost_frames, lost_bursts, doubled_frames, late_frames, "
+         "half_open, slow_close, frozen, stuck, lag, restart, door_open, emergency_stop, front_panel, program, "
+         "interlock, compliance, tripped, alarm, open_sensor, lost_frames, lost_bursts, doubled_frames, late_frames, "
          "foreign_frames, short_frames, swapped_frames, error_frames, bus_off, stuck_count, cleared_count, "
          "heater_dead, cooling_dead, runaway, detached_sensor, slow"),
         ("seed: 1", "faults: [{unit: a, device: head, kind: silent, at: 5 s}]", "{unit: a",
@@ -546,9 +549,10 @@ def test_a_kept_bench_file_outlives_the_files_that_it_names(tmp_path):
     assert load_kept_bench(kept).devices["counter"].options.dbc == tmp_path / "if_counter.dbc"
     with pytest.raises(InputError) as caught:
         load_bench(kept)
+    advice = "a copied file needs what it names as well"
     assert caught.value.problems == (
-        f"{kept}:43:7: dbc: there is no file 'if_counter.dbc' beside this one",
-        f"{kept}:105:11: a: there is no file 'uut/quartz_flexure.yaml' beside this one",
+        f"{kept}:43:7: dbc: there is no file 'if_counter.dbc' beside this one; {advice}",
+        f"{kept}:105:11: a: there is no file 'uut/quartz_flexure.yaml' beside this one; {advice}",
     )
 
 

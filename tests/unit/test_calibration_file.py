@@ -119,6 +119,15 @@ def test_a_response_turns_amplitude_and_phase_of_an_output_into_those_of_what_is
         rows(tmp_path, "T_C,output\n20,3\n", of_one(tmp_path, known))
 
 
+def test_a_response_of_negative_scale_factor_has_a_phase_of_its_own():
+    constants = {name: Constant(value, "") for name, value in zip(NAMES, (1.01, 40.0, 0.6, 1e-3), strict=True)}
+    known = ResponseCompensation("x", "pulse/s", "°/s", Constant(-100.0, "pulse/°"), constants, (10.0, 60.0))
+    of_output = -100 * second_order(np.array([30.0]), 1.01, 40.0, 0.6, 1e-3)
+    size, phase_deg, _ = known.apply(5 * np.abs(of_output), 20 + np.degrees(np.angle(of_output)), np.array([30.0]))
+    assert size == pytest.approx([5.0])
+    assert phase_deg == pytest.approx([20.0])
+
+
 @pytest.mark.parametrize(
     ("changes", "problem"),
     [

@@ -6,7 +6,7 @@ import pytest
 
 from bench.errors import InputError
 from bench.report import table
-from bench.report.case import reduce_case
+from bench.report.case import REDUCTIONS, reduce_case
 from bench.report.table import read_table
 from tests.support.m4_cases import static_columns, write_case
 
@@ -39,7 +39,7 @@ def refusal(path):
 def test_result_has_the_keys_of_the_static_method(tmp_path):
     columns, _ = static_columns(np.random.default_rng(1), bias_v=[1e-4, 1e-5], scale_v_per_g=[1.13])
     result = reduce_case(write_case(tmp_path, "static", {"degree": 2}, columns))
-    assert list(result) == ["method", "sub", "points", "K0", "K1", "flags", "rejected"]
+    assert list(result) == ["method", "sub", "points", "K0", "K1", "flags", "notes", "rejected"]
     assert list(result["points"][0]) == [
         "T_C", "T_set_C", "leg", "cycle", "dwell", "K0_V", "K1_V_per_g", "K2_V_per_g2", "delta_rad",
     ]  # fmt: skip
@@ -80,7 +80,7 @@ def test_a_thermometer_that_is_open_spoils_no_tilt(tmp_path):
 
 
 def test_what_lies_beyond_a_right_angle_is_among_the_notes(tmp_path):
-    result = reduce_case(case(tmp_path, csv="T_C,U_V\n20,0.1\n20,7\n"))
+    result = reduce_case(case(tmp_path, csv="T_C,U_V\n20,0.1\n30,0.1\n20,7\n"))
     assert (result["flags"], result["notes"]) == ([], ["samples beyond ±90° are left out"])
     assert result["rejected"]["out_of_range"] == 1
 
@@ -119,13 +119,13 @@ def test_a_record_without_a_usable_row(tmp_path):
         "flags": ["invalid"],
         "notes": ["the record does not suffice: power 0 and power 1 are not determined by these readings "
                   "(rank 0 of 2, condition number inf)"],
-        "rejected": {"missing": 1, "duplicate": 0, "thermometer": 0},
+        "rejected": {"missing": 1, "duplicate": 0, "thermometer": 0, "turn": 0},
     }  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("rows", "verdict", "flags"),
-    [(5, None, ["ill_conditioned", "invalid"]), (16, "pass", ["ill_conditioned"])],
+    [(5, None, ["ill_conditioned", "invalid"]), (16, "incomplete", ["ill_conditioned"])],
 )
 def test_a_ramp_too_short_for_a_jump_is_not_judged(tmp_path, rows, verdict, flags):
     csv = "\n".join([RAMP_HEADER, *(f"1,up,{10 * i},{20 + i / 2},{1e-5 * i}" for i in range(rows))])
@@ -133,6 +133,31 @@ def test_a_ramp_too_short_for_a_jump_is_not_judged(tmp_path, rows, verdict, flag
     result = reduce_case(path)
     assert result["B1_V_per_C"] == pytest.approx(2e-5)
     assert (result["verdict"], result["flags"]) == (verdict, flags)
+
+
+@pytest.mark.parametrize(
+    ("legs", "limits", "verdict", "notes"),
+    [
+        ("1u 1d", {"resid_limit_ug": 300}, "pass", []),
+        ("1u 1d", {"resid_limit_ug": 1}, "fail", []),
+        ("1u 1d", {"repeat_limit_ug": 1e9}, "incomplete", ["not known: repeatability: no temperature was passed "]),
+        ("1u 1d 2u 2d", {"repeat_limit_ug": 1e9}, "pass", []),
+        ("1u", {}, "incomplete", ["not known: hysteresis: no temperature was passed rising and falling in one cycle"]),
+        ("1u 2u", {"resid_limit_ug": 1}, "fail", ["not known: hysteresis: no temperature was passed rising and "]),
+        ("1u 2d", {"resid_limit_ug": 300}, "incomplete", ["not known: hysteresis: no temperature was passed rising "]),
+    ],
+)
+def test_a_ramp_passes_only_when_everything_that_is_judged_is_known(tmp_path, legs, limits, verdict, notes):
+    rows = [
+        f"{leg[0]},{'up' if leg[1] == 'u' else 'down'},{200 * n + i},{20 + (i if leg[1] == 'u' else 50 - i)},"
+        f"{1e-5 * (i if leg[1] == 'u' else 50 - i) + 1e-5 * (i % 2)}"
+        for n, leg in enumerate(legs.split()) for i in range(50)
+    ]  # fmt: skip
+    csv = "\n".join([RAMP_HEADER, *rows])
+    path = case(tmp_path, sub="dynamic", record="ramp", csv=csv, settings={"K1_V_per_g": 1, **limits})
+    result = reduce_case(path)
+    assert result["verdict"] == verdict
+    assert [found.startswith(note) for found, note in zip(result["notes"], notes, strict=True)] == [True] * len(notes)
 
 
 def test_a_setting_that_is_null_is_as_if_not_given(tmp_path):
@@ -226,6 +251,9 @@ def test_bom_crlf_and_empty_lines_are_read(tmp_path, encode):
         ("T_C,Uv\n20,0.1\n", "data.csv: line 1: there is no column 'U_V'"),
         ("T_C,U_V,T_C\n20,0.1,1\n", "data.csv: line 1: there is more than one column 'T_C'"),
         ("", "data.csv: line 1: there is no column 'T_C'; none is known here"),
+        ("T_C;U_V\n20;0,1\n", "data.csv: line 1: the cells are separated by semicolons; save the file with commas"),
+        ("T_C\tU_V\n20\t0.1\n", "data.csv: line 1: the cells are separated by tabs; save the file with commas"),
+        ('T_C,U_V\n20,"0,1"\n', "data.csv: line 2, column U_V: '0,1' is not a number; write 0.1"),
         (b"T_C,U_V\n20,0.1\n2\xb0,0.1\n", "data.csv: line 3: not UTF-8; save the file in that encoding"),
     ],
 )
@@ -266,12 +294,66 @@ def test_words_may_be_written_large_and_truths_in_words(tmp_path):
         ({"records": {"tilt": "x" * 5000}}, "case.json: records.tilt: 'xxxxx"),
         ({"settings": TILT | {"K1_V_per_g": 0}}, "case.json: settings.K1_V_per_g: is 0"),
         ({"settings": TILT | {"B0_V": "four"}}, "case.json: settings.B0_V: is 'four', expected a number"),
-        ({"settings": {"K1_V_per_g": 1}}, "case.json: settings.B0_V: is missing; B1_V_per_C: is missing"),
+        ({"settings": {"K1_V_per_g": 1}}, "case.json: settings.B0_V: is missing; settings.B1_V_per_C: is missing"),
         ({"settings": TILT | {"B0_V": float("inf")}}, "case.json: settings.B0_V: is inf, expected a finite number"),
+        ({"settings": TILT | {"B0_V": True}}, "case.json: settings.B0_V: is true, expected a number or a word"),
+        ({"settings": TILT | {"B0_v": 1}}, "case.json: settings.B0_v: unknown key; did you mean 'B0_V'?"),
+        ({"setings": {}}, "case.json: 'setings' is not known; did you mean 'settings'?"),
+        ({"site": {"lat": 34}}, "case.json: site.'lat' is not known; did you mean 'lat_deg'?"),
+        ({"site": {"lat_deg": 134}}, "case.json: site.lat_deg: is 134, expected at most 90"),
+        ({"records": {"tilt": "data.csv", "tilts": "data.csv"}}, "case.json: records.tilts: is not known"),
     ],
 )
 def test_a_bad_case_is_refused(tmp_path, replaced, message):
-    assert refusal(case(tmp_path, **replaced)).startswith(message)
+    if "setings" in replaced:
+        path = case(tmp_path)
+        content = json.loads(path.read_text())
+        path.write_text(json.dumps({key: value for key, value in content.items() if key != "settings"} | replaced))
+    else:
+        path = case(tmp_path, **replaced)
+    assert refusal(path).startswith(message)
+
+
+UNKNOWN_SETTINGS = [
+    ("M0", "", {"outlier_K": 6}, "settings.outlier_K: unknown key; did you mean 'outlier_k'?"),
+    (
+        "M0",
+        "",
+        {"runs": {"up_1g": {"kind": "gravity", "a_G": 1}}},
+        "settings.runs.up_1g.a_G: unknown key; did you mean",
+    ),
+    ("M1", "", {"term": ["c0"]}, "settings.term: unknown key; did you mean 'terms'?"),
+    ("M1", "", {"mount": {"angle_3_rad": 0}}, "settings.mount.angle_3_rad: unknown key; did you mean 'angle3_rad'?"),
+    ("M2", "", {"atitude_tol_g": 0.1}, "settings.atitude_tol_g: unknown key; did you mean 'attitude_tol_g'?"),
+    ("M3", "gyro_range", {"K_m": 1e-3}, "settings.K_m: unknown key; did you mean 'k_m'?"),
+    ("M3", "acc_range", {"range": 50}, "settings.range: unknown key; did you mean 'range_g'?"),
+    ("M3", "gyro_freq", {"settle": 1}, "settings.settle: unknown key; did you mean 'settle_s'?"),
+    ("M3", "acc_freq", {"Ts": 1e-3}, "settings.Ts: unknown key; did you mean 'Ts_s'?"),
+    ("M3", "two_sample", {"h": 1e-3}, "settings.h: unknown key; expected h_s, rx_m or ry_m"),
+    ("M4", "static", {"degre": 4}, "settings.degre: unknown key; did you mean 'degree'?"),
+    ("M4", "dynamic", {"resid_limit_g": 300}, "settings.resid_limit_g: unknown key; did you mean 'resid_limit_ug'?"),
+]
+
+
+@pytest.mark.parametrize(("method", "sub", "settings", "message"), UNKNOWN_SETTINGS)
+def test_an_unknown_setting_is_refused_with_the_nearest_known_one(tmp_path, method, sub, settings, message):
+    records = dict.fromkeys(REDUCTIONS[method, sub].records, "data.csv")
+    path = case(tmp_path, method=method, sub=sub, settings=settings, records=records)
+    assert message in refusal(path)
+
+
+def test_every_kind_of_case_refuses_what_it_does_not_know():
+    assert {(method, sub) for method, sub, _, _ in UNKNOWN_SETTINGS} | {("M4", "tilt")} == set(REDUCTIONS)
+
+
+def test_what_describes_a_case_is_passed_over_and_anything_else_noted(tmp_path):
+    result = reduce_case(case(tmp_path, title="a night", comment="x", site={"lat_deg": 34, "name": "hall", "room": 5}))
+    assert result["notes"] == ["keys that are not of a case were passed over: site.room"]
+
+
+def test_a_record_that_the_reduction_does_not_read_is_refused(tmp_path):
+    path = case(tmp_path, method="M2", sub="", settings={}, records={"positions": "data.csv", "rate": "data.csv"})
+    assert refusal(path) == "case.json: records.rate: is not known; did you mean 'rates'?"
 
 
 @pytest.mark.parametrize(
@@ -281,6 +363,7 @@ def test_a_bad_case_is_refused(tmp_path, replaced, message):
         ("[" * 100_000, "case.json: nested too deeply"),
         ('{"schema": ' + "1" * 5000 + "}", "case.json: nested too deeply, or a number with too many digits"),
         ("[]", "case.json: is empty, expected a mapping"),
+        ('{"method": "M4", "method": "M3"}', "case.json: the key 'method' stands twice in one mapping"),
     ],
 )
 def test_a_case_that_is_no_case_is_refused(tmp_path, content, message):
@@ -308,8 +391,8 @@ def test_a_record_in_a_folder_below_is_read(tmp_path):
 
 
 def test_what_is_no_file_is_refused(tmp_path):
-    assert refusal(tmp_path / "none.json").endswith("none.json: cannot be read: No such file or directory")
-    assert "cannot be read" in refusal(tmp_path)
+    assert refusal(tmp_path / "none.json").endswith("none.json: there is no such file")
+    assert refusal(tmp_path).endswith("is a folder")
     os.mkfifo(tmp_path / "pipe.csv")
     assert "there is no file 'pipe.csv'" in refusal(case(tmp_path, records={"tilt": "pipe.csv"}))
 

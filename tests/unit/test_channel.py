@@ -213,14 +213,15 @@ def test_a_bad_cell_is_refused_where_it_is_bad(tmp_path):
         reduce_case(path)
 
 
-def test_counts_need_not_be_whole(tmp_path):
+def test_counts_that_are_not_whole_are_named_and_left_out(tmp_path):
     header, rows = "run,t_s,cum_pos,cum_neg,T_conv_C,T_acc_C", range(100)
     path = write_case(tmp_path, {})
     (tmp_path / "channel.csv").write_text(
         "\n".join([header, *(f"up_1g,{i},{i * 10.25},0,{20 + i / 10},65" for i in rows)])
     )
     run = reduce_case(path)["runs"]["up_1g"]
-    assert (run["D_ref_pps"], run["n_used"]) == (pytest.approx(10.25), 99)
+    assert (run["D_ref_pps"], run["n_used"]) == (pytest.approx(10.25), 24)
+    assert (run["rejected"]["fractional_count"], run["rejected"]["impossible_rate"]) == (75, 0)
 
 
 def test_many_unknown_runs_are_named_in_part(tmp_path):

@@ -187,3 +187,11 @@ def test_the_certificate_of_an_ammeter_is_what_its_errors_are_drawn_from_and_wha
     assert np.std(drawn) == pytest.approx(np.hypot(10e-9, 4e-9), rel=0.25)
     read = Currents(np.zeros(1), np.array([0.99995e-3]))
     assert corrections_of(bench).measured("dmm", read).values_a == pytest.approx([1e-3], rel=1e-9)
+
+
+@pytest.mark.parametrize(("key", "to"), [("K1: 1.13 mA/g", "K1: -1.13 mA/g"), ("S: 10 kHz/mA", "S: -10 kHz/mA")])
+def test_a_unit_whose_output_falls_asks_for_as_much_as_one_whose_output_rises(tmp_path, key, to):
+    bench = load_bench(edited(tmp_path, (key, to), ("max_current: 25 mA", "max_current: 15 mA"))).bench
+    assert bench.nominal_per_g("a") == pytest.approx(-11_300)
+    with pytest.raises(InputError, match=r"is more than the 0\.015 A that the unit in place 'a' takes"):
+        load_judged_plan(ROOT / "sequences/channel_source.yaml", bench, settings=("levels=[15 g]",))

@@ -11,6 +11,7 @@ import pytest
 from bench.analysis import channel_scatter
 from bench.analysis.acquired import Acquisition, Counts, Currents, Mount
 from bench.analysis.bench_record import AxisRecord, BenchRecord, SourceRecord
+from bench.analysis.channel_comparison import OWN_TEMPERATURE
 from bench.analysis.channel_meter import Metered
 from bench.analysis.channel_method import reduce
 from bench.analysis.channel_scatter import line_scatter
@@ -26,6 +27,7 @@ from bench.sequence.methods.channel import CHANNEL_TEMPERATURE
 LOW_C, HIGH_C, RAMP_S, POINT_S = 10.0, 40.0, 4000.0, 600.0
 S, K1, BEGIN_S = 1e7, 1.13e-3, 1000.0  # pulse/s/A, A/g; when the first acquisition begins
 ALPHA, BETA = 10e-6, 0.004
+FOLLOWS = 0.004  # °C of the accelerometer for 1 °C of the board
 SETTINGS = CHANNEL_TEMPERATURE.settings.model_validate(
     {"threshold": "5 %", "accelerometer": "65 °C", "reference_policy": "claim"}
 ).model_dump()
@@ -44,10 +46,14 @@ def rate(level_g, board_c, *, alpha=ALPHA, beta=BETA):
 
 
 class Made:
-    """Acquisitions one after the other, each a second behind the last; `drift` is of the input in an hour."""
+    """Acquisitions one after the other, each a second behind the last; `drift` is of the input in an hour.
 
-    def __init__(self, *, drift=0.0, held_c=65.0, **converter):
+    The accelerometer is warmed by 0.004 °C for each °C of the board, and its output changes by `own` for each °C.
+    """
+
+    def __init__(self, *, drift=0.0, held_c=65.0, own=0.0, **converter):
         self.acquisitions: list[Acquisition] = []
+        self._own = own
         self._now_s, self._drift, self._held_c, self._converter = BEGIN_S, drift, held_c, converter
 
     def ramp(self, kind, level_g, low_c=LOW_C, high_c=HIGH_C, seconds=RAMP_S):
@@ -66,6 +72,8 @@ class Made:
         self._now_s += seconds + 1
         board_c = np.linspace(from_c, to_c, len(at_s))
         drifted = 1 + self._drift * (at_s - BEGIN_S) / 3600 if level_g else 1.0
+        followed_c = FOLLOWS * (board_c - 25.0)
+        drifted = drifted * (1 + (self._own * followed_c if kind == "gravity" else 0.0))
         cumulative = np.cumsum(rate(level_g * drifted, board_c, **self._converter)) + 0.3
         net = np.floor(np.abs(cumulative)).astype(np.int64) % 2**24
         forward = cumulative[-1] > 0
@@ -79,7 +87,7 @@ class Made:
         self.acquisitions.append(Acquisition(
             step=f"steps/acquire#{len(self.acquisitions) + 1}", group="", loops={}, begin_s=float(at_s[0]),
             end_s=float(at_s[-1]), angles_deg={}, set_from_c=from_c, set_c=to_c, counts={"x": counts},
-            temperatures_c={"board": board_c, "unit": np.full(len(at_s), self._held_c)},
+            temperatures_c={"board": board_c, "unit": self._held_c + followed_c},
             temperatures_at_s={"board": at_s, "unit": at_s},
             mount=Mount() if by_source else MOUNTS[level_g], input="source" if by_source else "accelerometer",
             sources_a={"source": level_g * K1} if by_source else {},
@@ -270,6 +278,19 @@ def test_a_drift_beyond_its_limit_makes_the_verdicts_on_the_run_marginal(drift_l
     for quantity in ("rate/relative_temperature_coefficient", "rate/drift"):
         finding = found(result)[f"{quantity}@up_1g"]
         assert finding.judged(Limits(low=-1.0, high=1.0)).marginal == marginal
+
+
+@pytest.mark.parametrize("own", [40e-6, 90e-6, 400e-6, -400e-6])
+def test_an_accelerometer_that_drifts_more_than_is_stated_shows_it_beside_the_source(own):
+    result = reduced(four_levels(own=own))
+    slope = found(result)["rate/relative_temperature_coefficient@up_1g"]
+    line = next(each for each in slope.budget if each.source == OWN_TEMPERATURE)
+    beyond = abs(own) > 2 * 60e-6
+    assert ("up_1g:accelerometer_drift" in result.flags) == beyond
+    assert line.u == pytest.approx(FOLLOWS * (abs(own) if beyond else 60e-6), rel=0.3)
+    assert abs(slope.value - ALPHA - BETA / rate(1.0, 25.0)) < 2 * slope.u
+    alone = reduced(Made(own=own).level("gravity", 1.0))
+    assert "up_1g:accelerometer_drift" not in alone.flags, "without a source nothing tells"
 
 
 def test_the_certificate_counts_where_the_points_find_less():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bench.config.bench import load_bench
+from bench.sequence.load import load_judged_plan
 from tests.support.sequences import BENCH, ROOT, plan_of, problems_of, steps
 
 TABLE = load_bench(ROOT / "config/rate_table.yaml").bench
@@ -64,3 +65,12 @@ def test_a_current_that_the_unit_takes_is_good(tmp_path):
     off = "teardown: [{set: source, output: off}]\n"
     body = steps(current("acceleration: 1 g, place: a")) + off
     assert len(plan_of(tmp_path, body, bench=nominal(load=1000.0))) == 2
+
+
+def test_an_acquisition_of_a_unit_whose_output_falls_is_as_short_as_of_one_whose_output_rises(tmp_path):
+    (tmp_path / "s.yaml").write_text((ROOT / "tests/broken/rule_short_acquisition.yaml").read_text("utf-8"), "utf-8")
+    for bench in (BENCH, nominal(K1=-BENCH.places["a"].nominal.K1)):
+        (warning,) = (
+            each for each in load_judged_plan(tmp_path / "s.yaml", bench)[1] if each.rule == "short-acquisition"
+        )
+        assert "one count of the unit in place 'a' is 1.47 µg" in warning.text

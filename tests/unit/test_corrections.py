@@ -1,6 +1,7 @@
 """Corrections of certificates: what a bench file may say, and what becomes of readings."""
 
 import datetime as dt
+import re
 
 import numpy as np
 import pytest
@@ -150,7 +151,9 @@ def test_a_run_with_an_instrument_past_due_is_refused_unless_it_is_marked(tmp_pa
         "the calibration of 'counter' was due on 2025-12-31; a run refuses to begin with it. Enter its new certificate "
         "in the bench file, or run with --past-due mark, which the report tells [past-due]"
     ]
-    with pytest.raises(InputError, match="'counter' was due on 2025-12-31"):
+    lines = bench.read_text("utf-8").splitlines()
+    due = next(number for number, line in enumerate(lines, start=1) if "due: 2025-12-31" in line)
+    with pytest.raises(InputError, match=rf"^{re.escape(str(bench))}:{due}:\d+: the calibration of 'counter' was due"):
         prepare(request)
     assert read_json(run, "results.json")["past_due"] == {"counter": "2025-12-31"}
     assert "counter: its calibration was due on 2025-12-31, before this run." in (run.path / "report.html").read_text()

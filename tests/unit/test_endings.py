@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import struct
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -19,7 +20,7 @@ from bench.loop import AS_FAST_AS_POSSIBLE, run
 from bench.rig import OpenError, Rig
 from bench.runner.quiet import Quiet
 from bench.store.writer import RunWriter
-from drivers.errors import NoAnswer
+from drivers.errors import NoAnswer, WrongIdentity
 from drivers.values import Identity
 from tests.support.engines import run_plan
 from tests.support.sequences import BENCH, plan_of, steps
@@ -78,6 +79,51 @@ def test_no_device_stays_open_when_another_cannot_be_opened():
     with pytest.raises(OpenError, match="bad: error: unpack requires"):
         run(main(), AS_FAST_AS_POSSIBLE)
     assert not supply.is_open
+
+
+@pytest.mark.parametrize("needed", [("supply",), ("supply", "other")])
+def test_nothing_is_sent_to_an_exchanged_instrument_and_what_opened_can_be_made_safe(needed):
+    async def exchanged() -> None:
+        raise WrongIdentity("other", "serial is '2'")
+
+    async def main() -> None:
+        try:
+            await rig.open(needed)
+            assert "other" not in needed
+        except OpenError:
+            assert "other" in needed
+        assert await rig.make_safe() == {}
+        await rig.close()
+
+    rig = Rig({"supply": (supply := Fake()), "other": (other := Fake(opened=exchanged))})
+    run(main(), AS_FAST_AS_POSSIBLE)
+    assert (supply.is_safe, supply.is_open) == (True, False)
+    assert (other.is_safe, other.is_open) == (False, False)
+    assert rig.not_reached == {"other": "other: serial is '2'"}
+
+
+def test_a_driver_that_does_not_end_holds_up_neither_the_others_nor_the_end():
+    async def deaf() -> None:
+        while True:
+            with contextlib.suppress(asyncio.CancelledError):
+                await asyncio.sleep(600)
+
+    class Deaf(Fake):
+        async def make_safe(self) -> None:
+            await deaf()
+
+        async def __aexit__(self, *exc: object) -> None:
+            await deaf()
+
+    async def main() -> float:
+        async with Rig({"supply": supply, "deaf": Deaf()}) as rig:
+            unsafe.update(await rig.make_safe())
+        return asyncio.get_running_loop().time()
+
+    supply, unsafe = Fake(), {}
+    assert run(main(), AS_FAST_AS_POSSIBLE) < 30
+    assert supply.is_safe
+    assert list(unsafe) == ["deaf"]
 
 
 def test_no_device_stays_open_when_the_opening_is_cancelled():

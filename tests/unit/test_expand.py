@@ -257,7 +257,8 @@ def test_what_is_wrong_in_a_loop_is_told_once_and_not_in_every_pass(tmp_path, in
          "acquire, measure, tare, prompt, note, alarm, custom, for_each, repeat, group, if, while, parallel, call or "
          "retry"),
         ("wait: 'x ${way}'", "3:5: wait: 'x ${way}': an expression is the whole value, like ${a + b}"),
-        ("wait: '${way}'", "3:5: wait: 'direct' is not a quantity; expected a quantity in s"),
+        ("wait: '${way}'",
+         "3:5: wait: 'direct' is not a quantity; if it is a parameter, write ${direct}; expected a quantity in s"),
         ("wait: '${list}'", "3:5: wait: is a list, expected a quantity in s"),
         ("wait: '${list == list}'", "3:5: wait: is true, expected a quantity in s"),
     ],

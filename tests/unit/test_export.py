@@ -34,6 +34,12 @@ def tables(run, tmp_path_factory):
         with path.open(encoding="utf-8", newline="") as file:
             found[path.stem] = list(csv.DictReader(file))
     assert all(found.values())
+    units = {(row["table"], row["column"]): row["unit"] for row in found.pop("columns")}
+    assert {name: units["acquisitions", name] for name in found["acquisitions"][0]} == {
+        **dict.fromkeys(("step", "channel", "sequence"), ""), **dict.fromkeys(("positive", "negative"), "pulse"),
+        "tick": "tick", "tick_period_s": "s",
+    }  # fmt: skip
+    assert {float(row["tick_period_s"]) for row in found["acquisitions"]} == {1e-6}
     return found
 
 
@@ -129,6 +135,13 @@ def test_hdf5_holds_the_same_with_units_and_descriptions(run, tables, tmp_path):
         assert (positive.shuffle, positive.compression) == (True, "gzip")
         assert np.issubdtype(positive.dtype, np.integer)
         assert file.attrs["run"] == run.path.name
+
+
+def test_logs_say_that_they_are_not_the_whole_bus(run, tmp_path, bench_command):
+    paths = exported(run, "candump", tmp_path)
+    assert [path.name for path in paths] == ["counter.log", "candump.txt"]
+    assert "not the whole bus" in paths[-1].read_text("utf-8")
+    assert "not the whole bus" in bench_command("export", "--help").stdout.replace("\n", " ")
 
 
 def test_packed_formats_are_a_fraction_of_the_csv(run, tmp_path):

@@ -39,6 +39,8 @@ from drivers.wording import in_words
 Tilt = Annotated[float, InUnit("°", at_least=-30, at_most=30)]
 Axis = Annotated[str, TextLike("[XYZ]", "the name of an axis such as X")]
 
+BESIDE = "beside this one; a copied file needs what it names as well"
+
 
 def read(kind: Any, raw: object, context: dict[str, Any] | None = None) -> Any:
     return create_model("Block", __base__=StrictModel, x=(kind, ...)).model_validate({"x": raw}, context=context).x
@@ -89,10 +91,17 @@ def test_a_field_holds_the_number_in_its_own_unit(kind, raw, number):
         (Seconds, 5, "5 has no unit, write it like '5 s'"),
         (Seconds, 5.5, "5.5 has no unit, write it like '5.5 s'"),
         (Seconds, "5", "'5' has no unit, write it like '5 s'"),
+        (Seconds, "50 %", "'50 %' is a ratio, expected a quantity in s"),
+        (
+            Celsius,
+            "–20 °C",
+            "'–20 °C' is not a quantity; a dash stands for the minus sign: write -20 °C; expected a quantity in °C",
+        ),
+        (Celsius, "20 °", "is in °, expected a quantity in °C; write 20 °C"),
         (Seconds, "5 V", "is in V, expected a quantity in s"),
         (Seconds, parse("5 V"), "is in V, expected a quantity in s"),
         (Seconds, Quantity(5.0), "is a bare number, expected a quantity in s"),
-        (Seconds, "soon", "'soon' is not a quantity; expected a quantity in s"),
+        (Seconds, "soon", "'soon' is not a quantity; if it is a parameter, write ${soon}; expected a quantity in s"),
         (Seconds, "1e999 s", "is not a finite number; expected a quantity in s"),
         (Seconds, math.nan, "is nan, expected a quantity in s"),
         (Seconds, True, "is true, expected a quantity in s"),
@@ -105,7 +114,11 @@ def test_a_field_holds_the_number_in_its_own_unit(kind, raw, number):
         (Celsius, "20 K", "kelvin is refused: write °C, for a difference too; expected a quantity in °C"),
         (Celsius, "1 °C/min", "is in °C/min, expected a quantity in °C"),
         (Ratio, "5 V", "is in V, expected a number without a unit"),
-        (Ratio, "half", "'half' is not a quantity; expected a number without a unit"),
+        (
+            Ratio,
+            "half",
+            "'half' is not a quantity; if it is a parameter, write ${half}; expected a number without a unit",
+        ),
         (Ratio, math.inf, "is inf, expected a number without a unit"),
         (Ratio, False, "is false, expected a number without a unit"),
     ],
@@ -122,6 +135,7 @@ def test_what_is_no_number_in_the_unit_is_refused_with_what_was_expected(kind, r
         (Tilt, "31°", "is 31 °, expected at most 30 °"),
         (Tilt, "-1 turn", "is -360 °, expected at least -30 °"),
         (Annotated[float, InUnit("", at_most=1)], "120 %", "is 1.2, expected at most 1"),
+        (Annotated[float, InUnit("A/g", not_zero=True)], "0 mA/g", "is 0 A/g, expected a number other than 0"),
     ],
 )
 def test_a_number_outside_its_bounds_is_shown_in_the_unit_of_the_field(kind, raw, problem):
@@ -308,7 +322,8 @@ def test_a_file_is_found_beside_the_document_or_below_it(folder, raw, file):
         ("../other.dbc", "'../other.dbc' leaves the folder of this file"),
         ("out.dbc", "'out.dbc' leaves the folder of this file"),
         ("/etc/hostname", "'/etc/hostname' leaves the folder of this file"),
-        ("a\0b", "'a\\x00b' cannot be read (embedded null byte)"),
+        ("a\0b", "'a\\x00b' cannot be read (no file can have this name)"),
+        ("a\ud800b", "'a\\ud800b' cannot be read (no file can have this name)"),
         ("", "is empty, expected the name of a file beside this one"),
         (5, "is 5, expected the name of a file beside this one"),
         (["counter.dbc"], "is a list, expected the name of a file beside this one"),
@@ -320,7 +335,9 @@ def test_a_file_elsewhere_is_refused_whether_it_is_needed_or_not(folder, raw, pr
 
 
 def test_a_link_to_itself_is_refused(folder):
-    assert refusal(Beside, "loop.dbc", {"folder": folder}).startswith("'loop.dbc' cannot be read (")
+    problem = "'loop.dbc' cannot be read (Too many levels of symbolic links)"
+    assert refusal(Beside, "loop.dbc", {"folder": folder}) == problem
+    assert refusal(Beside, "loop.dbc/x", {"folder": folder, "files_needed": False}) == problem.replace(".dbc", ".dbc/x")
 
 
 def test_a_name_longer_than_the_file_system_takes_is_refused(folder):
@@ -329,8 +346,8 @@ def test_a_name_longer_than_the_file_system_takes_is_refused(folder):
 
 
 def test_a_missing_file_is_refused_unless_the_document_is_only_kept(folder):
-    assert refusal(Beside, "countr.dbc", {"folder": folder}) == "there is no file 'countr.dbc' beside this one"
-    assert refusal(Beside, "uut", {"folder": folder}) == "there is no file 'uut' beside this one"
+    assert refusal(Beside, "countr.dbc", {"folder": folder}) == f"there is no file 'countr.dbc' {BESIDE}"
+    assert refusal(Beside, "uut", {"folder": folder}) == f"there is no file 'uut' {BESIDE}"
     assert read(Beside, "countr.dbc", {"folder": folder, "files_needed": False}) == folder / "countr.dbc"
 
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bench.config.document import parse_document
-from bench.config.layout import changes, laid_out, write_over
+from bench.config.layout import changes, laid_out
 from bench.errors import InputError
 
 ROOT = Path(__file__).parents[2]
@@ -176,25 +176,3 @@ def test_all_files_that_are_no_documents_are_told_at_once(tmp_path):
     with pytest.raises(InputError) as caught:
         changes([tmp_path / "bad.yaml", tmp_path / "none.yaml"])
     assert [problem.split(":")[0].rpartition("/")[2] for problem in caught.value.problems] == ["bad.yaml", "none.yaml"]
-
-
-def test_a_file_is_replaced_with_its_mode_and_through_a_link(tmp_path):
-    path, link = tmp_path / "a.yaml", tmp_path / "link.yaml"
-    path.write_text("a:    1\n")
-    path.chmod(0o640)
-    link.symlink_to(path)
-    write_over(link, "a: 1\n")
-    assert link.is_symlink()
-    assert path.read_text() == "a: 1\n"
-    assert path.stat().st_mode & 0o777 == 0o640
-    assert sorted(tmp_path.iterdir()) == [path, link]
-
-
-def test_a_file_that_cannot_be_replaced_is_told_and_nothing_is_left_behind(tmp_path):
-    folder = tmp_path / "a.yaml"
-    folder.mkdir()
-    with pytest.raises(InputError, match=r"a\.yaml: cannot be written"):
-        write_over(folder, "a: 1\n")
-    with pytest.raises(InputError, match=r"none/a\.yaml: cannot be written"):
-        write_over(tmp_path / "none" / "a.yaml", "a: 1\n")
-    assert list(tmp_path.iterdir()) == [folder]

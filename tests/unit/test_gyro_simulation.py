@@ -60,6 +60,8 @@ def test_the_output_is_that_of_the_equation():
     expected = 1000 * (1 + 5e-4) * (1 - 50e-6 + 1e-9 * w**2) * sensed
     assert truth.output_pps(rate_dps, force_g, 25.0, np.array([0.02])) == pytest.approx([expected])
     assert truth.clipped_pps(np.array([-1e9, 5.0])).tolist() == [-400_000, 5]
+    opposite = replace(truth, scale_ppd=-truth.scale_ppd)
+    assert opposite.clipped_pps(np.array([-1e9, 5.0])).tolist() == [-400_000, 5]
     assert truth.dynamics is None
 
 

@@ -1,79 +1,152 @@
-"""One program at a time talks to an address."""
+"""One program at a time talks to an instrument, whoever runs it and however its address is spelled."""
+
+from __future__ import annotations
 
 import os
+import pty
+import signal
+import socket
 import subprocess
 import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from bench.errors import InUseError, StoreError
+from bench.errors import InUseError
 from bench.runner.held import holding
+from bench.runner.whereabouts import marks
 from drivers.transport.address import Address
 from tests.support.runs import ROOT
 
+PORT = 2000 + os.getpid() % 7_990  # other tests on this machine hold other ports
+HOST = f"tcp://10.0.0.1:{PORT}"
 HOLDS = """
-import sys
+import encodings.idna, os, sys
 from bench.runner.held import holding
 from drivers.transport.address import Address
+os.setuid(int(sys.argv[2]))
 with holding([Address.parse(sys.argv[1])], "a run of smoke"):
     print("held", flush=True)
     sys.stdin.read()
 """
-
-
-@pytest.fixture(autouse=True)
-def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    return tmp_path / "inertial-test-bench"
+NOBODY = 65534
 
 
 def hold(*texts: str):
     return holding([Address.parse(text) for text in texts], "somebody")
 
 
-def test_an_address_is_held_by_one_however_it_is_spelled(tmp_path: Path) -> None:
-    (tmp_path / "port").touch()
-    (tmp_path / "by-id").symlink_to(tmp_path / "port")
-    with hold("tcp://10.0.0.1:502", f"serial://{tmp_path}/port?baud=9600"):
-        for other in ("socket://10.0.0.1:502", f"serial://{tmp_path}/by-id"):
-            with pytest.raises(InUseError, match=rf"{other} is in use by somebody, process {os.getpid()}"), hold(other):
-                pass
-        with hold("tcp://10.0.0.1:503", "sim+tcp://10.0.0.1:502"):
-            pass
-    with hold("socket://10.0.0.1:502"):
+@contextmanager
+def another(text: str, user: int | None = None, environment: Mapping[str, str] = os.environ) -> Iterator[int]:
+    """Another process holds an address meanwhile, its number given."""
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDS, text, str(os.getuid() if user is None else user)],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT, env=dict(environment),
+    ) as process:  # fmt: skip
+        assert process.stdout is not None
+        try:
+            assert process.stdout.readline() == b"held\n"
+            yield process.pid
+        finally:
+            process.kill()
+
+
+def refused(text: str) -> str:
+    with pytest.raises(InUseError) as found, hold(text):
+        pass
+    return str(found.value)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        "tcp://127.0.0.1:{}", "tcp://LOCALHOST:{}", "tcp://[::1]:{}", "tcp://[::ffff:127.0.0.1]:{}", "tcp://127.1:{}",
+        "tcp://127.0.0.2:{}", "tcp://0.0.0.0:{}", "tcp://2130706433:{}", "tcp://localhost:0{}", "socket://localhost:{}",
+    ],
+)  # fmt: skip
+def test_this_machine_is_one_place_however_it_is_spelled(other: str) -> None:
+    with hold(f"tcp://localhost:{PORT}"):
+        assert f"is in use by somebody, process {os.getpid()}." in refused(other.format(PORT))
+
+
+def test_an_own_address_of_this_machine_is_this_machine() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))
+        except OSError:
+            pytest.skip("this machine has no network")
+        own = probe.getsockname()[0]
+    assert marks(Address.parse(f"tcp://{own}:502")) == marks(Address.parse("tcp://localhost:502"))
+
+
+def test_every_address_of_a_name_is_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    def two_addresses(_host: str, _port: None, **_: object) -> list[tuple[object, ...]]:
+        return [(0, 0, 0, "", ("10.0.0.1", 0)), (0, 0, 0, "", ("2001:db8::1", 0, 0, 0))]
+
+    monkeypatch.setattr(socket, "getaddrinfo", two_addresses)
+    assert marks(Address.parse("tcp://chamber:502")) == {"port 502 of 10.0.0.1", "port 502 of 2001:db8::1"}
+
+
+def test_a_serial_port_is_its_device_whatever_link_leads_there(tmp_path: Path) -> None:
+    near, far = pty.openpty()
+    (tmp_path / "by-id").symlink_to(os.ttyname(far))
+    os.link(tmp_path / "by-id", tmp_path / "by-path", follow_symlinks=False)
+    with hold(f"serial://{os.ttyname(far)}?baud=9600"):
+        for link in ("by-id", "by-path"):
+            assert "is in use by somebody" in refused(f"slcan://{tmp_path}/{link}")
+    os.close(near)
+    os.close(far)
+
+
+def test_a_can_bus_is_the_same_from_every_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with hold("can:socketcan/can0?bitrate=500000"):
+        monkeypatch.chdir(tmp_path)
+        assert "is in use" in refused("can:socketcan/can0")
+
+
+def test_what_two_programs_cannot_both_drive_is_not_held() -> None:
+    with hold(HOST), hold(f"tcp://10.0.0.1:{PORT + 1}", f"sim+{HOST}"):
+        pass
+    with hold("person:operator", "log:bus.blf"), hold("person:operator", "log:bus.blf"):
         pass
 
 
 def test_instruments_that_share_a_line_are_held_together() -> None:
-    with hold("serial:///dev/ttyUSB0?baud=9600", "serial:///dev/ttyUSB0?baud=19200"):
+    with hold("serial:///dev/itb-none?baud=9600", "serial:///dev/itb-none?baud=19200"):
         pass
 
 
 def test_what_was_held_before_a_refusal_is_let_go() -> None:
-    with hold("tcp://10.0.0.1:502"):
-        with pytest.raises(InUseError), hold("tcp://10.0.0.1:501", "tcp://10.0.0.1:502"):
+    with hold(HOST):
+        with pytest.raises(InUseError), hold(f"tcp://10.0.0.1:{PORT - 1}", HOST):
             pass
-        with hold("tcp://10.0.0.1:501"):
+        with hold(f"tcp://10.0.0.1:{PORT - 1}"):
             pass
-
-
-def test_another_process_is_named_and_its_death_lets_go() -> None:
-    with subprocess.Popen(
-        [sys.executable, "-c", HOLDS, "tcp://10.0.0.1:502"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"held\n"
-        with pytest.raises(InUseError, match=rf"by a run of smoke, process {process.pid}\. Wait until it has ended"):
-            hold("tcp://10.0.0.1:502").__enter__()
-        process.kill()
-        process.wait()
-    with hold("tcp://10.0.0.1:502"):
+    with hold(HOST):
         pass
 
 
-def test_a_folder_that_others_can_look_into_is_not_used(own_folder: Path) -> None:
-    own_folder.mkdir(mode=0o755)
-    own_folder.chmod(0o755)
-    with pytest.raises(StoreError, match="is open to others"), hold("tcp://10.0.0.1:502"):
+@pytest.mark.parametrize("change", [{"XDG_RUNTIME_DIR": "/run/user/4711"}, {"XDG_RUNTIME_DIR": ""}, {"TMPDIR": "/"}])
+def test_another_process_is_named_whatever_its_environment_and_its_death_lets_go(change: dict[str, str]) -> None:
+    with another(HOST, environment=os.environ | change) as process:
+        assert f"by a run of smoke, process {process}. Wait until it has ended" in refused(HOST)
+    with hold(HOST):
         pass
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only the administrator becomes another user")
+def test_another_user_is_named() -> None:
+    with another(HOST, NOBODY) as process:
+        assert f"by a run of smoke, process {process} of user nobody." in refused(HOST)
+
+
+def test_an_owner_that_stands_still_is_named_soon() -> None:
+    with another(HOST) as process:
+        os.kill(process, signal.SIGSTOP)
+        os.waitpid(process, os.WUNTRACED)  # until all of its threads stand
+        began_s = time.monotonic()
+        assert f"by a program that does not answer, process {process}." in refused(HOST)
+        assert time.monotonic() - began_s < 1.5

@@ -7,6 +7,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from bench.analysis import imu_start_up
 from bench.analysis.acquired import Mount, Turned
 from bench.analysis.attitudes import NAMES, SPECIFIC_FORCE_G, earth_rate_dps
 from bench.analysis.compensation import Compensation
@@ -93,6 +94,15 @@ def test_a_bias_that_dies_away_settles_when_it_falls_below_its_limit():
         assert found[f"{axis}/KG/settling"].flags == ("within_from_the_start",)
 
 
+def test_a_course_without_any_uncertainty_has_a_time_to_settle_without_one():
+    with (
+        mock.patch("bench.analysis.imu_start_up.OTHERWISE", 1.0),
+        mock.patch.object(imu_start_up._Watch, "_sources", return_value=()),
+    ):
+        found = found_of(watched())
+    assert (found["x/KG/settling"].value, found["x/KG/settling"].u) == (0.0, pytest.approx(0.2 / math.sqrt(12)))
+
+
 def test_time_counts_from_power_on_however_late_the_first_reading_comes():
     """Planted: time counted from the first reading."""
     late = watched(first_s=305.0)
@@ -177,7 +187,7 @@ def test_a_time_to_settle_is_told_with_its_range_which_does_not_go_below_nought(
     assert shown(found) == told
     unit = UnitResult("a", "SIM-A", (found,), (), (), ())
     (line,) = [each for each in results_text(Results("T", "PASS", (unit,))).splitlines() if "D0: settling" in each]
-    assert f" {told} min " in line
+    assert f" {told}  min " in line
     assert "±" not in line
     assert ("in brackets the range of 95%" in line) == (">" not in told)
 

@@ -406,3 +406,10 @@ def test_a_monitor_looks_at_ages_while_no_reading_comes(tmp_path):
 def test_the_poll_of_any_device_is_a_look(tmp_path):
     told, _ = watched(tmp_path, made(silent=SILENT), 45.0, source=Scripted())
     assert [at_s for at_s, _ in told] == [40.0], "the source is asked every 10 s"
+
+
+def test_a_reading_grows_no_older_while_nobody_could_look() -> None:
+    watch = made(silent=SILENT)
+    watch.take(UNIT, [Reading(0.0, 20.0)])
+    assert watch.look(1000.0, lambda since_s: 1000.0 - since_s) == ()
+    assert [change.tripped for change in watch.look(1000.0)] == [True]

@@ -11,7 +11,7 @@ from jinja2 import Environment, nodes
 from ruamel.yaml import YAML
 
 from bench.config.fixture import Compass, Direction
-from bench.report import flag_words, languages, note_words, svg, words
+from bench.report import flag_words, imu_words, languages, note_words, svg, table_words, words
 from bench.report.languages import LANGUAGES, catalogue_of, language, tr
 from bench.report.stored import open_run
 from bench.report.tables import VARIABLES, WORST
@@ -21,7 +21,7 @@ from tests.support.runs import ROOT, run_short
 
 OTHERS = LANGUAGES[1:]
 HOSTILE = "{text.__class__}<b>"
-VERDICTS = ("PASS", "FAIL", "INVALID", "INCOMPLETE", "ERROR", "ABORTED", "not judged")
+VERDICTS = ("PASS", "FAIL", "INVALID", "INCOMPLETE", "ERROR", "ABORTED", "NOT JUDGED", "not judged")
 CHINESE = re.compile("[\u4e00-\u9fff]")
 
 
@@ -100,6 +100,17 @@ def texts_in_tables():
         yield from (method.title, method.meaning)
         for quantity in method.quantities:
             yield from words.quantity_text(quantity).split(": ")
+
+
+def test_a_flag_of_a_reading_and_one_of_a_part_have_no_name_in_common():
+    """Both follow a step and a colon: one name would have the words of the other."""
+    tables = (flag_words._READINGS, flag_words._PARTS)
+    assert not set.intersection(*map(set, tables))
+    parts = (table_words.PARTS, imu_words.PARTS)
+    assert not set.intersection(*map(set, parts))
+    for own in (table_words, imu_words):
+        assert own.READINGS.items() <= flag_words._READINGS.items()
+        assert own.PARTS.items() <= flag_words._PARTS.items()
 
 
 @pytest.mark.parametrize("name", OTHERS)

@@ -128,6 +128,13 @@ def test_a_finding_has_the_verdict_its_reason_and_keeps_its_own_flags():
     assert judged.flags == ("contains:K3", "guard_band")
 
 
+def test_an_uncertainty_is_summed_exactly_so_that_it_is_the_same_on_every_python_in_any_order():
+    lines = tuple(BudgetLine(str(index), "A", u, 10) for index, u in enumerate((1.0, *[1e-8] * 200)))
+    one, other = (Finding("x/a/K0", "QF-1", "K0", "bias", {}, 0.0, "g", budget, ()) for budget in (lines, lines[::-1]))
+    assert (one.u, one.dof) == (other.u, other.dof)
+    assert one.u == math.sqrt(1 + 200 * 1e-16)
+
+
 def test_a_finding_that_is_invalid_stays_so():
     judged = finding(0.0, verdict="INVALID").judged(Limits(high=5e-3, guard_k=2))
     assert (judged.verdict, judged.flags, judged.limits) == (INVALID, (), Limits(high=5e-3, guard_k=2))

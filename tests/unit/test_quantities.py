@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+import re
 import sys
 
 import pytest
@@ -163,7 +164,13 @@ def test_degrees_take_minutes_and_seconds_of_arc(text, arcseconds):
     [
         ("1_000", "'1_000' is not a quantity; write 1500 or 1.5, nothing between the digits"),
         ("1,000 V", "'1,000 V' is not a quantity; write 1500 or 1.5, nothing between the digits"),
-        ("1,5 V", "'1,5 V' is not a quantity; write 1500 or 1.5, nothing between the digits"),
+        ("1,5 V", "'1,5 V' is not a quantity; decimals stand behind a point: write 1.5 V"),
+        ("0,3 °C", "'0,3 °C' is not a quantity; decimals stand behind a point: write 0.3 °C"),
+        ("3O s", "'3O s' is not a quantity; a letter stands for a digit: write 30 s"),
+        ("l0 s", "'l0 s' is not a quantity; a letter stands for a digit: write 10 s"),
+        ("temperature", "'temperature' is not a quantity; if it is a parameter, write ${temperature}"),
+        ("$soak", "'$soak' is not a quantity; if it is a parameter, write ${soak}"),
+        ("{soak}", "'{soak}' is not a quantity; if it is a parameter, write ${soak}"),
         ("1 000 V", "'1 000 V' is not a quantity; write 1500 or 1.5, nothing between the digits"),
         ("0x10", "'x' in 'x10' is not a known unit"),
         ("1e999", "is not a finite number"),
@@ -179,7 +186,16 @@ def test_degrees_take_minutes_and_seconds_of_arc(text, arcseconds):
         ("°C", "'°C' is not a quantity"),
         ("--5 V", "'--5 V' is not a quantity"),
         ("+-5 V", "'+-5 V' is not a quantity"),
-        ("–5 V", "'–5 V' is not a quantity"),  # a dash is no minus
+        ("–5 V", "'–5 V' is not a quantity; a dash stands for the minus sign: write -5 V"),
+        ("1h30", "'1h30' is not a quantity; the last unit is missing: write 1 h 30 min"),
+        ("2 min 30", "'2 min 30' is not a quantity; the last unit is missing: write 2 min 30 s"),
+        ("00:30:00", "'00:30:00' is not a quantity; write a duration with its units: 30 min"),
+        ("26:00:05", "'26:00:05' is not a quantity; write a duration with its units: 26 h 5 s"),
+        ("1:30", "'1:30' is not a quantity; write a duration with its units: 1 h 30 min or 1 min 30 s"),
+        ("0:00", "'0:00' is not a quantity; write a duration with its units: 0 min or 0 s"),
+        ("120 MA", "'MA' is refused, M being mega: write mA for milli"),
+        ("5 V/Ms", "'Ms' is refused, M being mega: write ms for milli"),
+        ("30 mins", "'mins' is not a known unit; write min"),
         ("5 5 V", "'5 5 V' is not a quantity; write 1500 or 1.5, nothing between the digits"),
         ("1e V", "'e' in 'e V' is not a known unit"),
         ("1e5e5 V", "'e' in 'e5 V' is not a known unit"),
@@ -201,7 +217,7 @@ def test_digits_that_normalisation_would_run_together_with_their_neighbours_are_
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("1 h 30", "'h 30' is not a unit"),
+        ("1 h 30", "'1 h 30' is not a quantity; the last unit is missing: write 1 h 30 min"),
         ("30 min 1 h", "'min 1 h' is not a unit"),
         ("-1 h 30 min", "'h 30 min' is not a unit"),
         ("1.5 h 30 min", "'h 30 min' is not a unit"),
@@ -241,8 +257,17 @@ def test_units_that_mean_two_things_are_refused_with_what_to_write_instead(text,
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("5 hz", "'hz' is not a known unit"),
-        ("5 Mv", "'Mv' is not a known unit"),
+        ("5 hz", "'hz' is not a known unit; write Hz"),
+        ("5 Mv", "'Mv' is not a known unit; write mV"),
+        ("15 v", "'v' is not a known unit; write V"),
+        ("120 ma", "'ma' is not a known unit; write mA"),
+        ("30 minutes", "'minutes' is not a known unit; write min"),
+        ("5 H", "'H' is not a known unit; write h"),
+        ("5 Min", "'Min' is not a known unit; write min"),
+        ("5 volts", "'volts' is not a known unit; write V"),
+        ("20 celsius", "'celsius' is not a known unit; write °C"),
+        ("20C", "'C' is not a known unit; write °C"),
+        ("90 degrees", "'degrees' is not a known unit; write °"),
         ("5 ps", "'ps' is not a known unit"),
         ("5 mmin", "'mmin' is not a known unit"),
         ("5 k°C", "'k°C' is not a known unit"),
@@ -253,7 +278,7 @@ def test_units_that_mean_two_things_are_refused_with_what_to_write_instead(text,
         ("5 µ s", "'µ' in 'µ s' is not a known unit"),
         ("5 V A", "'V A' is not a unit"),
         ("5 V.s", "'V.s' is not a unit"),
-        ("5 ° C", "'° C' is not a unit"),
+        ("5 ° C", "'° C' is not a unit; write °C"),
         ("5 m//s", "'m//s' is not a unit"),
         ("5 /s", "'/s' is not a unit"),
         ("5 m^", "'m^' is not a unit"),
@@ -458,3 +483,21 @@ def test_an_exponent_that_no_unit_is_written_with_is_refused(by):
     one, other = parse("1 m^5"), parse("1 m^5") if by is operator.mul else parse("1 1/m^5")
     with pytest.raises(QuantityError, match="has a unit with an exponent beyond 9"):
         by(one, other)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "problem"),
+    [
+        ("20 °", "°C", "is in °, expected a quantity in °C; write 20 °C"),
+        ("3 °/min", "°C/min", "is in °/s, expected a quantity in °C/min; write 3 °C/min"),
+        ("20 deg", "°C", "is in °, expected a quantity in °C"),
+        ("20 °", "V", "is in °, expected a quantity in V"),
+    ],
+)
+def test_degrees_of_angle_for_a_temperature_say_what_to_write(text, unit, problem):
+    with pytest.raises(QuantityError, match=f"^{re.escape(problem)}$"):
+        parse(text).to(unit)
+
+
+def test_mega_is_for_units_that_come_in_millions():
+    assert [parse(text).base_value for text in ("1 MHz", "1 MΩ", "1 Mohm", "1 MPa", "1 Mpulse/s")] == [1e6] * 5

@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 
 from bench.analysis.ramp import RampRecord, cut_into_legs
+from bench.analysis.ramp_turns import on_its_way
 from bench.analysis.thermometer import broken_at_rest, broken_on_a_ramp
+from tests.support.m4_cases import lagging_c
 
 NAN = np.nan
 
@@ -29,7 +31,7 @@ def test_rows_in_any_order_become_legs_in_order():
         (1, "down", [6, 7]),
         (2, "up", [9]),
     ]
-    assert excluded == {"missing": 0, "duplicate": 0, "thermometer": 0}
+    assert excluded == {"missing": 0, "duplicate": 0, "thermometer": 0, "turn": 0}
 
 
 def test_legs_may_each_start_their_own_clock():
@@ -52,7 +54,7 @@ def test_what_is_missing_or_double_is_left_out_and_counted():
         )
     )
     assert [leg.output_g.tolist() for leg in legs] == [[1, 7]]
-    assert excluded == {"missing": 6, "duplicate": 1, "thermometer": 0}
+    assert excluded == {"missing": 6, "duplicate": 1, "thermometer": 0, "turn": 0}
 
 
 def test_the_first_good_row_of_a_time_is_kept():
@@ -69,7 +71,10 @@ def test_a_leg_that_lost_more_than_half_is_not_complete(good, complete):
 
 
 def test_no_rows_are_no_legs():
-    assert cut_into_legs(record((NAN, "", NAN, NAN, NAN))) == ([], {"missing": 1, "duplicate": 0, "thermometer": 0})
+    assert cut_into_legs(record((NAN, "", NAN, NAN, NAN))) == (
+        [],
+        {"missing": 1, "duplicate": 0, "thermometer": 0, "turn": 0},
+    )
 
 
 def test_a_hole_in_time_parts_a_leg():
@@ -127,3 +132,51 @@ def test_a_ramp_goes_on_after_a_hole_in_the_record():
 def test_a_temperature_far_from_its_dwell_is_broken():
     assert broken_at_rest(np.array([20.1, 20.0, 26.0, 19.9, 14.5])).tolist() == [False, False, True, False, True]
     assert broken_at_rest(np.zeros(0)).tolist() == []
+
+
+def turning_c(time_s):
+    """4 min behind air that goes from -40 to 60 °C and then back, of a unit that is still cooling."""
+    air_c = np.where(time_s < 2000, -40 + 0.05 * time_s, 160 - 0.05 * time_s)
+    return lagging_c(time_s, air_c, 240.0) + 10 * np.exp(-time_s / 240.0)
+
+
+@pytest.mark.parametrize("falls", [False, True])
+def test_a_leg_has_each_temperature_once(falls):
+    """A noisy thermometer with readings that are off, a broken one, and samples without a temperature."""
+    time_s = np.arange(0.0, 2300.0, 10.0)
+    warm_c = turning_c(time_s)
+    turns = np.argmin(warm_c), np.argmax(warm_c)
+    read_c = warm_c + 0.005 * np.random.default_rng(1).standard_normal(len(time_s))
+    read_c[[3, 90]] += 4.0
+    read_c[100:108], read_c[120:123] = 850.0, NAN
+    kept = on_its_way(time_s, -read_c if falls else read_c, falls=falls)
+    kept_c = warm_c[kept]
+    assert turns[0] > 5
+    assert turns[1] < len(time_s) - 5, "it turns at either end"
+    assert np.all(np.diff(kept_c) > 0)
+    assert (kept_c[0], kept_c[-1]) == pytest.approx((warm_c[2], warm_c[-3]), abs=0.6)
+    assert kept[100:125].all(), "what is broken or missing is told elsewhere"
+
+
+def test_a_leg_that_does_not_turn_is_whole_and_one_that_goes_the_other_way_is_none():
+    time_s = 10.0 * np.arange(60)
+    rising_c = np.linspace(-40.0, 60.0, 60)
+    assert on_its_way(time_s, rising_c, falls=False).all()
+    assert not on_its_way(time_s, rising_c, falls=True).any()
+    assert on_its_way(time_s, np.full(60, 20.0), falls=False).all()
+    assert on_its_way(time_s, np.full(60, NAN), falls=False).all()
+    assert on_its_way(time_s[:4], np.array([3.0, 2.0, 1.0, 4.0]), falls=False).all(), "too few to be seen to turn"
+    assert on_its_way(time_s[:0], rising_c[:0], falls=False).tolist() == []
+
+
+def test_a_leg_in_two_pieces_turns_in_neither():
+    """From 60 °C up, and after a hole in time from the bottom up to where it began."""
+    temperature_c = np.concatenate([np.linspace(60, 80, 20), np.linspace(-40, 60, 100)])
+    time_s = np.concatenate([10.0 * np.arange(20), 5000 + 10.0 * np.arange(100)])
+    assert on_its_way(time_s, temperature_c, falls=False).all()
+
+
+@pytest.mark.parametrize(("name", "samples"), [("up", 20), ("down", 0)])
+def test_a_leg_that_goes_the_other_way_is_not_complete(name, samples):
+    (leg,), excluded = cut_into_legs(record(*((1, name, 10.0 * k, 20.0 + k, 0.0) for k in range(20))))
+    assert (len(leg.time_s), leg.complete, excluded["turn"]) == (samples, bool(samples), 20 - samples)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from bench.analysis.range_form import OTHERWISE_WARM
 from bench.analysis.range_method import reduce_accelerometer, reduce_gyro
+from bench.analysis.stated_scale import STATED_AT
 from bench.analysis.table_samples import PARTS_DOF
 from bench.report.flag_words import flag_in_words
 from bench.sequence.methods.response import ACCELEROMETER_RANGE, GYRO_RANGE
@@ -32,10 +36,10 @@ def values(unit, quantity):
     return [found.value for found in unit.findings if found.quantity == quantity]
 
 
-def spun(rate_dps):
+def spun(rate_dps, scale=1.0):
     """An accelerometer that is pulled towards the axis, and bends."""
     pull_g = np.radians(rate_dps) ** 2 * RADIUS_M / 9.8
-    return at_rate(rate_dps, 1e4 * (BIAS_G + pull_g + K2 * pull_g**2))
+    return at_rate(rate_dps, scale * 1e4 * (BIAS_G + pull_g + K2 * pull_g**2))
 
 
 def rested():
@@ -78,9 +82,9 @@ def test_a_bias_that_drifts_is_that_of_its_time():
 
 def test_a_table_that_did_not_turn_as_told_and_a_sensor_at_its_end_are_told():
     unit = gyro(*REST, at_rate(100, 10_050, rate_dps=101), at_rate(500, 42_000))
-    unstable, saturated = (each for each in unit.findings if each.quantity == "rate_error/relative")
-    assert (unstable.verdict, unstable.flags) == ("INVALID", ("unstable",))
-    assert (saturated.verdict, saturated.flags) == (None, ("saturated",))
+    off_rate, clipped = (each for each in unit.findings if each.quantity == "rate_error/relative")
+    assert (off_rate.verdict, off_rate.flags) == ("INVALID", ("off_rate",))
+    assert (clipped.verdict, clipped.flags) == (None, ("clipped",))
     assert values(unit, "saturated_points") == [1]
     assert unit.verdict == "INCOMPLETE"
     told = [flag_in_words(flag) for flag in unit.flags]
@@ -102,6 +106,17 @@ def test_a_rest_at_one_angle_and_one_that_moves_are_told():
     unit = gyro(crept, *REST)
     assert unit.flags == ("steps/n=0/acquire: not_at_rest",)
     assert "the table moved" in flag_in_words(unit.flags[0])
+
+
+@pytest.mark.parametrize(("scale", "contradicted"), [(1.0, False), (1.0005, False), (1.005, True)])
+def test_a_scale_factor_that_is_not_as_stated_shows_in_the_radius(scale, contradicted):
+    """0.5 mm of 500 mm is 1000 ppm, which three times may be by chance."""
+    runs = data(*rested(), *[spun(rate, scale) for rate in (200.0, -200.0, 250.0, 800.0)])
+    placed = replace(runs, units=(replace(runs.units[0], arm_m=(-RADIUS_M, 0.0, 0.0), arm_u_m=0.5e-3),))
+    chosen = ACCELEROMETER_RANGE.settings.model_validate(ACCELEROMETER).model_dump()
+    (unit,) = reduce_accelerometer(placed, chosen)
+    assert ("radius_unlike_bench_file" in unit.flags) == contradicted
+    assert "scale factor is not what is stated" in flag_in_words("radius_unlike_bench_file")
 
 
 def test_an_accelerometer_finds_its_radius_and_bends_at_high_rates():
@@ -189,3 +204,41 @@ def test_the_curve_of_an_accelerometer_is_its_second_order_part():
     its_own = 1 + K2 * np.sum(low_g**3) / np.sum(low_g**2)  # by the radius that it found
     assert value == pytest.approx(pull_g * its_own, rel=1e-4)
     assert pull_g * (1 + K2 * pull_g) / its_own > pull_g * 1.001
+
+
+UNCERTAIN = replace(BENCH, thermometers_u={"warm": (0.3, 0.0)})
+
+
+def line_of(unit, quantity, source):
+    (found,) = (each for each in unit.findings if each.quantity == quantity)
+    return next((line.u for line in found.budget if line.source == source), 0.0)
+
+
+def test_a_scale_error_at_a_temperature_is_as_uncertain_as_its_thermometer():
+    """60 ppm/°C by a thermometer that is off by 0.3 °C are 18 ppm; what differs by sense or rate has none of it."""
+    steady = [at_rate(sense * rate, 50 + sense * rate * 100) for rate in (100, 200, 400) for sense in (1, -1)]
+    settings = GYRO_RANGE.settings.model_validate(GYRO).model_dump()
+    (unit,) = reduce_gyro(data(*REST, *steady, bench=UNCERTAIN), settings)
+    thermometer = "warm: offset, gain"
+    assert line_of(unit, "scale_error", thermometer) == pytest.approx(18e-6)
+    assert line_of(unit, "asymmetry", thermometer) == line_of(unit, "nonlinearity/cubic", thermometer) == 0.0
+
+
+def test_points_at_other_temperatures_than_that_of_the_curve_bend_it_by_what_is_not_known():
+    """The later, the faster, the warmer: 100 °/s at 20 °C and 400 °/s at 22 °C look as if the gyro were not linear."""
+    steady = [
+        replace(at_rate(sense * rate, 50 + sense * rate * 100), temperatures_c={"warm": np.full(2, at_c)})
+        for rate, at_c in ((100, 20.0), (200, 21.0), (400, 22.0))
+        for sense in (1, -1)
+    ]
+    unit = gyro(*REST, *steady)
+    otherwise_warm = line_of(unit, "nonlinearity/cubic", OTHERWISE_WARM)
+    assert 60e-6 < otherwise_warm < 180e-6
+    assert line_of(unit, "asymmetry", OTHERWISE_WARM) < 0.01 * otherwise_warm
+
+
+def test_a_radius_is_as_uncertain_as_a_scale_factor_that_is_stated_at_another_temperature():
+    low = (*rested(), *map(spun, (180.0, -180.0, 240.0)))
+    for stated_c, away_c in ((20.0, 0.5), (13.5, 7.0)):
+        radius = accelerometer(*low, scale_at=f"{stated_c} °C")
+        assert line_of(radius, "radius", STATED_AT) == pytest.approx(6e-5 * away_c * RADIUS_M, rel=1e-3)

@@ -8,7 +8,9 @@ import pytest
 from bench.errors import StoreError
 from bench.report.reduced_again import reduced_again
 from bench.report.stored import open_run
-from tests.support.runs import run_short
+from tests.support.runs import run_short, sealed_anew
+
+pytestmark = pytest.mark.slow
 
 K0 = "tumble/a/K0@temperature=20"
 
@@ -25,7 +27,7 @@ def folder(run, tmp_path):
 
 
 def again(folder):
-    with open_run(folder) as stored:
+    with open_run(sealed_anew(folder)) as stored:
         return reduced_again(stored)
 
 
@@ -37,6 +39,7 @@ def plant(folder, **changes):
     before = dict(finding)
     finding.update(changes)
     path.write_text(json.dumps(content), "utf-8")
+    sealed_anew(folder)
     return before
 
 

@@ -3,17 +3,21 @@
 import csv
 import io
 import json
+import re
 import sqlite3
 import sys
+from contextlib import closing
 
 import pypdf
 import pytest
 
 from bench.errors import InputError, StoreError
+from bench.report.csv_cells import harmless
+from bench.report.export import FORMATS
 from bench.report.pdf import pdf
 from bench.report.stored import open_run
 from bench.report.write import FORMS, write_report
-from tests.support.runs import copy_bench, read_json, run_short
+from tests.support.runs import copy_bench, read_json, run_short, sealed_anew
 
 HOSTILE = '"}</style><script>alert(1)</script>'
 
@@ -77,15 +81,42 @@ def test_a_table_has_a_line_for_each_finding(run):
         assert row["flags"].split() == finding["flags"]
 
 
+FORMULAS = ["=1+2", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1", "\r=1", "\uff1d1"]
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_text_is_no_formula_in_a_spreadsheet(text):
+    assert harmless(text) == f"'{text}"
+
+
+@pytest.mark.parametrize("cell", ["-1", "+1.5", "-1.5e-07", "-inf", -1.5, None, "a=b", "", "QF-0001"])
+def test_numbers_and_other_text_stay_as_they_are(cell):
+    assert harmless(cell) is cell
+
+
+def test_hostile_names_are_harmless_in_every_csv_file(tmp_path):
+    serial = "+cmd|' /C calc'!A0"
+    result = run_short(tmp_path, sequence="smoke", units=(serial,), operator="=1+2")
+    with open_run(result.path) as stored:
+        paths = [write_report(stored, "csv"), *FORMATS["csv"](stored, tmp_path / "out")]
+    cells = []
+    for path in paths:
+        with path.open(encoding="utf-8", newline="") as file:
+            cells += [cell for row in csv.reader(file) for cell in row]
+    assert f"'{serial}" in cells
+    number = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)?")
+    assert [cell for cell in cells if cell.startswith(tuple("=+-@\t\r")) and not number.fullmatch(cell)] == []
+
+
 def test_results_alone_are_nothing_when_the_data_cannot_be_evaluated(run, tmp_path):
     broken = tmp_path / "broken"
     broken.mkdir()
     for path in run.path.iterdir():
         (broken / path.name).write_bytes(path.read_bytes())
-    with sqlite3.connect(broken / "run.db") as database:
+    with closing(sqlite3.connect(broken / "run.db")) as database, database:
         database.execute("UPDATE block SET crc = crc + 1")
     database.close()
-    with open_run(broken) as stored:
+    with open_run(sealed_anew(broken)) as stored:
         for form in ("json", "csv"):
             with pytest.raises(StoreError, match="is damaged"):
                 write_report(stored, form)

@@ -5,15 +5,16 @@ import json
 import re
 import shutil
 import sqlite3
+from contextlib import closing
 
 import pytest
 
 from bench.app.request import RunRequest, prepare
 from bench.errors import InputError, StoreError
-from bench.report.shown import instant
 from bench.report.stored import open_run
+from bench.report.times_and_sizes import instant
 from bench.report.write import write_report
-from tests.support.runs import ROOT, copy_bench, read_json, run_short
+from tests.support.runs import ROOT, copy_bench, read_json, run_short, sealed_anew
 
 AMBIENT = (
     ("time_zone: Asia/Shanghai\n", "time_zone: Asia/Shanghai\n  ambient: [room_temperature]\n"),
@@ -44,12 +45,12 @@ def head_of(folder):
 
 
 def written(folder, form="html", lang="en"):
-    with open_run(folder) as stored:
+    with open_run(sealed_anew(folder)) as stored:
         return write_report(stored, form, lang)
 
 
 def revisions(folder):
-    return json.loads((folder / "report_revisions.json").read_text("utf-8"))
+    return json.loads((folder / "report_revisions.json").read_text("utf-8"))["revisions"]
 
 
 def change(folder, **manifest):
@@ -118,7 +119,7 @@ def test_a_run_of_which_nothing_is_stated_says_so(folder):
 
 
 def test_steps_that_were_done_again_are_deviations(folder):
-    with sqlite3.connect(folder / "run.db") as database:
+    with closing(sqlite3.connect(folder / "run.db")) as database, database:
         add = "INSERT INTO journal(at_s, kind, step, data) VALUES (1, ?, 'steps/move', ?)"
         database.execute(add, ("retried", '{"attempt": 2, "text": "it did not arrive"}'))
         database.execute(add, ("operator", '{"action": "repeat"}'))

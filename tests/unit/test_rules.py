@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from collections import namedtuple
 from itertools import combinations
@@ -62,6 +63,27 @@ def test_a_place_without_a_window_has_no_limit_to_be_below_of(tmp_path):
     without = load_bench(copy_bench(tmp_path / "config", (window, "   "))).bench
     assert rules_of(tmp_path, body) == [(2, "limit-below-window")]
     assert rules_of(tmp_path, body, without) == []
+
+
+def test_units_on_one_supply_are_held_against_it_together(tmp_path):
+    shutil.copytree(ROOT / "config", tmp_path / "config")
+    path = tmp_path / "config" / "three_units.yaml"
+    text = path.read_text("utf-8").replace("current: {max: 200 mA}", "current: {max: 1 A}")
+    path.write_text(text.replace("supply: supply_b\n", "supply: supply_a\n"), "utf-8")
+    bench = load_bench(path).bench
+    assert [bench.draws(f"supply_{place}") for place in "abc"] == [(0.06, 0.22), (-math.inf, math.inf), (0.03, 0.11)]
+    teardown = "needs: {supply: power_supply}\nteardown: [{set: supply, output: off}]\n"
+    for limit, expected in (("200 mA", [(2, "limit-below-window")]), ("220 mA", [])):
+        on = steps(f"{{set: supply, voltage: 5 V, current_limit: {limit}, output: on}}")
+        assert rules_of(tmp_path, on + teardown, bench) == expected
+    on = steps("{set: supply, voltage: 5 V, current_limit: 120 mA, output: on}")
+    (tmp_path / "s.yaml").write_text(on + teardown + HEAD, "utf-8")
+    (warning,) = load_judged_plan(tmp_path / "s.yaml", bench)[1]
+    assert warning.text == (
+        "the supply stops at 0.12 A, the units on it, in places 'a' and 'b', together may draw 0.22 A, so that their "
+        "windows never tell that they draw too much. Give a current_limit of at least 0.22 A, or lower "
+        "places.a.supply_current.max of the bench file [limit-below-window]"
+    )
 
 
 def test_a_warning_of_every_pass_of_a_loop_is_told_once_with_the_first(tmp_path):

@@ -51,8 +51,8 @@ def problems(tmp_path: Path, *faults: str, bench: str = BENCH, **wishes: object)
         (
             "{at: 5 s, device: head, fault: door_open}",
             "4:29: 'head', a simulated aerotech_ensemble, does not know door_open; it knows silent, cut, delay, late, "
-            "duplicate, garbage, cut_short, split, flip, echo, half_open, slow_close, frozen, stuck, emergency_stop, "
-            "tripped",
+            "duplicate, garbage, cut_short, split, flip, echo, half_open, slow_close, frozen, stuck, lag, "
+            "emergency_stop, tripped",
         ),
         (
             "{at: 5 s, device: counter, fault: garbage}",

@@ -79,13 +79,17 @@ def test_too_few_or_too_many_answers_are_refused(line: bytes) -> None:
         (b'0,"No error"', ErrorEntry(0, "No error")),
         (b'-113,"Undefined header"', ErrorEntry(-113, "Undefined header")),
         (b'+802, "Output; ""blocked"""', ErrorEntry(802, 'Output; "blocked"')),
+        (b'+0,"No error"', ErrorEntry(0, "No error")),
+        (b'-0, "No error" ', ErrorEntry(0, "No error")),
+        (b"0,'No error'", ErrorEntry(0, "No error")),
+        (b"0,No error\r", ErrorEntry(0, "No error")),
     ],
 )
 def test_an_error_entry_is_read(line: bytes, entry: ErrorEntry) -> None:
     assert scpi.error_entry(line) == entry
 
 
-@pytest.mark.parametrize("line", [b"0", b"0,No error", b'0,"No error', b'x,"No error"', b'0,"No error";1', b""])
+@pytest.mark.parametrize("line", [b"0", b"0,0", b"0,", b'0,"No error', b'x,"No error"', b'0,"No error";1', b""])
 def test_what_is_no_error_entry_is_refused(line: bytes) -> None:
     with pytest.raises(ValueError, match="error queue"):
         scpi.error_entry(line)
@@ -95,9 +99,10 @@ def test_an_identity_is_read() -> None:
     line = b"KEITHLEY INSTRUMENTS INC.,MODEL 6220,1234567,A02  /700x"
     assert scpi.identity(line) == Identity("KEITHLEY INSTRUMENTS INC.", "MODEL 6220", "1234567", "A02  /700x")
     assert scpi.identity(b"A,B,C,1.0,boot 2").firmware == "1.0,boot 2"
+    assert scpi.identity(b"A,B,,") == Identity("A", "B", "", "")  # as some supplies answer
 
 
-@pytest.mark.parametrize("line", [b"", b"5.01", b"A,B,C", b"A,,C,D", b'0,"No error"'])
+@pytest.mark.parametrize("line", [b"", b"5.01", b"A,B,C", b"A,,C,D", b",B,C,D", b'0,"No error"'])
 def test_what_is_no_identity_is_refused(line: bytes) -> None:
     with pytest.raises(ValueError, match="maker,model"):
         scpi.identity(line)
@@ -182,7 +187,7 @@ def test_errors_queue_up_in_order_and_set_their_event_bits() -> None:
     assert interpreter.execute("*STB?") == "4"
     assert interpreter.execute("*ESR?;*ESR?") == f"{1 << 5 | 1 << 4};0"
     assert interpreter.execute("SYST:ERR?") == '-113,"Undefined header"'
-    assert interpreter.execute("STAT:QUE?") == '-104,"Data type error"'
+    assert interpreter.execute("SYST:ERR?") == '-104,"Data type error"'
     assert interpreter.execute(":SYSTEM:ERROR?;:SYST:ERR?") == '-222,"Data out of range";0,"No error"'
 
 

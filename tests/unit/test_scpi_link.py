@@ -1,13 +1,15 @@
 """The conversation with a SCPI instrument: identity, writes with their errors, and a lost wire."""
 
 import asyncio
+import re
 from collections.abc import Awaitable, Callable
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.description import IdentityPin, Nothing, Setup
+from drivers.description import IdentityPin, Nothing, Setup, unheard
 from drivers.errors import LinkLost, Refused, WrongIdentity
 from drivers.transport.address import Address
 from drivers.transport.scpi import ERRORS_AT_MOST, ScpiLink
@@ -17,13 +19,13 @@ from simulators.scpi import OUT_OF_RANGE, Interpreter, LineSession, setting
 from tests.support.lines import TappedWire
 
 
-def an_interpreter() -> Interpreter:
+def an_interpreter(**settings: Any) -> Interpreter:
     levels = [0.0]
 
     def set_level(argument: str) -> None:
         levels[0] = setting(argument, 0, 16)
 
-    return Interpreter("A,B,C,D", {"VOLTage": set_level, "VOLTage?": lambda _: f"{levels[0]:g}"})
+    return Interpreter("A,B,C,D", {"VOLTage": set_level, "VOLTage?": lambda _: f"{levels[0]:g}"}, **settings)
 
 
 class Stubborn:
@@ -36,20 +38,23 @@ class Stubborn:
 
 
 def with_link(
-    use: Callable[[ScpiLink, TappedWire, Interpreter], Awaitable[None]], pin: IdentityPin | None = None
-) -> None:
+    use: Callable[[ScpiLink, TappedWire, Interpreter], Awaitable[None]], pin: IdentityPin | None = None,
+    note: Callable[[str], object] = unheard, **settings: Any,
+) -> None:  # fmt: skip
     async def main() -> None:
-        interpreter = an_interpreter()
+        interpreter = an_interpreter(**settings)
         instrument = SimpleNamespace(faults=FaultPlan(), session=lambda: LineSession(interpreter.execute))
         wire = TappedWire(instrument)
-        await use(a_link(wire, pin), wire, interpreter)
+        await use(a_link(wire, pin, note), wire, interpreter)
 
     run(main(), AS_FAST_AS_POSSIBLE)
 
 
-def a_link(wire: TappedWire, pin: IdentityPin | None = None) -> ScpiLink:
+def a_link(
+    wire: TappedWire, pin: IdentityPin | None = None, note: Callable[[str], object] = unheard
+) -> ScpiLink:  # fmt: skip
     address = Address.parse("tcp://127.0.0.1:5025")
-    return ScpiLink(Setup("supply", address, wire, Nothing(), Nothing(), Nothing(), pin or IdentityPin()))
+    return ScpiLink(Setup("supply", address, wire, Nothing(), Nothing(), Nothing(), pin or IdentityPin(), note=note))
 
 
 def test_opening_identifies_and_empties_the_error_queue() -> None:
@@ -73,6 +78,46 @@ def test_a_refused_write_names_every_error_and_leaves_none() -> None:
         assert interpreter.execute("SYST:ERR?") == '0,"No error"'
 
     with_link(use)
+
+
+@pytest.mark.parametrize(
+    ("known", "asked", "told"),
+    [
+        (("STATus:ERRor?",), b":STAT:ERR?", '-222,"Data out of range"'),
+        ((), b"*ESR?", '-200,"Execution error, *ESR? is 16"'),
+    ],
+)
+def test_an_instrument_that_does_not_know_the_usual_question_for_errors_is_asked_another(
+    known: tuple[str, ...], asked: bytes, told: str
+) -> None:
+    notes: list[str] = []
+
+    async def use(link: ScpiLink, wire: TappedWire, interpreter: Interpreter) -> None:
+        await link.open()
+        assert notes[-1] == f"it does not answer :SYST:ERR?; it is asked for its errors by {asked.decode()}"
+        assert all(note.startswith("asked again: ") for note in notes[:-1])
+        await link.write("VOLT 5")  # the questions that it did not know are forgotten
+        with pytest.raises(Refused, match=re.escape(f"received {told}.")):
+            await link.write("VOLT 20")
+        wire.drop()
+        await asyncio.sleep(1.0)
+        await link.reopen()
+        assert wire.count(b":SYST:ERR?") == 2
+        assert wire.requests[-1] == asked + b"\n"
+
+    with_link(use, note=notes.append, error_queries=known)
+
+
+def test_a_question_for_errors_whose_answer_is_lost_is_asked_again() -> None:
+    async def use(link: ScpiLink, wire: TappedWire, interpreter: Interpreter) -> None:
+        wire.lose = lambda _request: len(wire.requests) == 2
+        await link.open()
+        await link.write("VOLT 5")
+        assert wire.requests[-1] == b"VOLT 5;:SYST:ERR?\n"
+        assert [note[:12] for note in notes] == ["asked again:"]
+
+    notes: list[str] = []
+    with_link(use, note=notes.append)
 
 
 def test_a_write_without_an_answer_is_left_to_the_read_back() -> None:

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bench.sequence.expressions import ValueProblem
-from bench.sequence.values import LIST_LIMIT, holds_expression, in_words, spelled, value_of
+from bench.sequence.values import LIST_LIMIT, as_written, holds_expression, in_words, spelled, value_of
 from drivers.quantities import Quantity, parse
 
 NAMES = {"t": parse("20 °C"), "n": parse("3"), "angles": (parse("0°"), parse("90°"))}
@@ -28,6 +28,28 @@ def ends(first: object, last: object, step: object = None) -> dict[str, object]:
 
 
 # Values and lists
+
+
+@pytest.mark.parametrize(
+    ("raw", "words"),
+    [
+        ("2.5 µg", "2.5 µg"),
+        ("3  h ", "3 h"),
+        ("1 h 30 min", "1 h 30 min"),
+        ("54°44'08\"", "54°44'08\""),
+        (["10 µA", "1 mA"], "10 µA, 1 mA"),
+        (ends("0°", "90°", "45°"), "0 °, 45 °, 90 °"),
+        ("${t * 2}", "40 °C"),
+        (True, "true"),
+    ],
+)
+def test_a_person_reads_a_value_as_it_was_written_and_a_computed_one_in_its_customary_unit(raw, words):
+    assert as_written(value_of(raw, NAMES)) == words
+
+
+def test_how_a_quantity_was_written_is_no_part_of_its_value():
+    assert parse("0.5 h") == parse("30 min")
+    assert len({parse("0.5 h"), parse("30 min")}) == 1
 
 
 @pytest.mark.parametrize(
@@ -202,3 +224,8 @@ def test_any_range_is_at_most_ten_thousand_finite_values_or_a_refusal(first, las
 )
 def test_a_value_is_spelled_short_for_an_id_and_with_its_unit_for_a_person(value, short, words):
     assert (spelled(value), in_words(value)) == (short, words)
+
+
+@pytest.mark.parametrize("raw", ["–20 °C", "—20 °C", "1h30", "00:30:00"])
+def test_text_that_begins_like_a_number_is_never_taken_for_a_word(raw):
+    assert "is not a quantity; " in refusal(raw)

@@ -88,7 +88,7 @@ def end(angles_deg, b, g, *, noise=None):
         SweepRecord(
             end=np.full(count, "up"), direction=np.full(count, "fwd"), sequence=np.arange(float(count)),
             angle_deg=angle_deg, output_v=output_v, stable=np.ones(count, dtype=bool),
-            temperature_c=np.full(count, np.nan),
+            temperature_c=np.full(count, np.nan), side=np.full(count, "below"), stand=np.arange(count),
         )
     )  # fmt: skip
 

@@ -180,7 +180,7 @@ def test_what_there_is_too_little_of_is_told():
     [
         ("4000 pulse/s", "expected a quantity in one of pulse/s/(°/s), V/(°/s), code/(°/s)"),
         (["4000 pulse/°", "3 pulse/°"], "two scale factors of an output in pulse/s"),
-        ("-1 code/(°/s)", "expected more than 0"),
+        ("0 code/(°/s)", "expected a quantity other than 0"),
         ("1 codes", "is not a known unit"),
         ([], "is not a quantity"),
     ],

@@ -202,6 +202,20 @@ def test_what_counts_with_play_are_off_is_in_the_uncertainty():
     assert 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.1
 
 
+@pytest.mark.parametrize(("amplitude", "frequency_hz"), [(1.2, 90.37), (3.0, 10.37)])
+def test_of_a_swing_of_few_pulses_the_uncertainty_holds_what_is_off(amplitude, frequency_hz):
+    """The play is a third of it, or more than half."""
+    ratios = []
+    for drift in (5.3, 7.7, 9.1, 11.3, 12.9, 14.2):
+        samples, _ = swung(amplitude, frequency_hz, drift=drift, seconds=10.0)
+        block = without_play(samples, frequency_hz, 1.0).swing(1.0)
+        fit = fit_sine(block.time_s, block.output, frequency_hz, step=block.step, behind=block.behind)
+        assert fit.u[0] < 0.02 * amplitude
+        ratios.append((abs(fit.phasors[0]) - amplitude) / fit.u[0])
+    assert np.max(np.abs(ratios)) < 3
+    assert np.sqrt(np.mean(np.square(ratios))) < 1.5
+
+
 @pytest.mark.parametrize(("amplitude", "drift", "play"), [(20.0, 15.0, 0.0), (0.3, 15.0, 1.0), (20.0, 9000.0, 1.0)])
 def test_without_play_or_without_reversals_nothing_changes(amplitude, drift, play):
     samples, _ = swung(amplitude, 30.37, drift=drift)

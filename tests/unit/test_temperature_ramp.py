@@ -17,6 +17,7 @@ from bench.analysis.temperature_ramp import reduce
 from bench.report.flag_words import flag_in_words
 from bench.report.words import where
 from bench.sequence.methods.temperature import TEMPERATURE_RAMP
+from tests.support.m4_cases import lagging_c
 
 LOW_C, HIGH_C, LEG_S = 10.0, 60.0, 2400
 K1, K1_SLOPE, MISALIGNMENT = 11_300.0, -58e-6, 3e-4
@@ -43,10 +44,11 @@ def counts_of(rate_pps, at_s):
     )  # fmt: skip
 
 
-def leg(position_deg, cycle, rising, begin_s, bias: Bias) -> Acquisition:
+def leg(position_deg, cycle, rising, begin_s, bias: Bias, temperature_c=None) -> Acquisition:
+    """One leg of a unit that is as warm as the set point, or has temperatures (LEG_S,) of its own."""
     at_s = begin_s + np.arange(LEG_S, dtype=float)
     from_c, to_c = (LOW_C, HIGH_C) if rising else (HIGH_C, LOW_C)
-    temperature_c = np.linspace(from_c, to_c, LEG_S)
+    temperature_c = np.linspace(from_c, to_c, LEG_S) if temperature_c is None else temperature_c
     angle_rad = np.radians(position_deg)
     scale = K1 * (1 + K1_SLOPE * (temperature_c - 20))
     force_g = np.sin(angle_rad) + MISALIGNMENT * np.cos(angle_rad) + bias(temperature_c, cycle, rising)
@@ -86,7 +88,7 @@ def test_a_straight_bias_is_found(good):
     assert findings["K0/hysteresis"].value < 8e-6
     assert findings["K0/model_residual"].value < 15e-6, "no more than the resolution of a count in 10 s"
     assert findings["K0/model_residual"].value < 3 * findings["K0/model_residual"].u
-    assert (good.flags, good.left_out, good.verdict) == ((), (), "PASS")
+    assert (good.flags, good.left_out, good.verdict) == ((), (), "NOT JUDGED")
 
 
 def test_every_result_is_there_in_its_unit(good):
@@ -127,6 +129,27 @@ def test_loop_and_change_between_cycles_are_found_where_they_are():
     assert where(repeatability.at, {}).startswith("cycle 2, ")
     assert "lag" not in hysteresis.flags
     assert [line.type for line in hysteresis.budget][-1] == "alias"
+
+
+def two_branches(temperature_c, cycle, _rising):
+    """60 µg higher where the unit itself cools than where it warms, and 20 µg in the second cycle."""
+    return straight(temperature_c, cycle, True) + np.where(np.gradient(temperature_c) < 0, 60e-6, 0.0) + cycle * 20e-6
+
+
+def test_the_two_branches_of_a_turn_round_are_no_change_between_cycles():
+    """The unit is 4 min behind the air: every leg but the first begins on the branch of the one before it."""
+    ends_c = np.array([LOW_C, HIGH_C, LOW_C, HIGH_C, LOW_C])
+    time_s = np.arange(4.0 * LEG_S)
+    behind_c = lagging_c(time_s, np.interp(time_s, LEG_S * np.arange(5), ends_c), 240.0).reshape(4, LEG_S)
+    assert np.argmin(behind_c[2]) > 100, "rising only after that"
+    legs = [
+        leg(at, 1 + k // 2, k % 2 == 0, k * LEG_S, two_branches, behind_c[k]) for at in (1.0, 91.0) for k in range(4)
+    ]
+    findings = found(reduced(legs))
+    for quantity, true in (("K0/repeatability", 20e-6), ("K0/hysteresis", 60e-6)):
+        finding = findings[quantity]
+        assert abs(finding.value - true) < 2 * finding.u < 20e-6, quantity
+        assert finding.interval.low <= true <= finding.interval.high, quantity
 
 
 def test_a_jump_is_counted_and_told_with_its_place():

@@ -27,7 +27,7 @@ def test_what_is_missing_or_beyond_the_vertical_is_left_out():
     found = compare_tilt(temperature_c, output, **MODEL)
     assert found.compensated_mean_deg == pytest.approx(1.0)
     assert (found.raw_span_deg, found.compensated_span_deg) == (0, 0)
-    assert found.flags == ("out_of_range",)
+    assert found.flags == ("out_of_range", "too_few_temperatures")
     assert found.excluded == {"missing": 2, "thermometer": 0, "out_of_range": 2}
 
 
@@ -41,7 +41,7 @@ def test_a_sample_is_left_out_of_both_when_one_of_them_is_impossible():
 def test_no_sample_has_no_tilt():
     found = compare_tilt(np.array([np.nan]), np.array([0.1]), **MODEL)
     assert (found.raw_span_deg, found.raw_mean_deg, found.compensated_mean_deg) == (None, None, None)
-    assert found.flags == ()
+    assert found.flags == ("too_few_temperatures",)
 
 
 # Uncertainty, and two accelerometers

@@ -224,7 +224,7 @@ def test_a_page_has_the_picture_the_parameters_and_every_step(tmp_path):
     page = (tmp_path / "plan.html").read_text("utf-8")
     assert page.count("<svg ") == page.count("</svg>") == 1
     assert "tumble_static.yaml, preset quick" in page
-    assert "<dt>Parameter warm_up</dt><dd>7200 s</dd>" in page
+    assert "<dt>Parameter warm_up</dt><dd>2 h</dd>" in page
     assert page.count("/acquire\n") == 72
     assert not re.search(r'(?:src|href)="(?!#)', page), "nothing refers to elsewhere"
 
@@ -232,5 +232,6 @@ def test_a_page_has_the_picture_the_parameters_and_every_step(tmp_path):
 def test_a_picture_has_a_form_and_a_place(tree, tmp_path):
     with pytest.raises(InputError, match=r"plan.png: a picture is written as .svg or .html"):
         write_picture(tmp_path / "plan.png", *tree, BENCH)
+    (tmp_path / "file").touch()
     with pytest.raises(InputError, match="cannot be written"):
-        write_picture(tmp_path / "nowhere" / "plan.svg", *tree, BENCH)
+        write_picture(tmp_path / "file" / "plan.svg", *tree, BENCH)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import pytest
 
 from bench.config.bench import load_bench
-from bench.sequence.travel import PASSES_LOOKED_AT, angles_before
+from bench.sequence.load import load_plan
+from bench.sequence.measuring import Acquire
+from bench.sequence.stimulus import Move
+from bench.sequence.travel import PASSES_LOOKED_AT, angles_before, poses_before
 from tests.support.sequences import BENCH, ROOT, plan_of, problems_of, steps
 
 TABLE = load_bench(ROOT / "config/rate_table.yaml").bench
@@ -131,3 +134,18 @@ def test_a_measured_loop_is_followed_in_bounded_time(tmp_path):
 )  # fmt: skip
 def test_a_limit_is_found_at_the_pass_that_reaches_it(tmp_path, lines, problem):
     assert problems_of(tmp_path, steps(*lines)) == [problem]
+
+
+def test_the_indexing_table_comes_to_every_angle_from_below_and_from_above():
+    bench = load_bench(ROOT / "config/indexing.yaml").bench
+    plan = load_plan(ROOT / "sequences/indexing_static.yaml", bench, settings=("step=0.25°", "largest=0.5°"))
+    came: dict[float, set[str]] = {}
+    side = ""
+    for planned, pose in poses_before(plan, bench):
+        head_deg = pose.angles_deg.get("head", 0.0)
+        if isinstance(planned.step, Acquire):
+            came.setdefault(head_deg, set()).add(side)
+        elif isinstance(planned.step, Move) and planned.step.target_deg(head_deg) != head_deg:
+            assert planned.step.approach == "direct", planned.id
+            side = "below" if planned.step.target_deg(head_deg) > head_deg else "above"
+    assert {angle for angle, sides in came.items() if sides >= {"below", "above"}} >= {-0.25, 0.0, 0.25}

@@ -252,3 +252,13 @@ def test_an_even_drift_is_neither_in_the_constants_nor_in_the_scatter():
 
 def test_four_readings_have_no_room_for_a_drift():
     assert solve_tumble(FOUR, accelerometer(FOUR), (), np.arange(4.0)).fit.dof == 0
+
+
+def test_a_sensor_of_negative_scale_factor_differs_in_that_alone():
+    angle = np.radians(np.arange(8) * 45.0 + 1)
+    output = accelerometer(angle, k3=-3e-5)
+    output = output * (1 + 15e-6 * np.sign(output))
+    usual, other = (solve_tumble(angle, each, ("Kip", "K3", "asymmetry")).values for each in (output, -output))
+    odd = {"K1", "asymmetry"}  # the larger sense of an output is the other one then
+    assert other == pytest.approx({name: -value if name in odd else value for name, value in usual.items()}, abs=1e-12)
+    assert usual["asymmetry"] == pytest.approx(30e-6, abs=1e-6)

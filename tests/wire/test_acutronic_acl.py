@@ -307,3 +307,41 @@ def test_a_stuck_table_accepts_a_demand_and_does_not_follow(
     assert talk(table, b":READ:POS? 1;RATE? 1") == ["0.00000;0.00000"]
     if mode == b":MODE:SYNT 1":
         assert talk(table, b":STAT:CSR? A1DYN") == ["0"]
+
+
+def test_readings_are_asked_as_a_program_for_gpib_cuts_them_short(table: SimulatedAcutrol, clock: Clock) -> None:
+    """As williamsea's Acutrol sends them: decimals first, then one reading."""
+    assert talk(table, b":u:f f ; :R:P 1", b":u:f f ; :R:R 1", b":u:f f ; :R:A 1", b":D:A 1, 20") == [
+        "0.00000", "0.00000", "0.00000", "OK",
+    ]  # fmt: skip
+    talk(table, b":INT:CLOSE 1", b":M:R 1", b":L:A R,1,50", b":D:R 1, 100")
+    clock.now_s = 1.0
+    assert talk(table, b":read:pos? 1;rate? 1;acc? 1") == ["25.00000;50.00000;50.00000"]
+    assert talk(table, b":u:f b") == ["error 2"]
+
+
+def test_a_session_of_a_program_in_python(table: SimulatedAcutrol, clock: Clock) -> None:
+    """As IEAv's acutrol3000 sends it: to rest by a sine of nothing, modes by number and name, limits asked."""
+    assert talk(table, b"*stb?", b":Interlock:Reset", b":mode:off 1", b":int:close 1", b":interlock? 1") == [
+        "0", "OK", "OK", "OK", "Close",
+    ]  # fmt: skip
+    assert talk(table, b":mode:synt 1", b":dem:osc 1,0,0,0", b":mode:rate 1", b":dem:rate 1,0") == ["OK"] * 4
+    assert talk(table, b":lim:acc pos,1,8300", b":limit:acc? pos,1") == ["OK", "8300.00000"]
+    assert talk(table, b":lim:rate synt,1,1000", b":limit:rate? synt,1") == ["OK", "1000.00000"]
+    assert len(talk(table, b":limit:absolute? 1")[0].split(",")) == 6
+    assert talk(table, b":con:osc 1,Enable,2.0,0.1,Pos,Lin", b":con:osc? 1") == ["OK", "Enable,2,0.1,Pos,Lin"]
+    assert talk(table, b":mode 1,pos", b":dem:delta 1,-30", b":mode? 1", b":dem:delta 1,190") == [
+        "OK", "OK", "Position", "error 2",
+    ]  # fmt: skip
+    clock.now_s = 10.0
+    assert talk(table, b":read:pos? 1", b":mode 1,synt", b":dem:osc 1,2,0.5,0") == ["-30.00000", "OK", "OK"]
+    clock.now_s = 30.0
+    assert table._driven.moving(clock.now_s)
+    talk(table, b":dem:osc 1,0,0,0")
+    clock.now_s = 40.0
+    assert not table._driven.moving(clock.now_s)
+
+
+def test_the_status_byte_tells_an_interlock_fault(table: SimulatedAcutrol) -> None:
+    table.trip(SoftwareFault.ABORT, NO_INPUTS)
+    assert talk(table, b"*stb?") == ["65"]

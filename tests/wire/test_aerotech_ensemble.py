@@ -261,3 +261,29 @@ def test_homing_is_answered_when_it_is_over_and_holds_back_what_follows(head: Si
     ((delay_s, answer),) = later
     clock.now_s += delay_s
     assert answer() == b"%\n%0.000000\n"
+
+
+@pytest.mark.parametrize(
+    "told",
+    [  # as drivers of other people spell a move: by the axis' number, with or without spaces, with the rate's axis
+        b"MOVEABS @0 12.000000 @0F 5.000000",
+        b"MOVEABS X12.0 XF5.0",
+        b"MOVEABS X 12 F5",
+        b"MOVEABS X 12 XF 5",
+        b"moveinc x12 f5",
+        b"LINEAR X12.0 F5",
+        b"ABSOLUTE\nLINEAR X 12 F 5",
+        b"INCREMENTAL\nLINEAR @0 12 F5",
+    ],
+)
+def test_an_axis_by_its_number_and_without_a_space_is_the_same_axis(
+    head: SimulatedEnsemble, clock: Clock, told: bytes
+) -> None:
+    assert talk(head, b"ENABLE @0", told)[1].endswith(b"%\n")
+    assert talk(head, b"AXISSTATUS(@0)", b"AXISFAULT @0") == [b"%11\n", b"%0\n"]
+    clock.now_s = 60.0
+    assert talk(head, b"PFBK(@0)", b"PFBK X", b"PFBK @1") == [b"%12.000000\n", b"%12.000000\n", b"!\n"]
+
+
+def test_a_rate_and_a_stop_without_a_space(head: SimulatedEnsemble, clock: Clock) -> None:
+    assert talk(head, b"ENABLE X", b"FREERUN X5", b"FREERUN @0 0", b"RAMP RATE X10") == [b"%\n"] * 4

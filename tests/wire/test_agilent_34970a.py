@@ -1,5 +1,6 @@
 """Lines of an Agilent 34970A typed by hand, in both directions, and the simulated scanner that speaks them."""
 
+import re
 from collections.abc import Callable
 
 import pytest
@@ -272,3 +273,30 @@ def test_settings_of_channels_are_kept_and_told(scanner: SimulatedScanner) -> No
     ]  # fmt: skip
     assert talk(scanner, b"TEMP:NPLC 500,(@101)", b"SYST:ERR?") == [b"", b'-222,"Data out of range"\n']
     assert talk(scanner, b"*RST", b"TEMP:NPLC? (@101)") == [b"", b"+1.00000000E+00\n"]
+
+
+def test_a_channel_is_monitored(scanner: SimulatedScanner) -> None:
+    """User's guide, chapter 5, "Single-Channel Monitoring Overview"."""
+    assert talk(scanner, b"ROUT:MON?", b"ROUT:MON:DATA?", b"SYST:ERR?") == [
+        b"#13(@)\n", b"", b'-221,"Settings conflict"\n',
+    ]  # fmt: skip
+    talk(scanner, b"CONF:TEMP FRTD,85,(@103)", b"ROUT:MON (@103)", b"ROUT:MON:STATE ON", b"FORM:READ:UNIT ON")
+    mon, state, data = talk(scanner, b"ROUT:MON?", b"ROUT:MON:STAT?", b"ROUT:MON:DATA?")
+    assert (mon, state) == (b"#16(@103)\n", b"1\n")
+    assert re.fullmatch(rb"\+\d\.\d{8}E\+0\d\n", data)
+
+
+def test_a_channel_measures_volts_until_it_is_a_thermometer_again(scanner: SimulatedScanner) -> None:
+    assert talk(scanner, b"CONF:VOLT:DC 10,0.001,(@101)", b"FUNC? (@101)", b"CONF? (@101)", b"ROUT:SCAN?") == [
+        b"", b'"VOLT"\n', b'"VOLT +1.00000000E+01,+3.00000000E-05"\n', b"#16(@101)\n",
+    ]  # fmt: skip
+    assert talk(scanner, b"CONF:VOLT:DC (@101)", b"CONF:TEMP TC,K,(@101)", b"CONF? (@101)", b"FUNC? (@101)") == [
+        b"", b"", b'"TEMP TC,K,+1.00000000E+00,+3.00000000E-06"\n', b'"TEMP"\n',
+    ]  # fmt: skip
+    assert talk(scanner, b"CONF:VOLT:DC MUCH,(@101)", b"UNIT:TEMP VDC", b"SYST:ERR?", b"SYST:ERR?", b"SYST:ERR?") == [
+        b"", b"", *2 * [b'-224,"Illegal parameter value"\n'], b'+0,"No error"\n',
+    ]  # fmt: skip
+
+
+def test_a_measurement_of_volts_scans_and_reads(scanner: SimulatedScanner, clock: list[float]) -> None:
+    assert asking(scanner, clock)(b"MEAS:VOLT:DC? AUTO,DEF,(@102)") == b"+0.00000000E+00\n"

@@ -172,6 +172,13 @@ def test_protected_it_answers_questions_only(chamber: SimulatedP300) -> None:
     assert talk(chamber, b"TEMP, S30.0", b"KEYPROTECT?") == [b"NA:PROTECT ON\r\n", b"ON\r\n"]
 
 
+def test_the_keys_are_protected_by_a_command_too(chamber: SimulatedP300) -> None:
+    """As the maker's own library spells it, with one word in small letters."""
+    assert talk(chamber, b"KEYPROTECT,ON", b"POWER,OFF", b"KEYPROTECT,off", b"KEYPROTECT?", b"KEYPROTECT,MAYBE") == [
+        b"OK:KEYPROTECT,ON\r\n", b"NA:PROTECT ON\r\n", b"OK:KEYPROTECT,off\r\n", b"OFF\r\n", b"NA:PARA ERR\r\n",
+    ]  # fmt: skip
+
+
 def test_it_counts_lines_that_come_too_soon(chamber: SimulatedP300, clock: Clock) -> None:
     talk(chamber, b"TEMP, S30.0")
     for clock.now_s, hurried in ((0.4, 1), (0.7, 1), (0.8, 2)):

@@ -260,7 +260,9 @@ def test_a_locked_range_takes_no_more(source: SimulatedFluke) -> None:
         (b"OUT", b"902"),
         (b"OUT ,0 HZ", b"902"),
         (b"OUT twelve A", b"902"),
-        (b"OUT 1 MA", b"902"),
+        (b"OUT 1 XA", b"902"),
+        (b"OUT 1", b"902"),
+        (b"OUT 1 KHZ, 1 V", b"902"),
         (b"OUT 1 A, 0 HZ, 0", b"902"),
         (b"RANGELCK 1", b"902"),
         (b"SOUR:CURR 1", b"901"),
@@ -355,3 +357,39 @@ def test_a_line_without_an_end_is_cut_at_the_buffer(source: SimulatedFluke) -> N
     session.feed(b"REMOTE;" + b" " * 117)
     assert session.feed(b"ISR?ISR?ISR?") == b""
     assert session.feed(b"\r") == b"2048\r"
+
+
+@pytest.mark.parametrize(
+    ("told", "output"),
+    [  # operators manual of the 5700A/5720A Series II, 5-9 "Parameter Syntax Rules", and what PyVISA programs send
+        (b"OUT 10V", b"1.0000000E+01,V,0.00E+00"),
+        (b"OUT 10 MA", b"1.0000000E-02,A,0.00E+00"),
+        (b"out 0.001A, 0Hz", b"1.0000000E-03,A,0.00E+00"),
+        (b"OUT -1.2 MA,0 HZ", b"-1.2000000E-03,A,0.00E+00"),
+        (b"OUT 150UA", b"1.5000000E-04,A,0.00E+00"),
+        (b"OUT 1 V, 100 HZ", b"1.0000000E+00,V,1.00E+02"),
+        (b"OUT 1.000000e+00 V,1000.000000 Hz", b"1.0000000E+00,V,1.00E+03"),
+        (b"OUT 1 V, 0.1 MHZ", b"1.0000000E+00,V,1.00E+05"),
+        (b"OUT 10 V;OUT 60 HZ", b"1.0000000E+01,V,6.00E+01"),
+        (b"OUT 1.9 MOHM", b"1.9000000E+06,OHM,0.00E+00"),
+        (b"OUT 1.9MAOHM", b"1.9000000E+06,OHM,0.00E+00"),
+        (b"OUT 100 MV", b"1.0000000E-01,V,0.00E+00"),
+    ],
+)
+def test_units_and_multipliers_are_those_of_the_manual(source: SimulatedFluke, told: bytes, output: bytes) -> None:
+    assert talk(source, b"REMOTE", told, b"FAULT?", b"OUT?") == [b"", b"", b"0\r", output + b"\r"]
+
+
+def test_a_level_and_operate_in_one_message_energise_what_was_told(source: SimulatedFluke) -> None:
+    """As a published driver of the 5730A sends it; `*CLS` would hide that a level was refused."""
+    talk(source, b"REMOTE", b"OUT 5 MA;OPER", b"OUT 0.001A, 0Hz;*CLS;OPER")
+    assert source.current_a == 1e-3
+    talk(source, b"OUT 1 MA, 60 HZ")
+    assert source.current_a == 0.0  # no direct current
+
+
+def test_the_status_byte_sums_the_events_up_that_are_enabled(source: SimulatedFluke) -> None:
+    assert talk(source, b"*CLS", b"*ESE 32;*SRE 32", b"*ESE?", b"NONSENSE") == [b"", b"", b"32\r", b""]
+    assert talk(source, b"*STB?", b"*ESR?", b"*STB?", b"*ESE 256", b"FAULT?") == [
+        b"32\r", b"32\r", b"0\r", b"", b"901\r",
+    ]  # fmt: skip

@@ -296,3 +296,36 @@ def test_what_other_programs_set_and_ask_besides(bench: Bench) -> None:
     assert bench.say(b"NDIG 9;NONSENSE;NDIG 1", b"STB?", b"ERR?", b"ERR?", b"AUXERR?") == [
         b"", b"32\r\n", b"72\r\n", b"0\r\n", b"0\r\n",
     ]  # fmt: skip
+
+
+def test_the_aperture_is_another_name_for_line_cycles(bench: Bench) -> None:
+    assert bench.say(b"NPLC 10", b"APER?", b"APER 0.02", b"NPLC?", b"APER 2", b"ERRSTR?") == [
+        b"", b"200.000000E-03\r\n", b"", b"1.00000000E+00\r\n", b"", b'106,"PARAMETER OUT OF RANGE"\r\n',
+    ]  # fmt: skip
+
+
+def test_formats_and_scales_are_told(bench: Bench) -> None:
+    assert bench.say(b"MFORMAT?", b"MFORMAT DINT;MFORMAT?", b"ISCALE?", b"ARANGE?", b"DCV 10;ARANGE?", b"MCOUNT?") == [
+        b"4\r\n", b"3\r\n", b"1.00000000E+00\r\n", b"1\r\n", b"0\r\n", b"0\r\n",
+    ]  # fmt: skip
+
+
+def test_the_gateway_answers_its_own_lines(bench: Bench) -> None:
+    """Prologix GPIB-ETHERNET Controller User Manual 1.6.6, chapter 8."""
+    told = (b"++mode", b"++addr", b"++auto", b"++eos 2", b"++savecfg 1", b"++read_tmo_ms 500", b"++read_tmo_ms")
+    assert bench.say(*told) == [b"1\r\n", b"22\r\n", b"1\r\n", b"", b"", b"", b"500\r\n"]
+    assert bench.say(b"++ver", b"++what", b"++addr 99", b"++spoll", b"ERRSTR?") == [
+        b"Prologix GPIB-ETHERNET Controller version 01.06.06.00\r\n", b"Unrecognized command\r\n",
+        b"Unrecognized command\r\n", b"0\r\n", b'0,"NO ERROR"\r\n',
+    ]  # fmt: skip
+
+
+def test_without_reading_by_itself_the_gateway_waits_for_read(bench: Bench) -> None:
+    assert bench.say(b"++auto 0", b"ID?", b"++read eoi", b"++read eoi") == [b"", b"", b"HP3458A\r\n", b""]
+    bench.say(b"TRIG AUTO;NPLC 1")
+    assert bench.say(b"TARM SGL", b"++read eoi") == [b"", b""]
+    assert bench.wait() == b" 5.000000000E-01\r\n"
+
+
+def test_what_is_said_to_another_address_does_not_reach_the_instrument(bench: Bench) -> None:
+    assert bench.say(b"++addr 5", b"ID?", b"DCV 1", b"++addr 22", b"RANGE?") == [b"", b"", b"", b"", b".1\r\n"]

@@ -196,3 +196,16 @@ def test_every_setting_is_reached_in_three_commands_and_switched_on_last(
         assert len(sent) <= 3
     assert "OUTP ON" not in sent[:-1]
     assert supply.output
+
+
+def test_what_drivers_of_other_supplies_set_and_ask(supply: SimulatedSupply, world: World) -> None:
+    """As PyMeasure's drivers of supplies by Keithley, Keysight and Siglent do."""
+    talk(supply, b"INST:SEL CH1", b"INST:NSEL 1", b"VOLT:PROT 6", b"CURR:PROT:STAT ON", b"SYST:BEEP", b"DISP:TEXT 'on'")
+    assert talk(supply, b"VOLT:PROT?", b"CURR:PROT:STAT?", b"INST?", b"INST:NSEL?", b"MEAS:POW?", b"SYST:ERR?") == [
+        b"6.000\n", b"1\n", b"OUT1\n", b"1\n", b"0.00000\n", b'0,"No error"\n',
+    ]  # fmt: skip
+    assert talk(supply, b"INST:SEL CH2", b"SYST:ERR?") == [b"", b'-224,"Illegal parameter value"\n']
+    supply.trip("over_voltage")
+    assert talk(supply, b"VOLT:PROT:TRIP?", b"OUTP:PROT:CLE", b"VOLT:PROT:TRIP?", b"OUTP ON", b"OUTP?") == [
+        b"1\n", b"", b"0\n", b"", b"1\n",
+    ]  # fmt: skip

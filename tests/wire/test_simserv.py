@@ -121,6 +121,9 @@ def test_a_message_may_come_in_pieces(chamber: SimulatedSimserv) -> None:
         ("11001|1|2|20.0", "-6"),
         ("11068|1|1|-1", "-6"),
         ("14001|1|0|1", "-6"),
+        ("14001|1|17|1", "-6"),
+        ("14003|1|17", "-6"),
+        ("14003|1|0", "-6"),
         ("14001|1|1|2", "-6"),
         ("99997|1|4", "-8"),
         ("17007|1|9", "-8"),
@@ -172,3 +175,16 @@ def test_an_error_stops_it_until_it_is_cleared(chamber: SimulatedSimserv) -> Non
     ]  # fmt: skip
     assert talk(chamber, "14001|1|1|1", "19014|1|1|1") == ["-9", "-9"]
     assert talk(chamber, "17012|1", "10012|1", "14001|1|1|1") == ["1", "1|1", "1"]
+
+
+def test_a_set_point_keeps_its_decimals_and_outputs_are_as_they_are_switched(chamber: SimulatedSimserv) -> None:
+    assert talk(chamber, "11001|1|1|23.75", "11002|1|1", "11001|1|1|-5", "11002|1|1") == ["1", "1|23.75", "1", "1|-5.0"]
+    assert talk(chamber, "14003|1|7", "14001|1|7|1", "14003|1|7", "14003|1|8") == ["1|0", "1", "1|1", "1|0"]
+
+
+def test_what_programs_of_other_people_ask_besides(chamber: SimulatedSimserv) -> None:
+    """By the numbers of functions of SengerM's VotschTechnikClimateChamber, which name the manual of 2019."""
+    asked = ("11018|1", "11026|1|1", "11016|1|1", "11017|1|1", "12012|1", "14007|1", "14010|1|8", "15004|1", "19204|1")
+    assert talk(chamber, *asked) == [
+        "1|1", "1|Temperature", "1|-75.0", "1|185.0", "1|0", "1|16", "1|Dryer", "1|0", "1|0",
+    ]  # fmt: skip

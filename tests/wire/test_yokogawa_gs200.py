@@ -216,3 +216,14 @@ def test_a_program_ramps_the_level_and_tells_its_end() -> None:
     clock[0] = 20.0
     assert talk(source, b"SOUR:LEV?;:OUTP 0;:SOUR:LEV?") == [b"+1.00000E-02;+1.00000E-02\n"]
     assert talk(source, b"PROG:EDIT:STAR;:PROG:RUN;:SYST:ERR?") == [b'-221,"Settings conflict"\n']
+
+
+def test_errors_are_asked_by_the_question_of_its_maker_too(source: SimulatedGS200) -> None:
+    assert talk(source, b"NONSENSE", b":STAT:ERR?", b":STATUS:ERROR?", b"STAT:QUE?", b":SYST:ERR?") == [
+        b"", b'-113,"Undefined header"\n', b'0,"No error"\n', b"", b'-113,"Undefined header"\n',
+    ]  # fmt: skip
+
+
+def test_a_ramp_in_one_message_as_a_curve_tracer_sends_it(source: SimulatedGS200) -> None:
+    program = b"*CLS;:PROG:REP 0;SLOP 2.0;INT 2.0;EDIT:STAR;:SOUR:LEV 5.000000E-03;:PROG:EDIT:END;:PROG:RUN"
+    assert talk(source, b":OUTP 1;:ROUT:BNCO TRIG", program, b":STAT:EVEN?", b":STAT:ERR?")[-1] == b'0,"No error"\n'

@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.metadata import entry_points
 from typing import Literal
 
 from pydantic import BaseModel
 
 from bench.config.places import UnitKind
+from drivers.installed import Installed
 
 ENTRY_POINTS = "inertial_test_bench.methods"
 OUTPUT = "output"  # in the unit of a quantity: stands for the unit of the units' output
@@ -74,4 +74,4 @@ class MethodDescription:
 @lru_cache(maxsize=1)
 def known_methods() -> Mapping[str, MethodDescription]:
     """Every installed method by name."""
-    return {point.name: point.load() for point in entry_points(group=ENTRY_POINTS)}
+    return Installed(ENTRY_POINTS)

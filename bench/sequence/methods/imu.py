@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from bench.sequence.methods import GYRO_OUTPUT, OUTPUT, MethodDescription
+from bench.sequence.methods.per_degree import BiasPerDegree, ScalePerDegree
 from drivers.fields import InUnit, PositiveSeconds, Ratio, StrictModel
 
 MEANING = (
@@ -24,8 +25,12 @@ START_UP_MEANING = (
 )
 
 
-class ImuCalibrationSettings(StrictModel):
+class ImuCalibrationSettings(BiasPerDegree, ScalePerDegree):
     """Settings of the calibration of an inertial unit."""
+
+    gyro_bias_per_c_u: Annotated[float, InUnit("°/s/°C", at_least=0)] = Field(
+        1e-5, alias="gyro_bias_per_degree_u", description="the same of the bias of a gyro"
+    )
 
     attitude_tolerance_g: Annotated[float, InUnit("g", above=0)] = Field(
         0.05,

@@ -8,11 +8,12 @@ from pydantic import Field, model_validator
 
 from bench.sequence.custom import StepDescription
 from bench.sequence.methods import OUTPUT, MethodDescription
+from bench.sequence.methods.per_degree import BiasPerDegree, ScalePerDegree
 from drivers.fields import InUnit, Name, Number, Ratio, StrictModel
 from drivers.wording import telling
 
 
-class IndexingStaticSettings(StrictModel):
+class IndexingStaticSettings(BiasPerDegree, ScalePerDegree):
     """Settings of the static calibration on an indexing table.
 
     The scale factors of both ends are taken for equal when they differ by no more than `scale_tolerance` or than `k`

@@ -9,7 +9,8 @@ from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from bench.sequence.methods import OUTPUT_UNITS, MethodDescription
-from drivers.fields import Hertz, InUnit, Ratio, StrictModel
+from bench.sequence.methods.per_degree import ScalePerDegree
+from drivers.fields import Celsius, Hertz, InUnit, Ratio, StrictModel
 from drivers.quantities import as_quantity, parse
 from drivers.units import QuantityError, parse_unit
 from drivers.wording import telling
@@ -47,8 +48,8 @@ class ScaleOf:
             if output is None:
                 wanted = ", ".join(units[each] for each in OUTPUT_UNITS)
                 raise telling(f"is {scale}, expected a quantity in one of {wanted}")
-            if scale.base_value <= 0:
-                raise telling(f"is {scale}, expected more than 0")
+            if scale.base_value == 0:
+                raise telling(f"is {scale}, expected a quantity other than 0")
             if output in found:
                 raise telling(f"has two scale factors of an output in {output}")
             found[output] = scale.to(units[output])
@@ -64,7 +65,7 @@ class GyroScale(StrictModel):
     )
 
 
-class AccelerometerScale(StrictModel):
+class AccelerometerScale(ScalePerDegree):
     """What turns the output of an accelerometer into an acceleration."""
 
     scale: Annotated[dict[str, float], ScaleOf("g")] = Field(
@@ -72,11 +73,7 @@ class AccelerometerScale(StrictModel):
         "or a list of one for each kind of output"
     )
     scale_u: Tolerance = Field(1e-4, description="its standard uncertainty, relative")
-    scale_per_c_u: Annotated[float, InUnit("1/°C", at_least=0)] = Field(
-        6e-5,
-        alias="scale_per_degree_u",
-        description="by how much of itself it may change with 1 °C; it is not corrected for that",
-    )
+    scale_c: Celsius = Field(20.0, alias="scale_at", description="the temperature of the unit at which it is so")
 
 
 class RangeSettings(StrictModel):
@@ -86,7 +83,7 @@ class RangeSettings(StrictModel):
     rate_tolerance: Tolerance = Field(1e-3, description="how far the table may be from its rate, relative")
 
 
-class GyroRangeSettings(GyroScale, RangeSettings):
+class GyroRangeSettings(GyroScale, ScalePerDegree, RangeSettings):
     """Settings of the range of a gyro."""
 
     full_scale_dps: PositiveRate = Field(alias="full_scale", description="the end of the range")

@@ -7,10 +7,11 @@ from typing import Annotated
 from pydantic import Field
 
 from bench.sequence.methods import OUTPUT, MethodDescription
+from bench.sequence.methods.per_degree import BiasPerDegree, ScalePerDegree
 from drivers.fields import Celsius, InUnit, StrictModel, WholeNumber
 
 
-class TemperatureTumbleSettings(StrictModel):
+class TemperatureTumbleSettings(BiasPerDegree, ScalePerDegree):
     """Settings of the static temperature tumble."""
 
     degree: Annotated[WholeNumber, Field(ge=1, le=4)] = Field(4, description="of the polynomials over temperature")

@@ -1,0 +1,64 @@
+"""Steps of the computer's clock, its sleep, and times in which this program stood still, in the record of a run."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+
+from bench.clock import ClockWatch, Stopwatch
+from bench.errors import StoreError
+from bench.loop import REAL_TIME
+from bench.store.writer import RunWriter
+from drivers.awake import stalled_s
+
+LOOK_EVERY_S = 10.0
+STALL_TOLD_S = 1.0
+
+
+class ClockRecord:
+    """Journals `clock_step` when the clock is set or the computer sleeps, and keeps them in `steps`.
+
+    Journals `stalled` when this program did not run.
+
+    In real time it looks every `LOOK_EVERY_S`, else at the end alone.
+    """
+
+    def __init__(self, writer: RunWriter, notice: Callable[[str], None]) -> None:
+        self._writer, self._notice = writer, notice
+        self._watch, self._since = ClockWatch(), Stopwatch()
+        self.steps: list[dict[str, float]] = []
+
+    @asynccontextmanager
+    async def watched(self, speed: float) -> AsyncIterator[None]:
+        """Looks while inside, and when it is left."""
+        looking = asyncio.create_task(self._look_for_ever(), name="clock") if speed == REAL_TIME else None
+        try:
+            yield
+        finally:
+            if looking is not None:
+                looking.cancel()
+            self._look()
+
+    async def _look_for_ever(self) -> None:
+        while True:
+            looked_s = asyncio.get_running_loop().time()
+            await asyncio.sleep(LOOK_EVERY_S)
+            self._look()
+            if (stood_s := stalled_s(looked_s)) >= STALL_TOLD_S:
+                with suppress(StoreError):
+                    self._writer.event("stalled", for_s=round(stood_s, 1))
+                self._notice(f"This program stood still for {stood_s:.1f} s, in which nobody looked at the bench.")
+
+    def _look(self) -> None:
+        set_by_s, slept_s = self._watch.look()
+        if not set_by_s and not slept_s:
+            return
+        step = {"after_s": round(self._since.elapsed_s(), 1), "set_by_s": round(set_by_s, 3), "slept_s": round(slept_s)}
+        self.steps.append(step)
+        with suppress(StoreError):  # told by the step that it stops
+            self._writer.event("clock_step", set_by_s=step["set_by_s"], slept_s=step["slept_s"])
+        if set_by_s:
+            self._notice(f"The computer's clock was set by {set_by_s:+.1f} s. Times of this run do not follow it.")
+        if slept_s:
+            self._notice(f"The computer slept for {slept_s:.0f} s, in which nobody looked at the bench.")

@@ -1,0 +1,143 @@
+"""What makes the result of a case doubtful: data that no bench of the method gives (methods.md 1.10)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from bench.analysis import plausibility
+from bench.analysis.fit import Array
+from bench.analysis.plausibility import Doubt
+
+LEVELS_G = 1.05  # of gravity
+LONGEST_DWELL_S = 7200.0
+MOST_UNLIKE = 20.0  # channels of one unit
+SCALES_PPS_PER_G = (1.0, 1e7)
+SCALES_PULSE_PER_DEG = (0.1, 1e7)
+
+
+def with_doubts(result: dict[str, Any], doubts: Iterable[Doubt]) -> dict[str, Any]:
+    """The result with the flags and the notes of the doubts; a doubtful result has no verdict."""
+    with np.errstate(all="ignore"):  # of readings that are no readings
+        found = list(doubts)
+    flags = [flag for flag in dict.fromkeys(doubt.flag for doubt in found) if flag]
+    changed: dict[str, Any] = {
+        "flags": [*result["flags"], *flags],
+        "notes": [*result["notes"], *dict.fromkeys(doubt.note for doubt in found)],
+    }
+    if flags and "passed" in result:
+        changed["passed"] = None
+    if flags and "verdict" in result:
+        changed["verdict"] = "invalid"
+    return result | changed
+
+
+def sweep(angle_deg: Array, output_v: Array, scales_v_per_g: Iterable[float | None]) -> Iterator[Doubt]:
+    """Of M1: angles, voltages, and the scale factor that they give."""
+    if plausibility.on_grid(output_v) and not plausibility.on_grid(angle_deg):
+        yield Doubt("columns_exchanged", "theta_deg and V_mean: the voltages are angles of a table, the angles are not")
+    yield from plausibility.angles("theta_deg", angle_deg)
+    yield from plausibility.outputs("V_mean", output_v)
+    for scale in scales_v_per_g:
+        yield from plausibility.scale("G", scale, plausibility.SCALES_V_PER_G, "V/g")
+
+
+def tumble(
+    position_deg: Array, output_v: Array, measured_c: Array, set_c: Array, scales_v_per_g: Iterable[float]
+) -> Iterator[Doubt]:
+    """Of M4 static."""
+    if plausibility.on_grid(output_v) and not plausibility.on_grid(position_deg):
+        yield Doubt("columns_exchanged", "pos_deg and U_V: the voltages are angles of a head, the angles are not")
+    yield from plausibility.angles("pos_deg", position_deg)
+    yield from plausibility.outputs("U_V", output_v)
+    yield from plausibility.kelvin("T_meas_C", measured_c)
+    away_c = plausibility.beyond(measured_c - set_c, 50.0)
+    if away_c is not None:
+        yield Doubt("implausible_temperature", f"T_meas_C is up to {away_c:.4g} °C away from T_set_C")
+    scales = np.array(list(scales_v_per_g))
+    if len(scales):
+        yield from plausibility.scale("K1", float(np.median(scales)), plausibility.SCALES_V_PER_G, "V/g")
+
+
+def ramp(
+    legs: Iterable[tuple[Array, Array]], temperature_c: Array, output_g: Array, slope_g_per_c: float | None
+) -> Iterator[Doubt]:
+    """Of M4 dynamic; `legs` are times and temperatures in the order of time."""
+    yield from plausibility.kelvin("T_C", temperature_c)
+    rest_g = plausibility.beyond(output_g, plausibility.LARGEST_REST_G)
+    if rest_g is not None:
+        span_c = np.ptp(temperature_c[np.isfinite(temperature_c)])
+        exchanged = "; are T_C and U_V exchanged?" if span_c < 2 else "; see the units of U_V and of K1_V_per_g"
+        yield Doubt("implausible_scale", f"U_V over K1_V_per_g goes to {rest_g:.4g} g at rest{exchanged}")
+    elif slope_g_per_c is not None and abs(slope_g_per_c) > plausibility.LARGEST_SLOPE_G_PER_C:
+        yield Doubt(
+            "implausible_scale", f"the slope is {slope_g_per_c * 1e6:.4g} µg/°C: see the units of U_V and of K1_V_per_g"
+        )
+    for time_s, leg_c in legs:
+        yield from list(plausibility.ramp(time_s, leg_c))[:1]
+
+
+def tilts(samples: int, out_of_range: int) -> Iterator[Doubt]:
+    """Of M4 tilt: most samples cannot be tilts."""
+    if samples and out_of_range > samples / 2:
+        yield Doubt(
+            "implausible_scale",
+            f"{out_of_range} of {samples} samples are beyond ±90°: see the units of U_V and of the settings, and "
+            "whether T_C and U_V are exchanged",
+        )
+
+
+def unit(
+    dwell_s: Array,
+    command_dps: Array,
+    rate_dps: Array,
+    told_c: Mapping[str, Array],
+    scales: Sequence[tuple[str, float]],
+) -> Iterator[Doubt]:
+    """Of M2; thermometers by their columns, and the scale factors of all axes and set points by their keys."""
+    dwell = plausibility.beyond(dwell_s, LONGEST_DWELL_S)
+    if dwell is not None:
+        yield Doubt("implausible_time", f"dwell_s goes to {dwell:.4g} s; is it in milliseconds?")
+    for name, column_c in told_c.items():
+        yield from plausibility.kelvin(name, column_c)
+    moving = np.isfinite(command_dps) & np.isfinite(rate_dps) & (command_dps != 0)
+    if moving.any():
+        ratio = float(np.median(rate_dps[moving] / command_dps[moving]))
+        if not 0.5 <= abs(ratio) <= 2:
+            yield Doubt(
+                "implausible_angle", f"rate_true_dps is {ratio:.4g} times rate_cmd_dps{plausibility.slip(ratio)}"
+            )
+        yield from plausibility.radians("rate_cmd_dps", command_dps[moving])
+    for key, bounds, unit_of in (
+        ("K1_pps_per_g", SCALES_PPS_PER_G, "pulse/s/g"), ("KG_p_per_deg", SCALES_PULSE_PER_DEG, "pulse/°"),
+    ):  # fmt: skip
+        values = np.array([abs(value) for name, value in scales if name == key and value])
+        if not len(values):
+            continue
+        yield from plausibility.scale(key, float(np.median(values)), bounds, unit_of)
+        if np.max(values) > MOST_UNLIKE * np.min(values):
+            seen = f"{key} goes from {np.min(values):.4g} to {np.max(values):.4g} {unit_of} in one unit"
+            yield Doubt("implausible_scale", f"{seen}; are columns of counts exchanged?")
+
+
+def levels(levels_g: Iterable[tuple[str, float]]) -> Iterator[Doubt]:
+    """Of M0: gravity runs beyond gravity."""
+    for name, level_g in levels_g:
+        if abs(level_g) > LEVELS_G:
+            tail = plausibility.slip(level_g)
+            yield Doubt("implausible_scale", f"{name}: {level_g:.4g} g, where gravity gives 1 g at most{tail}")
+
+
+def thermostats(name: str, converter_c: Array, accelerometer_c: Array, held_c: float | None) -> Iterator[Doubt]:
+    """Of M0: the converter's temperature is held where the accelerometer's should be, which goes."""
+    yield from plausibility.kelvin("T_conv_C", converter_c)
+    known = np.isfinite(converter_c) & np.isfinite(accelerometer_c)
+    if held_c is None or not known.any():
+        return
+    held = abs(float(np.median(converter_c[known])) - held_c) < 1 and np.ptp(converter_c[known]) < 2
+    if held and np.ptp(accelerometer_c[known]) > 5:
+        yield Doubt(
+            "columns_exchanged", f"{name}: T_conv_C is held at {held_c:g} °C while T_acc_C goes: they seem exchanged"
+        )

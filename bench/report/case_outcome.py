@@ -1,0 +1,38 @@
+"""What a reduced case amounts to: whether it was judged, and whether all that it asks for was found."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any, Literal
+
+Outcome = Literal["REDUCED", "PASS", "FAIL", "INCOMPLETE"]
+
+PARTS = ("runs", "table", "points", "dvx_mps")  # of one method each; without any nothing was found
+LACKING = re.compile(
+    r"(^|[: ])invalid$|insufficient_temperature_span$|too_few_|_missing$|:missing_|:attitude_inconsistent:"
+    r"| incomplete: |^radius_not_determined$|^implausible_|^columns_exchanged$"
+)
+"""Flags of a part that could not be used, or of a result that is not to be relied on."""
+
+
+def outcome(result: Mapping[str, Any]) -> Outcome:
+    """PASS or FAIL where the case has limits, REDUCED where it has none; INCOMPLETE where something is not known.
+
+    What fails has failed even where something else is not known, unless the whole is doubtful.
+    """
+    judged = {"pass": True, "fail": False}.get(result["verdict"]) if "verdict" in result else result.get("passed")
+    if judged is False:
+        return "FAIL"
+    is_judged = "verdict" in result or "passed" in result
+    if lacking(result) or (is_judged and judged is None):
+        return "INCOMPLETE"
+    return "PASS" if judged else "REDUCED"
+
+
+def lacking(result: Mapping[str, Any]) -> list[str]:
+    """The flags of what could not be found; "nothing" where there is no part at all, or none that is known."""
+    found = [flag for flag in result["flags"] if LACKING.search(flag)]
+    parts = [result[name] for name in PARTS if name in result]
+    nothing = any(not part or all(each is None for each in part) for part in parts)
+    return [*found, "nothing"] if nothing else found

@@ -1,0 +1,121 @@
+"""Output that may be lost: a terminal that is closed, hangs, or is held back by Ctrl-S keeps nobody from his work.
+
+What is written to the standard error goes through a thread, so that a run never waits for who reads it. An error of
+either stream ends its output, and nothing else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import sys
+import threading
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TextIO
+
+KEPT_CHARACTERS = 1_000_000  # that wait for a terminal; older ones are dropped
+AT_THE_END_S = 2.0  # for what is still to be shown when the run is over
+
+
+class Lasting(io.TextIOBase):
+    """Passes text on to a stream; one that fails takes nothing more, and raises nothing."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self.is_gone = False
+
+    def write(self, text: str, /) -> int:
+        """Pass text on."""
+        if not self.is_gone:
+            try:
+                self._stream.write(text)
+                self._stream.flush()
+            except (OSError, ValueError):  # gone, or closed
+                self.is_gone = True
+        return len(text)
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def isatty(self) -> bool:
+        """Whether it is a terminal."""
+        with contextlib.suppress(OSError, ValueError):
+            return not self.is_gone and self._stream.isatty()
+        return False
+
+    def fileno(self) -> int:
+        """The descriptor of the stream."""
+        return self._stream.fileno()
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]  # a plain attribute of io.TextIOBase
+        """The encoding of the stream."""
+        return self._stream.encoding
+
+
+class Unhurried(Lasting):
+    """The same through a thread: nobody waits for a stream that is held back."""
+
+    def __init__(self, stream: TextIO) -> None:
+        super().__init__(stream)
+        self._descriptor = stream.fileno()
+        self._texts: deque[str] = deque()
+        self._waiting = 0
+        self._changed = threading.Condition()
+        threading.Thread(target=self._write_for_ever, name="output", daemon=True).start()
+
+    def write(self, text: str, /) -> int:
+        """Have text passed on."""
+        with self._changed:
+            self._texts.append(text)
+            self._waiting += len(text)
+            while self._waiting > KEPT_CHARACTERS and len(self._texts) > 1:
+                self._waiting -= len(self._texts.popleft())
+            self._changed.notify_all()
+        return len(text)
+
+    def finish(self) -> None:
+        """Returns when all is passed on, or the stream has not taken it for a while."""
+        with self._changed:
+            self._changed.wait_for(lambda: not self._waiting or self.is_gone, AT_THE_END_S)
+
+    def _write_for_ever(self) -> None:
+        """Past the buffer of the stream, whose lock would be held while the stream is."""
+        while not self.is_gone:
+            with self._changed:
+                self._changed.wait_for(lambda: self._texts)
+                texts, self._texts = "".join(self._texts), deque()
+            left = texts.encode(self.encoding, "replace")
+            try:
+                while left:
+                    left = left[os.write(self._descriptor, left) :]
+            except OSError:
+                self.is_gone = True
+            with self._changed:
+                self._waiting = sum(map(len, self._texts))
+                self._changed.notify_all()
+
+
+@contextmanager
+def lasting_output() -> Iterator[None]:
+    """While inside, the standard output and error may be lost; one that is stays so until the process ends."""
+    out, error = sys.stdout, sys.stderr
+    error.flush()
+    lasting = Lasting(out)
+    try:
+        unhurried: Lasting = Unhurried(error)
+    except (OSError, ValueError):  # it has no descriptor
+        unhurried = Lasting(error)
+    sys.stdout, sys.stderr = lasting, unhurried
+    try:
+        yield
+    finally:
+        if isinstance(unhurried, Unhurried):
+            unhurried.finish()
+        if not lasting.is_gone:
+            sys.stdout = out
+        if not unhurried.is_gone:
+            sys.stderr = error

@@ -1,0 +1,63 @@
+"""A command to a run that is under way, given by another process."""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from bench.clock import Stopwatch
+from bench.errors import InputError, StoreError
+from bench.runner.control import ALL, ANSWER_S, STOPPING, STOPS, socket_address
+from bench.runner.held import peer
+from bench.store.kept_json import TEXT, an_object, read_kept
+from bench.store.runs import RUNNER, summary
+
+ANSWER_LIMIT_BYTES = 2**20
+_NAMES = an_object({ALL: TEXT, STOPPING: TEXT}, (ALL, STOPPING))
+_BETWEEN_ATTEMPTS_S = 0.05
+_pause = threading.Event().wait
+
+
+def tell(run: Path, command: str, **arguments: str) -> str:
+    """Gives a command to a run that is under way; what it answers. Raises InputError when nobody does.
+
+    While too many others ask it tries again.
+    """
+    found, watch = summary(run), Stopwatch()
+    try:
+        runner = run / RUNNER
+        names, owner = read_kept(runner, _NAMES), runner.stat().st_uid
+        address = socket_address(names[STOPPING if command in STOPS else ALL])
+        answer = _asked(address, owner, {"command": command, **arguments})
+        while "again" in answer and watch.elapsed_s() < ANSWER_S:
+            _pause(_BETWEEN_ATTEMPTS_S)
+            answer = _asked(address, owner, {"command": command, **arguments})
+    except (OSError, ValueError, RecursionError, StoreError) as problem:
+        if found.state != "running":
+            raise InputError(f"{found.id}: this run is not under way, it is {found.state}") from None
+        raise InputError(f"{found.id}: the run does not answer ({problem}); Ctrl-C where it runs stops it") from None
+    if "refused" in answer:
+        raise InputError(f"{found.id}: {answer['refused']}")
+    return str(answer["done"])
+
+
+def _asked(address: str, owner: int, request: dict[str, str]) -> dict[str, Any]:
+    """The answer of whoever listens there, if it is a process of the owner of the run."""
+    with socket.socket(socket.AF_UNIX) as client:
+        client.settimeout(2 * ANSWER_S)
+        try:
+            client.connect(address)
+        except BlockingIOError:  # as many wait there as can
+            return {"refused": "too many wait to ask this run", "again": True}
+        if peer(client)[1] != owner:
+            raise ConnectionRefusedError("another user's program listens in its place")
+        with suppress(BrokenPipeError):  # refused before it asked: why is there to be read
+            client.sendall(json.dumps(request).encode() + b"\n")
+        answer = json.loads(client.makefile("rb").readline(ANSWER_LIMIT_BYTES))
+        if not isinstance(answer, dict) or not answer.keys() & {"done", "refused"}:
+            raise ValueError("its answer is none")
+        return answer

@@ -1,0 +1,37 @@
+"""What a sequence measures and nobody judges: its run ends NOT JUDGED, or with data that no result is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from bench.sequence.custom import Custom
+from bench.sequence.measuring import Acquire, Measure
+from bench.sequence.plan import Plan
+from bench.sequence.remarks import Remark
+
+
+def not_judged(plan: Plan) -> Iterator[Remark]:
+    """Warnings for a sequence without any limit, and for labels that no method reduces."""
+    results, steps = plan.sequence.results, [planned.step for planned in plan]
+    measured = any(isinstance(step, Measure) and step.limits is not None for step in steps)
+    if not measured and not any(entry.limits for entry in results) and not any(isinstance(s, Custom) for s in steps):
+        yield Remark(
+            "warning",
+            "nothing-judged",
+            ("results",) if results else (),
+            "nothing in this sequence has a limit: a run of it ends NOT JUDGED, with exit code 5",
+            "Give results or measure steps limits where it is to say PASS or FAIL",
+        )
+    reduced = {label for entry in results for label in entry.labels}
+    told: set[str] = set()
+    for planned in plan:
+        step = planned.step
+        if isinstance(step, Acquire) and step.label not in reduced | told:
+            told.add(step.label)
+            yield Remark(
+                "warning",
+                "label-not-reduced",
+                planned.place,
+                f"no method reduces what is acquired under the label '{step.label}': it is recorded, and in no result",
+                f"Add a result with data: {step.label}, or correct the label",
+            )

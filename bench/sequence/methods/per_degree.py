@@ -1,0 +1,30 @@
+"""What a constant may change by with 1 °C, for results that name a temperature where the run tells no slope."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.fields import InUnit, StrictModel
+
+
+class ScalePerDegree(StrictModel):
+    """Of a scale factor."""
+
+    scale_per_c_u: Annotated[float, InUnit("1/°C", at_least=0)] = Field(
+        6e-5,
+        alias="scale_per_degree_u",
+        description="standard uncertainty of what a scale factor changes by with 1 °C, relative, where the run does "
+        "not tell it; nothing is corrected for that",
+    )
+
+
+class BiasPerDegree(StrictModel):
+    """Of the bias of an accelerometer."""
+
+    bias_per_c_u: Annotated[float, InUnit("g/°C", at_least=0)] = Field(
+        2e-5,
+        alias="bias_per_degree_u",
+        description="the same of the bias",
+    )

@@ -1,0 +1,109 @@
+"""JSON files that a run keeps, read as strictly as they were written: their size, their values, their form."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from bench.errors import StoreError
+from drivers.bounded import read_bounded
+
+LIMIT_BYTES = 64 * 2**20
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")  # half of a character, which this program never writes
+
+Form = Callable[[object], str]
+"""What is wrong with a value, empty when nothing is; the place in it comes first."""
+
+
+def read_kept(path: Path, form: Form, limit_bytes: int = LIMIT_BYTES) -> Any:
+    """The content of a JSON file that has the form; StoreError names what it has not."""
+    try:
+        text = read_bounded(path, limit_bytes).decode("utf-8")
+        if _SURROGATE.search(text):
+            raise ValueError("half a character")
+        content = json.loads(text, parse_constant=_refused, parse_float=_finite)
+    except (ValueError, RecursionError) as problem:
+        raise StoreError(f"{path}: cannot be read ({problem})") from problem
+    if wrong := form(content):
+        raise StoreError(f"{path}: {wrong}")
+    return content
+
+
+def a(kind: type | tuple[type, ...], in_words: str) -> Form:
+    """A value of a type; true and false are no numbers."""
+
+    def form(value: object) -> str:
+        fits = isinstance(value, kind) and (not isinstance(value, bool) or kind is bool)
+        return "" if fits else f" is not {in_words}"
+
+    return form
+
+
+def one_of(*known: str) -> Form:
+    """One of some words."""
+    return lambda value: "" if value in known and isinstance(value, str) else f" is not {' or '.join(known)}"
+
+
+def or_none(form: Form) -> Form:
+    """A value, or null."""
+    return lambda value: "" if value is None else form(value)
+
+
+def every(form: Form) -> Form:
+    """A list of such values."""
+
+    def of_list(value: object) -> str:
+        if not isinstance(value, Sequence) or isinstance(value, str):
+            return " is not a list"
+        return next((f".{index}{wrong}" for index, each in enumerate(value) if (wrong := form(each))), "")
+
+    return of_list
+
+
+def pair(form: Form) -> Form:
+    """Two such values."""
+    return lambda value: every(form)(value) or ("" if isinstance(value, list) and len(value) == 2 else " is not a pair")
+
+
+def named(form: Form) -> Form:
+    """An object with any names and such values."""
+
+    def of_names(value: object) -> str:
+        if not isinstance(value, Mapping):
+            return " is not an object"
+        return next((f".{name}{wrong}" for name, each in value.items() if (wrong := form(each))), "")
+
+    return of_names
+
+
+def an_object(forms: Mapping[str, Form], required: Sequence[str] = ()) -> Form:
+    """An object whose values have forms by their names; what else it has is passed over."""
+
+    def of_object(value: object) -> str:
+        if not isinstance(value, Mapping):
+            return " is not an object"
+        if missing := [name for name in required if name not in value]:
+            return f" has no '{missing[0]}'"
+        return next(
+            (f".{name}{wrong}" for name, form in forms.items() if name in value and (wrong := form(value[name]))), ""
+        )
+
+    return of_object
+
+
+TEXT, WHOLE, NUMBER = a(str, "text"), a(int, "a whole number"), a((int, float), "a number")
+TRUTH = a(bool, "true or false")
+
+
+def _refused(word: str) -> float:
+    raise ValueError(f"{word} is no number")
+
+
+def _finite(text: str) -> float:
+    if not math.isfinite(value := float(text)):
+        raise ValueError(f"{text} is no number")
+    return value

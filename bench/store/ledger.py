@@ -1,0 +1,76 @@
+"""The ledger: heads of the chains of this user's runs, outside their directories.
+
+One line of JSON for each head that was noted, durable, never rewritten. It proves what a run held at that time against
+accidents and clumsy hands; against whoever owns this computer only a copy of a head elsewhere does.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+
+from bench.clock import wall_utc
+from bench.store.chain import Link
+from bench.store.kept_json import TEXT, WHOLE, an_object
+from bench.store.user_state import state_folder
+
+LEDGER = "ledger.jsonl"
+
+
+_FORM = an_object({
+    "run": TEXT, "beginning": TEXT, "number": WHOLE, "rows": WHOLE, "head": TEXT, "utc": TEXT, "seal": TEXT,
+})  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Noted:
+    """A line of the ledger: a run, the head of link 0 of its chain, a link, and the SHA-256 of its seal if it has one.
+
+    Heads are hexadecimal.
+    """
+
+    run: str
+    beginning: str
+    number: int
+    rows: int
+    head: str
+    utc: str
+    seal: str = ""
+
+
+def note(run: str, beginning: bytes, link: Link, seal: str = "") -> None:
+    """Note a head, durably; raises OSError."""
+    utc = wall_utc().isoformat(timespec="seconds")
+    line = Noted(run, beginning.hex(), link.number, link.total, link.head.hex(), utc, seal)
+    text = json.dumps(asdict(line), ensure_ascii=False)
+    ledger = os.open(state_folder() / LEDGER, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
+    try:
+        size = os.fstat(ledger).st_size
+        torn = size > 0 and os.pread(ledger, 1, size - 1) != b"\n"  # by a power cut
+        data = f"{os.linesep * torn}{text}\n".encode()
+        if os.write(ledger, data) != len(data):
+            raise OSError("the disk is full")
+        os.fsync(ledger)
+    finally:
+        os.close(ledger)
+
+
+def noted(run: str) -> Iterator[Noted]:
+    """What the ledger has of a run, oldest first; lines that cannot be read are passed over. Raises OSError."""
+    path = state_folder() / LEDGER
+    if not path.exists():
+        return
+    with path.open(encoding="utf-8", errors="replace") as lines:
+        for line in lines:
+            if run in line and (found := _read(line)) is not None and found.run == run:
+                yield found
+
+
+def _read(line: str) -> Noted | None:
+    try:
+        found = Noted(**json.loads(line))
+    except (ValueError, TypeError, RecursionError):
+        return None
+    return found if _FORM(asdict(found)) == "" else None

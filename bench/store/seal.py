@@ -1,0 +1,86 @@
+"""The seal of a run that is over: the head of its chain, and the hash of every file that was there then.
+
+Reports are made of what is sealed, may be written again, and are not under the seal. `seal.json` is written before the
+last manifest, whose hash it holds: after a power cut between them the run is an interrupted one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bench.errors import StoreError
+from bench.files import DRAFT
+from bench.store.chain import Link, beginning
+from bench.store.kept_json import read_kept
+from bench.store.ledger import note
+from bench.store.manifest_form import SEAL_FORM, SEAL_SCHEMA
+from bench.store.runs import LOCK, MANIFEST, RESERVE, RUNNER, SEAL, RunDirectory, json_text
+
+DERIVED = ("report.", "report_revisions.json")  # beginnings of the names of files that may be written again
+_PASSING = (LOCK, RESERVE, RUNNER, "run.db-wal", "run.db-shm", SEAL)
+
+
+@dataclass(frozen=True)
+class Seal:
+    """What a seal says: commits and rows of the run, head of its chain, digest of its data, hashes of its files."""
+
+    commits: int
+    rows: int
+    head: str
+    digest: str
+    files: Mapping[str, str]
+
+
+def close_record(directory: RunDirectory, manifest: Mapping[str, Any], end: Link, digest: str) -> None:
+    """Seal a run with the manifest that it ends with, write that, and note the seal in the ledger.
+
+    Raises StoreError, and OSError when all is done but for the ledger.
+    """
+    folder = directory.path
+    begun = beginning(folder / MANIFEST)
+    try:
+        files = {name: file_hash(folder / name) for name in sealable(folder) if name != MANIFEST}
+    except OSError as problem:
+        raise StoreError(f"{folder}: cannot be sealed ({problem})") from problem
+    files[MANIFEST] = _named(hashlib.sha256(json_text(manifest).encode()))
+    content = {
+        "schema": SEAL_SCHEMA,
+        "run": folder.name,
+        "commits": end.number,
+        "rows": end.total,
+        "head": end.head.hex(),
+        "digest": digest,
+        "files": files,
+    }
+    directory.write_json(SEAL, content)
+    directory.write_json(MANIFEST, manifest)
+    note(folder.name, begun, end, hashlib.sha256(json_text(content).encode()).hexdigest())
+
+
+def read_seal(folder: Path) -> Seal:
+    """The seal of a run; StoreError where it cannot be read."""
+    content = read_kept(folder / SEAL, SEAL_FORM)
+    return Seal(content["commits"], content["rows"], content["head"], content["digest"], content["files"])
+
+
+def sealable(folder: Path) -> Iterator[str]:
+    """The names of the files of a run that a seal is of, and others that lie there; in order."""
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        passing = name in _PASSING or name.startswith(DERIVED) or name.endswith(DRAFT)
+        if not passing and path.is_file():
+            yield name
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file, with its name for the method; raises OSError."""
+    with path.open("rb") as file:
+        return _named(hashlib.file_digest(file, "sha256"))
+
+
+def _named(found: Any) -> str:
+    return f"sha256:{found.hexdigest()}"

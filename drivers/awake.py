@@ -1,0 +1,77 @@
+"""Limits on the time in which this program ran: what happened while it stood still is nobody's silence.
+
+A computer that swaps, a machine that is suspended and a process that is stopped let time pass in which nothing is
+heard, and answers lie in the buffers meanwhile. A loop that knows of such times tells them (`stalled_since`); of one
+that does not, all time counts. A thread that waits does it in slices.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+
+ROUNDING_S = 1e-9  # of times of a loop, which are sums
+SLICE_S = 0.25
+
+
+def came_true(wait: Callable[[float], bool], limit_s: float) -> bool:
+    """Whether `wait`, which waits for at most as long as it is told, has come true within the limit; for threads.
+
+    Each slice counts as what was asked for, however long it took.
+    """
+    return any(wait(SLICE_S) for _ in range(math.ceil(limit_s / SLICE_S)))
+
+
+def stalled_s(since_s: float) -> float:
+    """For how long the running loop has stood still since an instant on its clock."""
+    stalled_since: Callable[[float], float] | None = getattr(asyncio.get_running_loop(), "stalled_since", None)
+    return stalled_since(since_s) if stalled_since is not None else 0.0
+
+
+def awake_s(since_s: float) -> float:
+    """For how long the running loop has run since an instant on its clock."""
+    return asyncio.get_running_loop().time() - since_s - stalled_s(since_s)
+
+
+class Deadline:
+    """A limit that begins now."""
+
+    def __init__(self, limit_s: float) -> None:
+        self._limit_s, self._since_s = limit_s, asyncio.get_running_loop().time()
+
+    @property
+    def passed(self) -> bool:
+        """Whether the loop has run for as long."""
+        return self.left_s <= ROUNDING_S
+
+    @property
+    def left_s(self) -> float:
+        """For how long it may still run."""
+        return self._limit_s - awake_s(self._since_s)
+
+
+@asynccontextmanager
+async def patience(limit_s: float) -> AsyncIterator[asyncio.Timeout]:
+    """As asyncio.timeout; what has arrived by the end of the time is taken in before it ends."""
+    loop, deadline = asyncio.get_running_loop(), Deadline(limit_s)
+    timer: asyncio.Handle
+
+    def look() -> None:
+        """The time is over: what has arrived has the next turn of the loop, which also tells whether it stood still."""
+        nonlocal timer
+        timer = loop.call_later(deadline.left_s, look) if not deadline.passed else loop.call_soon(end)
+
+    def end() -> None:
+        if deadline.passed:
+            limit.reschedule(loop.time())
+        else:
+            look()
+
+    async with asyncio.timeout(None) as limit:
+        timer = loop.call_later(limit_s, look)
+        try:
+            yield limit
+        finally:
+            timer.cancel()

@@ -1,0 +1,76 @@
+"""Hysteresis of an accelerometer in its input: a bias that depends on how it came to the specific force it senses.
+
+h = amplitude · Σ(A - y) / Σ r over the thresholds r, with the play operator y ← max(A - r, min(A + r, y)), y = A at the
+start (Prandtl-Ishlinskii). It depends on the turning points of A and not on the rate: after excursions of many
+thresholds it is +amplitude on the way up and -amplitude on the way down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Play:
+    """Play operators on one quantity, and what their sum gives."""
+
+    def __init__(self, amplitude: float, thresholds: Sequence[float]) -> None:
+        self._thresholds = np.array(thresholds, np.float64)
+        self._gain = amplitude / float(self._thresholds.sum()) if len(thresholds) else 0.0
+        self._play: Array | None = None
+
+    def follow(self, values: Array) -> Array:
+        """What it gives after each of the values (n,), which come one after the other."""
+        lags = np.empty(len(values))
+        play = np.full(len(self._thresholds), values[0]) if self._play is None else self._play
+        for number, value in enumerate(values.tolist()):
+            play = np.clip(play, value - self._thresholds, value + self._thresholds)
+            lags[number] = np.sum(value - play)
+        self._play = play
+        return self._gain * lags
+
+
+class InputHysteresis:
+    """The bias (g) that a unit has by the history of its input; times are true seconds.
+
+    `sensed_g` gives the specific force along the input axis at times (n,); `moves_until_s` the time, not after the
+    second argument, at which what moves at the first comes to rest. The force is looked at every `look_s` on the way.
+    """
+
+    def __init__(
+        self, play: Play, sensed_g: Callable[[Array], Array], moves_until_s: Callable[[float, float], float],
+        look_s: float,
+    ) -> None:  # fmt: skip
+        self._play, self._sensed_g, self._moves_until_s, self._look_s = play, sensed_g, moves_until_s, look_s
+        self._times_s: list[Array] = [np.zeros(1)]
+        self._bias_g: list[Array] = [np.zeros(1)]
+        self._last_change = 0  # the number of the first block after it
+        self._still = False  # whether the last block is of one force
+
+    def follow(self, now_s: float) -> None:
+        """Follows the input up to now; nothing has changed that since the last time."""
+        last_s = float(self._times_s[-1][-1])
+        rest_s = self._moves_until_s(last_s, now_s)
+        looks = int(np.ceil((rest_s - last_s) / self._look_s))
+        if self._still and looks == 0:
+            self._times_s[-1][-1] = now_s
+            return
+        self._still = looks == 0
+        times_s = np.concatenate([last_s + (rest_s - last_s) * np.arange(looks + 1) / max(looks, 1), [now_s]])
+        moving, still = self._sensed_g(times_s[:-1]), self._sensed_g(times_s[-1:])
+        self._times_s.append(times_s)
+        self._bias_g.append(self._play.follow(np.concatenate([moving, still])))
+
+    def before_change(self, now_s: float) -> None:
+        """Follows the input up to now, after which it goes on otherwise; nobody asks for what was before the last."""
+        self.follow(now_s)
+        self._times_s, self._bias_g = self._times_s[self._last_change :], self._bias_g[self._last_change :]
+        self._last_change, self._still = len(self._times_s), False
+
+    def bias_g(self, at_s: Array) -> Array:
+        """What it adds to the bias at times (n,), none of them before the change before the last."""
+        return np.interp(at_s, np.concatenate(self._times_s), np.concatenate(self._bias_g))

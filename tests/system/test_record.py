@@ -1,0 +1,116 @@
+"""What is on the disk of a run, and when."""
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from bench.app.execute import execute
+from bench.app.request import RunRequest, prepare
+from bench.report.verify import examined
+from bench.runner.quiet import Quiet
+from bench.store.reader import RunReader
+from bench.store.user_state import state_folder
+from bench.store.writer import RunWriter
+from tests.support.runs import ROOT, run_short
+
+INPUTS = {"manifest.json", "sequence.yaml", "bench.yaml", "if_counter.dbc"}
+
+
+@pytest.fixture
+def synced(monkeypatch):
+    """Inodes that were synchronised, each with the names that a folder had then."""
+    found: dict[int, set[str]] = {}
+    really = os.fsync
+
+    def fsync(handle: int) -> None:
+        place = Path(os.readlink(f"/proc/self/fd/{handle}"))
+        found[os.fstat(handle).st_ino] = set(os.listdir(place)) if place.is_dir() else set()
+        really(handle)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    return found
+
+
+def test_inputs_and_every_folder_that_leads_to_them_are_durable_before_the_first_entry(tmp_path, synced, monkeypatch):
+    before: dict[int, set[str]] = {}
+    really = RunWriter.event
+
+    def first(self, kind, step="", **data):
+        if not before:
+            before.update(synced)
+        really(self, kind, step, **data)
+
+    monkeypatch.setattr(RunWriter, "event", first)
+    result = run_short(tmp_path / "new" / "runs", sequence="smoke", bench=ROOT / "config" / "simulated.yaml")
+    opening = before[result.path.stat().st_ino]
+    assert opening >= INPUTS
+    for path in (result.path / name for name in INPUTS - {"manifest.json"}):
+        assert path.stat().st_ino in before, path.name
+        assert path.stat().st_size
+    assert result.path.name in before[result.path.parent.stat().st_ino]
+    assert "runs" in before[(tmp_path / "new").stat().st_ino]
+    assert "new" in before[tmp_path.stat().st_ino]
+
+
+class Meddler(Quiet):
+    """Does something to the directory of a run when its fifth step begins."""
+
+    def __init__(self, meddle):
+        super().__init__()
+        self._meddle, self._folder = meddle, None
+
+    def run_begins(self, path, expected, clock):
+        self._folder = path
+        super().run_begins(path, expected, clock)
+
+    def step_begins(self, planned, index):
+        if index == 4:
+            self._meddle(self._folder)
+        super().step_begins(planned, index)
+
+
+def meddled(runs, meddle):
+    return execute(prepare(RunRequest("smoke", runs=runs, operator="A. Technician")), Meddler(meddle))
+
+
+def is_kept(result, folder):
+    """A run that ended there, with its journal up to its teardown, its inputs, a seal and a report."""
+    assert (result.path, result.outcome.how, result.outcome.unsafe) == (folder, "error", {})
+    record = examined(folder)
+    assert (record.kind, record.damage) == ("sealed", ())
+    with RunReader(folder) as reader:
+        begun = [event.step for event in reader.events("step_begins")]
+    assert len(begun) >= 5
+    assert {path.name for path in folder.iterdir()} >= INPUTS | {"run.db", "seal.json", "report.html"}
+
+
+def test_a_run_follows_its_directory_when_that_is_moved_and_ends(tmp_path):
+    result = meddled(tmp_path / "runs", lambda folder: folder.parent.rename(tmp_path / "archive"))
+    is_kept(result, tmp_path / "archive" / result.path.name)
+    assert f"was moved to {result.path}" in result.problems[0]
+
+
+def test_what_was_recorded_is_rescued_when_the_directory_is_removed(tmp_path):
+    result = meddled(tmp_path / "runs", lambda folder: shutil.rmtree(folder.parent))
+    is_kept(result, state_folder() / "rescued" / result.path.name)
+    assert "was removed while the run went on" in result.problems[0]
+    assert f"kept in {result.path}" in result.problems[0]
+
+
+def test_another_file_in_the_place_of_the_database_is_not_taken_for_it(tmp_path):
+    def replace(folder):
+        (folder / "run.db").unlink()
+        (folder / "run.db").write_bytes(b"")
+
+    result = meddled(tmp_path / "runs", replace)
+    is_kept(result, state_folder() / "rescued" / result.path.name)
+
+
+def test_where_nothing_can_be_kept_the_run_ends_in_words(tmp_path, monkeypatch):
+    (tmp_path / "state").write_text("no folder")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    result = meddled(tmp_path / "runs", lambda folder: shutil.rmtree(folder.parent))
+    assert (result.outcome.how, result.outcome.unsafe) == ("error", {})
+    assert "was removed while the run went on; nothing of it could be kept" in result.problems[0]

@@ -1,0 +1,1 @@
+"""Hostile trials: what the records, the safe state and the numbers withstand, counted."""

@@ -1,0 +1,193 @@
+"""Slips of people who record data elsewhere: other units, exchanged columns, what is no number. All are seen."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bench.errors import InputError
+from bench.report.case import reduce_case
+from bench.report.case_outcome import outcome
+from tests.support.any_case import KINDS, GoodCase, good_case
+from tests.trials.rows import Row
+
+G = 9.80665
+REFUSED = "refused"
+
+
+class Slip(NamedTuple):
+    """What somebody does to a good case, and the flag that says so; `REFUSED` for an error of the input."""
+
+    method: str
+    sub: str
+    name: str
+    spoil: Callable[[GoodCase], Any]
+    seen: str
+
+
+def times(column: str, factor: float) -> Callable[[GoodCase], None]:
+    """A column in another unit."""
+
+    def spoil(case: GoodCase) -> None:
+        case[column] = lambda values: values * factor
+
+    return spoil
+
+
+def plus(column: str, offset: float) -> Callable[[GoodCase], None]:
+    """A column on another scale."""
+
+    def spoil(case: GoodCase) -> None:
+        case[column] = lambda values: values + offset
+
+    return spoil
+
+
+def exchanged(one: str, other: str) -> Callable[[GoodCase], None]:
+    """Two columns under each other's names."""
+    return lambda case: case.exchange(one, other)
+
+
+def setting(key: str, factor: float) -> Callable[[GoodCase], None]:
+    """A setting in another unit."""
+
+    def spoil(case: GoodCase) -> None:
+        case.settings[key] *= factor
+
+    return spoil
+
+
+def _gravity_in_mps2(case: GoodCase) -> None:
+    case.settings["runs"]["up_1g"]["a_g"] = G
+
+
+RAD = np.pi / 180
+SLIPS = (
+    Slip("M0", "", "T_conv in kelvin", plus("T_conv_C", 273.15), "implausible_temperature"),
+    Slip("M0", "", "T_conv and T_acc exchanged", exchanged("T_conv_C", "T_acc_C"), "columns_exchanged"),
+    Slip("M0", "", "level in m/s²", _gravity_in_mps2, "implausible_scale"),
+    Slip("M0", "", "time in ms", times("t_s", 1000), "up_1g:invalid"),
+    Slip("M0", "", "time in minutes", times("t_s", 1 / 60), "src_12g:invalid"),
+    Slip("M0", "", "counts in thousands", times("cum_pos", 1e-3), "up_1g:invalid"),
+    Slip("M1", "", "angles in radians", times("theta_deg", RAD), "implausible_angle"),
+    Slip("M1", "", "angles in minutes of arc", times("theta_deg", 60), "implausible_angle"),
+    Slip("M1", "", "angle and output exchanged", exchanged("theta_deg", "V_mean"), "columns_exchanged"),
+    Slip("M1", "", "output in mV", times("V_mean", 1e3), "implausible_scale"),
+    Slip("M1", "", "output in µV", times("V_mean", 1e6), "implausible_output"),
+    Slip("M2", "", "rates in rad/s against °/s", times("rate_true_dps", RAD), "implausible_angle"),
+    Slip("M2", "", "dwell in ms", times("dwell_s", 1000), "implausible_time"),
+    Slip("M2", "", "thermometers in kelvin", plus("Tax", 273.15), "implausible_temperature"),
+    Slip("M2", "", "counts of both kinds exchanged", exchanged("Nx", "Wx"), "implausible_scale"),
+    Slip("M3", "gyro_range", "encoder in radians", times("enc_deg", RAD), "implausible_angle"),
+    Slip("M3", "gyro_range", "encoder in turns", times("enc_deg", 1 / 360), "implausible_angle"),
+    Slip("M3", "gyro_range", "output in rad/s", times("out_dps", RAD), "implausible_scale"),
+    Slip("M3", "gyro_range", "output in °/h", times("out_dps", 3600), "implausible_scale"),
+    Slip("M3", "gyro_range", "time in ms", times("t_s", 1000), "implausible_time"),
+    Slip("M3", "gyro_range", "encoder and output exchanged", exchanged("enc_deg", "out_dps"), "columns_exchanged"),
+    Slip("M3", "acc_range", "encoder in radians", times("enc_deg", RAD), "implausible_scale"),
+    Slip("M3", "acc_range", "output in m/s²", times("acc_g", G), "implausible_scale"),
+    Slip("M3", "acc_range", "output in mg", times("acc_g", 1000), "implausible_scale"),
+    Slip("M3", "acc_range", "time in ms", times("t_s", 1000), "implausible_scale"),
+    Slip("M3", "acc_range", "encoder and output exchanged", exchanged("enc_deg", "acc_g"), "implausible_scale"),
+    Slip("M3", "gyro_freq", "encoder in radians", times("enc_deg", RAD), "implausible_scale"),
+    Slip("M3", "gyro_freq", "output in rad/s", times("gyro_dps", RAD), "implausible_scale"),
+    Slip("M3", "gyro_freq", "time in ms", times("t_s", 1000), "implausible_time"),
+    Slip("M3", "gyro_freq", "frequency in rad/s", times("f_Hz", 2 * np.pi), "implausible_time"),
+    Slip("M3", "gyro_freq", "encoder and output exchanged", exchanged("enc_deg", "gyro_dps"), "columns_exchanged"),
+    Slip("M3", "acc_freq", "increments in degrees", times("dtheta_rad", 1 / RAD), "invalid"),
+    Slip("M3", "acc_freq", "time in ms", times("t_s", 1000), "implausible_time"),
+    Slip("M3", "acc_freq", "interval in ms", setting("Ts_s", 1000), "implausible_time"),
+    Slip("M3", "acc_freq", "output in µg", times("acc_g", 1e6), "implausible_scale"),
+    Slip("M3", "two_sample", "increments in seconds of arc", times("dtheta1_rad", 206265), "implausible_angle"),
+    Slip("M4", "static", "positions in radians", times("pos_deg", RAD), "implausible_angle"),
+    Slip("M4", "static", "output in mV", times("U_V", 1e3), "implausible_output"),
+    Slip("M4", "static", "thermometer in kelvin", plus("T_meas_C", 273.15), "implausible_temperature"),
+    Slip("M4", "static", "position and output exchanged", exchanged("pos_deg", "U_V"), "columns_exchanged"),
+    Slip("M4", "static", "thermometer and output exchanged", exchanged("T_meas_C", "U_V"), "implausible_temperature"),
+    Slip("M4", "dynamic", "output in mV", times("U_V", 1e3), "implausible_scale"),
+    Slip("M4", "dynamic", "scale factor in mV/g", setting("K1_V_per_g", 1e-3), "implausible_scale"),
+    Slip("M4", "dynamic", "thermometer in kelvin", plus("T_C", 273.15), "implausible_temperature"),
+    Slip("M4", "dynamic", "time in ms", times("t_s", 1000), "implausible_time"),
+    Slip("M4", "dynamic", "time in hours", times("t_s", 1 / 3600), "implausible_time"),
+    Slip("M4", "dynamic", "temperature and output exchanged", exchanged("T_C", "U_V"), "implausible_scale"),
+    Slip("M4", "tilt", "output in mV", times("U_V", 1e3), "implausible_scale"),
+    Slip("M4", "tilt", "thermometer in kelvin", plus("T_C", 273.15), "implausible_temperature"),
+    Slip("M4", "tilt", "temperature and output exchanged", exchanged("T_C", "U_V"), "implausible_scale"),
+)
+
+
+def missed(slip: Slip) -> str:
+    """How a slip goes unseen; empty where its flag is there and the case is neither PASS, FAIL nor complete."""
+    case = good_case(slip.method, slip.sub)
+    slip.spoil(case)
+    title = f"{slip.method} {slip.sub} {slip.name}".replace("  ", " ")
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            result = reduce_case(case.write(Path(folder)))
+        except InputError as problem:
+            return "" if slip.seen == REFUSED else f"{title}: {problem}"
+    found = outcome(result)
+    if found == "INCOMPLETE" and any(slip.seen in flag for flag in result["flags"]):
+        return ""
+    return f"{title}: {found} {result['flags']}"
+
+
+def no_cell_is_trusted(rng: np.random.Generator, method: str, sub: str) -> str:
+    """What a case with a hostile cell anywhere raises beside InputError; empty where it raises nothing else."""
+    case = good_case(method, sub)
+    record = case.records[rng.choice(list(case.records))]
+    column, text = rng.choice(list(record)), str(rng.choice(HOSTILE))
+    for row in rng.integers(len(record[column]), size=rng.integers(1, 40)):
+        record[column][row] = text
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            reduce_case(case.write(Path(folder), as_text=ENCODINGS[int(rng.integers(len(ENCODINGS)))]))
+        except InputError:
+            return ""
+        except Exception as problem:  # noqa: BLE001 - whatever it is: that is the finding
+            return f"{method} {sub}: {column} = {text!r}: {problem!r}"
+    return ""
+
+
+HOSTILE = (
+    "nan",
+    "inf",
+    "-inf",
+    "",
+    " ",
+    "1e308",
+    "-1e308",
+    "1e-320",
+    "-0",
+    "0",
+    "1e16",
+    "0x10",
+    "1,5",
+    "x" * 200,
+    "１",
+    "\x00",
+)
+ENCODINGS: tuple[Callable[[str], bytes], ...] = (
+    str.encode,
+    lambda text: b"\xef\xbb\xbf" + text.encode(),
+    lambda text: text.replace("\n", "\r\n").encode(),
+    lambda text: text.replace("\n", "\n\n").encode(),
+    lambda text: text.replace(",", ";").encode(),
+    lambda text: text.encode("utf-16"),
+)
+
+
+def trials(scale: float) -> Iterator[Row]:
+    """All slips, and hostile cells in cases of every kind."""
+    slips = SLIPS[:: max(1, round(1 / scale))]
+    unseen = [found for found in map(missed, slips) if found]
+    yield Row("slips in units and columns of cases", len(slips), "; ".join(unseen) or "each is flagged", not unseen)
+    rng = np.random.default_rng(20_261_123)
+    rounds = max(1, round(60 * scale))
+    broken = [found for kind in KINDS for _ in range(rounds) if (found := no_cell_is_trusted(rng, *kind))]
+    result = "; ".join(broken[:3]) or "none raises anything but an input error"
+    yield Row("hostile cells in records of cases", rounds * len(KINDS), result, not broken)

@@ -1,0 +1,50 @@
+"""The reader of raw blocks, as it stands in its page."""
+
+import re
+import sqlite3
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+from bench.store.reader import RunReader
+from tests.support.how_to import FOLDER
+from tests.support.runs import run_short
+
+PROGRAM = re.compile(r"^```python\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return run_short(tmp_path_factory.mktemp("raw"), sequence="smoke").path
+
+
+@pytest.fixture(scope="module")
+def page():
+    (program,) = PROGRAM.findall((FOLDER / "read_raw_data.md").read_text("utf-8"))
+    assert program.count("\n") <= 35
+    found = {}
+    exec(compile(program, "read_raw_data.md", "exec"), found)
+    return found
+
+
+def test_it_reads_what_the_program_reads(run, page):
+    with RunReader(run) as reader:
+        blocks = [block for stream, _, block in reader.blocks() if stream == "counter"]
+        step = next(step for _, step, _ in reader.blocks())
+        of_step = reader.frames_of(step)["counter"]
+    found = page["read_frames"](run, "counter")
+    assert len(found) == sum(map(len, blocks)) > 500
+    for column, name in (("time_s", "at_s"), ("id", "ids"), ("length", "dlc"), ("data", "data")):
+        expected = np.concatenate([getattr(block, name) for block in blocks])
+        assert np.array_equal(found[column], expected), column
+    assert np.array_equal(page["read_frames"](run, "counter", step)["time_s"], of_step.at_s)
+    assert len(page["read_frames"](run, "nobody")) == 0
+
+
+def test_it_says_that_a_block_is_damaged(run, page):
+    with closing(sqlite3.connect(run / "run.db")) as database:
+        database.execute("UPDATE block SET crc = crc + 1 WHERE seq = 1")
+        database.commit()
+    with pytest.raises(ValueError, match="block 1 is damaged"):
+        page["read_frames"](run, "counter")
