@@ -43,6 +43,8 @@ coverage: $(VENV)/.dev
 # Results against the simulated truth on a perfect and on a full bench, then with errors planted. Forty seeds go at the
 # level of records where there is that way, so that a seed takes seconds; behind each is what it takes of one processor.
 # All of it is about an hour, or half of that with two processors. `python -m tests.truth... --seeds 4` tries a few.
+# Threads of OpenBLAS cost twice what they gain on matrices as small as these.
+truth: export OPENBLAS_NUM_THREADS = 1
 truth: $(VENV)/.dev
 	$(BIN)/python -m tests.truth --seeds 40                # static tumble, through all wires
 	$(BIN)/python -m tests.truth.indexing --seeds 40       # through all wires: 5 s a seed and bench, 7 min

@@ -14,7 +14,7 @@ import traceback
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from multiprocessing import Pool
 from pathlib import Path
 
@@ -212,12 +212,12 @@ def run(cell: Cell, seeds: Sequence[int], folder: Path, records: Path, processes
 def _run(cell: Cell, seeds: Sequence[int], folder: Path, processes: int) -> Iterator[Line]:
     work: Callable[[int], Line] = partial(_line, partial(_through_wires, cell, folder))
     if cell.level == RECORDS:
-        templates: list[Template] = []
-        first = _line(lambda seed: _noted(templates, cell.request(folder, seed)), 0)
-        if first.problem:
-            yield from (replace(first, seed=seed) for seed in seeds)
+        try:
+            template = _template(replace(cell, form="normal"), folder)
+        except Exception as problem:  # noqa: BLE001 - that a unit comes to no result is what the campaign has to tell
+            yield from (Line(seed, problem=_told(problem)) for seed in seeds)
             return
-        work = partial(_line, partial(_of_records, cell, folder, templates[0]))
+        work = partial(_line, partial(_of_records, cell, folder, template))
     if processes == 1:
         yield from map(work, seeds)
         return
@@ -225,9 +225,9 @@ def _run(cell: Cell, seeds: Sequence[int], folder: Path, processes: int) -> Iter
         yield from pool.imap(work, seeds)
 
 
-def _noted(templates: list[Template], request: RunRequest) -> Iterator[Comparison]:
-    templates.append(template_of(request))
-    return iter(())
+@lru_cache(maxsize=1)  # cells that differ in the form of the errors follow each other
+def _template(cell: Cell, folder: Path) -> Template:
+    return template_of(cell.request(folder, 0))
 
 
 def _line(found: Callable[[int], Iterable[Comparison]], seed: int) -> Line:

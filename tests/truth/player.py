@@ -30,7 +30,7 @@ from simulators.unit_file import stream
 from simulators.world import World
 from tests.truth.foreign import Drifts
 
-BLOCK_S = 2.0  # worked out together: much shorter than the wander of a bias takes
+BLOCK_S = 8.0  # computed at once; temperatures change evenly within it
 PAUSE_S = 60.0  # as long at most, while nothing is acquired
 LEAD_S = 0.5  # before an acquisition, latch by latch for units that follow a swing: many times what they remember
 TICK_S, BITS = 1e-6, 62
