@@ -20,11 +20,12 @@ from bench.report.missed import MissedIn, missed_in_run
 from bench.report.rundata import run_data
 from bench.sequence.load import load_sequence
 from bench.sequence.methods import CountsAt, known_methods
-from bench.store.kept_json import read_kept
+from bench.store.kept_json import LIMIT_BYTES, read_kept
 from bench.store.manifest_form import WHOLE_FORM
 from bench.store.reader import RunReader
-from bench.store.runs import MANIFEST, summary
+from bench.store.runs import MANIFEST, SEAL, summary
 from bench.store.verify import Record, examine
+from drivers.bounded import UnfitFileError, expect_bounded
 
 MOST_TOLD = 3  # places of damage
 SEQUENCE_COPY, BENCH_COPY = "sequence.yaml", "bench.yaml"
@@ -108,14 +109,23 @@ class StoredRun:
         return [self.data(label) for label in labels]
 
 
+def _without_manifest(folder: Path) -> str:
+    """What to do about a manifest that cannot be read."""
+    if (folder / SEAL).exists():
+        return "it was there when the run was sealed: put it back from a copy"
+    return "without it nothing is known of the run: put it back from a copy, unless the run was killed as it began"
+
+
 @contextmanager
 def open_run(folder: Path, *, damaged: bool = False) -> Iterator[StoredRun]:
     """A run directory to read, whatever state it is in; an interrupted run holds what was acknowledged.
 
     One that is not as it was written is refused with StoreError, unless `damaged` ones are taken too.
     """
-    if not (folder / MANIFEST).is_file():
-        raise StoreError(f"{folder}: has no manifest; the run ended before it began")
+    try:
+        expect_bounded(folder / MANIFEST, LIMIT_BYTES)
+    except UnfitFileError as problem:
+        raise StoreError(f"{folder / MANIFEST}: {problem}; {_without_manifest(folder)}") from problem
     record = examine(folder, thoroughly=False)
     if record.damage and not damaged:
         raise StoreError(

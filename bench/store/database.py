@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -13,6 +14,7 @@ from isal import isal_zlib
 from numpy.typing import NDArray
 
 from bench.errors import StoreError
+from drivers.bounded import UnfitFileError, expect_bounded
 from drivers.frame_block import FrameBlock
 
 VERSION = 2
@@ -58,18 +60,42 @@ def create(path: Path) -> sqlite3.Connection:
 
 def open_to_read(path: Path) -> sqlite3.Connection:
     """An existing database; one that was left in the middle of a run is recovered by SQLite itself."""
-    if not path.is_file():
-        raise StoreError(f"{path}: there is no such file; the run did not get as far as writing data")
+    _expect_files(path)
     try:
         _roll_back(path)
         read_only = f"{path.absolute().as_uri()}?mode=ro"
         with _kept_if_good(sqlite3.connect(read_only, uri=True, isolation_level=None)) as database:
             version = database.execute("PRAGMA user_version").fetchone()[0]
+            if version == 0:
+                raise StoreError(f"{path}: has no tables; {_why_empty(path)}")
             if version not in READABLE:
                 raise StoreError(f"{path}: has format {version}, this program reads formats 1 to {VERSION}")
     except sqlite3.Error as problem:
         raise StoreError(f"{path}: cannot be read ({problem})") from problem
     return database
+
+
+def _expect_files(path: Path) -> None:
+    """Raise StoreError unless the database is a regular file, and what SQLite keeps beside it too where it is there."""
+    for each in (path, *(path.with_name(f"{path.name}-{beside}") for beside in ("wal", "shm", "journal"))):
+        if each == path or each.exists():
+            try:
+                expect_bounded(each, sys.maxsize)
+            except UnfitFileError as problem:
+                raise StoreError(f"{each}: {problem}") from problem
+
+
+def _why_empty(path: Path) -> str:
+    """Why a database, whose first rows are in the log beside it for long, has no tables."""
+    if not path.stat().st_size:
+        return "it is empty: its content was deleted, or the run was killed before its first commit"
+    log = path.with_name(f"{path.name}-wal")
+    if not log.exists() or (log.is_file() and not log.stat().st_size):  # SQLite makes an empty one
+        return (
+            f"there is no log {log.name} beside it: it was deleted, with all rows that it had, or the run was killed "
+            "before its first commit"
+        )
+    return f"nothing can be read of the log {log.name} beside it"
 
 
 def _roll_back(path: Path) -> None:

@@ -135,12 +135,15 @@ def list_runs(runs: Path) -> Iterator[RunSummary]:
 
 
 def summary(path: Path) -> RunSummary:
-    """The summary of one run directory; a manifest that is missing, damaged or not as it was sealed is a state too."""
+    """The summary of one run directory, by its manifest and its seal, and whether all sealed files are there.
+
+    Where that is not so, it is *damaged*; what the other files hold is not looked at.
+    """
     try:
         manifest = read_kept(path / MANIFEST, MANIFEST_FORM)
         state = str(manifest["state"])
         if state != "running" and not _is_as_sealed(path, manifest):
-            raise StoreError(f"{path / MANIFEST}: is not the one that was sealed")
+            raise StoreError(f"{path}: is not as it was sealed")
     except StoreError:
         return RunSummary(path, "running" if _is_locked(path) else "damaged", {})
     if state == "running" and not _is_locked(path):
@@ -149,10 +152,13 @@ def summary(path: Path) -> RunSummary:
 
 
 def _is_as_sealed(path: Path, manifest: Mapping[str, Any]) -> bool:
-    """Whether a manifest is the one that a run was sealed with; of a run that was not there is nothing to see."""
+    """Whether all sealed files are there, and the manifest is that of the seal; whether there should be no seal."""
     if not (path / SEAL).exists():
         return not manifest.get("sealed", False)
-    of_manifest = read_kept(path / SEAL, SEAL_FORM)["files"].get(MANIFEST)
+    files = read_kept(path / SEAL, SEAL_FORM)["files"]
+    if not all((path / name).is_file() for name in files):
+        return False
+    of_manifest = files.get(MANIFEST)
     return bool(of_manifest == f"sha256:{hashlib.sha256((path / MANIFEST).read_bytes()).hexdigest()}")
 
 

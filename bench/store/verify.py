@@ -6,7 +6,9 @@ its chain tells up to which row it is intact. One from before there were chains 
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,11 +17,14 @@ from typing import Literal
 from bench.errors import StoreError
 from bench.store import database
 from bench.store.chain import Link, Walked, beginning
+from bench.store.kept_json import LIMIT_BYTES, read_kept
 from bench.store.ledger import Noted, noted
+from bench.store.manifest_form import MANIFEST_FORM
 from bench.store.reader import RunReader, digest_of
 from bench.store.runs import MANIFEST, SEAL, RunSummary, summary
 from bench.store.seal import file_hash, read_seal, sealable
-from bench.store.wal import lost_commits
+from bench.store.wal import unread_part
+from drivers.bounded import UnfitFileError, expect_bounded, read_bounded
 
 Kind = Literal["running", "sealed", "unsealed", "unchained", "unreadable"]
 
@@ -62,15 +67,39 @@ def examine(folder: Path, *, thoroughly: bool = True) -> Record:
         with RunReader(folder) as reader:
             version = reader.format
     except StoreError as problem:
-        return Record(folder, "unreadable", damage=(*_changed(folder, _hashes(found)), str(problem)))
+        return _unreadable(found, str(problem))
     if version == 1:
         return _unchained(found)
     if found.state != "interrupted" and (folder / SEAL).exists():
         return _sealed(found, thoroughly=thoroughly)
     record = _chained(found, "unsealed")
-    if found.state == "interrupted":
-        return record
-    return _with(record, f"{folder / SEAL}: is missing, or {MANIFEST} cannot be read")
+    return record if found.state == "interrupted" else _with(record, *_why_unsealed(folder))
+
+
+def _unreadable(found: RunSummary, problem: str) -> Record:
+    """A record whose database cannot be opened: what else is known of it."""
+    folder = found.path
+    files = _hashes(found)
+    with contextlib.suppress(StoreError):
+        files = read_seal(folder).files
+    known = [problem, *_unread(folder)[0]]
+    with contextlib.suppress(OSError):
+        if ledger := list(noted(str(found.manifest.get("run", found.id)))):
+            last = ledger[-1]
+            known.append(f"the ledger has commit {last.number} with {last.rows} rows of this run, of {last.utc}")
+        elif found.state == "interrupted":
+            known.append("the ledger has nothing of this run: it may have been killed before its first commit")
+    return Record(folder, "unreadable", damage=tuple(dict.fromkeys((*_changed(folder, files), *known))))
+
+
+def _why_unsealed(folder: Path) -> Iterator[str]:
+    """What is wrong with the manifest of a run that is over and has no seal; that there is none, where it says so."""
+    try:
+        read_kept(folder / MANIFEST, MANIFEST_FORM)
+    except StoreError as problem:
+        yield str(problem)
+    else:
+        yield f"{folder / SEAL}: there is no such file"
 
 
 def _sealed(found: RunSummary, *, thoroughly: bool) -> Record:
@@ -93,7 +122,7 @@ def _sealed(found: RunSummary, *, thoroughly: bool) -> Record:
             intact = _end(walked.intact)
         if thoroughly and not damage and seal.digest and digest_of(folder) != seal.digest:
             damage.append("the data are not those that were sealed")
-    told, remarks = _by_ledger(found, links, (folder / SEAL).read_bytes())
+    told, remarks = _by_ledger(found, links, _seal_bytes(folder))
     others = sorted(set(sealable(folder)) - set(seal.files))
     remarks += [f"not under the seal: {name}" for name in others]
     return Record(folder, "sealed", *intact, tuple(damage + told), tuple(remarks))
@@ -104,18 +133,38 @@ def _chained(found: RunSummary, kind: Kind) -> Record:
     folder = found.path
     walked = _walked(folder)
     damage = list(walked.damage)
-    if walked.links and walked.links[0].head != beginning(folder / MANIFEST):
+    is_first = found.state in ("running", "interrupted")  # another one is written at the end
+    if is_first and walked.links and walked.links[0].head != beginning(folder / MANIFEST):
         damage.append(f"{folder / MANIFEST}: is not the one that the run began with")
     damage += _changed(folder, _hashes(found))
-    lost = 0 if kind == "running" else lost_commits(folder / f"{database.FILE_NAME}-wal")
-    if lost:
-        damage.append(f"{database.FILE_NAME}-wal: {'its last' if lost > 0 else 'all'} commits in it cannot be read")
-    told, remarks = _by_ledger(found, walked.links, b"")
-    return Record(folder, kind, *_end(walked.intact), tuple(damage + told), tuple(remarks))
+    of_log, may_be = ([], []) if kind == "running" else _unread(folder)
+    told, remarks = _by_ledger(found, walked.links, _seal_bytes(folder))
+    return Record(folder, kind, *_end(walked.intact), tuple(damage + of_log + told), tuple(may_be + remarks))
 
 
-def _with(record: Record, damage: str) -> Record:
-    return replace(record, damage=(*record.damage, damage))
+def _unread(folder: Path) -> tuple[list[str], list[str]]:
+    """Damage to the log beside the database, and what may be damage or a power cut."""
+    log = folder / f"{database.FILE_NAME}-wal"
+    try:
+        unread = unread_part(log)
+    except OSError as problem:
+        return [f"{log}: cannot be read ({problem})"], []
+    if unread is None:
+        return [], []
+    told = [f"{log}: {unread.in_words}"]
+    return (told, []) if unread.damage else ([], told)
+
+
+def _seal_bytes(folder: Path) -> bytes:
+    """The seal as it stands on the disk; empty where it is no file that can be read."""
+    try:
+        return read_bounded(folder / SEAL, LIMIT_BYTES)
+    except UnfitFileError:
+        return b""
+
+
+def _with(record: Record, *damage: str) -> Record:
+    return replace(record, damage=(*record.damage, *damage))
 
 
 def _end(link: Link | None) -> tuple[int, int, str]:
@@ -143,10 +192,11 @@ def _changed(folder: Path, hashes: Mapping[str, str]) -> Iterator[str]:
     for name, expected in hashes.items():
         path = folder / name
         try:
-            if not path.is_file():
-                yield f"{path}: is missing"
-            elif file_hash(path) != expected:
+            expect_bounded(path, sys.maxsize)
+            if file_hash(path) != expected:
                 yield f"{path}: has changed since it was written"
+        except UnfitFileError as problem:
+            yield f"{path}: {problem}"
         except (OSError, ValueError) as problem:
             yield f"{path}: cannot be read ({problem})"
 
@@ -164,7 +214,9 @@ def _by_ledger(found: RunSummary, links: Sequence[Link], seal: bytes) -> tuple[l
     seals = {each.seal for each in ledger if each.seal}
     if seals and hashlib.sha256(seal).hexdigest() not in seals:
         return [
-            f"{found.path / SEAL}: is not the one in the ledger" if seal else f"{found.path / SEAL}: is missing"
+            f"{found.path / SEAL}: is not the one in the ledger"
+            if seal
+            else f"{found.path / SEAL}: the ledger has a seal of this run, and here is none that can be read"
         ], []
     if not links:
         return [], []

@@ -1,44 +1,116 @@
 """What SQLite passes over without a word: commits in the log beside a database that can no longer be read.
 
-SQLite takes the log up to the first frame whose checksum is wrong. After a power cut that is the last commit, which
-nobody was told of; where several commits come after it, the log was damaged.
+SQLite takes the log up to the first frame whose checksum is wrong. A frame continues the checksum in the one before it,
+so that each can be checked by itself as well. After a power cut only the last commit is wrong: frames of it are
+missing, or sectors were never written. Commits behind a wrong one are damage, and so is a wrong one without an
+unwritten sector.
 """
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-_HEADER, _FRAME = 32, 24  # bytes
+_HEADER, _FRAME, _SECTOR = 32, 24, 512  # bytes
 _MAGIC = 0x377F0682  # with little-endian checksums; one more, with big-endian ones
+_INNER = (2, 5)  # kinds of pages of a b-tree whose head has 12 bytes; that of the others has 8
 Sum = tuple[int, int]
 
 
-def lost_commits(wal: Path) -> int:
-    """How many commits of a log cannot be read; 0 where SQLite reads all, or passes over no more than one.
+@dataclass(frozen=True)
+class Unread:
+    """What cannot be read of a log: whole commits, and whether that is damage or may be a power cut.
 
-    -1 where the head of the log is damaged, so that none of it is read.
+    `commits` is 0 where nothing but a part of a commit is left over, and -1 where the head of the log is wrong.
     """
+
+    commits: int
+    damage: bool
+
+    @property
+    def in_words(self) -> str:
+        """The finding, without the name of the file."""
+        if self.commits < 0:
+            return "its head is damaged, so that none of its commits can be read"
+        if self.commits > 1:
+            return f"its last {self.commits} commits cannot be read"
+        if self.damage:
+            return "its last commit cannot be read: it was written completely, and has changed since"
+        return (
+            "its last commit cannot be read. Where power was cut, that commit was not acknowledged; where it was not, "
+            "the end of the log was damaged, and that commit is lost"
+        )
+
+
+def unread_part(wal: Path) -> Unread | None:
+    """What cannot be read of a log; None where all can, or there is none. Raises OSError."""
     if not wal.is_file() or wal.stat().st_size <= _HEADER:
-        return 0
+        return None
     data = wal.read_bytes()
     magic, _, page, _, *salts, first, second = struct.unpack(">8I", data[:_HEADER])
     order = ">" if magic & 1 else "<"
     total = _sum((0, 0), data[: _HEADER - 8], order)
     if magic & ~1 != _MAGIC or total != (first, second) or not 512 <= page <= 65536:
-        return -1
-    readable, lost = True, 0
+        return Unread(-1, damage=True)
+    frames = list(_frames(data, page, total, salts, order))
+    bad = next((number for number, frame in enumerate(frames) if not frame.right), len(frames))
+    read = max((number + 1 for number, frame in enumerate(frames[:bad]) if frame.commits), default=0)
+    behind = [number for number, frame in enumerate(frames) if number >= bad and frame.of_log]
+    lost = sum(frames[number].commits for number in behind)
+    tail = _HEADER + len(frames) * (_FRAME + page)
+    if not behind and (bad < len(frames) or not _has_salts(data[tail : tail + _FRAME], salts)):
+        return None
+    last = frames[read:]
+    complete = lost == 1 and last[-1].commits and tail == len(data) and all(frame.of_log for frame in last)
+    written = not any(_is_unwritten(data, frame.begin, page) for frame in last if not frame.right)
+    return Unread(lost, damage=lost > 1 or (complete and written))
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """A frame by itself: where it begins, whether it is of this log and ends a commit, and whether its sum is right."""
+
+    begin: int
+    of_log: bool
+    commits: bool
+    right: bool
+
+
+def _frames(data: bytes, page: int, total: Sum, salts: list[int], order: str) -> Iterator[_Frame]:
     for begin, end in pairwise(range(_HEADER, len(data) + 1, _FRAME + page)):
-        head, content = data[begin : begin + _FRAME], data[begin + _FRAME : end]
-        _, commit, *frame_salts, first, second = struct.unpack(">6I", head)
-        if readable:
-            total = _sum(_sum(total, head[:8], order), content, order)
-            readable = frame_salts == salts and total == (first, second)
-        if not readable and frame_salts == salts:
-            lost += commit > 0
-    return lost if lost > 1 else 0
+        head = data[begin : begin + _FRAME]
+        _, commit, *_, first, second = struct.unpack(">6I", head)
+        of_log = _has_salts(head, salts)
+        found = _sum(_sum(total, head[:8], order), data[begin + _FRAME : end], order) if of_log else None
+        total = (first, second)
+        yield _Frame(begin, of_log, of_log and commit > 0, found == total)
+
+
+def _has_salts(head: bytes, salts: list[int]) -> bool:
+    """Whether the head of a frame, which may be cut off, has these salts."""
+    return len(head) == _FRAME and list(struct.unpack(">6I", head)[2:4]) == salts
+
+
+def _is_unwritten(data: bytes, begin: int, page: int) -> bool:
+    """Whether a sector of a frame may never have been written: it is blank, and not in the free part of its page."""
+    first_free, end_free = _free_part(data[begin + _FRAME : begin + _FRAME + page])
+    low, high = begin + _FRAME + first_free, begin + _FRAME + end_free
+    for sector in range(begin - begin % _SECTOR, begin + _FRAME + page, _SECTOR):
+        if not any(data[sector : sector + _SECTOR]) and not low <= sector <= sector + _SECTOR <= high:
+            return True
+    return False
+
+
+def _free_part(content: bytes) -> tuple[int, int]:
+    """The bytes of a page of a b-tree between its pointers and its cells; none of another page."""
+    head = 100 if content.startswith(b"SQLite format 3\0") else 0
+    kind, _, cells, begin, _ = struct.unpack(">B3HB", content[head : head + 8])
+    if not kind:
+        return 0, 0
+    return head + (12 if kind in _INNER else 8) + 2 * cells, begin or 65536
 
 
 def _sum(total: Sum, data: bytes, order: str) -> Sum:

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import os
 import shutil
 import sqlite3
 import tarfile
@@ -207,6 +208,43 @@ def test_an_edited_manifest_is_said_and_not_shown(sealed, interrupted, change):
 def test_a_file_that_is_missing_is_said(sealed, name):
     (sealed / name).unlink()
     assert any(name in each for each in examined(sealed).damage)
+
+
+def wrong_types(path):
+    edit(path, files=5)
+
+
+def named_pipe(path):
+    path.unlink()
+    os.mkfifo(path)
+
+
+def folder_of_the_name(path):
+    path.unlink()
+    path.mkdir()
+
+
+@pytest.mark.parametrize(
+    ("change", "name", "told"),
+    [
+        (Path.unlink, "run.db", "run.db: there is no such file"),
+        (Path.unlink, "manifest.json", "manifest.json: there is no such file"),
+        (Path.unlink, "results.json", "results.json: there is no such file"),
+        (wrong_types, "seal.json", "seal.json: .files is not an object"),
+        (named_pipe, "seal.json", "seal.json: cannot be read (is not a regular file)"),
+        (named_pipe, "bench.yaml", "bench.yaml: is not a regular file"),
+        (folder_of_the_name, "manifest.json", "manifest.json: is a folder"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_said_as_it_is(sealed, change, name, told):
+    change(sealed / name)
+    said = "\n".join(examined(sealed).damage)
+    assert told in said
+    for untrue in ("is missing", "is not the one that the run began with", "did not get as far", "before it began"):
+        assert untrue not in said
+    assert summary(sealed).state == "damaged"
+    with pytest.raises(StoreError, match=name), open_run(sealed):
+        pass
 
 
 def test_a_report_that_was_touched_is_said_and_can_be_written_again(sealed, bench_command):

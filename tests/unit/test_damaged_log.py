@@ -1,0 +1,142 @@
+"""The log beside the database of an interrupted run: a power cut is no damage, and damage is no power cut."""
+
+import asyncio
+import json
+import os
+import shutil
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.store.verify import examine
+from bench.store.writer import RunWriter
+from drivers.values import Reading
+
+FRAME = 24 + 4096
+HEADER = 32
+COMMITS = 12
+
+
+@pytest.fixture
+def interrupted(tmp_path):
+    """What is left of a run of twelve commits whose process was killed."""
+    live, folder = tmp_path / "live" / tmp_path.name, tmp_path / tmp_path.name
+    live.mkdir(parents=True)
+    (live / "manifest.json").write_text(json.dumps({"state": "running", "run": tmp_path.name, "units": []}))
+    (live / "run.lock").touch()
+
+    async def main():
+        writer = RunWriter(live)
+        draw = np.random.default_rng(1)
+        for number in range(COMMITS):
+            writer.event("step", str(number), value=number)
+            writer.readings("air", "°C", [Reading(float(number), float(value)) for value in draw.normal(20, 1, 50)])
+            await writer.commit()
+        shutil.copytree(live, folder)
+        writer.close()
+
+    asyncio.run(main())
+    return folder
+
+
+def last_commit(data):
+    """The frames of the last commit, by where they begin."""
+    begins = list(range(HEADER, len(data), FRAME))
+    ends = [begin for begin in begins if struct.unpack(">I", data[begin + 4 : begin + 8])[0]]
+    return [begin for begin in begins if begin > ends[-2]]
+
+
+def altered(folder, alter):
+    log = folder / "run.db-wal"
+    data = bytearray(log.read_bytes())
+    alter(data)
+    log.write_bytes(data)
+    return examine(folder)
+
+
+def test_a_log_that_is_whole_says_nothing(interrupted):
+    record = examine(interrupted)
+    assert (record.commits, record.damage, record.remarks) == (COMMITS, (), ())
+
+
+@pytest.mark.parametrize("frame", [0, -1])
+@pytest.mark.parametrize("at", [16, 24, 24 + 4095])  # the checksum, the head of the page, its last cell
+def test_a_flipped_bit_in_the_last_commit_is_damage(interrupted, frame, at):
+    def flip(data):
+        data[last_commit(data)[frame] + at] ^= 4
+
+    record = altered(interrupted, flip)
+    assert record.commits == COMMITS - 1
+    assert any("its last commit cannot be read: it was written completely" in each for each in record.damage)
+
+
+@pytest.mark.parametrize("salt", [8, 13])
+def test_a_flipped_salt_in_the_middle_is_damage(interrupted, salt):
+    def flip(data):
+        data[HEADER + len(data) // 2 // FRAME * FRAME + salt] ^= 1
+
+    record = altered(interrupted, flip)
+    assert any("commits cannot be read" in each for each in record.damage)
+
+
+def blank_last_sector(data):
+    data[-512:] = bytes(512)
+
+
+def cut_in_a_frame(data):
+    del data[last_commit(data)[-1] + 100 :]
+
+
+def old_frames_behind(data):
+    data[-700] ^= 1
+    data += bytes(data[HEADER : HEADER + 8]) + b"old salt" + bytes(data[HEADER + 16 : HEADER + FRAME])
+
+
+@pytest.mark.parametrize("cut", [blank_last_sector, cut_in_a_frame, old_frames_behind])
+def test_what_a_power_cut_may_have_left_is_a_remark(interrupted, cut):
+    record = altered(interrupted, cut)
+    assert (record.commits, record.damage) == (COMMITS - 1, ())
+    assert any("Where power was cut, that commit was not acknowledged" in each for each in record.remarks)
+
+
+def test_frames_without_a_commit_are_what_a_killed_process_leaves(interrupted):
+    def cut(data):
+        del data[last_commit(data)[-1] :]
+
+    record = altered(interrupted, cut)
+    assert (record.commits, record.damage, record.remarks) == (COMMITS - 1, (), ())
+
+
+def delete_log(folder):
+    (folder / "run.db-wal").unlink()
+    (folder / "run.db-shm").unlink(missing_ok=True)
+
+
+def damage_first_commit(folder):
+    altered(folder, lambda data: data.__setitem__(HEADER + 600, data[HEADER + 600] ^ 1))
+
+
+@pytest.mark.parametrize(
+    ("damage", "told"),
+    [
+        (delete_log, "there is no log run.db-wal beside it"),
+        (damage_first_commit, "run.db-wal: its last 14 commits cannot be read"),
+    ],
+)
+def test_a_database_without_its_log_is_no_unknown_format(interrupted, damage, told):
+    damage(interrupted)
+    said = "; ".join(examine(interrupted).damage)
+    assert told in said
+    assert "the ledger has commit 1 with" in said
+    assert "has format 0" not in said
+
+
+@pytest.mark.parametrize(("make", "told"), [(Path.mkdir, "is a folder"), (os.mkfifo, "is not a regular file")])
+@pytest.mark.parametrize("name", ["run.db", "run.db-wal", "run.db-shm", "run.db-journal"])
+def test_what_is_no_file_in_place_of_one_is_said_and_not_waited_for(interrupted, name, make, told):
+    path = interrupted / name
+    path.unlink(missing_ok=True)
+    make(path)
+    assert f"{path}: {told}" in examine(interrupted).damage
