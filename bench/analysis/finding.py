@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
+from bench.analysis.coverage import COVERAGE, coverage_factor
 from bench.analysis.limits import U_UNKNOWN, Limits, judge
 from bench.analysis.models import Model
 
@@ -14,7 +15,6 @@ if TYPE_CHECKING:  # findings are shown where no arithmetic is loaded
     from bench.analysis.compensation import Compensation
     from bench.analysis.response_compensation import ResponseCompensation
 
-COVERAGE = 2
 CONFIDENCE = 0.95  # of an interval
 NEGLIGIBLE = 1e-4  # of the largest line of a budget: 1e-8 of its variance
 UNLIMITED_DOF = 1000  # more are reported as unlimited
@@ -101,12 +101,23 @@ class Finding:
         return dof if dof <= UNLIMITED_DOF else None
 
     @property
+    def k(self) -> float:
+        """Coverage factor by the effective degrees of freedom, 2 where they are unlimited."""
+        return coverage_factor(self.dof)
+
+    @property
+    def expanded(self) -> float:
+        """Expanded uncertainty U = k·u."""
+        return self.k * self.u
+
+    @property
     def marginal(self) -> bool:
         """Whether a limit is so close that the verdict could be another if the measurement were repeated.
 
         So it is where the unit was not the same at the end of the run as at its beginning.
         """
-        return self.limits is not None and (NOT_CLOSED in self.flags or self.limits.is_marginal(self.value, self.u))
+        limits = self.limits
+        return limits is not None and (NOT_CLOSED in self.flags or limits.is_marginal(self.value, self.expanded))
 
     @property
     def within_u(self) -> bool:
@@ -114,7 +125,7 @@ class Finding:
         if self.limits is None or self.verdict not in ("PASS", "FAIL"):
             return False
         sides = (side for side in (self.limits.low, self.limits.high) if side is not None)
-        return any(abs(self.value - side) < COVERAGE * self.u for side in sides)
+        return any(abs(self.value - side) < self.expanded for side in sides)
 
     def flagged(self, flag: str) -> Finding:
         """The same finding with one more flag."""
@@ -128,7 +139,7 @@ class Finding:
         """
         if self.verdict == "INVALID":
             return replace(self, limits=limits)
-        judgement = judge(self.value, self.u or None, limits)
+        judgement = judge(self.value, self.u or None, limits, self.k)
         if judgement.verdict == "PASS" and limits.high is not None and LOWER_BOUND in self.flags:
             return replace(self, limits=limits, verdict="INVALID")
         flags = self.flags if judgement.flag is None else (*self.flags, judgement.flag)

@@ -11,7 +11,9 @@ import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-MARGINAL_K = 2  # a limit closer than so many u makes a value marginal: methods.md 1.9
+from bench.analysis.coverage import COVERAGE
+
+MARGINAL_K = COVERAGE  # a limit closer than the expanded uncertainty makes a value marginal: methods.md 1.9
 
 # Why a value between its limits has another verdict than PASS.
 IN_GUARD_BAND = "guard_band"
@@ -24,7 +26,8 @@ class Limits:
     """What a value may be, in its unit: from `low` to `high`, both included; None leaves a side open.
 
     `target` is the value meant, where the limits are a tolerance about one. The guard band is `guard_k` standard
-    uncertainties wide; None for simple acceptance. A value is marginal closer to a limit than `marginal`; None for 2 u.
+    uncertainties wide, by degrees of freedom without limit; None for simple acceptance. A value is marginal closer to a
+    limit than `marginal`; None for its expanded uncertainty.
     """
 
     low: float | None = None
@@ -39,9 +42,9 @@ class Limits:
         above = math.inf if self.high is None else self.high - value
         return min(below, above)
 
-    def is_marginal(self, value: float, u: float | None) -> bool:
-        """Whether a limit is that close, on either side of it; never when neither a width nor u is known."""
-        width = self.marginal if self.marginal is not None else None if u is None else MARGINAL_K * u
+    def is_marginal(self, value: float, expanded: float | None) -> bool:
+        """Whether a limit is that close, on either side of it; never when neither a width nor U is known."""
+        width = expanded if self.marginal is None else self.marginal
         sides = [side for side in (self.low, self.high) if side is not None]
         return width is not None and any(abs(value - side) < width for side in sides)
 
@@ -54,21 +57,23 @@ class Judgement(NamedTuple):
     flag: str | None = None
 
 
-def judge(value: float, u: float | None, limits: Limits) -> Judgement:
-    """The decision on a value with the standard uncertainty `u`; None where that is not known.
+def judge(value: float, u: float | None, limits: Limits, k: float = COVERAGE) -> Judgement:
+    """The decision on a value with the standard uncertainty `u`, None where that is not known, and coverage factor `k`.
+
+    With few degrees of freedom `k` is more than 2, and the guard band is wider in the same proportion.
 
     FAIL for a value outside its limits, with `guard_band` for one inside the guard band. INVALID where the guard band
     lets nothing be decided: u is not known (`u_unknown`), or so large that no value could be accepted
     (`guard_bands_meet`), which is the bench's fault and not the unit's.
     """
-    marginal, room = limits.is_marginal(value, u), limits.room(value)
+    marginal, room = limits.is_marginal(value, None if u is None else k * u), limits.room(value)
     if not room >= 0:  # not a number is outside, too
         return Judgement("FAIL", marginal)
     if limits.guard_k is None:
         return Judgement("PASS", marginal)
     if u is None:
         return Judgement("INVALID", marginal, U_UNKNOWN)
-    guard = limits.guard_k * u
+    guard = limits.guard_k * u * k / COVERAGE
     if room >= guard:
         return Judgement("PASS", marginal)
     if limits.low is not None and limits.high is not None and limits.high - limits.low < 2 * guard:

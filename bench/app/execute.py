@@ -50,14 +50,13 @@ CALLED = "called"  # the folder of sequences that the one of a run calls
 
 @dataclass(frozen=True)
 class RunResult:
-    """How a run ended: its directory, why it did not get to its end, what was found, and its report if any."""
+    """How a run ended: its directory, why it did not get to its end, and what was found."""
 
     path: Path
     outcome: Outcome
     results: Results | None
     bench_s: float
     wall_s: float
-    report: Path | None = None
 
     @property
     def problems(self) -> list[str]:
@@ -121,9 +120,8 @@ def _execute(prepared: PreparedRun, observer: RunObserver, signals: Signals, let
         record |= {"instruments": ran.instruments, "bench_s": ran.bench_s, "digest": ran.digest}
         if ran.clock_steps:
             record["clock_steps"] = ran.clock_steps
-        finish = Finish(directory, record, ran.outcome, signals, watch)
-        results = finish.results(ran.laboratory, ran.end)
-        return RunResult(directory.path, ran.outcome, results, ran.bench_s, watch.elapsed_s(), finish.report)
+        results = Finish(directory, record, ran.outcome, signals, watch).results(ran.laboratory, ran.end)
+        return RunResult(directory.path, ran.outcome, results, ran.bench_s, watch.elapsed_s())
     finally:
         directory.release()
 

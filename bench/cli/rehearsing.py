@@ -118,8 +118,7 @@ def _told(rehearsal: Rehearsal) -> Iterator[str]:
     yield f"Verdict on the simulated units: {result.results.verdict if result.results else 'none'}"
     yield from (f"Problem: {problem}" for problem in result.problems)
     yield f"run    {result.path}"
-    if result.report is not None:
-        yield f"report {result.report}"
+    yield f"report {result.path / 'report.html'}"
 
 
 def _faults(rehearsal: Rehearsal) -> Iterator[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from bench.analysis.finding import COVERAGE, BudgetLine, Finding, UnitResult
+from bench.analysis.finding import BudgetLine, Finding, UnitResult
 from bench.report.languages import tr
 from bench.report.shown import SHOWN, decimals
 from bench.report.words import name_of, quantity_of, shared_in_words, source_in_words, unit_shown, where
@@ -34,6 +34,7 @@ class Budget:
     rows: tuple[BudgetRow, ...]
     u: str
     expanded: str
+    k: str
     dof: str
 
 
@@ -62,7 +63,8 @@ def budget(finding: Finding, dwells: Mapping[str, int]) -> Budget:
         unit=unit,
         rows=tuple(_budget_row(line, finding, factor, digits) for line in finding.budget),
         u=f"{finding.u * factor:.{digits}f}",
-        expanded=f"{COVERAGE * finding.u * factor:.{decimals(COVERAGE * finding.u * factor)}f}",
+        expanded=f"{finding.expanded * factor:.{decimals(finding.expanded * factor)}f}",
+        k=f"{finding.k:.2f}",
         dof=_dof(finding.dof),
     )
 

@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 
 from bench.analysis.channel_comparison import Compared, Level
 from bench.analysis.channel_method import ChannelDetail
-from bench.analysis.finding import COVERAGE, UnitResult
+from bench.analysis.coverage import COVERAGE
+from bench.analysis.finding import UnitResult
 from bench.analysis.fit import Array
 from bench.report.languages import tr
 from bench.report.plots import Plot, TimeOfRun
@@ -161,9 +162,8 @@ def _slopes(levels: list[Level], detail: ChannelDetail, name: str) -> Plot:
     title = tr("Slopes of the levels relative to their outputs")
     axes.set(ylabel="κ / (ppm/°C)", title=title)
     caption = tr(
-        "Bars: expanded uncertainty, k = {k}, of what the levels do not share. Grey: what a level may deviate from the "
-        "one it is compared with, where relative slopes decide.",
-        k=COVERAGE,
+        "Bars: expanded uncertainty, 95 %, of what the levels do not share. Grey: what a level may deviate from the "
+        "one it is compared with, where relative slopes decide."
     )
     return Plot(title, rendered(figure, name, title), caption)
 

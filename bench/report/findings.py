@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any, Literal
 
-from bench.analysis.finding import COVERAGE, BudgetLine, Finding, UnitResult
+from bench.analysis.finding import BudgetLine, Finding, UnitResult
 from bench.analysis.limits import Limits
 from bench.analysis.rundata import RunData
 from bench.report.measured import OnTheWay, verdicts_of
@@ -141,8 +141,8 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "value": finding.value,
         "unit": finding.unit,
         "u": finding.u,
-        "k": COVERAGE,
-        "expanded": COVERAGE * finding.u,
+        "k": finding.k,
+        "expanded": finding.expanded,
         "dof": finding.dof,
         "interval": None if finding.interval is None else dataclasses.asdict(finding.interval),
         "limits": sides or None,

@@ -9,7 +9,7 @@ from importlib import import_module
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from bench.analysis.finding import COVERAGE, UnitResult
+from bench.analysis.finding import UnitResult
 from bench.analysis.limits import Limits
 from bench.analysis.models import TemperatureModel
 from bench.analysis.rundata import RunData
@@ -85,7 +85,6 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
         on_the_way=on_the_way,
         provenance=page.provenance(run, data),
         documents=_documents(run),
-        coverage=COVERAGE,
         meanings=_meanings(run),
         language=current(),
         figures_are_foreign=font_of(current()) is None,

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from bench.analysis.finding import COVERAGE, Finding, UnitResult
+from bench.analysis.coverage import COVERAGE
+from bench.analysis.finding import Finding, UnitResult
 from bench.analysis.imu_compensation import check_model
 from bench.analysis.imu_run import RELATIVE, ImuDetail
 from bench.report.languages import tr
@@ -41,7 +42,7 @@ def imu_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
             heads = [(quantity_in_words(each), unit_shown(each, units.get(each, ""))) for each in quantities]
             yield Sheet(
                 tr(TITLES[sensor]),
-                tr("With expanded uncertainties, k = {k}. Set points in the order of the run.", k=COVERAGE)
+                tr("With expanded uncertainties, 95 %. Set points in the order of the run.")
                 + (" " + tr("K0 contains K2, K1 contains K3.") if "K0" in quantities else ""),
                 ((tr("set point"), "°C"), (tr("temperature"), "°C"), (tr("axis"), ""), *heads),
                 tuple(rows),
@@ -75,8 +76,8 @@ def _matrix(found: Sequence[Finding], quantity: str, title: str) -> Sheet:
     set_c = found[0].at["temperature_set_c"]
     return Sheet(
         title,
-        tr("At the first set point, {set_c} °C; a row for each sensor, k = {k}.",
-           set_c="–" if set_c is None else f"{set_c:g}", k=COVERAGE),
+        tr("At the first set point, {set_c} °C; a row for each sensor, 95 %.",
+           set_c="–" if set_c is None else f"{set_c:g}"),
         (("", ""), *((axis, symbol) for axis in AXES)),
         tuple((axis, *(cells.get((axis, other), "–") for other in AXES)) for axis in AXES),
     )  # fmt: skip
@@ -117,9 +118,8 @@ def _over_temperature(unit: UnitResult, detail: ImuDetail, pair: tuple[str, str]
     caption = tr(
         "Above the change against the first set point; the lines are the compensation, straight between the knots. "
         "Below each inner knot left out and told by its neighbours, the axes side by side: about four times what the "
-        "compensation leaves between knots. Bars: expanded uncertainty, k = {k}, of the readings; all else is common "
-        "to the visits.",
-        k=COVERAGE,
+        "compensation leaves between knots. Bars: expanded uncertainty, 95 %, of the readings; all else is common "
+        "to the visits."
     )
     return Plot(title, rendered(figure, name, title), caption)
 
@@ -133,7 +133,7 @@ def _at_first(unit: UnitResult, quantity: str, letter: str, values: Array) -> fl
 def _expanded(unit: UnitResult, quantity: str, letter: str) -> float:
     """The expanded uncertainty of what was found of an axis over the run, which is that of each knot; 0 without it."""
     found = (each for each in unit.findings if each.quantity == quantity and each.at.get("axis") == letter)
-    return COVERAGE * next((each.u for each in found), 0.0)
+    return next((each.expanded for each in found), 0.0)
 
 
 def _draw(axes: Axes, temperature_c: Array, values: Array, expanded: float, letter: str, line: str) -> None:

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from matplotlib.axes import Axes
 
-from bench.analysis.finding import COVERAGE, UnitResult
+from bench.analysis.coverage import COVERAGE
+from bench.analysis.finding import UnitResult
 from bench.analysis.indexing_static import Attempt, IndexingDetail
 from bench.analysis.indexing_sweep import EndFit
 from bench.analysis.models import Equation
@@ -100,7 +101,7 @@ def _angle_label() -> str:
 def _ends(unit: UnitResult, fits: dict[str, EndFit], output: str) -> Sheet:
     linearity = {found.at["end"]: shown(found) for found in unit.findings if found.quantity == "linearity"}
     hysteresis = next((found for found in unit.findings if found.quantity == "hysteresis"), None)
-    digits = 1 if hysteresis is None else decimals(COVERAGE * hysteresis.u * UG_PER_G)
+    digits = 1 if hysteresis is None else decimals(hysteresis.expanded * UG_PER_G)
     rows = tuple(
         (
             end_in_words(end), str(len(fit.dwells)), _constant(unit, end, "b"), _constant(unit, end, "K1"),
@@ -115,7 +116,7 @@ def _ends(unit: UnitResult, fits: dict[str, EndFit], output: str) -> Sheet:
     )  # fmt: skip
     caption = " ".join([
         tr("U = b + K1·sin θ of each end, for tests on the ground in that orientation."),
-        tr("Value ± expanded uncertainty, k = {k}. An exclamation mark: FAIL, or INVALID.", k=COVERAGE),
+        tr("Value ± expanded uncertainty, 95 %. An exclamation mark: FAIL, or INVALID."),
         tr("The larger hysteresis is a result, with its uncertainty, in the results of the whole run."),
     ])  # fmt: skip
     return Sheet(tr("The two ends"), caption, heads, rows)
@@ -126,7 +127,7 @@ def _constant(unit: UnitResult, end: str, name: str) -> str:
     for model in unit.models:
         if isinstance(model, Equation) and model.quantity == f"acceleration_{end}":
             constant = model.constants[name]
-            return with_expanded(constant.value, constant.u or 0.0)
+            return with_expanded(constant.value, COVERAGE * (constant.u or 0.0))
     return "–"
 
 
@@ -145,7 +146,7 @@ def _attempts(unit: UnitResult, detail: IndexingDetail) -> Sheet:
             "Both ends are measured again when their scale factors differ by more than they may; the last attempt "
             "counts. A difference that stays is the cross coupling."
         ),
-        tr("Value ± expanded uncertainty, k = {k}. An exclamation mark: FAIL, or INVALID.", k=COVERAGE),
+        tr("Value ± expanded uncertainty, 95 %. An exclamation mark: FAIL, or INVALID."),
     ]
     if earlier:
         parts.append(tr("That of earlier attempts is only of what each line leaves, without the instruments."))
@@ -156,11 +157,16 @@ def _earlier_attempt(number: int, attempt: Attempt) -> tuple[str, ...]:
     """An attempt that does not count has no findings: its uncertainties are those of its own lines."""
     both = attempt.found.both
     fits = [sweep.fit if sweep else None for sweep in attempt.found.ends.values()]
-    scales = ["–" if fit is None else with_expanded(fit.scale_v_per_g, float(fit.u[1])) for fit in fits]
+    scales = ["–" if fit is None else with_expanded(fit.scale_v_per_g, COVERAGE * float(fit.u[1])) for fit in fits]
     if both is None:
         return (str(number), *scales, "–", tr("invalid"))
     difference, ppm = both.scale_difference_v_per_g, PPM / abs(both.scale_v_per_g.value)
-    return (str(number), *scales, with_expanded(difference.value * ppm, difference.u * ppm), _decision(attempt))
+    return (
+        str(number),
+        *scales,
+        with_expanded(difference.value * ppm, COVERAGE * difference.u * ppm),
+        _decision(attempt),
+    )
 
 
 def _decision(attempt: Attempt) -> str:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from bench.analysis.finding import COVERAGE, UnitResult
+from bench.analysis.coverage import COVERAGE
+from bench.analysis.finding import UnitResult
 from bench.analysis.ladder import Ladder
 from bench.analysis.threshold import COUNT_SHARE, PASSING_SHARE, LadderStep
 from bench.report.languages import tr
@@ -56,8 +57,7 @@ def _plot(ladder: Ladder, name: str) -> Plot:
     axes.legend(loc="lower right")
     caption = tr(
         "Output change over the change that the nominal scale factor lets expect, by the input step that the head read "
-        "back. Bars: expanded uncertainty, k = {k}. A step passes from one half on.",
-        k=COVERAGE,
+        "back. Bars: expanded uncertainty, 95 %. A step passes from one half on."
     )
     if np.isfinite(ladder.found.high_g) and ladder.found.low_g:
         caption += " " + tr("In the grey band, between the largest step that failed and the next, lies the value.")
@@ -90,7 +90,7 @@ def _sheet(ladder: Ladder) -> Sheet:
         caption,
         (
             (tr("Angle step"), "arcsec"), (tr("Repeats"), ""), (tr("Input step"), symbol),
-            (tr("Output change"), symbol), (tr("Change over expected"), f"U, k = {COVERAGE}"), (tr("Passes"), ""),
+            (tr("Output change"), symbol), (tr("Change over expected"), "U, 95 %"), (tr("Passes"), ""),
             (tr("Remark"), ""),
         ),
         tuple(_row(ladder, step, factor) for step in steps),

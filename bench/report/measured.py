@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from bench.analysis.finding import COVERAGE, Dropped
+from bench.analysis.coverage import COVERAGE
+from bench.analysis.finding import Dropped
 from bench.report.languages import tr
 from bench.report.shown import decimals
 from bench.sequence.dwells import first_visit

@@ -13,7 +13,8 @@ from matplotlib.axes import Axes
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
-from bench.analysis.finding import COVERAGE, UnitResult
+from bench.analysis.coverage import COVERAGE
+from bench.analysis.finding import UnitResult
 from bench.analysis.models import TemperatureModel
 from bench.report.languages import tr
 from bench.report.shown import SHOWN, decimals
@@ -65,7 +66,7 @@ class TimeOfRun:
 class Points:
     """One quantity at the dwells in the order of the run, as it is shown; all (n,).
 
-    `expanded` is the whole uncertainty, `own` the part that is not common to all dwells; both k = 2.
+    `expanded` is the whole expanded uncertainty, `own` that of what is not common to all dwells, k = 2.
     """
 
     dwell: NDArray[np.int64]
@@ -112,7 +113,7 @@ class Scale:
             temperature_c=np.array([finding.at["temperature_c"] for finding in found]),
             rising=np.array([finding.at["leg"] == "up" for finding in found]),
             values=(np.array([finding.value for finding in found]) - self.zero) * self.factor,
-            expanded=COVERAGE * np.array([finding.u for finding in found]) * abs(self.factor),
+            expanded=np.array([finding.expanded for finding in found]) * abs(self.factor),
             own=COVERAGE * np.sqrt(own) * abs(self.factor),
         )
 
@@ -196,7 +197,7 @@ def temperature_label() -> str:
 
 def _of_bars(longest: str) -> str:
     """What the bars in a figure are."""
-    return tr("Bars: expanded uncertainty, k = {k}: {longest}.", k=COVERAGE, longest=longest)
+    return tr("Bars: expanded uncertainty, 95 %: {longest}.", longest=longest)
 
 
 def _draw_residuals(axes: Axes, points: Points, curve: Curve, symbol: str) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from bench.analysis.finding import COVERAGE, Finding, UnitResult
+from bench.analysis.finding import Finding, UnitResult
 from bench.analysis.range_form import RangeCurve
 from bench.report.languages import tr
 from bench.report.plots import Plot
@@ -37,7 +37,7 @@ def _figure(curve: RangeCurve, judged: Sequence[Finding], name: str) -> Plot:
     factor = SHOWN[judged[0].quantity][0]
     true = np.array([point.true for point in curve.points])
     error = np.array([finding.value for finding in judged]) * factor
-    bars = COVERAGE * np.array([finding.u for finding in judged]) * factor
+    bars = np.array([finding.expanded for finding in judged]) * factor
     at_end = np.array([point.saturated for point in curve.points])
     axes.axhline(0, color="#444444", linewidth=0.6)
     _draw_curve(axes, curve, factor)
@@ -56,7 +56,7 @@ def _figure(curve: RangeCurve, judged: Sequence[Finding], name: str) -> Plot:
     axes.set(xlabel=what, ylabel=f"{basis} / ppm")
     axes.legend()
     title = tr("Errors over the range")
-    caption = tr("Bars: expanded uncertainty, k = {k}. Shaded: what the sequence allows.", k=COVERAGE)
+    caption = tr("Bars: expanded uncertainty, 95 %. Shaded: what the sequence allows.")
     return Plot(title, rendered(figure, f"{name}-range", title), caption)
 
 
@@ -97,5 +97,5 @@ def _points(curve: RangeCurve, unit: UnitResult, judged: Sequence[Finding]) -> S
             shown(relative).removesuffix(" !"), tr(relative.verdict) if relative.verdict else tr("not judged"),
             tr(", ").join(filter(None, (tr("marginal") if relative.marginal else "", remarks))) or "–",
         ))  # fmt: skip
-    caption = tr("Value ± expanded uncertainty, k = {k}.", k=COVERAGE)
+    caption = tr("Value ± expanded uncertainty, 95 %.")
     return Sheet(tr("Points of the range"), caption, tuple(heads), tuple(rows))

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from bench.analysis.finding import CONFIDENCE, COVERAGE, UnitResult
+from bench.analysis.coverage import COVERAGE
+from bench.analysis.finding import CONFIDENCE, UnitResult
 from bench.analysis.repeatability import Repeated, rows
 from bench.report.languages import tr
 from bench.report.plots import Plot
@@ -61,8 +62,5 @@ def _plot(found: list[Repeated], name: str) -> Plot:
         axes.set_xticks(each.repetition)
     panels[-1].set(xlabel=tr("repetition"))
     title = tr("Values over the repetitions, less their means")
-    caption = tr(
-        "Bars: what the scatter of the readings gives, k = {k}. Shaded: one standard deviation to either side.",
-        k=COVERAGE,
-    )
+    caption = tr("Bars: what the scatter of the readings gives, 95 %. Shaded: one standard deviation to either side.")
     return Plot(title, rendered(figure, f"{name}-repeated", title), caption)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from bench.analysis.finding import COVERAGE, Finding, UnitResult
+from bench.analysis.finding import Finding, UnitResult
 from bench.analysis.frequency_response import HALF_POWER, Bandwidth, FrequencyResponse
 from bench.report.languages import tr
 from bench.report.plots import Plot
@@ -38,9 +38,9 @@ def _bode(found: FrequencyResponse, gains: Sequence[Finding], phases: Sequence[F
     figure = new_figure(6.2)
     above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=[3, 3, 1.4], gridspec_kw={"hspace": 0.16})
     frequency_hz = np.array([point.frequency_hz for point in found.points])
-    bars_db = COVERAGE * DB_PER_RELATIVE * np.array([each.u / each.value if each.value else 0.0 for each in gains])
+    bars_db = DB_PER_RELATIVE * np.array([each.expanded / each.value if each.value else 0.0 for each in gains])
     _draw(above, frequency_hz, np.array([point.gain_db for point in found.points]), bars_db)
-    _draw(middle, frequency_hz, np.array([each.value for each in phases]), COVERAGE * np.array([e.u for e in phases]))
+    _draw(middle, frequency_hz, np.array([each.value for each in phases]), np.array([e.expanded for e in phases]))
     _mark_bandwidth(above, middle, found.bandwidth)
     amplitude_dps = [point.table_amplitude_dps for point in found.points]
     below.plot(frequency_hz, amplitude_dps, ".-", color=BROWN, linewidth=0.8, markersize=4)
@@ -53,8 +53,7 @@ def _bode(found: FrequencyResponse, gains: Sequence[Finding], phases: Sequence[F
     title = tr("Frequency response")
     caption = tr(
         "Gain, phase, and the amplitude of the rate that the table swung with, as its encoder saw it. Bars: expanded "
-        "uncertainty, k = {k}, mostly shorter than the markers.",
-        k=COVERAGE,
+        "uncertainty, 95 %, mostly shorter than the markers."
     )
     return Plot(title, rendered(figure, f"{name}-bode", title), caption)
 
@@ -86,4 +85,4 @@ def _points(found: FrequencyResponse, gains: Sequence[Finding], phases: Sequence
         )
         for point, gain, phase in zip(found.points, gains, phases, strict=True)
     )  # fmt: skip
-    return Sheet(tr("Points of the sweep"), tr("Value ± expanded uncertainty, k = {k}.", k=COVERAGE), heads, rows)
+    return Sheet(tr("Points of the sweep"), tr("Value ± expanded uncertainty, 95 %."), heads, rows)

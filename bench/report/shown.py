@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from bench.analysis.finding import COVERAGE, LOWER_BOUND, Finding, Interval
+from bench.analysis.finding import LOWER_BOUND, Finding, Interval
 from bench.report.languages import tr
 
 # How a quantity is shown to a person: the factor from its unit, and the unit shown.
@@ -104,12 +104,11 @@ def shown(finding: Finding) -> str:
         return f"{finding.value * factor:.9g}{mark}"
     if finding.interval is not None and is_told_by_range(finding):
         return f"{_with_range(finding, finding.interval)}{mark}"
-    return f"{with_expanded(finding.value * factor, finding.u * factor)}{mark}"
+    return f"{with_expanded(finding.value * factor, finding.expanded * factor)}{mark}"
 
 
-def with_expanded(value: float, u: float) -> str:
-    """A value ± its expanded uncertainty, to the digits that this justifies; `u` is the standard uncertainty."""
-    expanded = COVERAGE * u
+def with_expanded(value: float, expanded: float) -> str:
+    """A value ± its expanded uncertainty, to the digits that this justifies."""
     digits = decimals(expanded)
     return f"{round(value, digits) + 0.0:.{digits}f} ± {expanded:.{digits}f}"  # never -0.0
 

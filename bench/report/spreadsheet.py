@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from bench.analysis.finding import COVERAGE
+from bench.analysis.coverage import COVERAGE
 from bench.report.csv_cells import harmless
 from bench.report.findings import Results
 

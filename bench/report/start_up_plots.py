@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from bench.analysis.finding import COVERAGE, Finding, UnitResult
+from bench.analysis.coverage import COVERAGE
+from bench.analysis.finding import Finding, UnitResult
 from bench.analysis.imu_start_up import NOT_DETERMINED, StartUpDetail, Watched
 from bench.report.imu_plots import AXES, STYLES
 from bench.report.languages import tr
@@ -67,8 +68,7 @@ def _errors(found: Found) -> Sheet:
         tr("What compensation leaves after power-on"),
         tr(
             "By set points and axes: at the first reading, and at the end of the watch. Value ± expanded uncertainty, "
-            "k = {k}. K0 and D0 are zeros, K1 and KG scale factors.", k=COVERAGE,
-        ),
+            "95 %. K0 and D0 are zeros, K1 and KG scale factors."),
         ((tr("set point"), "°C"), (tr("axis"), ""), *heads),
         tuple(_rows(found, wanted)),
     )  # fmt: skip
@@ -111,9 +111,10 @@ def _courses(set_c: float, watched: Sequence[Watched], name: str) -> Plot:
     set_point = tr("set point {set_c} °C", set_c="–" if math.isnan(set_c) else f"{set_c:g}")
     title = tr("Zero and scale factor since power-on, {set_point}", set_point=set_point)
     caption = tr(
-        "After compensation by the released calibration: points are readings, lines their courses with k = {k}. The "
-        "band is what the settings allow; a vertical line marks when a course enters it for good.", k=COVERAGE,
-    )  # fmt: skip
+        "After compensation by the released calibration: points are readings, lines their courses with their expanded "
+        "uncertainty (95 %). The band is what the settings allow; a vertical line marks when a course enters it for "
+        "good.",
+    )
     return Plot(title, rendered(figure, name, title), caption)
 
 

@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from bench.analysis.finding import CONFIDENCE, COVERAGE, LOWER_BOUND, Finding, UnitResult
+from bench.analysis.coverage import COVERAGE
+from bench.analysis.finding import CONFIDENCE, LOWER_BOUND, Finding, UnitResult
 from bench.analysis.limits import Limits
 from bench.analysis.models import Constant, Equation, KnotModel, TemperatureModel
 from bench.report.languages import tr

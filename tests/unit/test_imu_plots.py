@@ -20,14 +20,14 @@ def test_what_knots_change_by_has_the_bars_of_its_findings(drawn):
     unit = result(made)
     plots = list(of_inertial_units.imu_plots(unit, "a"))
     told = [plot.caption for plot in plots if "over temperature" in plot.title]
-    assert all("Bars: expanded uncertainty, k = 2" in caption for caption in told)
+    assert all("Bars: expanded uncertainty, 95 %" in caption for caption in told)
     figure = drawn["Gyros over temperature, before and after compensation"]
     of_zero, of_scale, left_out, _ = figure.axes
-    u = {(each.quantity, each.at["axis"]): each.u for each in unit.findings if "visit" not in each.at}
+    expanded = {(each.quantity, each.at["axis"]): each.expanded for each in unit.findings if "visit" not in each.at}
     for axis, above, below in zip("xyz", of_zero.containers, left_out.containers, strict=True):
-        assert heights(above) == pytest.approx([4 * 3600 * u["D0/change", axis]] * 3)
-        assert heights(below) == pytest.approx([4 * 3600 * u["D0/interpolation", axis]])
-    assert heights(of_scale.containers[1]) == pytest.approx([4e6 * u["KG/change", "y"]] * 3)
+        assert heights(above) == pytest.approx([2 * 3600 * expanded["D0/change", axis]] * 3)
+        assert heights(below) == pytest.approx([2 * 3600 * expanded["D0/interpolation", axis]])
+    assert heights(of_scale.containers[1]) == pytest.approx([2e6 * expanded["KG/change", "y"]] * 3)
     beside = [container.lines[0].get_xdata()[0] for container in left_out.containers]
     assert beside == pytest.approx([20 - 0.03 * 60, 20, 20 + 0.03 * 60], abs=1e-6)
 
