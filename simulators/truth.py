@@ -134,7 +134,7 @@ def _table(world: World) -> dict[str, Any]:
     }
     return {
         "table": asdict(settings.table), "encoder_skew_s": settings.encoder_skew_s, "arms_m": arms_m,
-        "warm_c": warm_c, "latitude_deg": settings.latitude_deg,
+        "warm_c": warm_c, "room_c": settings.chamber.start_c, "latitude_deg": settings.latitude_deg,
     }  # fmt: skip
 
 

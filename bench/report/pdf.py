@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from types import ModuleType
 
 from bench.report.extras import imported
@@ -14,5 +15,6 @@ def library() -> ModuleType:
 
 def pdf(page: str) -> bytes:
     """The page as it prints, tagged for screen readers; equal pages give equal bytes. InputError without WeasyPrint."""
+    os.environ.setdefault("SOURCE_DATE_EPOCH", "0")  # or its embedded fonts state when they were written
     content: bytes = library().HTML(string=page).write_pdf(pdf_tags=True, pdf_identifier=b"inertial-test-bench")
     return content

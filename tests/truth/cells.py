@@ -138,6 +138,8 @@ class Cell:
         alter_file(unit, self.kind)
         if self.kind == "negative scale":
             _state_negative(bench, stated, method.sequence)
+        if self.kind == "warm" and method.name == "M3a":
+            _state_warm(stated, method.sequence)
 
 
 def _state_negative(bench: Path, stated: Path, sequence: str) -> None:
@@ -149,6 +151,14 @@ def _state_negative(bench: Path, stated: Path, sequence: str) -> None:
     )  # fmt: skip
     if count:
         stated.write_text(text, "utf-8")
+
+
+def _state_warm(stated: Path, sequence: str) -> None:
+    """Lets the settings of a range say how far the scale factor may change with temperature, which it does not find."""
+    text = (ROOT / "sequences" / f"{sequence}.yaml").read_text("utf-8")
+    changed, count = re.subn(r"(?m)^( *)scale: .*$", r"\g<0>\n\g<1>scale_per_degree_u: 300 ppm/°C", text)
+    assert count, sequence
+    stated.write_text(changed, "utf-8")
 
 
 @dataclass(frozen=True)
@@ -217,6 +227,7 @@ def _run(cell: Cell, seeds: Sequence[int], folder: Path, processes: int) -> Iter
         except Exception as problem:  # noqa: BLE001 - that a unit comes to no result is what the campaign has to tell
             yield from (Line(seed, problem=_told(problem)) for seed in seeds)
             return
+        cell.request(folder, 0)  # its files are there before several processes ask for them
         work = partial(_line, partial(_of_records, cell, folder, template))
     if processes == 1:
         yield from map(work, seeds)

@@ -135,6 +135,13 @@ def accelerometer_range(unit: UnitTruth, truth: dict, results: dict, output: Out
         current_a = unit.current_a(force_g, np.array([warm_c]), np.zeros(1))
         return float(output(unit, current_a)[0])
 
+    def rest_g(_: dict) -> float:
+        """At rest, with what the hysteresis has come to since the unit began to warm up from the room's temperature."""
+        rises_c = [min(threshold_c, warm_c - bench["room_c"]) for threshold_c in unit.thresholds_c]
+        after_g = unit.hysteresis_g * sum(rises_c) / sum(unit.thresholds_c) if unit.thresholds_c else 0.0
+        current_a = unit.current_a((np.zeros(1), np.ones(1), np.zeros(1)), np.array([warm_c]), np.array([after_g]))
+        return float(output(unit, current_a)[0])
+
     low_dps = [np.degrees(np.sqrt(g * 9.8 / 0.5)) for g in _low_g(results)]
     squares = np.radians(low_dps) ** 2
     per_square = float(squares @ [output_g(rate) - output_g(0.0) for rate in low_dps]) / float(squares @ squares)
@@ -144,7 +151,7 @@ def accelerometer_range(unit: UnitTruth, truth: dict, results: dict, output: Out
         return output_g(rate_dps) - output_g(0.0) - np.radians(rate_dps) ** 2 * per_square
 
     return {
-        "rest_output": lambda _: output_g(0.0),
+        "rest_output": rest_g,
         "radius": lambda _: -(x_m - unit.misalignment_p * y_m),
         "acceleration_error": error_g,
         "acceleration_error/relative": lambda at: error_g(at) / 20.0,
