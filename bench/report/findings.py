@@ -12,6 +12,7 @@ from typing import Any, Literal
 from bench.analysis.finding import BudgetLine, Finding, UnitResult
 from bench.analysis.limits import Limits
 from bench.analysis.rundata import RunData
+from bench.analysis.unlike_nominal import compared_with_nominal
 from bench.report.measured import OnTheWay, verdicts_of
 from bench.report.missed import MissedIn
 from bench.sequence.limits import limits_in
@@ -85,7 +86,9 @@ def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str,
             found |= {unit.place: unit for unit in reduce(part, settings)}
         for unit in acquired.units:
             dropped = found_on_the_way.dropped.get(unit.place)
-            result = dataclasses.replace(found[unit.place], dropped=dropped)
+            found_of_unit = found[unit.place]
+            findings = compared_with_nominal(found_of_unit.findings, unit)
+            result = dataclasses.replace(found_of_unit, findings=findings, dropped=dropped)
             units.append(_judged(result, entry, method.units(unit.output_unit, unit.gyro_output_unit)))
     verdict = _verdict(units, sequence, state, found_on_the_way)
     return Results(sequence.title, verdict, tuple(units), found_on_the_way)

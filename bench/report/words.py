@@ -8,6 +8,7 @@ from typing import Any
 
 from bench.analysis.finding import LOWER_BOUND, Finding
 from bench.analysis.limits import GUARD_BANDS_MEET, IN_GUARD_BAND, U_UNKNOWN, Limits
+from bench.analysis.unlike_nominal import OTHER_SIGN, OTHER_SIZE
 from bench.config.answers import SCRIPTED
 from bench.report import imu_words, table_words
 from bench.report.languages import tr
@@ -42,6 +43,10 @@ REASONS = {
     "marginal": "one of the two steps that decide is so near one half that it could be otherwise if repeated",
     "not_closed": "the unit or its table was not at the end of the run as at its beginning",
     "ends_differ": "more than they may; what stays is the cross coupling",
+    OTHER_SIGN: "its sign is not that of the stated scale factor: the unit is turned round in its fixture, its leads "
+    "are exchanged, or the stated sign is wrong",
+    OTHER_SIZE: "it is less than half or more than twice the stated scale factor: see its unit and the unit in the "
+    "place",
     "lag": "the loop is a lag behind the thermometer, not hysteresis: a model with dT/dt removes most of it",
 }
 # What sources of uncertainty are of, besides the names of readings.
