@@ -95,12 +95,12 @@ class SimulatedUnit:
         return (
             Thermometer(
                 start_c, own.thermometer_offset_c, own.thermometer_gain, noise_c, noise("thermometer"),
-                own.thermometer_table,
+                own.thermometer_table, own.thermometer_drift_c, settings.run_s,
             ),
             Thermometer(
                 start_c if self.warmth.board_in_chamber else self.warmth.board_c,
                 own.converter_offset_c, own.converter_gain, noise_c, noise("converter thermometer"),
-                own.converter_table,
+                own.converter_table, own.converter_drift_c, settings.run_s,
             ),
         )  # fmt: skip
 

@@ -89,6 +89,7 @@ class SimulatedGyro:
         self._thermometer = Thermometer(
             settings.chamber.start_c, own.thermometer_offset_c, own.thermometer_gain, settings.thermometer_noise_c,
             stream(settings.seed, "noise", place, "thermometer"), own.thermometer_table,
+            own.thermometer_drift_c, settings.run_s,
         )  # fmt: skip
         self.powered_at_s: float | None = None
 

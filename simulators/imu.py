@@ -43,14 +43,14 @@ class ImuPlace:
     """An inertial unit in its place.
 
     `channels` are those of the counter or of the telemetry, by CHANNELS, and `decodings` what becomes of the codes of
-    those that it sends; `thermometers` are offset (°C), gain and corrections, by SENSORS.
+    those that it sends; `thermometers` are offset (°C), gain, corrections and drift within a run (°C), by SENSORS.
     """
 
     unit: ImuFile
     channels: Mapping[str, str]
     supply: str
     mount_angle_deg: float
-    thermometers: Mapping[str, tuple[float, float, Table]]
+    thermometers: Mapping[str, tuple[float, float, Table, float]]
     decodings: Mapping[str, Decoding] = field(default_factory=dict)
 
 
@@ -85,9 +85,9 @@ class SimulatedImu:
         self._thermometers = [
             Thermometer(
                 settings.chamber.start_c, offset_c, gain, settings.thermometer_noise_c,
-                stream(settings.seed, "noise", place, sensor, "thermometer"), table,
+                stream(settings.seed, "noise", place, sensor, "thermometer"), table, drift_c, settings.run_s,
             )
-            for sensor, (offset_c, gain, table) in self.settings.thermometers.items()
+            for sensor, (offset_c, gain, table, drift_c) in self.settings.thermometers.items()
         ]  # fmt: skip
         self._last_c = np.full(2, settings.chamber.start_c)
         self._asked: tuple[float, float, int] = (-1.0, -1.0, 0)

@@ -20,6 +20,8 @@ from simulators.uut import Decoding, Through
 class PlaceSettings:
     """One unit in its place. `thermometer_offset_c` and `thermometer_gain` are the errors drawn for its reading.
 
+    `thermometer_drift_c` is what that offset changes by within a run.
+
     They come on top of those that its `thermometer_table` corrects, °C to be added at readings in °C. Its output are
     pulses on a `channel`, the volts across `load_ohm`, or codes with their `decoding`. The errors of `converter_` are
     for the thermometer at its converter; `source` is the device that may feed that. `arm_m` is where it truly is from
@@ -33,10 +35,12 @@ class PlaceSettings:
     thermometer_offset_c: float = 0.0
     thermometer_gain: float = 0.0
     thermometer_table: Table = ((), ())
+    thermometer_drift_c: float = 0.0
     load_ohm: float | None = None
     converter_offset_c: float = 0.0
     converter_gain: float = 0.0
     converter_table: Table = ((), ())
+    converter_drift_c: float = 0.0
     source: str = ""
     arm_m: Vector = NOWHERE
     decoding: Decoding | None = None
@@ -73,6 +77,7 @@ class WorldSettings:
     chamber: ChamberPhysics = field(default_factory=ChamberPhysics)
     thermometer_lag_s: float = 20.0
     thermometer_noise_c: float = 0.005
+    run_s: float = 0.0  # how long the run is expected to take, for errors that drift within it; 0 for no drift
     places: Mapping[str, PlaceSettings] = field(default_factory=dict)
     imus: Mapping[str, ImuPlace] = field(default_factory=dict)
     built: Fixture | None = None

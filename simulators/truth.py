@@ -89,6 +89,7 @@ def truth_record(
                 name: {
                     "offset_c": place.thermometer_offset_c,
                     "gain": place.thermometer_gain,
+                    "drift_c": place.thermometer_drift_c,
                     "table": place.thermometer_table,
                 }
                 for name, place in sorted(settings.places.items())

@@ -121,14 +121,23 @@ def followed_c(faults: FaultPlan, at_unit_c: float, room_c: float) -> float:
 class Thermometer:
     """What a thermometer says of what an ideal one has followed to: with its offset, its gain and its noise.
 
-    They come on top of what its `table` of corrections adds.
+    They come on top of what its `table` of corrections adds. The offset is that in the middle of a run of `run_s`; it
+    changes evenly, by `drift_c` from the beginning of the run to its end. A run of 0 s has no drift.
     """
 
     def __init__(
-        self, start_c: float, offset_c: float, gain: float, noise_c: float, noise: Generator, table: Table = ((), ())
+        self,
+        start_c: float,
+        offset_c: float,
+        gain: float,
+        noise_c: float,
+        noise: Generator,
+        table: Table = ((), ()),
+        drift_c: float = 0.0,
+        run_s: float = 0.0,
     ) -> None:
         self._offset_c, self._gain, self._noise_c, self._noise = offset_c, gain, noise_c, noise
-        self._table = table
+        self._table, self._drift_c, self._run_s = table, drift_c, run_s
         self._read_at_s, self._read_c = 0.0, start_c
 
     def readings_c(self, at_s: Array, now_s: float, now_c: float) -> Array:
@@ -136,4 +145,6 @@ class Thermometer:
         true_c = np.interp(at_s, [self._read_at_s, now_s], [self._read_c, now_c])
         self._read_at_s, self._read_c = now_s, now_c
         right_c = true_c * (1 + self._gain) + self._offset_c
+        if self._run_s:
+            right_c = right_c + self._drift_c * (at_s / self._run_s - 0.5)
         return read_of(right_c, self._table) + self._noise_c * self._noise.standard_normal(len(at_s))

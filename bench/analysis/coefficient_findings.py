@@ -18,7 +18,8 @@ class Origin:
     """Where a model comes from: of whom it is, and the steps of the run.
 
     `thermometer_u` are the standard uncertainties of its offset (°C) and of its gain. `own` are the budget lines,
-    of what is new in every reading, of what depends on the values that were fitted by weights (n,).
+    of what is new in every reading, and of the thermometer's drift, of what depends on the values that were fitted by
+    weights (n,).
     """
 
     subject: Subject

@@ -21,8 +21,8 @@ class Dwell:
 
     `readings` (n,) of the output, in its unit, were taken at the head's angles `head_rad` (n,). `gain` turns errors
     of the readings into errors of the constants, a row (n,) for each in the order of `values`; `turn` (n,) is the
-    derivative of a reading to its angle, per rad. `alone_u` is what a reading alone tells of its standard uncertainty,
-    `step_u` (n,) what the steps of codes hide from each.
+    derivative of a reading to its angle, per rad. `middle_s` is the mean bench time of the readings. `alone_u` is what
+    a reading alone tells of its standard uncertainty, `step_u` (n,) what the steps of codes hide from each.
     """
 
     number: int
@@ -31,6 +31,7 @@ class Dwell:
     rising: bool
     set_c: float
     temperature_c: float
+    middle_s: float
     tumble: Tumble
     readings: Array
     head_rad: Array
@@ -135,6 +136,7 @@ def _solved(
         rising=rising,
         set_c=used[0].set_c,
         temperature_c=float(np.mean([acquisition.temperatures_c[unit.temperature].mean() for acquisition in used])),
+        middle_s=float(np.mean(time_s)),
         tumble=tumble,
         readings=readings,
         head_rad=np.radians(head_deg),

@@ -6,7 +6,9 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-from bench.analysis.acquired import Acquisition
+import numpy as np
+
+from bench.analysis.acquired import Acquisition, Array
 from bench.analysis.bench_record import BenchRecord, Vector
 from bench.analysis.compensation import Compensation
 from bench.analysis.finding import Subject
@@ -107,6 +109,17 @@ class RunData:
     def subject(self, unit: UnitUnderTest) -> Subject:
         """Whom findings of a unit are of."""
         return Subject(self.label, unit.place, unit.serial)
+
+    def run_share(self, at_s: Array) -> Array:
+        """Where bench times (n,) are in the run: from -½ at its beginning to ½ at its end.
+
+        Where nobody says how long it was, its acquisitions do.
+        """
+        began_s, ended_s = self.span_s
+        if ended_s <= began_s:
+            every = (*self.acquisitions, *self.closure)
+            began_s, ended_s = min(each.begin_s for each in every), max(each.end_s for each in every)
+        return np.asarray((at_s - began_s) / (ended_s - began_s) - 0.5)
 
     def groups(self) -> dict[str, list[Acquisition]]:
         """The acquisitions by the groups of steps that they belong to, both in the order of the run."""

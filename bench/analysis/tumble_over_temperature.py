@@ -13,7 +13,7 @@ from bench.analysis.coefficient_findings import CONTAINED, Origin, coefficient_f
 from bench.analysis.dwells import Dwell
 from bench.analysis.extremes import interval_of_largest
 from bench.analysis.finding import BudgetLine, Finding, Interval
-from bench.analysis.fit import PolynomialFit
+from bench.analysis.fit import PolynomialFit, fit_polynomial
 from bench.analysis.tilt_findings import TiltOrigin, tilt_findings
 from bench.analysis.tumble import hysteresis
 from bench.analysis.tumble_unit import TumbleUnit, type_b
@@ -50,13 +50,20 @@ class TumbleOverTemperature:
         if loop is not None:
             dwells = (self.of.dwells[loop.rising], self.of.dwells[loop.falling])
             name = "largest difference between rising and falling temperature"
-            own = self.of.own_u(quantity)[loop.pairs]
-            interval = interval_of_largest(loop.differences, np.hypot(*own.T)).times(relative)
-            yield self._of_dwells(f"{quantity}/hysteresis", name, loop.value, abs(relative), dwells, interval)
-        worst = self.of.dwells[int(np.argmax(np.abs(model.residuals)))]
+            own, drifted = self.of.own_u(quantity)[loop.pairs], self.of.drifted(model)
+            apart = drifted[loop.pairs[:, 0]] - drifted[loop.pairs[:, 1]]
+            interval = interval_of_largest(loop.differences, np.hypot(np.hypot(*own.T), apart)).times(relative)
+            by_drift = float(drifted[loop.rising] - drifted[loop.falling])
+            yield self._of_dwells(f"{quantity}/hysteresis", name, loop.value, abs(relative), dwells, by_drift, interval)
+        worst = int(np.argmax(np.abs(model.residuals)))
         name = f"largest residual of the model of degree {model.degree}"
-        interval = interval_of_largest(model.residuals, self.of.own_u(quantity)).times(relative)
-        yield self._of_dwells(f"{quantity}/model_residual", name, model.max_residual, abs(relative), (worst,), interval)
+        at_c = np.array([dwell.temperature_c for dwell in self.of.dwells])
+        left = fit_polynomial(at_c, self.of.drifted(model), model.degree).residuals
+        interval = interval_of_largest(model.residuals, np.hypot(self.of.own_u(quantity), left)).times(relative)
+        yield self._of_dwells(
+            f"{quantity}/model_residual", name, model.max_residual, abs(relative), (self.of.dwells[worst],),
+            float(left[worst]), interval,
+        )  # fmt: skip
 
     def tilt(self) -> Iterator[Finding]:
         """What the bias makes of the unit as a tilt meter, with a constant and with the model of K0."""
@@ -72,7 +79,7 @@ class TumbleOverTemperature:
         """The bias of the last dwell less that of the first, where the profile returns to its first temperature.
 
         The two stood at slightly different temperatures, which the model brings together. Of all sources only what
-        is new in each reading is not common to both.
+        is new in each reading, and the drift of the thermometer between them, is not common to both.
         """
         if not self.of.dwells:
             return None
@@ -82,9 +89,8 @@ class TumbleOverTemperature:
         middle_c, apart_c = (first.temperature_c + last.temperature_c) / 2, last.temperature_c - first.temperature_c
         expected = float(model.slope(middle_c)) * apart_c if model is not None else 0.0
         name = "closure: last dwell less first, both at the first temperature"
-        return self._of_dwells(
-            "K0/closure", name, last.values["K0"] - first.values["K0"] - expected, 1.0, (first, last)
-        )
+        change, drifted = last.values["K0"] - first.values["K0"] - expected, self.of.drifted(model)
+        return self._of_dwells("K0/closure", name, change, 1.0, (first, last), float(drifted[-1] - drifted[0]))
 
     def _coefficient(self, quantity: str, model: PolynomialFit, line: PolynomialFit, relative: float) -> Finding:
         """The slope of the straight line through the unit as it was at the dwells (docs/decisions/0057)."""
@@ -95,6 +101,7 @@ class TumbleOverTemperature:
             *self.of.own_over_dwells(quantity, gain),
             type_b(f"{thermometer}: gain", by_gain, thermometer),
             type_b(f"{thermometer}: offset", by_offset, thermometer),
+            self.of.drift.line(float(gain @ self.of.drifted(model))),
             BudgetLine(CONTAINED, "alias", 0),
         ]
         slope = float(line.coefficients[1]) / line.scale * relative
@@ -111,7 +118,10 @@ class TumbleOverTemperature:
             steps=(self.of.root,),
             thermometer=self.of.unit.temperature,
             thermometer_u=self.of.thermometer_u,
-            own=lambda weights: self.of.own_over_dwells(quantity, weights),
+            own=lambda weights: [
+                *self.of.own_over_dwells(quantity, weights),
+                self.of.drift.line(float(weights @ self.of.drifted(model))),
+            ],
         )
         return coefficient_findings(quantity, model, self.reference_c, origin)
 
@@ -132,10 +142,15 @@ class TumbleOverTemperature:
         value: float,
         relative: float,
         dwells: tuple[Dwell, ...],
+        by_drift: float,
         interval: Interval | None = None,
     ) -> Finding:
-        """A value of one or two dwells, as uncertain as what is new in their readings: all else they have in common."""
+        """A value of one or two dwells, as uncertain as what is new in their readings: all else they have in common.
+
+        `by_drift` is what the drift of the thermometer gives it beside, before it is made `relative`.
+        """
         lines = self.of.own(quantity.partition("/")[0], [(dwell, relative) for dwell in dwells])
+        lines.append(self.of.drift.line(by_drift * relative))
         at = {
             "temperature_set_c": None if math.isnan(dwells[0].set_c) else dwells[0].set_c,
             "temperature_c": float(np.mean([dwell.temperature_c for dwell in dwells])),

@@ -12,7 +12,9 @@ from bench.analysis.acquired import Array
 from bench.analysis.bench_record import BenchRecord
 from bench.analysis.dwells import Dwell
 from bench.analysis.finding import BudgetLine, Subject
+from bench.analysis.fit import PolynomialFit
 from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.analysis.thermometer_drift import DriftInRun
 
 UNITS = {"K0": "g", "misalignment": "rad", "K2": "g/g²", "K3": "g/g³", "Kip": "g/g²", "asymmetry": "1"}
 READINGS = "readings: scatter pooled over the run"
@@ -70,6 +72,21 @@ class TumbleUnit:
     def temperature_u_c(self, temperature_c: float) -> float:
         """Standard uncertainty of a temperature that it shows."""
         return self.bench.temperature_u_c(self.unit.temperature, temperature_c)
+
+    @property
+    def drift(self) -> DriftInRun:
+        """Drift of the thermometer at the unit."""
+        return DriftInRun(self.data, self.unit.temperature)
+
+    def drifted(self, model: PolynomialFit | None) -> Array:
+        """What one standard uncertainty of the thermometer's drift moves the values of a model at each dwell by: (n,).
+
+        Nothing without a model, which takes no temperature into account.
+        """
+        if model is None:
+            return np.zeros(len(self.dwells))
+        temperature_c, at_s = np.array([(each.temperature_c, each.middle_s) for each in self.dwells]).T
+        return np.asarray(model.slope(temperature_c) * self.drift.error_c(at_s))
 
     def scatter(self, gain: Array) -> BudgetLine:
         """The uncertainty that the readings give to what depends on them by `gain` (n,)."""

@@ -40,9 +40,12 @@ from simulators.world import World
 AnyUnitFile = UnitFile | GyroFile | ImuFile
 
 
-def world_settings(bench: BenchFile, units: Mapping[str, AnyUnitFile], seed: int) -> WorldSettings:
-    """The laboratory of one run, with the truth of the unit in each place."""
-    return _Draws(bench, seed).settings(units)
+def world_settings(bench: BenchFile, units: Mapping[str, AnyUnitFile], seed: int, run_s: float = 0.0) -> WorldSettings:
+    """The laboratory of one run, with the truth of the unit in each place.
+
+    Thermometers drift over the `run_s` that it is expected to take; not at all where that is 0.
+    """
+    return _Draws(bench, seed).settings(units, run_s)
 
 
 class _Draws:
@@ -52,7 +55,7 @@ class _Draws:
         self._bench, self._seed = bench, seed
         self._stated, self._corrections = bench_record(bench), corrections_of(bench)
 
-    def settings(self, units: Mapping[str, AnyUnitFile]) -> WorldSettings:
+    def settings(self, units: Mapping[str, AnyUnitFile], run_s: float) -> WorldSettings:
         """Everything that the simulated world is made from."""
         bench, stated, simulation = self._bench, self._stated, self._bench.simulation
         fixture = Fixture(tuple(bench.axes.values()) or (SOUTH,), bench.fixture.x, bench.fixture.z)
@@ -80,6 +83,7 @@ class _Draws:
             remount_deg=simulation.remount / ARCSEC_PER_DEG,
             thermometer_lag_s=simulation.thermometer.lag,
             thermometer_noise_c=simulation.thermometer.noise,
+            run_s=run_s,
             places={name: self._place(name, unit, at) for name, unit, at in entries if not isinstance(unit, ImuFile)},
             imus={name: self._imu(name, unit, at) for name, unit, at in entries if isinstance(unit, ImuFile)},
         )
@@ -87,16 +91,18 @@ class _Draws:
     def _draw(self, sd: float, *path: str) -> float:
         return float(sd * stream(self._seed, "bench", *path).standard_normal())
 
-    def _thermometer(self, reading: str) -> tuple[float, float, Table]:
-        """Offset, gain, and what its certificate corrects."""
+    def _thermometer(self, reading: str) -> tuple[float, float, Table, float]:
+        """Offset, gain, what its certificate corrects, and by how much the offset changes within a run."""
         offset_u, gain_u = self._stated.thermometer_u(reading)
         table = columns(self._corrections.thermometers.get(reading))
-        return self._draw(offset_u, reading, "offset"), self._draw(gain_u, reading, "gain"), table
+        drift_c = self._draw(self._stated.thermometer_drift(reading).u_c, reading, "drift")
+        return self._draw(offset_u, reading, "offset"), self._draw(gain_u, reading, "gain"), table, drift_c
 
     def _place(self, name: str, unit: UnitFile | GyroFile, entry: PlaceEntry) -> PlaceSettings:
         simulation = self._bench.simulation
-        offset_c, gain, table = self._thermometer(entry.temperature)
-        converter_offset_c, converter_gain, converter_table = self._thermometer(entry.converter_temperature or "")
+        offset_c, gain, table, drift_c = self._thermometer(entry.temperature)
+        of_converter = self._thermometer(entry.converter_temperature or "")
+        converter_offset_c, converter_gain, converter_table, converter_drift_c = of_converter
         return PlaceSettings(
             unit=unit,
             channel=entry.channel,
@@ -105,10 +111,12 @@ class _Draws:
             thermometer_offset_c=offset_c,
             thermometer_gain=gain,
             thermometer_table=table,
+            thermometer_drift_c=drift_c,
             load_ohm=next((each.load for role, each in simulation.voltmeters.items() if role == entry.voltmeter), None),
             converter_offset_c=converter_offset_c,
             converter_gain=converter_gain,
             converter_table=converter_table,
+            converter_drift_c=converter_drift_c,
             source=entry.source or "",
             arm_m=self._arm_m(name, entry),
             decoding=decoding_of(self._bench, entry.telemetry),

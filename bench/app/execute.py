@@ -105,7 +105,12 @@ def _execute(prepared: PreparedRun, observer: RunObserver, signals: Signals, let
             laboratory = None
             if bench.needs_simulators:
                 laboratory = make_laboratory(
-                    bench, units, prepared.seed, asyncio.get_running_loop().time, prepared.serials
+                    bench,
+                    units,
+                    prepared.seed,
+                    asyncio.get_running_loop().time,
+                    prepared.serials,
+                    prepared.expected.total_s,
                 )
                 if not bench.simulation.faults:
                     laboratory.leave_frames(HEALTHY_BLOCK_S)

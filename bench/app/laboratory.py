@@ -118,13 +118,16 @@ def make_laboratory(
     seed: int,
     host_s: Callable[[], float],
     places: Collection[str] | None = None,
+    run_s: float = 0.0,
 ) -> Laboratory:
     """The laboratory of one run, in which the units in `places` take part, None for all; the others have no power.
+
+    What drifts within a run does so over `run_s`.
 
     The units are in the first chamber of the file, on the axes of its fixture. Further chambers and heads stand beside:
     each has air, or an axis, of its own.
     """
-    around_all = world_settings(bench, units, seed)
+    around_all = world_settings(bench, units, seed, run_s)
     world = World(around_all if places is None else _without_power(around_all, places), host_s)
     instruments: dict[str, Instrument] = {}
     nodes: dict[str, CanNode] = {}

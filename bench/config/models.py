@@ -77,10 +77,13 @@ class TemperatureWindow(Range):
 
 
 class ThermometerUncertainty(StrictModel):
-    """Expanded: an offset, and a gain error on the temperature in °C."""
+    """Expanded: an offset, a gain error on the temperature in °C, and how much the offset changes within a run."""
 
     offset: Annotated[float, InUnit("°C", at_least=0)] = Field(0.0, description="the same at every temperature")
     gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the temperature in °C, such as 0.2 %")
+    drift: Annotated[float, InUnit("°C", at_least=0)] | None = Field(
+        None, description="change of the offset from the begin to the end of a run; a fifth of the offset if not said"
+    )
 
 
 class ThermometerCalibration(Calibration):

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from bench.analysis.bench_record import AxisRecord, BenchRecord, ClockRecord, SourceRecord
+from bench.analysis.bench_record import AxisRecord, BenchRecord, ClockRecord, SourceRecord, ThermometerDrift
 from bench.config.fixture import Vector
-from bench.config.models import BenchFile
+from bench.config.models import BenchFile, ThermometerCalibration
 from drivers.can_telemetry.description import TelemetryOptions
 
 ARCSEC_DEG = 1 / 3600
 HOUR_S = 3600.0
+DRIFT_SHARE = 0.2  # of the offset's uncertainty, that a thermometer without a stated drift may change by in a run
 
 
 def bench_record(bench: BenchFile) -> BenchRecord:
@@ -46,7 +47,18 @@ def bench_record(bench: BenchFile) -> BenchRecord:
         sources=dict(_sources(bench)),
         host_clock_u=clock.U / clock.k if clock is not None else 0.0,
         telemetry=next(_latching(bench), None),
+        thermometer_drifts={
+            name: _thermometer_drift(reading.calibration)
+            for name, reading in bench.readings.items()
+            if reading.calibration is not None
+        },
     )
+
+
+def _thermometer_drift(calibration: ThermometerCalibration) -> ThermometerDrift:
+    """As the certificate states it, else a share of its offset (docs/decisions/0060)."""
+    stated, of_offset = calibration.U.drift, DRIFT_SHARE * calibration.U.offset
+    return ThermometerDrift((of_offset if stated is None else stated) / calibration.k, stated is not None)
 
 
 def _latching(bench: BenchFile) -> Iterator[ClockRecord]:

@@ -17,7 +17,8 @@ from tests.truth.ramp import compare_ramp
 TELEMETRY = load_bench(ROOT / "config/telemetry.yaml").bench
 ONE_DWELL = ("temperatures=[20 °C]", "warm_up=0 s", "soak=30 min", "gate=10 s")
 RAMP = ("low=10 °C", "high=40 °C", "ramp_rate=3 °C/min")  # shorter legs are nothing but turns
-SURE = ("telemetry.yaml", "U: {offset: 0.6 °C, gain: 0.2 %}", "U: {offset: 0 °C, gain: 0 %}")  # one dwell has no slope
+# One dwell has no slope over temperature.
+SURE = ("telemetry.yaml", "U: {offset: 0.6 °C, gain: 0.2 %, drift: 0.12 °C}", "U: {offset: 0 °C}")
 ON = "{set: supply, voltage: 15 V, current_limit: 120 mA, output: on}"
 TAIL = """\
 teardown:

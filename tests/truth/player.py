@@ -71,7 +71,9 @@ class Player:
         self, template: Template, bench: BenchFile, seed: int, uut_model: Path | None, *, drifting: bool = False
     ) -> None:
         self._template, self._bench, self._host_s = template, bench, template.origin_s
-        self.world = World(world_settings(bench, unit_files(bench, uut_model), seed), lambda: self._host_s)
+        began_s, ended_s = next(iter(template.data.values())).span_s
+        settings = world_settings(bench, unit_files(bench, uut_model), seed, ended_s - began_s)
+        self.world = World(settings, lambda: self._host_s)
         options = next(e.options for e in bench.devices.values() if isinstance(e.options, CounterOptions))
         self._options, self._period_s = options, options.period
         self._latch_s = options.period / (1 + self.world.settings.device_clock)

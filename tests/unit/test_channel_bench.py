@@ -31,7 +31,7 @@ from: counter.Temperatures.Converter
     stale_after: 5 s
     calibration:
       {certificate: SIM-2026-0107, laboratory: none, date: 2026-01-01, due: 2030-12-31, k: 2,
-       U: {offset: 0.6 °C, gain: 0.2 %}}"""
+       U: {offset: 0.6 °C, gain: 0.2 %, drift: 0.12 °C}}"""
 SIMULATED = "sources: {source: {warm_up: 2 h, fresh: 5}}"
 
 

@@ -23,7 +23,8 @@ ANGLES = "angle: [{at: 0°, add: 10 arcsec}, {at: 90°, add: -20 arcsec}, {at: 3
 ROWS = "[{at: 0 °C, add: 0.5 °C}, {at: 40 °C, add: -0.3 °C}]"
 CLOCK = ("U: {time_base: 1 ppm}", "U: {time_base: 1 ppm}, corrections: {time_base: 5 ppm}")
 HEAD = (HEAD_U, f"{HEAD_U}, corrections: {{{ANGLES}}}")
-THERMOMETER = ("U: {offset: 0.6 °C, gain: 0.2 %}", f"U: {{offset: 0.6 °C, gain: 0.2 %}}, corrections: {ROWS}")
+THERMOMETER_U = "U: {offset: 0.6 °C, gain: 0.2 %, drift: 0.12 °C}"
+THERMOMETER = (THERMOMETER_U, f"{THERMOMETER_U}, corrections: {ROWS}")
 PAST_DUE = ("certificate: SIM-2026-0102, laboratory: none, date: 2026-01-01, due: 2030-12-31",
             "certificate: SIM-2026-0102, laboratory: none, date: 2024-01-01, due: 2025-12-31")  # fmt: skip
 
