@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from ctypes.util import find_library
@@ -31,6 +32,12 @@ _MODULES = {
     "dvg_devices": ("dvg_devices", "dvg_debug_functions", "pyvisa_py"), "daqmon": ("daqmon",),
     "modbus_tk": ("modbus_tk",), "canmatrix": ("canmatrix",),
 }  # fmt: skip
+
+
+def pytest_configure() -> None:
+    """Undo what a shell does to programs in the background: runs that the tests start would ignore Ctrl-C as well."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
