@@ -74,7 +74,7 @@ def test_a_unit_that_leaves_its_temperature_limits_is_an_error(tmp_path):
     bench = copy_bench(tmp_path / "config", ("limits: {min: -55 °C, max: 105 °C}", "limits: {min: -55 °C, max: 23 °C}"))
     result = run_short(tmp_path / "runs", bench=bench, sequence="smoke", settings=("soak=30 min",))
     assert result.outcome.how == "error"
-    assert "unit_temperature: 23.0" in result.problems[0]
+    assert "unit_temperature: 23." in result.problems[0]
     assert "outside -55 to 23 °C" in result.problems[0]
 
 

@@ -54,7 +54,7 @@ def test_a_value_is_there_as_soon_as_its_sensor_has_told_one(tmp_path):
 def test_a_condition_that_does_not_come_true_is_given_up_in_words(tmp_path, condition, expected):
     result = ran(tmp_path, f"{{wait_until: unit_temperature, {condition}, give_up_after: 10 min}}")
     assert result.outcome.how == "error"
-    assert "s.yaml:2:5: step steps/wait_until: unit_temperature is 19.9" in result.problems[0]
+    assert "s.yaml:2:5: step steps/wait_until: unit_temperature is 19." in result.problems[0]
     assert f"°C after 10.0 min, {expected}" in result.problems[0]
     assert result.bench_s < 11 * 60
     assert "teardown/set" in ended(result)
