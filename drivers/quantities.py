@@ -148,6 +148,7 @@ _PARTED = re.compile(r"[+-]?\d+[_, ]\d", re.ASCII)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,(?!\d{3}\b)\d+(?![\d,])", re.ASCII)
 _LETTERS = re.compile(r"[+-]?(?:\d[\d.]*[OIl]|[OoIl](?=[\d.]))[\d.OoIl]*(?=\s|°|$)", re.ASCII)
 _DASH = re.compile(r"[‐‒–—]\s*(?=\.?\d)")
+_TWO_POINTS = re.compile(r"[+-]?(\d*\.\d+|\d+\.)\.?\d*\.[\d.]*\s*(\D*)", re.ASCII)
 _CLOCK = re.compile(r"(\d+):(\d\d)(?::(\d\d))?", re.ASCII)
 _UNIT_LEFT_OUT = re.compile(r"(\d+)\s*(d|day|h|min)\s*(\d+)", re.ASCII)
 _NEXT_SMALLER = {"d": "h", "day": "h", "h": "min", "min": "s"}
@@ -179,7 +180,12 @@ def _parsed(text: str) -> Quantity:
         return _rounded(((days * 24 + hours) * 60 + minutes) * 60 + seconds, _TIME)
     if _ALMOST_SEXAGESIMAL.match(clean):
         raise QuantityError(f"{quoted(text)} is not an angle; write minutes and seconds of arc like 54°44'08\"")
-    is_slip = _LETTERS.match(clean) or _CLOCK.fullmatch(clean) or _UNIT_LEFT_OUT.fullmatch(clean)
+    is_slip = (
+        _TWO_POINTS.fullmatch(clean)
+        or _LETTERS.match(clean)
+        or _CLOCK.fullmatch(clean)
+        or _UNIT_LEFT_OUT.fullmatch(clean)
+    )
     match = None if is_slip else _QUANTITY.fullmatch(clean)
     if match is None:
         raise QuantityError(f"{quoted(text)} is not a quantity{_hint(clean)}")
@@ -200,6 +206,9 @@ def _hint(text: str) -> str:
         return "; write 1500 or 1.5, nothing between the digits"
     if _DASH.match(text):
         return f"; a dash stands for the minus sign: write {_DASH.sub('-', text, count=1)}"
+    if (points := _TWO_POINTS.fullmatch(text)) is not None:
+        number = points[1].rstrip(".")
+        return f"; a number has one decimal point: write it like {f'{number} {points[2]}'.strip()}"
     if (clock := _CLOCK.fullmatch(text)) is not None:
         return f"; write a duration with its units: {_duration(*clock.groups())}"
     if (parts := _UNIT_LEFT_OUT.fullmatch(text)) is not None:

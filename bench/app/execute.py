@@ -50,13 +50,14 @@ CALLED = "called"  # the folder of sequences that the one of a run calls
 
 @dataclass(frozen=True)
 class RunResult:
-    """How a run ended: its directory, why it did not get to its end, and what was found."""
+    """How a run ended: its directory, why it did not get to its end, what was found, and its report if any."""
 
     path: Path
     outcome: Outcome
     results: Results | None
     bench_s: float
     wall_s: float
+    report: Path | None = None
 
     @property
     def problems(self) -> list[str]:
@@ -125,8 +126,9 @@ def _execute(prepared: PreparedRun, observer: RunObserver, signals: Signals, let
         record |= {"instruments": ran.instruments, "bench_s": ran.bench_s, "digest": ran.digest}
         if ran.clock_steps:
             record["clock_steps"] = ran.clock_steps
-        results = Finish(directory, record, ran.outcome, signals, watch).results(ran.laboratory, ran.end)
-        return RunResult(directory.path, ran.outcome, results, ran.bench_s, watch.elapsed_s())
+        finish = Finish(directory, record, ran.outcome, signals, watch)
+        results = finish.results(ran.laboratory, ran.end)
+        return RunResult(directory.path, ran.outcome, results, ran.bench_s, watch.elapsed_s(), finish.report)
     finally:
         directory.release()
 

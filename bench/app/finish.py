@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from datetime import datetime, timedelta
+from pathlib import Path
 from typing import Any
 
 from bench.app.laboratory import Laboratory
@@ -39,6 +40,8 @@ class Finish:
         self._directory, self._record, self._outcome = directory, record, outcome
         self._signals, self._watch = signals, watch
         self._signals_before = len(signals.received)
+        self.report: Path | None = None
+        """The report, once it is written."""
 
     def results(self, laboratory: Laboratory | None, end: Link) -> Results | None:
         """Reduces the run and writes results, manifest and report; None where it cannot be reduced."""
@@ -100,7 +103,7 @@ class Finish:
             with self._signals.dropping(self._signals_before):
                 from bench.report.write import write_report  # and matplotlib with it, which a run needs only here
 
-                write_report(stored)
+                self.report = write_report(stored)
         except Dropped:
             self._outcome.problems.append(f"no report was written, since a signal came meanwhile; {again}")
         except Exception as problem:  # noqa: BLE001  the run is over, and its results are on the disk

@@ -20,7 +20,8 @@ MEANINGS = {
     PASS: "PASS: every value that has a limit is within it",
     FAIL: "FAIL: the unit is outside a limit",
     INPUT_ERROR: "bad input: a file, an option or a name cannot be used; nothing was opened",
-    BENCH_ERROR: "ERROR: the bench, the disk or this program failed; the bench is safe",
+    BENCH_ERROR: "ERROR: the bench, the disk or this program failed, or a run that did not FAIL has no report, since "
+    "that could not be written; the bench is safe",
     ABORTED: "ABORTED: ended by the operator, another program or the end of the terminal; the bench is safe",
     NOT_JUDGED: "NOT JUDGED: the run got to its end, and nothing in it has a limit",
     NOT_SAFE: "NOT MADE SAFE: at least one device may still be energised or moving; goes before all other codes",
@@ -42,4 +43,5 @@ def of_run(result: RunResult) -> int:
         return NOT_SAFE
     if result.results is None or result.outcome.how == "error":
         return BENCH_ERROR
-    return OF_VERDICT[result.results.verdict]
+    code = OF_VERDICT[result.results.verdict]
+    return code if result.report is not None or code in (FAIL, ABORTED) else BENCH_ERROR

@@ -98,6 +98,10 @@ def _reduce_run(name: str, runs: Path, out: Path | None, *, as_json: bool, damag
     from bench.report.stored import open_run
     from bench.store.runs import find_run
 
+    if Path(name).is_file():
+        raise InputError(
+            f"{name}: is a file, and no case; a case is a CASE.json that names its CSV records, a run is a directory"
+        )
     if out is not None:
         raise InputError(f"--out {out}: is for a case; 'bench report {name} --format json' writes the results of a run")
     with open_run(find_run(name, runs), damaged=damaged) as stored:

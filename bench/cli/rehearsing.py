@@ -118,7 +118,8 @@ def _told(rehearsal: Rehearsal) -> Iterator[str]:
     yield f"Verdict on the simulated units: {result.results.verdict if result.results else 'none'}"
     yield from (f"Problem: {problem}" for problem in result.problems)
     yield f"run    {result.path}"
-    yield f"report {result.path / 'report.html'}"
+    if result.report is not None:
+        yield f"report {result.report}"
 
 
 def _faults(rehearsal: Rehearsal) -> Iterator[str]:

@@ -282,5 +282,7 @@ def _show(result: RunResult, said: Collection[str], *, as_json: bool) -> None:
             sys.stderr.write(f"\n{problem}\n")
     sys.stderr.write(
         f"\n{result.bench_s:.0f} s of bench time in {result.wall_s:.1f} s, {result.bench_s / result.wall_s:.0f} times "
-        f"real time\nrun    {result.path}\nreport {result.path / 'report.html'}\n"
+        f"real time\nrun    {result.path}\n"
     )
+    if result.report is not None:
+        sys.stderr.write(f"report {result.report}\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,6 +16,7 @@ from bench.cli.exits import BENCH_ERROR
 Run = Annotated[str, typer.Argument(metavar="RUN", help="A run directory, its id, a beginning of it, or last.")]
 Runs = Annotated[Path, typer.Option(metavar="DIR", help="Where the run directories are.")]
 RUNS = Path("runs")
+_SEPARATORS = re.compile("[-_ ]+")  # between the words of a verdict, as a shell takes them without quotes
 State = Annotated[
     str | None, typer.Option(metavar="STATE", help="Only runs in this state: running, completed, interrupted, …")
 ]
@@ -64,13 +66,19 @@ def list_runs(
 ) -> None:
     """List the runs, oldest first; with several filters those that meet all of them."""
     from bench.report.status_text import runs_table
+    from bench.store.manifest_form import SHOWN_STATES, VERDICTS
     from bench.store.runs import list_runs as found
+
+    if state is not None:
+        _expect_one_of("--state", SHOWN_STATES, state := state.lower())
+    if verdict is not None:
+        _expect_one_of("--verdict", VERDICTS, verdict := _SEPARATORS.sub(" ", verdict.upper()))
 
     matching = [
         run
         for run in found(runs)
-        if (state is None or run.state == state.lower())
-        and (verdict is None or run.manifest.get("verdict") == verdict.upper())
+        if (state is None or run.state == state)
+        and (verdict is None or run.manifest.get("verdict") == verdict)
         and (uut is None or uut in run.units)
     ]
     shown = matching if last is None else matching[-last:]
@@ -152,7 +160,8 @@ def export(
 def _expect_one_of(option: str, known: Iterable[str], given: str) -> None:
     """Raises InputError for a value that an option does not have."""
     from bench.errors import InputError
-    from drivers.suggest import did_you_mean
+    from drivers.suggest import nearest
 
     if given not in known:
-        raise InputError(f"{option} {given}: unknown, expected {', '.join(known)}{did_you_mean(given, known)}")
+        hint = f"; did you mean '{close}'?" if (close := nearest(given, known)) else ""
+        raise InputError(f"{option} {given}: unknown, expected {', '.join(known)}{hint}")

@@ -319,6 +319,8 @@ class Engine:
     def _failed(self, problem: BaseException) -> None:
         self.outcome.how = "error"
         text = in_words(problem)
+        if text in self.outcome.problems:  # a store that fails fails the teardown too
+            return
         self.outcome.problems.append(text)
         self._observer.notice(text)
         self.journal.try_to_write("problem", text=str(problem))

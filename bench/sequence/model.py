@@ -86,6 +86,8 @@ class Parameter(StrictModel):
                 "" if type(item) is type(one) else f"is {quoted(in_words(item))}, expected a value like {in_words(one)}"
             )
         if item.dimension == NO_DIMENSION != one.dimension:
+            if "%" in item.written:
+                return f"is '{item.written}', a ratio; expected a value like {in_words(one)}"
             return f"is {in_words(item)}, without a unit; write it like '{in_words(item)} {_unit_as_written(one)}'"
         if item.dimension != one.dimension:
             return f"is {in_words(item)}, expected {in_unit(customary_unit(one.dimension))}"

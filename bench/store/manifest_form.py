@@ -7,6 +7,8 @@ from datetime import datetime
 from bench.store.kept_json import NUMBER, TEXT, TRUTH, WHOLE, an_object, every, named, one_of, or_none, pair
 
 STATES = ("running", "completed", "failed", "error", "aborted")
+SHOWN_STATES = (*STATES, "interrupted", "damaged")  # what a list of runs may say of one
+VERDICTS = ("PASS", "FAIL", "ERROR", "ABORTED", "INCOMPLETE", "NOT JUDGED")
 WHOLE_MANIFEST = (  # what every manifest has had since the first version
     "state", "run", "verdict", "title", "sequence", "bench", "operator", "started", "ended", "wall_s", "bench_s",
     "preset", "parameters", "seed", "simulated", "units", "instruments", "hashes", "software", "host", "problems",
@@ -26,7 +28,7 @@ def instant(value: object) -> str:
 _FORMS = {
     "state": one_of(*STATES),
     "run": TEXT,
-    "verdict": or_none(one_of("PASS", "FAIL", "ERROR", "ABORTED", "INCOMPLETE", "NOT JUDGED")),
+    "verdict": or_none(one_of(*VERDICTS)),
     "title": TEXT,
     "sequence": TEXT,
     "bench": TEXT,

@@ -63,10 +63,37 @@ def test_runs_are_listed_oldest_first_with_state_and_verdict(smoke_run, bench_co
 @pytest.mark.parametrize(
     ("filters", "count"),
     [(("--verdict", "pass"), 1), (("--verdict", "FAIL"), 0), (("--uut", "QF-0001", "--state", "completed"), 1),
-     (("--uut", "QF-1"), 0), (("--last", "3"), 1)],
+     (("--uut", "QF-1"), 0), (("--last", "3"), 1), (("--verdict", "not-judged"), 0), (("--verdict", "Not_Judged"), 0)],
 )  # fmt: skip
 def test_runs_are_filtered_by_what_they_came_to(smoke_run, bench_command, filters, count):
     assert len(json.loads(bench_command("runs", "--runs", smoke_run.path.parent, *filters, "--json").stdout)) == count
+
+
+@pytest.mark.parametrize(
+    ("filters", "told"),
+    [
+        (
+            ("--verdict", "PASSED"),
+            "PASSED: unknown, expected PASS, FAIL, ERROR, ABORTED, INCOMPLETE, NOT JUDGED; did you",
+        ),
+        (
+            ("--state", "over"),
+            "over: unknown, expected running, completed, failed, error, aborted, interrupted, damaged",
+        ),
+    ],
+)
+def test_a_filter_that_no_run_can_meet_is_refused(smoke_run, bench_command, filters, told):
+    done = bench_command("runs", "--runs", smoke_run.path.parent, *filters)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert told in done.stderr
+
+
+def test_a_file_that_is_no_case_is_no_run_either(tmp_path, bench_command):
+    with (tmp_path / "big.csv").open("wb") as file:
+        file.truncate(2**40)
+    done = bench_command("reduce", tmp_path / "big.csv")
+    assert done.returncode == 2
+    assert "big.csv: is a file, and no case" in done.stderr
 
 
 def test_the_status_of_a_run_is_text_for_people_and_json_for_programs(smoke_run, bench_command):

@@ -8,12 +8,15 @@ import os
 import pytest
 
 from bench.app import execute
+from bench.app.request import RunRequest, prepare
 from bench.errors import InUseError, StoreError
 from bench.loop import BenchLoop
 from bench.report.stored import StoredRun
 from bench.runner.held import holding
+from bench.runner.quiet import Quiet
 from bench.store.reader import RunReader
 from bench.store.runs import RunDirectory
+from bench.store.writer import RunWriter
 from drivers.transport.address import Address
 from tests.support.runs import ROOT, SHORT, copy_bench, read_json, run_short
 from tests.truth.campaign import compare_one
@@ -238,6 +241,25 @@ def test_a_mistake_in_a_reduction_ends_a_run_that_says_so(tmp_path, monkeypatch)
     assert (manifest["state"], manifest["verdict"], result.outcome.how) == ("error", "ERROR", "error")
     assert "a mistake of this program" in result.problems[0]
     assert "float division by zero" in result.problems[0]
+
+
+def test_a_store_that_fails_is_told_once(tmp_path, monkeypatch):
+    append, commits, said = RunWriter._append, [], []
+
+    def full(self, group):
+        commits.append(group)
+        if len(commits) > 5:
+            raise OSError(28, "No space left on device")
+        append(self, group)
+
+    class Told(Quiet):
+        def notice(self, text):
+            said.append(text)
+
+    monkeypatch.setattr(RunWriter, "_append", full)
+    result = execute.execute(prepare(RunRequest("smoke", runs=tmp_path)), Told())
+    assert [text for text in result.problems if "No space left" in text] == result.problems[:1]
+    assert [text for text in said if "No space left" in text] == result.problems[:1]
 
 
 def test_results_that_cannot_be_written_are_no_pass(tmp_path, monkeypatch):

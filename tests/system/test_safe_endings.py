@@ -140,8 +140,9 @@ def test_a_signal_while_results_are_written_hides_nothing_and_drops_the_report(t
 
     monkeypatch.setattr(finish, where, disturbed)
     result = smoke(tmp_path, Quiet())
-    assert (of_run(result), *ended_by(result)) == (0, "completed", "PASS", None)
+    assert (of_run(result), *ended_by(result)) == (3, "completed", "PASS", None)
     assert read_json(result, "results.json")["verdict"] == "PASS"
+    assert result.report is None
     assert not (result.path / "report.html").exists()
     assert "no report was written, since a signal came meanwhile" in result.problems[0]
 

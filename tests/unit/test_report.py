@@ -13,6 +13,7 @@ import pytest
 
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
+from bench.cli.exits import of_run
 from bench.report.course import BINS, Course, _draw_phases, envelope
 from bench.report.course_names import Span
 from bench.report.flag_words import flag_in_words
@@ -363,6 +364,7 @@ def test_a_report_that_cannot_be_written_takes_no_results_away(tmp_path, monkeyp
     monkeypatch.setattr("bench.report.write.write_report", refuse)
     run = run_short(tmp_path, sequence="smoke")
     assert run.results.verdict == "PASS"
+    assert (run.report, of_run(run)) == (None, 3)
     assert run.problems == [f"no report could be written (the disk is full); 'bench report {run.path}' tries again"]
     assert read_json(run, "results.json")["verdict"] == read_json(run, "manifest.json")["verdict"] == "PASS"
 

@@ -313,6 +313,11 @@ def test_a_run_has_the_defaults_then_the_preset_then_what_is_set(tmp_path, prese
         ("angle=-1°", "'angle' is -1 °, expected at least 0 °"),
         ("angle=5 K", "kelvin is refused: write °C, for a difference too"),
         ("angle=${n}", "'${n}': there is no name 'n'; none is known here"),
+        ("angle=90 %", "'angle' is '90 %', a ratio; expected a value like 10 °"),
+        (
+            "temperatures=[20 °C, 1.5.2 °C]",
+            "'1.5.2 °C' is not a quantity; a number has one decimal point: write it like 1.5 °C",
+        ),
         ("flag=yes", "'flag' is 'yes', expected a value like true"),
         ("mode=5", "'mode' is '5', expected a value like direct"),
         ("temperatures={form: 1 °C}", "unknown key 'form' in a range; did you mean 'from'?"),
