@@ -2,12 +2,14 @@
 
 import os
 import shutil
+import threading
 from pathlib import Path
 
 import pytest
 
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
+from bench.errors import StoreError
 from bench.report.verify import examined
 from bench.runner.quiet import Quiet
 from bench.store.reader import RunReader
@@ -114,3 +116,22 @@ def test_where_nothing_can_be_kept_the_run_ends_in_words(tmp_path, monkeypatch):
     result = meddled(tmp_path / "runs", lambda folder: shutil.rmtree(folder.parent))
     assert (result.outcome.how, result.outcome.unsafe) == ("error", {})
     assert "was removed while the run went on; nothing of it could be kept" in result.problems[0]
+
+
+@pytest.mark.integration
+def test_a_run_that_gives_nothing_is_told_when_its_directory_is_removed(tmp_path):
+    """Nothing is given or committed meanwhile that could fail: the store tells it by itself."""
+    folder, told, failures = tmp_path / "run", threading.Event(), []
+    folder.mkdir()
+    writer = RunWriter(folder)
+
+    def failed(failure):
+        failures.append(str(failure))
+        told.set()
+
+    writer.on_failure = failed
+    shutil.rmtree(folder)
+    assert told.wait(10.0)
+    assert "was removed while the run went on" in failures[0]
+    with pytest.raises(StoreError, match="was removed"):
+        writer.close()

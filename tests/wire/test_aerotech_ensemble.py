@@ -285,5 +285,16 @@ def test_an_axis_by_its_number_and_without_a_space_is_the_same_axis(
     assert talk(head, b"PFBK(@0)", b"PFBK X", b"PFBK @1") == [b"%12.000000\n", b"%12.000000\n", b"!\n"]
 
 
+@pytest.mark.parametrize(("mode", "there_deg"), [(b"INCREMENTAL", 42.0), (b"ABSOLUTE", 12.0)])
+def test_a_linear_move_counts_from_where_the_axis_is_in_incremental_mode_alone(
+    head: SimulatedEnsemble, clock: Clock, mode: bytes, there_deg: float
+) -> None:
+    assert talk(head, b"ENABLE X", b"MOVEABS X30 F5")[1].endswith(b"%\n")
+    clock.now_s = 60.0
+    assert talk(head, mode + b"\nLINEAR X12 F5")[0].endswith(b"%\n")
+    clock.now_s = 120.0
+    assert talk(head, b"PFBK X") == [b"%%%f\n" % there_deg]
+
+
 def test_a_rate_and_a_stop_without_a_space(head: SimulatedEnsemble, clock: Clock) -> None:
     assert talk(head, b"ENABLE X", b"FREERUN X5", b"FREERUN @0 0", b"RAMP RATE X10") == [b"%\n"] * 4
