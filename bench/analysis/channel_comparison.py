@@ -15,10 +15,10 @@ from bench.analysis.channel_meter import believes_meter, standard_of
 from bench.analysis.channel_runs import LevelData
 from bench.analysis.channel_scatter import LineScatter, line_scatter
 from bench.analysis.channel_temperature import ChannelRules, ChannelRun, reduce_run
+from bench.analysis.coverage import COVERAGE
 from bench.analysis.finding import BudgetLine
 from bench.analysis.fit import NotDetermined
 from bench.analysis.instrument import STEPS
-from bench.analysis.limits import MARGINAL_K
 from bench.analysis.rundata import RunData, UnitUnderTest
 
 GRAVITY_REFERENCE, SOURCE_REFERENCE = "up_1g", "src_1g"
@@ -153,7 +153,7 @@ def _level(
     certified_per_h = certificate.drift_u_per_s * 3600.0 if certificate is not None else 0.0
     ramp_h = float(np.sum(run.gates.seconds)) / 3600.0
     found_per_h = drift.found_per_h(None if level.level.kind == "source" else ramp_h) if drift is not None else 0.0
-    drift_u_per_h = found_per_h if found_per_h > MARGINAL_K * certified_per_h else certified_per_h
+    drift_u_per_h = found_per_h if found_per_h > COVERAGE * certified_per_h else certified_per_h
     rate_pps = abs(run.rate_pps)
     by_meter = level.metered is not None and believes_meter(unit, settings)
     what = standard if by_meter else "source" if level.level.kind == "source" else "accelerometer"

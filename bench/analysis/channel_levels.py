@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 from bench.analysis.channel_temperature import ChannelRun
+from bench.analysis.coverage import COVERAGE
 from bench.analysis.fit import Array, least_squares
-from bench.analysis.limits import MARGINAL_K
 
 Basis = Literal["raw", "normalised"]
 Decision = Literal["share", "keep", "invalid"]
@@ -82,7 +82,7 @@ def compare(run: ChannelRun, reference: ChannelRun, *, threshold: float, basis: 
         raw=raw,
         normalised=normalised,
         decision=decision,
-        marginal=not invalid and not opposite and abs(deciding.value - threshold) < MARGINAL_K * deciding.u,
+        marginal=not invalid and not opposite and abs(deciding.value - threshold) < COVERAGE * deciding.u,
         rate_pps=np.nan if invalid else run.rate_pps,
         slope_pps_per_c={"share": shared_slope, "keep": run.slope_pps_per_c, "invalid": np.nan}[decision],
         remarks=(OTHER_POLARITY,) if opposite and not invalid else invalid,

@@ -124,8 +124,7 @@ class Finding:
         """Whether a limit that it was held against is within its expanded uncertainty, whichever side it is on."""
         if self.limits is None or self.verdict not in ("PASS", "FAIL"):
             return False
-        sides = (side for side in (self.limits.low, self.limits.high) if side is not None)
-        return any(abs(self.value - side) < self.expanded for side in sides)
+        return self.limits.is_within(self.expanded, self.value)
 
     def flagged(self, flag: str) -> Finding:
         """The same finding with one more flag."""

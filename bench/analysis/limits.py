@@ -13,8 +13,6 @@ from typing import Literal, NamedTuple
 
 from bench.analysis.coverage import COVERAGE
 
-MARGINAL_K = COVERAGE  # a limit closer than the expanded uncertainty makes a value marginal: methods.md 1.9
-
 # Why a value between its limits has another verdict than PASS.
 IN_GUARD_BAND = "guard_band"
 GUARD_BANDS_MEET = "guard_bands_meet"
@@ -45,8 +43,11 @@ class Limits:
     def is_marginal(self, value: float, expanded: float | None) -> bool:
         """Whether a limit is that close, on either side of it; never when neither a width nor U is known."""
         width = expanded if self.marginal is None else self.marginal
-        sides = [side for side in (self.low, self.high) if side is not None]
-        return width is not None and any(abs(value - side) < width for side in sides)
+        return width is not None and self.is_within(width, value)
+
+    def is_within(self, width: float, value: float) -> bool:
+        """Whether a limit is closer to a value than `width`, on either side of it."""
+        return any(abs(value - side) < width for side in (self.low, self.high) if side is not None)
 
 
 class Judgement(NamedTuple):

@@ -23,8 +23,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.analysis.coverage import COVERAGE
 from bench.analysis.fit import Array
-from bench.analysis.limits import MARGINAL_K
 
 PASSING_SHARE = 0.5  # of the output change expected
 COUNT_SHARE = 0.2  # of a step that one count has to be below
@@ -75,7 +75,7 @@ class LadderStep:
     @property
     def marginal(self) -> bool:
         """Whether it could be otherwise if the step were repeated."""
-        return abs(self.ratio - PASSING_SHARE) < MARGINAL_K * self.u_ratio
+        return abs(self.ratio - PASSING_SHARE) < COVERAGE * self.u_ratio
 
     @property
     def size_g(self) -> float:

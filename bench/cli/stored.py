@@ -40,7 +40,8 @@ def register(app: typer.Typer) -> None:
 
 
 @group.callback()
-def runs_of(
+@group.command("list")
+def list_runs(
     context: typer.Context,
     runs: Runs = RUNS,
     state: State = None,
@@ -49,22 +50,9 @@ def runs_of(
     last: Last = None,
     as_json: AsJson = False,
 ) -> None:
-    """List the runs."""
-    context.obj = runs
-    if context.invoked_subcommand is None:
-        list_runs(runs, state, verdict, uut, last, as_json)
-
-
-@group.command("list")
-def list_runs(
-    runs: Runs = RUNS,
-    state: State = None,
-    verdict: Verdict = None,
-    uut: Unit = None,
-    last: Last = None,
-    as_json: AsJson = False,
-) -> None:
     """List the runs, oldest first; with several filters those that meet all of them."""
+    if context.invoked_subcommand is not None:
+        return
     from bench.report.status_text import runs_table
     from bench.store.manifest_form import SHOWN_STATES, VERDICTS
     from bench.store.runs import list_runs as found
