@@ -41,7 +41,7 @@ def without_play(samples: TableSamples, nominal_hz: float, play_pulses: float) -
 def _settled(samples: TableSamples, frequency_hz: float, half: float) -> Array:
     """By how much the counts (n,) stand behind, again and again for the sine that is left, until that does not change.
 
-    Of many pulses that takes a turn or two; of few, of which the play is a large part, tens of them.
+    One or two iterations suffice for many pulses, tens where the play is a large part of few pulses.
     """
     behind = np.zeros_like(samples.total)
     for _ in range(MOST_TURNS):

@@ -38,7 +38,7 @@ _FACTORS = (
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
-    """Why a result is not to be relied on: a flag, and in words what was seen. Without a flag it is a remark."""
+    """Reason not to rely on a result: a flag and a note of what was seen. Without a flag it is a remark."""
 
     flag: str
     note: str

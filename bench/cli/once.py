@@ -13,7 +13,7 @@ class OnceEach(TyperCommand):
     """A command that refuses an option given again, but for those that may be, and for flags that say the same."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """As of every command; a usage error that names what is given again."""
+        """Parse the arguments; raise a usage error that names an option given twice."""
         _, _, given = self.make_parser(ctx).parse_args(args=list(args))
         for option, times in Counter(given).items():
             if times > 1 and isinstance(option, TyperOption) and _takes_one(option):

@@ -199,7 +199,7 @@ class Engine:
             timer.cancel()
 
     def _left_out(self, role: str, problem: DriverError) -> None:
-        """A device that the run does not use has failed: told, and not looked at any more."""
+        """Record the failure of a device that the run does not use; the run goes on."""
         text = f"{problem}\nThe run goes on: it does not use {role}, which is made safe with the others at the end."
         self.journal.try_to_write("device_left_out", device=role, text=text)
         self._observer.notice(text)

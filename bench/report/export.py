@@ -108,7 +108,7 @@ def _candump_lines(block: FrameBlock, epoch_s: float) -> Iterator[str]:
 
 
 def mark_damage(run: StoredRun, out: Path) -> list[Path]:
-    """`DAMAGED.txt` beside what was exported of a record that is not as it was written; nothing of any other."""
+    """Write `DAMAGED.txt` beside the exported files of a damaged record; nothing for an intact one."""
     if not run.damage:
         return []
     path = out / "DAMAGED.txt"

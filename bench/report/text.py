@@ -18,7 +18,7 @@ _AT_DWELLS = ("K0", "K1_si", "K2", "misalignment")
 
 
 def results_text(results: Results | None) -> str:
-    """The results of a run as a table; every uncertainty is expanded, k = 2."""
+    """The results of a run as a table; uncertainties are expanded (95 %)."""
     if results is None:
         return "No results: the run's data could not be reduced.\n"
     lines: list[str] = []
