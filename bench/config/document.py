@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML, events
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
+import yaml
+from yaml import MarkedYAMLError, YAMLError, events
 
 from bench.errors import InputError
 from drivers.bounded import UnfitFileError, read_bounded
@@ -44,6 +44,7 @@ _UNSEEN = re.compile(
 _TOO_DEEP = re.compile(rf"(?:[\[{{][^][{{}}]{{0,100}}){{{DEPTH_LIMIT + 1}}}")
 _CLOSED = re.compile(r"\[[^][{}]{0,100}\]|\{[^][{}]{0,100}\}")
 _LONG_TAG = re.compile(r"^%TAG|(?<![^\s\[{,:-])!\S{100}", re.MULTILINE)
+_FAST = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # of libyaml, where it is installed with PyYAML
 _WORDS: dict[str, Any] = {"": None, "~": None, "null": None, "true": True, "false": False}
 
 # What the parser says of common slips, and what a person reads instead.
@@ -161,7 +162,17 @@ def parse_document(text: str, path: Path) -> Document:
         raise InputError(f"{path}:{LINE_LIMIT + 1}:1: has more than {LINE_LIMIT} lines")
     builder = _Builder(path)
     try:
-        value = builder.build(YAML(typ="safe", pure=True).parse(lines))
+        value = builder.build(yaml.parse(lines, Loader=_FAST))
+    except YAMLError:  # the parser in Python has better words, and better places
+        builder = _Builder(path)
+        value = _built_or_refused(lines, builder, path)
+    return Document(path, text, value, builder.marks)
+
+
+def _built_or_refused(lines: str, builder: _Builder, path: Path) -> Any:
+    """The value that the parser written in Python finds; InputError when it finds none."""
+    try:
+        return builder.build(yaml.parse(lines, Loader=yaml.SafeLoader))
     except MarkedYAMLError as error:
         raise InputError(f"{path}:{_told_plainly(error)}") from None
     except (YAMLError, ValueError, OverflowError) as error:
@@ -169,7 +180,6 @@ def parse_document(text: str, path: Path) -> Document:
         said = str(error).splitlines()[0] if isinstance(error, YAMLError) else _IMPOSSIBLE
         problem = f"what follows here is not YAML: {said}"
         raise InputError(f"{path}:{mark.line}:{mark.column}: {problem}") from None
-    return Document(path, text, value, builder.marks)
 
 
 def _told_plainly(error: MarkedYAMLError) -> str:

@@ -15,7 +15,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML, tokens
+import yaml
+from yaml import tokens
 
 from bench.config.document import parse_document, read_text
 from bench.errors import InputError
@@ -81,7 +82,7 @@ def _survey(lines: list[str]) -> _Survey:
     survey = _Survey({}, set(), set())
     levels: list[_Kind] = []
     flow_depth = flow_line = 0
-    for token in YAML(typ="safe", pure=True).scan("\n".join(lines)):
+    for token in yaml.scan("\n".join(lines), Loader=yaml.SafeLoader):
         line = token.start_mark.line
         if not flow_depth:
             flow_line = line

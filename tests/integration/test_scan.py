@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from ruamel.yaml import YAML
+import yaml
 from typer.testing import CliRunner
 
 from bench.app.scan import address_of, scan_here
@@ -38,21 +38,20 @@ def found_by(*arguments: str) -> tuple[str, str]:
 
 def test_what_a_scan_proposes_is_a_bench_that_a_check_accepts_and_that_answers(tmp_path: Path) -> None:
     bench = on_real_wires(tmp_path)
-    yaml = YAML(typ="safe", pure=True)
-    content = yaml.load(bench)
+    content = yaml.safe_load(bench)
     devices = content["devices"]
     addresses = [devices[role]["connection"] for role in ("chamber", "head", "supply", "source")]
     with simulating(bench):
         proposed, told = found_by(*(address.partition("?")[0].removeprefix("tcp://") for address in addresses))
         assert "keithley_6220 (KEITHLEY INSTRUMENTS INC. MODEL 6220 SIM-6220-01" in told
-        found = yaml.load(proposed)["devices"]
+        found = yaml.safe_load(proposed)["devices"]
         assert {role: entry["driver"] for role, entry in found.items()} == {
             role: devices[role]["driver"] for role in ("chamber", "head", "supply", "source")
         }
         content["devices"] = {**devices, **found}
         del content["places"]["a"]["nominal"]  # asks for more current than the proposed limits allow
         with bench.open("w", encoding="utf-8") as file:
-            yaml.dump(content, file)
+            yaml.safe_dump(content, file)
         (tmp_path / "off.yaml").write_text(SEQUENCE, "utf-8")
         checked = CliRunner().invoke(app, ["check", str(tmp_path / "off.yaml"), "--bench", str(bench)])
         assert checked.exit_code == 0, checked.output

@@ -10,7 +10,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
+import yaml
+
+from bench.config.document import read_document
 
 Part = dict[str, Any]
 Change = Callable[[Part], None]
@@ -169,14 +171,12 @@ def _draw(part: Part, sds: dict[str, str]) -> None:
 
 def kinds_of(path: Path) -> list[str]:
     """The kinds that a unit file can be altered to."""
-    document = YAML(typ="safe").load(path)
+    document = read_document(path).value
     return list(GYRO if "gyro" in document else ACCELEROMETER)
 
 
 def alter_file(path: Path, kind: str) -> None:
     """Writes the unit file of another kind in place of a unit file."""
-    yaml = YAML(typ="safe")
-    yaml.allow_unicode = True
-    document = altered(yaml.load(path), kind)
+    document = altered(read_document(path).value, kind)
     with path.open("w", encoding="utf-8") as file:
-        yaml.dump(document, file)
+        yaml.safe_dump(document, file, allow_unicode=True)

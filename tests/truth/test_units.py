@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 
 from bench.app.drawn import world_settings
 from bench.app.laboratory import unit_files
@@ -84,9 +83,9 @@ def test_the_altered_unit_is_that_which_is_on_the_bench(method, tmp_path):
 def test_a_kind_changes_what_it_names(tmp_path):
     full_bench(tmp_path)
     path = tmp_path / "uut/quartz_flexure.yaml"
-    shipped = YAML(typ="safe").load(path)
+    shipped = read_document(path).value
     alter_file(path, "warm")
-    found = YAML(typ="safe").load(path)
+    found = read_document(path).value
     assert found["accelerometer"]["K0"]["linear"] == "50 µg/°C"
     assert found["thermal"]["self_heating"] == "15 °C"
     assert found["accelerometer"]["hysteresis"] == shipped["accelerometer"]["hysteresis"]

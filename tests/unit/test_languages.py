@@ -8,8 +8,8 @@ from typing import get_args
 import pypdf
 import pytest
 from jinja2 import Environment, nodes
-from ruamel.yaml import YAML
 
+from bench.config.document import read_document
 from bench.config.fixture import Compass, Direction
 from bench.report import flag_words, imu_words, languages, note_words, svg, table_words, words
 from bench.report.languages import LANGUAGES, catalogue_of, language, tr
@@ -122,7 +122,7 @@ def test_every_text_of_a_report_is_in_the_catalogue(name):
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_the_titles_of_shipped_sequences_are_in_the_catalogue(name):
-    titles = {YAML(typ="safe").load(path)["title"] for path in (ROOT / "sequences").glob("*.yaml")}
+    titles = {read_document(path).value["title"] for path in (ROOT / "sequences").glob("*.yaml")}
     assert len(titles) > 10
     assert sorted(titles - set(catalogue_of(name))) == []
 
