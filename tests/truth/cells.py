@@ -140,6 +140,8 @@ class Cell:
             _state_negative(bench, stated, method.sequence)
         if self.kind == "warm" and method.name == "M3a":
             _state_warm(stated, method.sequence)
+        if self.kind == "misaligned" and method.name == "M4b":
+            _state_misaligned(stated, method.sequence)
 
 
 def _state_negative(bench: Path, stated: Path, sequence: str) -> None:
@@ -157,6 +159,14 @@ def _state_warm(stated: Path, sequence: str) -> None:
     """Lets the settings of a range say how far the scale factor may change with temperature, which it does not find."""
     text = (ROOT / "sequences" / f"{sequence}.yaml").read_text("utf-8")
     changed, count = re.subn(r"(?m)^( *)scale: .*$", r"\g<0>\n\g<1>scale_per_degree_u: 300 ppm/°C", text)
+    assert count, sequence
+    stated.write_text(changed, "utf-8")
+
+
+def _state_misaligned(stated: Path, sequence: str) -> None:
+    """Lets the settings of a ramp say how far the input axis may be off, which is in its K1 and nothing there tells."""
+    text = (ROOT / "sequences" / f"{sequence}.yaml").read_text("utf-8")
+    changed, count = re.subn(r"(?<=misalignment_u: )1 mrad", "4 mrad", text)
     assert count, sequence
     stated.write_text(changed, "utf-8")
 

@@ -80,6 +80,15 @@ def test_the_altered_unit_is_that_which_is_on_the_bench(method, tmp_path):
     assert unit.thermal.self_heating == 15.0
 
 
+@pytest.mark.parametrize("kind", ["as shipped", "misaligned"])
+def test_a_ramp_is_told_how_far_the_input_axes_of_a_kind_are_off(kind, tmp_path):
+    request = Cell("M4b", kind).request(tmp_path, 1)
+    stated = Path(request.sequence) if kind == "misaligned" else ROOT / "sequences" / f"{request.sequence}.yaml"
+    (entry,) = YAML(typ="safe").load(stated)["results"]
+    unit = YAML(typ="safe").load(Path(str(request.bench)).parent / "uut/quartz_flexure.yaml")
+    assert unit["accelerometer"]["misalignment_o"]["sd"] == entry["settings"]["misalignment_u"]
+
+
 def test_a_kind_changes_what_it_names(tmp_path):
     full_bench(tmp_path)
     path = tmp_path / "uut/quartz_flexure.yaml"
