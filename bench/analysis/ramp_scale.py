@@ -49,7 +49,7 @@ def scale_over_temperature(level: Sequence[RampLeg], upright: Sequence[RampLeg])
         below = [leg for leg in level if leg.direction == direction]
         above = [leg for leg in upright if leg.direction == direction]
         if below and above:
-            at_rest = _fitted([leg.temperature_c for leg in below], [leg.output for leg in below], DEGREE)
+            at_rest = over_temperature(below)
             temperature_c = np.concatenate([leg.temperature_c for leg in above])
             output = np.concatenate([leg.output for leg in above])
             k1 = (output - _within(at_rest, temperature_c)) / lifted_g
@@ -61,6 +61,11 @@ def scale_over_temperature(level: Sequence[RampLeg], upright: Sequence[RampLeg])
     model = _fitted(temperatures, scales, DEGREE)
     left = np.concatenate([fit.residuals for fit in by_direction.values()]) / model.value(model.centre)
     return RampScale(by_direction, model, _fitted(temperatures, scales, 1), float(np.sqrt(np.mean(left**2))))
+
+
+def over_temperature(legs: Sequence[RampLeg]) -> PolynomialFit:
+    """The output of legs over their temperature, a polynomial of `DEGREE`."""
+    return _fitted([leg.temperature_c for leg in legs], [leg.output for leg in legs], DEGREE)
 
 
 def _within(fit: PolynomialFit, temperature_c: Array) -> Array:

@@ -7,20 +7,22 @@ scale factor comes from the same run, from its 0 g and 1 g parts. The temperatur
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from bench.analysis.coverage import COVERAGE
 from bench.analysis.finding import UnitResult
 from bench.analysis.fit import Array, NotDetermined
 from bench.analysis.orientation import elevation_rad
-from bench.analysis.ramp import RampRecord
+from bench.analysis.ramp_budget import RampBudget
 from bench.analysis.ramp_findings import RampFindings
+from bench.analysis.ramp_reduced import ReducedRamp
 from bench.analysis.ramp_samples import RampLeg, cut_into_samples
-from bench.analysis.ramp_scale import RampScale, scale_over_temperature
 from bench.analysis.rundata import RunData, UnitUnderTest
-from bench.analysis.temperature_dynamic import UG_PER_G, DynamicCharacteristic, RampLimits, reduce_ramp
+from bench.analysis.temperature_dynamic import UG_PER_G, DynamicCharacteristic, RampLimits
+from bench.analysis.unlike_nominal import unlike_nominal
 
 LEVEL_BELOW_G = 0.5  # of gravity along the input axis: the 0 g part; the others are the 1 g part
 SAME_ANGLE_RAD = 1e-4
@@ -54,26 +56,22 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
     flags += [f"{leg.path}: another_angle" for leg in legs if not any(leg is used for used in (*level, *upright))]
     flags += [f"{name}: part_missing" for name, part in (("0 g", level), ("1 g", upright)) if not part]
     limits = RampLimits(settings["jump_threshold_g"] * UG_PER_G, settings["jump_window"])
-    found = None
-    if level and upright:
-        try:
-            whole = scale_over_temperature(level, upright)
-            at_0g, at_1g = ([leg.without_turns() for leg in part] for part in (level, upright))
-            scale = replace(scale_over_temperature(at_0g, at_1g), line=whole.line)
-            changes = reduce_ramp(_record(level, whole), limits, turns=True).changes
-            found = reduce_ramp(_record(at_0g, scale), limits)
-        except NotDetermined:
-            flags.append("K0:ill_conditioned")
-    if found is None:
+    try:
+        ramp = ReducedRamp.of(level, upright, limits) if level and upright else None
+    except NotDetermined:
+        flags.append("K0:ill_conditioned")
+        ramp = None
+    if ramp is None:
         return UnitResult(unit.place, unit.serial, (), (), left_out, tuple(flags))
+    found = ramp.found
     if found.excluded["thermometer"]:
         flags.append(f"{found.excluded['thermometer']} samples: thermometer")
     incomplete = {(leg.cycle, leg.name) for leg in found.legs if not leg.complete}
     lost = [leg.path for leg in level if (leg.cycle, leg.name) in incomplete]
     flags += [f"{path}: leg_incomplete" for path in lost]
     left_out = (*left_out, *lost)
-    known_rad = settings["misalignment_u_rad"]
-    findings = RampFindings(data, unit, at_0g, level, upright, scale, found, changes, limits, known_rad)
+    flags += _unlike_nominal(ramp, unit, settings["misalignment_u_rad"])
+    findings = RampFindings(RampBudget(data, unit, ramp, settings["misalignment_u_rad"]))
     return UnitResult(
         place=unit.place,
         uut=unit.serial,
@@ -109,19 +107,12 @@ def _at_first_angle(legs: Sequence[RampLeg]) -> list[RampLeg]:
     return [leg for leg in legs if np.isclose(leg.angle_rad, legs[0].angle_rad, rtol=0, atol=SAME_ANGLE_RAD)]
 
 
-def _record(legs: Sequence[RampLeg], scale: RampScale) -> RampRecord:
-    """The 0 g part as one record."""
-    return RampRecord(
-        cycle=_joined([np.full(len(leg.time_s), leg.cycle) for leg in legs]),
-        leg=np.concatenate([np.full(len(leg.time_s), leg.name) for leg in legs]),
-        time_s=_joined([leg.time_s for leg in legs]),
-        temperature_c=_joined([leg.temperature_c for leg in legs]),
-        output_g=_joined([scale.output_g(leg) for leg in legs]),
-    )
-
-
-def _joined(parts: Sequence[Array]) -> Array:
-    return np.concatenate(parts).astype(np.float64)
+def _unlike_nominal(ramp: ReducedRamp, unit: UnitUnderTest, misalignment_u_rad: float) -> Iterator[str]:
+    """The flag of a K1, which is no finding of a ramp, that is not what the bench file says of the unit."""
+    if unit.nominal_per_g:
+        ratio = float(ramp.scale.line.coefficients[0]) / unit.nominal_per_g
+        if flag := unlike_nominal(ratio, COVERAGE * abs(ratio) * misalignment_u_rad):
+            yield f"K1:{flag}"
 
 
 def _curves(found: DynamicCharacteristic) -> Iterator[LegCurve]:

@@ -31,8 +31,12 @@ def _compared(found: Finding, unit: UnitUnderTest, lowest_hz: float | None) -> F
 
 def _of_ratio(found: Finding, ratio: float, expanded: float) -> Finding:
     """The finding of a scale factor that is `ratio` times the stated one; not flagged where U does not tell it."""
+    flag = unlike_nominal(ratio, expanded)
+    return found.flagged(flag) if flag else found
+
+
+def unlike_nominal(ratio: float, expanded: float) -> str:
+    """The flag of a scale factor that is `ratio` times the stated one, "" where that is within U or as usual."""
     if ratio < -expanded:
-        return found.flagged(OTHER_SIGN)
-    if ratio + expanded < SIZES[0] or ratio - expanded > SIZES[1]:
-        return found.flagged(OTHER_SIZE)
-    return found
+        return OTHER_SIGN
+    return OTHER_SIZE if ratio + expanded < SIZES[0] or ratio - expanded > SIZES[1] else ""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 
+from bench.analysis.unlike_nominal import OTHER_SIGN, OTHER_SIZE
 from bench.report import imu_words, table_words
 from bench.report.languages import tr
 from bench.report.note_words import note_in_words
+from bench.report.words import REASONS
 
 _READINGS = {
     **table_words.READINGS,
@@ -201,5 +203,11 @@ def flag_in_words(flag: str) -> str:
         return f"{tr(step) if problem == 'part_missing' else step}{tr(': ')}{tr(_PARTS[problem])}"
     if problem in _READINGS:
         return tr("A reading is left out: {why} ({step}).", why=tr(_READINGS[problem]), step=step)
+    return _of_a_quantity(flag)
+
+
+def _of_a_quantity(flag: str) -> str:
     quantity, _, problem = flag.partition(":")
+    if problem in (OTHER_SIGN, OTHER_SIZE):
+        return f"{quantity}{tr(': ')}{tr(REASONS[problem])}{tr('.')}"
     return f"{quantity}{tr(': ')}{tr(_QUANTITIES[problem])}" if problem in _QUANTITIES else note_in_words(flag)

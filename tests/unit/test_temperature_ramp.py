@@ -184,6 +184,18 @@ def test_one_cycle_has_no_repeatability():
     assert set(TEMPERATURE_RAMP.quantities) - set(found(reduced(run(cycles=1)))) == {"K0/repeatability"}
 
 
+@pytest.mark.parametrize(
+    ("nominal_per_g", "flags", "words"),
+    [(K1, (), ""), (-K1, ("K1:sign_unlike_nominal",), "K1: its sign is not that of the stated scale factor: "),
+     (K1 / 9.80665, ("K1:size_unlike_nominal",), "K1: it is less than half or more than twice the stated ")],
+)  # fmt: skip
+def test_a_scale_factor_of_another_sign_or_size_than_the_bench_file_states_is_flagged(nominal_per_g, flags, words):
+    unit = replace(UNIT, nominal_per_g=nominal_per_g)
+    (result,) = reduce(RunData("ramp", (unit,), tuple(run()), BENCH), SETTINGS)
+    assert result.flags == flags
+    assert "".join(flag_in_words(flag) for flag in result.flags).startswith(words)
+
+
 @pytest.mark.parametrize(("position", "missing"), [(1.0, "1 g"), (91.0, "0 g")])
 def test_without_both_parts_nothing_is_found(position, missing):
     result = reduced(run(positions=(position,), cycles=1))
