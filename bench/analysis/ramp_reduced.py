@@ -49,8 +49,7 @@ class ReducedRamp:
         drift changes their temperatures: with other samples they would differ by the scatter of these.
         """
         warmer, moved = (
-            self.of(change(self.whole, drift), change(self.upright, drift), self.limits)
-            for change in (_warmer, _moved)
+            self.of(change(self.whole, drift), change(self.upright, drift), self.limits) for change in (_warmer, _moved)
         )
         return replace(warmer, found=replace(warmer.found, loops=moved.found.loops, changes=moved.found.changes))
 

@@ -84,8 +84,8 @@ def test_the_altered_unit_is_that_which_is_on_the_bench(method, tmp_path):
 def test_a_ramp_is_told_how_far_the_input_axes_of_a_kind_are_off(kind, tmp_path):
     request = Cell("M4b", kind).request(tmp_path, 1)
     stated = Path(request.sequence) if kind == "misaligned" else ROOT / "sequences" / f"{request.sequence}.yaml"
-    (entry,) = YAML(typ="safe").load(stated)["results"]
-    unit = YAML(typ="safe").load(Path(str(request.bench)).parent / "uut/quartz_flexure.yaml")
+    (entry,) = read_document(stated).value["results"]
+    unit = read_document(Path(str(request.bench)).parent / "uut/quartz_flexure.yaml").value
     assert unit["accelerometer"]["misalignment_o"]["sd"] == entry["settings"]["misalignment_u"]
 
 
