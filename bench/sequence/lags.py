@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
 Poles = tuple[complex, ...]
@@ -38,6 +38,13 @@ def followed(poles: Poles, since_s: float, duration_s: float) -> float:
     if duration_s <= 0:
         return _after_a_step(poles, since_s)
     return (_on_a_slope(poles, since_s) - _on_a_slope(poles, since_s - duration_s)) / duration_s
+
+
+def after_its_end(poles: Poles, duration_s: float) -> Iterator[tuple[complex, complex]]:
+    """The terms (p, c) of what has been followed t seconds after the change has ended: 1 + Re Σ c e^(pt)."""
+    for pole, weight in _fractions(poles):
+        over = pole * duration_s
+        yield pole, -weight * (cmath.exp(over) - 1) / over if duration_s > 0 else -weight
 
 
 def over_after_s(poles: Poles, duration_s: float) -> float:

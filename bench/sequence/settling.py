@@ -6,14 +6,16 @@ thermometer follows the unit as `simulation.thermometer` says; of a bench file t
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 from bench.config.models import BenchFile
 from bench.config.places import Nominal, PlaceEntry
-from bench.sequence.lags import Poles, followed, gain, lag_poles, loop_poles, over_after_s
+from bench.sequence.lags import Poles, after_its_end, followed, gain, lag_poles, loop_poles, over_after_s
 from bench.sequence.readings import unit_of
 from bench.sequence.step_fields import is_known
 from bench.sequence.waits import LOOK_EVERY_S, WINDOW_COVERAGE, Soak, Stable, WaitUntil
@@ -48,7 +50,7 @@ class _Change:
     supply: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Course:
     """A temperature to come: where it would stay, and the changes that it still follows."""
 
@@ -62,9 +64,30 @@ class _Course:
 
     def temperature_c(self, now_s: float) -> float:
         """What it is at a time."""
+        if now_s >= self._ended_s:
+            since_s = now_s - self._ended_s
+            return self._end_c + sum([(part_c * cmath.exp(pole * since_s)).real for pole, part_c in self._parts])
         return self.still_c + math.fsum(
             by_c * followed(poles, now_s - at_s, over) for by_c, poles, at_s, over in self.moving
         )
+
+    @cached_property
+    def _ended_s(self) -> float:
+        return max((at_s + over_s for _, _, at_s, over_s in self.moving), default=-math.inf)
+
+    @cached_property
+    def _end_c(self) -> float:
+        return self.still_c + math.fsum(by_c for by_c, *_ in self.moving)
+
+    @cached_property
+    def _parts(self) -> list[tuple[complex, complex]]:
+        """Exponentials whose sum is left of all changes when the last has ended."""
+        parts: dict[complex, complex] = {}
+        for by_c, poles, at_s, over_s in self.moving:
+            for pole, weight in after_its_end(poles, over_s):
+                since_s = self._ended_s - at_s - over_s
+                parts[pole] = parts.get(pole, 0.0) + by_c * weight * cmath.exp(pole * since_s)
+        return list(parts.items())
 
 
 class Settling:

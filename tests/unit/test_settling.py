@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bench.config.bench import load_bench
-from bench.sequence.lags import followed, gain, lag_poles, loop_poles, over_after_s
+from bench.sequence.lags import after_its_end, followed, gain, lag_poles, loop_poles, over_after_s
 from bench.sequence.settling import Settling
 from bench.sequence.waits import Soak, WaitUntil
 from simulators.thermal import ChamberPhysics, Thermal, UnitPhysics
@@ -55,6 +55,15 @@ def test_before_a_change_nothing_is_followed_and_long_after_it_all():
         assert followed(poles, -1.0, duration_s) == 0
         assert followed(poles, 7000.0, duration_s) == pytest.approx(1, abs=1e-12)
         assert over_after_s(poles, duration_s) == duration_s + 40 * 180
+
+
+@pytest.mark.parametrize("duration_s", [0.0, 3000.0])
+def test_after_its_end_a_change_is_followed_by_exponentials_alone(duration_s):
+    poles = (*loop_poles(360.0, 0.5), *lag_poles(LAGS_S))
+    terms = list(after_its_end(poles, duration_s))
+    for since_s in (1.0, 100.0, 5000.0):
+        left = sum((part * np.exp(pole * since_s)).real for pole, part in terms)
+        assert 1 + left == pytest.approx(followed(poles, duration_s + since_s, duration_s), abs=1e-9)
 
 
 def test_a_lag_lets_little_of_a_fast_swing_through():
