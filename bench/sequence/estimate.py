@@ -112,10 +112,12 @@ def estimate(plan: Plan, bench: BenchFile) -> Estimate:
 
 def _size_bytes(spans: tuple[Span, ...], total_s: float, bench: BenchFile) -> int:
     meters = set(bench.with_capability("voltmeter"))
+    acquiring = {span.step.step.role for span in spans if isinstance(span.step.step, Acquire)}
+    counted = {role for role in acquiring if not meters & set(bench.acquired_from(role))}
     counting_s = math.fsum(
         span.duration_s * span.times
         for span in spans
-        if isinstance(span.step.step, Acquire) and not meters & set(bench.acquired_from(span.step.step.role))
+        if isinstance(span.step.step, Acquire) and span.step.step.role in counted
     )
     latch_s = min((_frame_period_s(entry) for entry in bench.devices.values()), default=1.0)
     per_s = math.fsum(len(entry.channels) / period_s(role, bench) for role, entry in bench.devices.items())
