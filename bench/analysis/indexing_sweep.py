@@ -32,6 +32,7 @@ LEAST_REPEATS = 4
 SMOOTH_DEGREE = 5  # of the curve over the angle that a sensor may have
 SAME_ANGLE = 1e-3  # of the range: a table that is sent to one angle twice does not stop at exactly the same
 SAME_ANGLE_DEG = 5e-4  # 2 arcsec, at least
+FEW_READINGS = 5.0
 DRIFT_CHANCE = 1e-4  # that noise looks like a drift of the bias
 DRIFT_SHARE = 0.5  # at least, of the scatter of below minus above: what else there is, is hysteresis
 
@@ -226,10 +227,19 @@ def _without_outliers(dwells: SweepRecord, outlier_k: float) -> NDArray[np.bool_
 
 
 def _kept(choices: Sequence[Sequence[Array]], dwells: SweepRecord, outlier_k: float) -> NDArray[np.bool_]:
-    """Which dwells (n,) are no outliers beside the first of several sets of columns that they determine."""
+    """Which dwells (n,) are no outliers beside the first of several sets of columns that they determine.
+
+    Dwells of one stand share the error of its angle, so the stands count, not the dwells. A median of few residuals
+    about many parameters is too small: its correction is that of Rousseeuw and Leroy (Robust Regression and Outlier
+    Detection, 1987, 5.1.2), 1 + 5 / (n - p).
+    """
+    stands = len(np.unique(dwells.stand))
     for columns in choices:
+        if stands <= len(columns):
+            continue
+        few = 1 + FEW_READINGS / (stands - len(columns))
         try:
-            return reject_outliers(np.stack(columns, axis=-1), dwells.output_v, sigmas=outlier_k).kept
+            return reject_outliers(np.stack(columns, axis=-1), dwells.output_v, sigmas=few * outlier_k).kept
         except NotDetermined:
             continue
     return np.ones(len(dwells), dtype=np.bool_)

@@ -61,7 +61,12 @@ def _problem(cell: Cell, quantity: str, values: int, rms: float, covered: float,
 
 
 def problems(cell: Cell, lines: Sequence[Line]) -> list[str]:
-    """All that is beyond the bars of a cell, runs that came to no result first."""
+    """All that is beyond the bars of a cell, runs that came to no result, or to less than others, first."""
     bad = [line for line in lines if line.problem]
     told = [f"{len(bad)} of {len(lines)} seeds: {bad[0].problem}"] if bad else []
+    every = {each.quantity for line in lines for each in line.found}
+    lacking = {line.seed: every - {each.quantity for each in line.found} for line in lines if not line.problem}
+    if without := {seed: names for seed, names in lacking.items() if names}:
+        seed, names = next(iter(without.items()))
+        told.append(f"{len(without)} of {len(lines)} seeds lack findings, {seed} {', '.join(sorted(names))}")
     return told + [f"{each.quantity}: {each.problem}" for each in judged(cell, lines) if each.problem]

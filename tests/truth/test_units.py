@@ -135,6 +135,12 @@ def judged_of(ratios, interval=(-math.inf, math.inf), form="normal"):
     return bars.problems(Cell("M4a", "as shipped", form), lines)
 
 
+def test_bars_tell_runs_that_lack_findings_of_others():
+    lines = [Line(n, (Comparison(n, 0, "K0", (-1.0) ** n, 0.0, 1.0),)) for n in range(8)]
+    assert bars.problems(Cell("M1", "as shipped"), lines) == []
+    assert bars.problems(Cell("M1", "as shipped"), [*lines, Line(8)]) == ["1 of 9 seeds lack findings, 8 K0"]
+
+
 def test_bars_tell_uncertainties_that_are_too_small_or_too_large():
     rng = np.random.default_rng(1)
     assert judged_of(rng.standard_normal(40)) == []

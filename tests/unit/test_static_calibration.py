@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from bench.analysis.fit import NotDetermined, least_squares
-from bench.analysis.indexing_sweep import SweepRecord, fit_line
+from bench.analysis.indexing_sweep import SweepRecord, fit_line, reduce_end
 from bench.analysis.propagation import Estimate, Measured, inputs, weighted
 from bench.analysis.residual_spectrum import conspicuous_line
 from bench.analysis.sweep_model import TERMS, fit_sweeps, output
@@ -75,6 +75,35 @@ def test_readings_that_are_not_finite_have_no_model():
         model = fit_sweeps(angle_rad, side, 1e300 * np.sin(angle_rad), ("c0", "c1"), condition_limit=1e3)
     assert model.fit is None
     assert model.problem == "the model has no finite values where the fit begins"
+
+
+def dwells(angles_deg, stand, seed, wrong_g=0.0):
+    """Dwells of one end on stands whose angles the table has to 0.2 arcsec; readings of one stand agree far better."""
+    rng, count = np.random.default_rng(seed), len(stand)
+    angle_g = np.sin(np.radians(angles_deg)) + rng.normal(0, 1e-6, len(angles_deg))
+    output_v = angle_g[stand] + rng.normal(0, 2e-8, count)
+    output_v[4] += wrong_g
+    side = np.where(np.diff(angles_deg, prepend=-90.0) > 0, "below", "above")
+    return SweepRecord(
+        end=np.full(count, "up"), direction=np.full(count, "fwd"), sequence=np.arange(float(count)),
+        angle_deg=angles_deg[stand], output_v=output_v, stable=np.ones(count, dtype=bool),
+        temperature_c=np.full(count, 23.0), side=side[stand], stand=stand,
+    )  # fmt: skip
+
+
+def test_few_dwells_whose_angles_are_a_little_off_are_no_outliers():
+    angles_deg = np.array([0.0, 0.2, 0.4, 0.2, 0.0, -0.2, -0.4, -0.2, 0.0])
+    stand = np.repeat(np.arange(9), [1, 1, 2, 1, 2, 1, 2, 1, 1])
+    found = [reduce_end(dwells(angles_deg, stand, seed), outlier_k=6).outliers for seed in range(200)]
+    assert sum(each > 0 for each in found) <= 2
+
+
+def test_one_of_many_dwells_that_is_far_off_is_an_outlier():
+    angles_deg = np.concatenate([np.linspace(-10, 10, 21), np.linspace(10, -10, 21)])
+    for seed in range(20):
+        found = reduce_end(dwells(angles_deg, np.arange(42), seed, wrong_g=1e-4), outlier_k=6)
+        assert found.outliers == 1
+        assert 4 not in found.dwells.sequence
 
 
 def end(angles_deg, b, g, *, noise=None):
