@@ -32,7 +32,8 @@ class RampRecord:
 class Leg:
     """The usable samples of one leg of one cycle in the order of time, arrays (n,).
 
-    `complete` is false when fewer than half of the recorded samples could be used, or all of them go the other way.
+    `complete` is false when fewer than half of the recorded samples could be used, or all of them go the other way:
+    then it is `against` its name, and empty.
     """
 
     cycle: int
@@ -41,6 +42,7 @@ class Leg:
     temperature_c: Array
     output_g: Array
     complete: bool
+    against: bool
 
     def stretches(self, longest_hole: int) -> Iterator[slice]:
         """Parts of the leg without a hole in time longer than `longest_hole` sample intervals."""
@@ -79,9 +81,14 @@ def cut_into_legs(record: RampRecord, *, turns: bool = False) -> tuple[list[Leg]
                 temperature_c=record.temperature_c[way],
                 output_g=record.output_g[way],
                 complete=2 * len(rows) >= len(scheduled) and len(way) > 0,
+                against=len(rows) > 0 and not len(way) and _falls(record.temperature_c[rows]) != bool(falling),
             )
         )
     return legs, dict(excluded)
+
+
+def _falls(temperature_c: Array) -> bool:
+    return bool(temperature_c[-1] < temperature_c[0])
 
 
 def _one_row_of_each_time(keys: Array, placed: NDArray[np.bool_], good: NDArray[np.bool_]) -> NDArray[np.int_]:

@@ -179,22 +179,22 @@ def _dynamic(case: Case) -> dict[str, Any]:
         ],
         "rejected": found.excluded,
         "doubts": case_doubts.ramp(
-            [(leg.time_s, leg.temperature_c) for leg in found.legs], record.temperature_c, record.output_g,
-            float(found.line.powers[1]),
+            found.legs, record.temperature_c, record.output_g, float(found.line.powers[1])
         ),
     }  # fmt: skip
 
 
 def _no_ramp(record: RampRecord, problem: NotDetermined) -> dict[str, Any]:
     """Of a record without two temperatures: nothing is known, and nothing judged."""
+    legs, excluded = cut_into_legs(record)
     return dict.fromkeys(RAMP_FIGURES) | {
         "jumps": [],
         "lag_model": None,
         "verdict": None,
         "flags": ["invalid"],
         "notes": [f"the record does not suffice: {problem}"],
-        "rejected": cut_into_legs(record)[1],
-        "doubts": case_doubts.ramp([], record.temperature_c, record.output_g, None),
+        "rejected": excluded,
+        "doubts": case_doubts.ramp(legs, record.temperature_c, record.output_g, None),
     }
 
 

@@ -10,10 +10,12 @@ import numpy as np
 from bench.analysis import plausibility
 from bench.analysis.fit import Array
 from bench.analysis.plausibility import Doubt
+from bench.analysis.ramp import Leg
 
 LEVELS_G = 1.05  # of gravity
 LONGEST_DWELL_S = 7200.0
 MOST_UNLIKE = 20.0  # channels of one unit
+WAYS = {"up": "falls", "down": "rises"}  # of a leg that goes against its name
 SCALES_PPS_PER_G = (1.0, 1e7)
 SCALES_PULSE_PER_DEG = (0.1, 1e7)
 
@@ -61,10 +63,8 @@ def tumble(
         yield from plausibility.scale("K1", float(np.median(scales)), plausibility.SCALES_V_PER_G, "V/g")
 
 
-def ramp(
-    legs: Iterable[tuple[Array, Array]], temperature_c: Array, output_g: Array, slope_g_per_c: float | None
-) -> Iterator[Doubt]:
-    """Of M4 dynamic; `legs` are times and temperatures in the order of time."""
+def ramp(legs: Sequence[Leg], temperature_c: Array, output_g: Array, slope_g_per_c: float | None) -> Iterator[Doubt]:
+    """Of M4 dynamic."""
     yield from plausibility.kelvin("T_C", temperature_c)
     rest_g = plausibility.beyond(output_g, plausibility.LARGEST_REST_G)
     if rest_g is not None:
@@ -75,8 +75,12 @@ def ramp(
         yield Doubt(
             "implausible_scale", f"the slope is {slope_g_per_c * 1e6:.4g} µg/°C: see the units of U_V and of K1_V_per_g"
         )
-    for time_s, leg_c in legs:
-        yield from list(plausibility.ramp(time_s, leg_c))[:1]
+    for leg in legs:
+        yield from list(plausibility.ramp(leg.time_s, leg.temperature_c))[:1]
+    against = [leg for leg in legs if leg.against]
+    if against:
+        ways = ", ".join(f"{leg.name} of cycle {leg.cycle} {WAYS[leg.name]}" for leg in against)
+        yield Doubt("legs_exchanged", f"leg: {ways}, and is left out; are up and down exchanged?")
 
 
 def tilts(samples: int, out_of_range: int) -> Iterator[Doubt]:

@@ -11,7 +11,7 @@ Outcome = Literal["REDUCED", "PASS", "FAIL", "INCOMPLETE"]
 PARTS = ("runs", "table", "points", "dvx_mps")  # of one method each; without any nothing was found
 LACKING = re.compile(
     r"(^|[: ])invalid$|insufficient_temperature_span$|too_few_|_missing$|:missing_|:attitude_inconsistent:"
-    r"| incomplete: |^radius_not_determined$|^implausible_|^columns_exchanged$"
+    r"| incomplete: |^radius_not_determined$|^implausible_|^(columns|legs)_exchanged$"
 )
 """Flags of a part that could not be used, or of a result that is not to be relied on."""
 

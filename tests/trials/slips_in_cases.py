@@ -65,6 +65,10 @@ def _gravity_in_mps2(case: GoodCase) -> None:
     case.settings["runs"]["up_1g"]["a_g"] = G
 
 
+def _legs_exchanged(case: GoodCase) -> None:
+    case.records["ramp"]["leg"] = [{"up": "down", "down": "up"}[name] for name in case.records["ramp"]["leg"]]
+
+
 RAD = np.pi / 180
 SLIPS = (
     Slip("M0", "", "T_conv in kelvin", plus("T_conv_C", 273.15), "implausible_temperature"),
@@ -114,6 +118,7 @@ SLIPS = (
     Slip("M4", "dynamic", "time in ms", times("t_s", 1000), "implausible_time"),
     Slip("M4", "dynamic", "time in hours", times("t_s", 1 / 3600), "implausible_time"),
     Slip("M4", "dynamic", "temperature and output exchanged", exchanged("T_C", "U_V"), "implausible_scale"),
+    Slip("M4", "dynamic", "up and down exchanged", _legs_exchanged, "legs_exchanged"),
     Slip("M4", "tilt", "output in mV", times("U_V", 1e3), "implausible_scale"),
     Slip("M4", "tilt", "thermometer in kelvin", plus("T_C", 273.15), "implausible_temperature"),
     Slip("M4", "tilt", "temperature and output exchanged", exchanged("T_C", "U_V"), "implausible_scale"),

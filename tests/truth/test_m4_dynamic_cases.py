@@ -56,6 +56,22 @@ def test_good_unit_passes(tmp_path, rng, interval_s):
     assert result["repeatability_max_ug"] == pytest.approx(change_ug, abs=12)
 
 
+@pytest.mark.parametrize(
+    ("exchanged", "note"),
+    [([(1, "up"), (1, "down"), (2, "up"), (2, "down")], "leg: up of cycle 1 falls, down of cycle 1 rises, up of "),
+     ([(2, "down")], "leg: down of cycle 2 rises, and is left out; are up and down exchanged?")],
+    ids=["all", "one"],
+)  # fmt: skip
+def test_legs_that_go_against_their_names_are_named(tmp_path, rng, exchanged, note):
+    columns = dynamic_columns(ramps(10.0), rng)
+    for row, leg in enumerate(zip(columns["cycle"], columns["leg"], strict=True)):
+        if leg in exchanged:
+            columns["T_C"][row] = 40.0 - columns["T_C"][row]
+    result = reduced(tmp_path, columns, **LIMITS)
+    assert (result["verdict"], "legs_exchanged" in result["flags"]) == ("invalid", True)
+    assert [each for each in result["notes"] if each.startswith(note)], result["notes"]
+
+
 def test_figures_are_those_of_independent_arithmetic(tmp_path, rng):
     columns = dynamic_columns(ramps(5.0), rng)
     result = reduced(tmp_path, columns, **LIMITS)

@@ -11,7 +11,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from bench.analysis import dwells, ramp_findings, temperature_ramp
+from bench.analysis import dwells, largest, temperature_ramp
 from bench.analysis.acquired import Acquisition, Counts, Mount
 from bench.analysis.bench_record import AxisRecord, BenchRecord
 from bench.analysis.orientation import elevation_rad
@@ -214,7 +214,7 @@ def ramps(change_g_per_c):
     with (
         mock.patch.object(temperature_ramp, "elevation_rad"),
         mock.patch.object(temperature_ramp, "cut_into_samples", lambda leg, *_: leg),
-        mock.patch.object(ramp_findings, "largest_u", return_value=(0.0, 0.0)),
+        mock.patch.object(largest, "largest_u", return_value=(0.0, 0.0)),
     ):
         for _ in range(250):
             data, changed_g_per_c = ramp(rng, change_g_per_c)
