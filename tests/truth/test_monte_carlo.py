@@ -203,7 +203,7 @@ def ramp(rng, change_g_per_c):
         for turn in (errors.true_rad(angle_deg),)
         for number in range(4)
     ]
-    return RunData("ramp", (UNIT,), tuple(legs), BENCH), changes[0].mean()
+    return RunData("ramp", (UNIT,), tuple(legs), BENCH, span_s=(0.0, 1e6)), changes[0].mean()
 
 
 @lru_cache
