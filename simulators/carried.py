@@ -46,6 +46,19 @@ class TableErrors:
     wobble_phase_rad: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class Level:
+    """How far the base is tilted about south: in the middle of a run of `run_s`, and its even change within that."""
+
+    middle_deg: float = 0.0
+    drift_deg: float = 0.0
+    run_s: float = 0.0
+
+    def at(self, at_s: float) -> float:
+        """Tilt in degrees at a true time."""
+        return self.middle_deg + (self.drift_deg * (at_s / self.run_s - 0.5) if self.run_s else 0.0)
+
+
 class Carried:
     """The fixture on its axes; vectors are (3, n) by the times asked for."""
 
@@ -54,13 +67,13 @@ class Carried:
         fixture: Fixture,
         axes: Mapping[str, Axis],
         *,
-        level_deg: float,
+        level: Level,
         table: TableErrors,
         gravity_mps2: float,
         latitude_deg: float,
     ) -> None:
         self._fixture, self._axes, self._table = fixture, list(axes.values()), table
-        self._level_deg, self._gravity_mps2 = level_deg, gravity_mps2
+        self._level, self._gravity_mps2 = level, gravity_mps2
         self.earth_dps = earth_dps(latitude_deg)
         self._at_rest: tuple[Stands, Array] = (), np.empty((1, 3, 3))
         self._sweep: tuple[Stands, Array] = (), np.empty((3, 3, 3))
@@ -74,15 +87,16 @@ class Carried:
         return None not in self.stands(float(at_s[0]))
 
     def attitude(self, at_s: Array) -> Array:
-        """Level frame to fixture, (n, 3, 3); (1, 3, 3) at rest."""
-        still_deg = self.stands(float(at_s[0]))
+        """Level frame to fixture, (n, 3, 3); (1, 3, 3) at rest. Between two moves the level stays as it was."""
+        began_s = float(at_s[0])
+        still_deg = self.stands(began_s)
         if self.sweeps(still_deg):
             waves = waves_of(self._axes[still_deg.index(None)].true_deg(at_s))
-            return np.asarray((waves.T @ self.sweep(still_deg).reshape(3, 9)).reshape(-1, 3, 3))
+            return np.asarray((waves.T @ self.sweep(still_deg, began_s).reshape(3, 9)).reshape(-1, 3, 3))
         if None in still_deg:
-            return self._turned([axis.true_deg(at_s) for axis in self._axes])
+            return self._turned([axis.true_deg(at_s) for axis in self._axes], began_s)
         if still_deg != self._at_rest[0]:
-            self._at_rest = still_deg, self._turned([np.full(1, angle_deg) for angle_deg in still_deg])
+            self._at_rest = still_deg, self._turned([np.full(1, angle_deg) for angle_deg in still_deg], began_s)
         return self._at_rest[1]
 
     def upward(self, at_s: Array) -> Array:
@@ -112,18 +126,19 @@ class Carried:
         """Whether one axis turns alone, and nothing comes and goes with it but its angle."""
         return still_deg.count(None) == 1 and not self._table.wobble_deg
 
-    def sweep(self, still_deg: Stands) -> Array:
+    def sweep(self, still_deg: Stands, at_s: float) -> Array:
         """The attitude while one axis turns alone: what `waves_of` its angle are multiplied with, (3, 3, 3)."""
         if still_deg != self._sweep[0]:
             quarters_deg = np.array([0.0, 90.0, 180.0])
-            ahead, aside, back = self._turned([quarters_deg if at is None else np.full(3, at) for at in still_deg])
+            angles_deg = [quarters_deg if at is None else np.full(3, at) for at in still_deg]
+            ahead, aside, back = self._turned(angles_deg, at_s)
             middle = (ahead + back) / 2
             self._sweep = still_deg, np.stack([middle, ahead - middle, aside - middle])
         return self._sweep[1]
 
-    def _turned(self, angles_deg: list[Array]) -> Array:
+    def _turned(self, angles_deg: list[Array], at_s: float) -> Array:
         """Level frame to fixture, with the tilts of the base and of the outer axis."""
-        table, level_deg = self._table, np.array([self._level_deg])
+        table, level_deg = self._table, np.array([self._level.at(at_s)])
         if table.wobble_deg:
             level_deg = level_deg + table.wobble_deg * np.cos(np.radians(angles_deg[0]) + table.wobble_phase_rad)
         turned = self._fixture.to_fixture(angles_deg, level_deg)

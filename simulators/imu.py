@@ -230,7 +230,7 @@ class SimulatedImu:
         if self._turning is None:
             angles_deg = [np.full(1, at or 0.0) for at in still_deg]
             about = world.fixture.rate(angles_deg, [np.full(1, float(at is None)) for at in still_deg]).T
-            sweep = self._into_unit @ world.carried.sweep(still_deg)
+            sweep = self._into_unit @ world.carried.sweep(still_deg, float(edges_s[0]))
             self._turning = sweep[:, :, 2].T, (sweep @ world.carried.earth_dps).T, self._into_unit @ about
         up, earth_dps, about = self._turning
         axis = list(world.axes.values())[still_deg.index(None)]

@@ -56,8 +56,8 @@ class WorldSettings:
     """The laboratory of one run: its seed, its own errors as drawn, and the units by place.
 
     `axes` are those of the table by the role of what drives them, outer first, as the fixture has them. `level_deg` is
-    how far its base is tilted, `mount` how the units are fixed in the beginning. `fixture` is as it was meant, `built`
-    as it is; without it they are the same.
+    how far its base is tilted in the middle of the run, `mount` how the units are fixed in the beginning. `fixture` is
+    as it was meant, `built` as it is; without it they are the same.
     """
 
     seed: int
@@ -68,6 +68,7 @@ class WorldSettings:
     axes: Mapping[str, AxisErrors] = field(default_factory=lambda: {"head": AxisErrors()})
     axis_acceleration_dps2: float = 40.0
     level_deg: float = 0.0
+    level_drift_deg: float = 0.0  # change of it within the run
     latitude_deg: float = 0.0
     table: TableErrors = field(default_factory=TableErrors)
     mount: Mount = field(default_factory=Mount)

@@ -85,6 +85,7 @@ def truth_record(
             "device_clock": settings.device_clock,
             "axes": {role: asdict(errors) for role, errors in settings.axes.items()},
             "level_deg": settings.level_deg,
+            "level_drift_deg": settings.level_drift_deg,
             "thermometers": {
                 name: {
                     "offset_c": place.thermometer_offset_c,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from simulators.accelerometer_unit import Input, SimulatedUnit
 from simulators.attitude import Mount
-from simulators.carried import Carried
+from simulators.carried import Carried, Level
 from simulators.chamber_failures import Failure
 from simulators.current_source import Feed
 from simulators.faults import BROKEN_DRAWS
@@ -50,8 +50,9 @@ class World:
             )
             for (role, errors), path in zip(settings.axes.items(), _streams(settings.axes), strict=True)
         }  # fmt: skip
+        level = Level(settings.level_deg, settings.level_drift_deg, settings.run_s)
         self.carried = Carried(
-            self.fixture, self.axes, level_deg=settings.level_deg, table=settings.table,
+            self.fixture, self.axes, level=level, table=settings.table,
             gravity_mps2=settings.gravity_mps2, latitude_deg=settings.latitude_deg,
         )  # fmt: skip
         names = sorted(settings.places)

@@ -43,13 +43,14 @@ class SourceRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class ThermometerDrift:
-    """By how much the error of a thermometer changes from the beginning of a run to its end, evenly in time.
+class Drift:
+    """Change of an error, evenly in time, from the beginning of a run to its end.
 
-    `u_c` is a standard uncertainty in °C. `is_stated` says whether its certificate states it.
+    `u` is a standard uncertainty, in °C of a thermometer and in degrees of the level. `is_stated` is whether the
+    certificate states it.
     """
 
-    u_c: float = 0.0
+    u: float = 0.0
     is_stated: bool = True
 
 
@@ -70,13 +71,13 @@ class BenchRecord:
     """What certificates and surveys say of the bench; every `u` is a standard uncertainty.
 
     `axes` are those of the table, outer first; `x` and `z` are where those of the fixture point while all angles are 0.
-    `level_deg` tilts the whole table about south. `thermometers_u` gives offset (°C) and gain (on the temperature in
-    °C) by the name of the reading, `thermometer_drifts` how much their errors change within a run, `voltmeters_u` gain
-    (of the reading) and offset (V) by voltmeter, `sources` the current sources and ammeters that have a certificate, by
-    their roles. `orthogonality_u_deg` is of each axis against
-    the one that carries it, in two directions. `host_clock_u` is that of a second of the host, 0 where nobody states
-    it. `encoder_skew_u_s` is that of the time between an encoder's latch and the pulses'. `telemetry` is the clock of
-    what units send, None where no encoder is latched with that.
+    `level_deg` tilts the whole table about south, and changes by `level_drift` within a run. `thermometers_u` gives
+    offset (°C) and gain (on the temperature in °C) by the name of the reading, `thermometer_drifts` how much their
+    errors change within a run, `voltmeters_u` gain (of the reading) and offset (V) by voltmeter, `sources` the current
+    sources and ammeters that have a certificate, by their roles. `orthogonality_u_deg` is of each axis against the one
+    that carries it, in two directions. `host_clock_u` is that of a second of the host, 0 where nobody states it.
+    `encoder_skew_u_s` is that of the time between an encoder's latch and the pulses'. `telemetry` is the clock of what
+    units send, None where no encoder is latched with that.
     """
 
     gravity_mps2: float
@@ -96,7 +97,8 @@ class BenchRecord:
     encoder_skew_u_s: float = 0.0
     host_clock_u: float = 0.0
     telemetry: ClockRecord | None = None
-    thermometer_drifts: Mapping[str, ThermometerDrift] = field(default_factory=dict)
+    level_drift: Drift = Drift()
+    thermometer_drifts: Mapping[str, Drift] = field(default_factory=dict)
 
     def clock(self, *, sent: bool) -> ClockRecord:
         """The clock that a table is measured with: that of a unit which has `sent` its output, or the counter's."""
@@ -108,9 +110,9 @@ class BenchRecord:
         """Offset (°C) and gain of the thermometer behind a reading; zeros without a certificate."""
         return self.thermometers_u.get(name, (0.0, 0.0))
 
-    def thermometer_drift(self, name: str) -> ThermometerDrift:
+    def thermometer_drift(self, name: str) -> Drift:
         """Drift of the thermometer behind a reading within a run; none without a certificate."""
-        return self.thermometer_drifts.get(name, ThermometerDrift())
+        return self.thermometer_drifts.get(name, Drift())
 
     def temperature_u_c(self, name: str, temperature_c: float) -> float:
         """The standard uncertainty of a temperature that it shows."""

@@ -22,10 +22,12 @@ from bench.analysis.indexing_readings import IndexingReading
 from bench.analysis.instrument import STEPS, instrument_u, shared_as
 from bench.analysis.propagation import Estimate
 from bench.analysis.rundata import UnitUnderTest
+from bench.analysis.thermometer_drift import source_of
 
 SCATTER = "readings: scatter"
 REPEATABILITY = "head: repeatability"
 BACKLASH = "head: backlash"
+LEVEL = "fixture: level"
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,10 @@ class IndexingBudget:
             "head: harmonics": np.array(harmonics),
             REPEATABILITY: self._by_stand(turned) * np.radians(head.repeatability_u_deg),
             BACKLASH: np.array([float(turned[from_above].sum()) * np.radians(head.backlash_u_deg or 0.0)]),
-            "fixture: level": np.array([together * np.radians(self.bench.level_u_deg)]),
+            LEVEL: np.array([together * np.radians(self.bench.level_u_deg)]),
+            source_of(LEVEL, self.bench.level_drift): np.array(
+                [float(turned @ [each.run_share for each in self.readings]) * np.radians(self.bench.level_drift.u)]
+            ),
             **self._instrument(gain, values, head_rad),
         }
 

@@ -37,7 +37,8 @@ class IndexingReading:
     head; `turn` is by how much sin(angle) changes when the head turns by 1 rad. `end` is up or down. `number` counts
     all readings of the run, `stand` the moves before it. `came_from` is the side from which the head came there, `side`
     that from which the input did, "below" or "above", empty where nobody knows it. `alone_u` is what one alone tells of
-    its standard uncertainty, `step_u` what the steps of codes hide from it.
+    its standard uncertainty, `step_u` what the steps of codes hide from it. `run_share` is where it is
+    in the run, from -½ to ½.
     """
 
     number: int
@@ -58,6 +59,7 @@ class IndexingReading:
     came_from: str = ""
     side: str = ""
     stand: int = 0
+    run_share: float = 0.0
 
 
 def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReading], list[str]]:
@@ -91,6 +93,7 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
             came_from=came_from,
             side=came_from if turn > 0 else OTHER_SIDE[came_from],
             stand=acquisition.stand,
+            run_share=float(data.run_share(np.array([(acquisition.begin_s + acquisition.end_s) / 2]))[0]),
         )
         found.append(reading)
     return found, flags

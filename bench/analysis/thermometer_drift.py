@@ -12,13 +12,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.analysis.bench_record import ThermometerDrift
+from bench.analysis.bench_record import Drift
 from bench.analysis.finding import BudgetLine
 from bench.analysis.fit import Array
 from bench.analysis.rundata import RunData
 
 DRIFT = "drift within the run"
 NOT_STATED = "not stated, a fifth of its offset"
+
+
+def source_of(what: str, drift: Drift) -> str:
+    """The name of the line that a drift within the run has in a budget."""
+    return f"{what}: {DRIFT}" if drift.is_stated else f"{what}: {DRIFT}, {NOT_STATED}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,14 +34,13 @@ class DriftInRun:
     reading: str
 
     @property
-    def _known(self) -> ThermometerDrift:
+    def _known(self) -> Drift:
         return self.data.bench.thermometer_drift(self.reading)
 
     def error_c(self, at_s: Array) -> Array:
         """Error (n,) of the temperatures at bench times (n,), for a drift of one standard uncertainty."""
-        return self.data.run_share(at_s) * self._known.u_c
+        return self.data.run_share(at_s) * self._known.u
 
     def line(self, u: float | np.floating) -> BudgetLine:
         """The line of a budget to which the drift gives `u`."""
-        how = DRIFT if self._known.is_stated else f"{DRIFT}, {NOT_STATED}"
-        return BudgetLine(f"{self.reading}: {how}", "B", abs(float(u)), None, f"{self.reading}.drift")
+        return BudgetLine(source_of(self.reading, self._known), "B", abs(float(u)), None, f"{self.reading}.drift")

@@ -75,6 +75,7 @@ class _Draws:
             mount=simulated_mount(bench.fixture.mount()),
             ambient_c=simulation.ambient,
             level_deg=stated.level_deg + self._draw(stated.level_u_deg, "level"),
+            level_drift_deg=self._draw(stated.level_drift.u, "level", "drift"),
             latitude_deg=bench.site.latitude,
             table=TableErrors() if simulation.table is None else self._table(simulation.table),
             fixture=fixture,
@@ -95,7 +96,7 @@ class _Draws:
         """Offset, gain, what its certificate corrects, and by how much the offset changes within a run."""
         offset_u, gain_u = self._stated.thermometer_u(reading)
         table = columns(self._corrections.thermometers.get(reading))
-        drift_c = self._draw(self._stated.thermometer_drift(reading).u_c, reading, "drift")
+        drift_c = self._draw(self._stated.thermometer_drift(reading).u, reading, "drift")
         return self._draw(offset_u, reading, "offset"), self._draw(gain_u, reading, "gain"), table, drift_c
 
     def _place(self, name: str, unit: UnitFile | GyroFile, entry: PlaceEntry) -> PlaceSettings:

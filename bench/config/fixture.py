@@ -102,6 +102,9 @@ class Level(StrictModel):
     value: Annotated[float, InUnit("arcsec")] = Field(description="as last measured")
     U: Arcseconds = Field(description="expanded uncertainty")
     k: CoverageFactor = Field(2.0, description="coverage factor of U")
+    drift: Arcseconds | None = Field(
+        None, description="expanded change from the beginning of a run to its end; a fifth of U if not stated"
+    )
     date: Date = Field(description="of the measurement")
 
 

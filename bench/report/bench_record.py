@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from bench.analysis.bench_record import AxisRecord, BenchRecord, ClockRecord, SourceRecord, ThermometerDrift
+from bench.analysis.bench_record import AxisRecord, BenchRecord, ClockRecord, Drift, SourceRecord
 from bench.config.fixture import Vector
-from bench.config.models import BenchFile, ThermometerCalibration
+from bench.config.models import BenchFile
 from drivers.can_telemetry.description import TelemetryOptions
 
 ARCSEC_DEG = 1 / 3600
@@ -37,6 +37,7 @@ def bench_record(bench: BenchFile) -> BenchRecord:
         z=bench.fixture.z,
         level_deg=level.value * ARCSEC_DEG,
         level_u_deg=level.U / level.k * ARCSEC_DEG,
+        level_drift=_drift(level.drift, level.U, level.k, ARCSEC_DEG),
         time_base_u=float(counter.get("time_base", 0.0)),
         encoder_skew_u_s=float(counter.get("encoder_skew", 0.0)),
         thermometers_u=thermometers,
@@ -48,17 +49,16 @@ def bench_record(bench: BenchFile) -> BenchRecord:
         host_clock_u=clock.U / clock.k if clock is not None else 0.0,
         telemetry=next(_latching(bench), None),
         thermometer_drifts={
-            name: _thermometer_drift(reading.calibration)
+            name: _drift(reading.calibration.U.drift, reading.calibration.U.offset, reading.calibration.k)
             for name, reading in bench.readings.items()
             if reading.calibration is not None
         },
     )
 
 
-def _thermometer_drift(calibration: ThermometerCalibration) -> ThermometerDrift:
-    """As the certificate states it, else a share of its offset (docs/decisions/0060)."""
-    stated, of_offset = calibration.U.drift, DRIFT_SHARE * calibration.U.offset
-    return ThermometerDrift((of_offset if stated is None else stated) / calibration.k, stated is not None)
+def _drift(stated: float | None, offset: float, k: float, in_unit: float = 1.0) -> Drift:
+    """As the certificate states it, else a share of the constant error (docs/decisions/0060)."""
+    return Drift((DRIFT_SHARE * offset if stated is None else stated) / k * in_unit, stated is not None)
 
 
 def _latching(bench: BenchFile) -> Iterator[ClockRecord]:

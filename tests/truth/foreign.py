@@ -15,6 +15,7 @@ from unittest import mock
 import numpy as np
 
 from bench.app import drawn
+from simulators.carried import Level
 from simulators.unit_file import stream
 from simulators.world import World
 
@@ -54,12 +55,13 @@ class Drifts:
         for each in single:
             each._drift_c = 0.0  # what is drawn from its certificate: here it drifts otherwise
         self._began = [(each, "_offset_c", each._offset_c) for each in single]
-        self._began.append((self._carried, "_level_deg", self._carried._level_deg))
+        self._middle_deg = self._carried._level.middle_deg
 
     def go_to(self, share: float) -> None:
         """Lets the errors be as they are at a share of the run: -1 at its begin, 1 at its end."""
         for of, name, drawn_value in self._began:
             setattr(of, name, drawn_value * (1 + DRIFT * share))
+        self._carried._level = Level(self._middle_deg * (1 + DRIFT * share))
         self._carried._at_rest = (), self._carried._at_rest[1]  # it was worked out for another level
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from simulators.attitude import EAST, NORTH, UP, Fixture
-from simulators.carried import Carried, TableErrors
+from simulators.carried import Carried, Level, TableErrors
 from simulators.motion import Axis, AxisErrors
 
 LEVEL_DEG = 0.02
@@ -20,7 +20,7 @@ def a_table(turning: int, errors: TableErrors) -> tuple[list[Axis], Carried]:
     axes[turning].turn(100.0, 7.0, 50.0)
     named = {str(number): axis for number, axis in enumerate(axes)}
     carried = Carried(
-        FIXTURE, named, level_deg=LEVEL_DEG, table=errors, gravity_mps2=9.8, latitude_deg=34.0
+        FIXTURE, named, level=Level(LEVEL_DEG), table=errors, gravity_mps2=9.8, latitude_deg=34.0
     )  # fmt: skip
     return axes, carried
 

@@ -12,7 +12,7 @@ from drivers.can_counter.wire import counter_format, decode_counts, decode_posit
 from drivers.dbc import Dbc
 from simulators.attitude import EAST, UP, Fixture
 from simulators.can_counter import CounterSettings, SimulatedCounter
-from simulators.carried import EARTH_DPS, Carried, TableErrors
+from simulators.carried import EARTH_DPS, Carried, Level, TableErrors
 from simulators.faults import FaultPlan
 from simulators.gyro import GyroModel, draw_gyro, noise_of_gyro
 from simulators.gyro_unit import GyroFile
@@ -38,7 +38,7 @@ def file(**changes):
 
 def carried(axis=None, **settings):
     axis = axis or Axis(AxisErrors(), 100.0, np.random.default_rng(1))
-    defaults = {"level_deg": 0.0, "table": TableErrors(), "gravity_mps2": 9.8, "latitude_deg": 30.0}
+    defaults = {"level": Level(), "table": TableErrors(), "gravity_mps2": 9.8, "latitude_deg": 30.0}
     return axis, Carried(TABLE, {"table": axis}, **(defaults | settings))
 
 
@@ -108,7 +108,7 @@ def test_a_place_on_a_swinging_table_is_pulled_and_pushed(arm_m):
 
 
 def test_tilts_of_the_base_and_wobble_let_gravity_in_once_a_turn_and_twice():
-    axis, fixture = carried(table=TableErrors(across_deg=0.02), level_deg=0.01)
+    axis, fixture = carried(table=TableErrors(across_deg=0.02), level=Level(0.01))
     axis.turn(0.0, 36.0, 1e6)
     at_s = np.linspace(20, 30, 401)[:-1]
     x = np.degrees(fixture.upward(at_s)[0])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench.analysis.acquired import Acquisition, Voltages
-from bench.analysis.bench_record import AxisRecord, BenchRecord, ThermometerDrift
+from bench.analysis.bench_record import AxisRecord, BenchRecord, Drift
 from bench.analysis.finding import Finding
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.temperature_ramp import reduce
@@ -21,7 +21,7 @@ SETTINGS = TEMPERATURE_RAMP.settings.model_validate({}).model_dump()
 BENCH = BenchRecord(
     gravity_mps2=9.8, gravity_u_mps2=0.0, axes={"head": AxisRecord()}, x=(1.0, 0.0, 0.0), z=(0.0, 0.0, 1.0),
     level_deg=0.0, level_u_deg=0.0, time_base_u=0.0, thermometers_u={"t": (0.0, 0.0)},
-    thermometer_drifts={"t": ThermometerDrift(DRIFT_C)},
+    thermometer_drifts={"t": Drift(DRIFT_C)},
 )  # fmt: skip
 UNIT = UnitUnderTest("a", "S1", "x", 0.0, "t", voltmeter="dvm")
 LOW_C, HIGH_C, LEG_S, LEGS = -10.0, 60.0, 2400.0, 8

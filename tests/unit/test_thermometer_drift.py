@@ -16,7 +16,7 @@ import pytest
 from numpy.random import default_rng
 
 from bench.analysis.acquired import Acquisition, Voltages
-from bench.analysis.bench_record import AxisRecord, BenchRecord, ThermometerDrift
+from bench.analysis.bench_record import AxisRecord, BenchRecord, Drift
 from bench.analysis.finding import Finding
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.temperature_tumble import reduce as reduce_tumble
@@ -33,7 +33,7 @@ STATED = "t: drift within the run"
 BENCH = BenchRecord(
     gravity_mps2=9.8, gravity_u_mps2=0.0, axes={"head": AxisRecord((0.0, -1.0, 0.0))}, x=(1.0, 0.0, 0.0),
     z=(0.0, 0.0, 1.0), level_deg=0.0, level_u_deg=0.0, time_base_u=0.0, thermometers_u={"t": (0.0, 0.0)},
-    thermometer_drifts={"t": ThermometerDrift(DRIFT_C)},
+    thermometer_drifts={"t": Drift(DRIFT_C)},
 )  # fmt: skip
 UNIT = UnitUnderTest("a", "S1", "x", 0.0, "t", voltmeter="dvm")
 SET_C = (20.0, 70.0, 20.0, -40.0, 20.0)
@@ -55,20 +55,20 @@ def bench_with(folder: Path, uncertainty: str) -> BenchRecord:
 @pytest.mark.parametrize(
     ("uncertainty", "drift"),
     [
-        ("{offset: 0.6 °C, drift: 0.02 °C}", ThermometerDrift(0.01, is_stated=True)),
-        ("{offset: 0.6 °C, drift: 0 °C}", ThermometerDrift(0.0, is_stated=True)),
-        ("{offset: 0.6 °C}", ThermometerDrift(0.06, is_stated=False)),
+        ("{offset: 0.6 °C, drift: 0.02 °C}", Drift(0.01, is_stated=True)),
+        ("{offset: 0.6 °C, drift: 0 °C}", Drift(0.0, is_stated=True)),
+        ("{offset: 0.6 °C}", Drift(0.06, is_stated=False)),
     ],
 )
 def test_a_certificate_states_the_drift_or_it_is_a_fifth_of_the_offset(
-    tmp_path: Path, uncertainty: str, drift: ThermometerDrift
+    tmp_path: Path, uncertainty: str, drift: Drift
 ) -> None:
     found = bench_with(tmp_path, uncertainty).thermometer_drift("unit_temperature")
-    assert (found.u_c, found.is_stated) == (pytest.approx(drift.u_c), drift.is_stated)
+    assert (found.u, found.is_stated) == (pytest.approx(drift.u), drift.is_stated)
 
 
 def test_a_thermometer_without_a_certificate_has_no_drift() -> None:
-    assert BENCH.thermometer_drift("another").u_c == 0.0
+    assert BENCH.thermometer_drift("another").u == 0.0
 
 
 def test_a_simulated_thermometer_drifts_evenly_over_the_run_about_its_offset() -> None:
@@ -140,7 +140,7 @@ def test_the_interval_of_a_largest_value_holds_the_truth_of_a_drifting_thermomet
 
 
 def test_a_drift_that_nobody_stated_is_named_so() -> None:
-    assumed = replace(BENCH, thermometer_drifts={"t": ThermometerDrift(DRIFT_C, is_stated=False)})
+    assumed = replace(BENCH, thermometer_drifts={"t": Drift(DRIFT_C, is_stated=False)})
     found = found_of(replace(tumble(0.0), bench=assumed))
     assert by_drift(found["K0/closure"], f"{STATED}, not stated, a fifth of its offset") > 0
     assert by_drift(found["K0/closure"]) == 0
