@@ -101,10 +101,10 @@ class Player:
         """The acquisitions of the template, with what this world gives."""
         every = [(label, each) for label, data in self._template.data.items() for each in data.acquisitions]
         found: dict[str, list[Acquisition]] = {label: [] for label in self._template.data}
-        ends_s = [each.end_s for _, each in every]
         for label, acquisition in sorted(every, key=lambda each: each[1].begin_s):
             if self._drifts is not None:
-                self._drifts.go_to(2 * (acquisition.begin_s - min(ends_s)) / (max(ends_s) - min(ends_s)) - 1)
+                at_s = np.array([acquisition.begin_s])
+                self._drifts.go_to(2 * float(self._template.data[label].run_share(at_s)[0]))
             self._pass_until(acquisition.begin_s)
             found[label].append(self._acquire(acquisition, self._template.data[label].units))
         record = bench_record(self._bench)
