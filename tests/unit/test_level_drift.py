@@ -46,7 +46,8 @@ def found_with(drift_deg: float) -> dict[str, Finding]:
         dwells.append(Acquisition(
             step=f"steps/angle={number}/acquire", group="", begin_s=DWELL_S * number, end_s=DWELL_S * (number + 1),
             set_from_c=23.0, set_c=23.0, counts={}, loops={"angle": float(number)}, angles_deg={"head": angle_deg},
-            voltages={"dvm": Voltages(at_s, np.full(len(at_s), volts))}, temperatures_c={"t": np.full(60, 23.0)}, temperatures_at_s={"t": at_s},
+            voltages={"dvm": Voltages(at_s, np.full(len(at_s), volts))},
+            temperatures_c={"t": np.full(60, 23.0)}, temperatures_at_s={"t": at_s},
             stand=number, came_from={"head": "below" if number % 22 < 11 else "above"},
         ))  # fmt: skip
     (result,) = reduce(RunData("sweep", (UNIT,), tuple(dwells), BENCH, span_s=(0.0, length_s)), SETTINGS)
