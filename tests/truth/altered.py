@@ -19,6 +19,7 @@ Change = Callable[[Part], None]
 # By which units of a kind differ where the file fixes them.
 ACCELEROMETER_SD = {"K0": "0.1 mg", "K1": "1 µA/g"}
 GYRO_SD = {"D0": "0.5 °/h"}
+PER_DEGREE_SD = "60 ppm/°C"  # of a scale factor, as ranges and responses state it where they do not find it
 
 
 def times(quantity: Any, factor: float) -> Any:
@@ -128,10 +129,12 @@ def altered(document: Part, kind: str) -> Part:
         document["thermal"]["self_heating"] = "15 °C"
     for part in _parts(document, "accelerometer"):
         _draw(part, ACCELEROMETER_SD)
-        if "damping" in part:  # for rate tables, where its scale factor is stated as it is when it has long been on
-            part["reference_temperature"] = "37 °C" if kind == "warm" else "27 °C"
+        if "damping" in part:  # for rate tables
+            part["K1"]["linear"] = {"mean": "0 ppm/°C", "sd": PER_DEGREE_SD}
     for part in _parts(document, "gyro"):
         _draw(part, GYRO_SD)
+        if "damping" in part:
+            part["KG"]["linear"] = {"mean": "0 ppm/°C", "sd": times(PER_DEGREE_SD, 5 if kind == "warm" else 1)}
     return document
 
 
