@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -54,7 +54,7 @@ def _reduced(data: RunData, unit: UnitUnderTest) -> UnitResult:
     if len(solved.dwells) < LEAST:
         flags.append("too_few_repetitions")
         return UnitResult(unit.place, unit.serial, (), (), solved.left_out, tuple(flags))
-    of = TumbleUnit.of(data, unit, solved.dwells)
+    of = _alike_left_out(TumbleUnit.of(data, unit, solved.dwells))
     repeated = [_over(quantity, of) for quantity in UNITS]
     findings = [*(_deviation(each, of) for each in repeated), _closure(of)]
     return UnitResult(
@@ -66,6 +66,20 @@ def _reduced(data: RunData, unit: UnitUnderTest) -> UnitResult:
         flags=tuple(flags),
         detail=tuple(repeated),
     )
+
+
+def _alike_left_out(of: TumbleUnit) -> TumbleUnit:
+    """With the scatter of the readings about what every repetition has alike, where all are of the same positions.
+
+    What is left of a warm-up bends the readings of each tumble in the same way. It is in no difference of repetitions.
+    """
+    residuals = [dwell.tumble.fit.residuals for dwell in of.dwells]
+    angles_rad = [dwell.head_rad for dwell in of.dwells]
+    dof = round(of.dof * (1 - 1 / len(of.dwells)))
+    if not dof or any(not np.array_equal(each, angles_rad[0]) for each in angles_rad):
+        return of
+    own = np.array(residuals) - np.mean(residuals, axis=0)
+    return replace(of, sd=float(np.sqrt(np.sum(own**2) / dof)), dof=dof)
 
 
 def _over(quantity: str, of: TumbleUnit) -> Repeated:
