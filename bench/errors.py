@@ -61,4 +61,4 @@ def in_words(problem: BaseException) -> str:
     """What a person is told of an error: its text, and of one that nobody foresaw where in the program it happened."""
     if isinstance(problem, BenchError | DriverError):
         return str(problem)
-    return "a mistake of this program: " + "".join(traceback.format_exception(problem))
+    return "an internal error of this program: " + "".join(traceback.format_exception(problem))

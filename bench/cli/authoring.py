@@ -68,7 +68,7 @@ def _print(schema: dict[str, Any]) -> None:
 
 
 def reference(
-    page: Annotated[str, typer.Argument(metavar="PAGE", help="One of the pages that README lists.")] = "README",
+    page: Annotated[str, typer.Argument(metavar="PAGE", help="One of the pages listed by README.")] = "README",
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Write all pages there instead of printing one.")
     ] = None,
@@ -85,7 +85,7 @@ def reference(
 
 def format_files(
     files: Annotated[list[Path], typer.Argument(metavar="FILE…", help="Sequence and bench files.")],
-    check: Annotated[bool, typer.Option("--check", help="Change nothing; exit 2 where a file would change.")] = False,
+    check: Annotated[bool, typer.Option("--check", help="Change nothing; exit with 2 if a file would change.")] = False,
 ) -> None:
     """Indent YAML files as the shipped ones are; values, comments and spelling stay."""
     from bench.config.layout import changes
@@ -104,8 +104,10 @@ def format_files(
 @starters.command("driver")
 def new_driver(
     name: Annotated[str, typer.Argument(metavar="NAME", help="The name of the driver, such as my_chamber.")],
-    kind: Annotated[str, typer.Option(metavar="ROLE", help="What it can do for a sequence.")] = "thermal_chamber",
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where its package is written.")] = Path(),
+    kind: Annotated[
+        str, typer.Option(metavar="ROLE", help="Kind of device, as in the needs of a sequence.")
+    ] = "thermal_chamber",
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Directory for its package.")] = Path(),
 ) -> None:
     """Write a driver of a plug-in's own, with simulator and tests, that works as it is, to start from."""
     from bench.app.new_driver import write_driver
@@ -117,7 +119,7 @@ def new_driver(
 @starters.command("sequence")
 def new_sequence(
     name: Annotated[str, typer.Argument(metavar="NAME", help="The name of the sequence, such as warm_up.")],
-    folder: Annotated[Path, typer.Option("--dir", metavar="DIR", help="Where it is written.")] = Path("sequences"),
+    folder: Annotated[Path, typer.Option("--dir", metavar="DIR", help="Directory for the file.")] = Path("sequences"),
 ) -> None:
     """Write a commented sequence that runs on the shipped simulated bench, to start from."""
     from bench.sequence.starter import write_starter
@@ -129,9 +131,9 @@ def new_sequence(
 def new_bench(
     name: Annotated[str, typer.Argument(metavar="NAME", help="The name of the bench, such as lab_2.")],
     source: Annotated[
-        str, typer.Option("--from", metavar="BENCH", help="The bench to begin with; a shipped one, or a file.")
+        str, typer.Option("--from", metavar="BENCH", help="The bench to copy: a shipped one, or a file.")
     ] = "simulated",
-    folder: Annotated[Path, typer.Option("--dir", metavar="DIR", help="Where it is written.")] = Path("config"),
+    folder: Annotated[Path, typer.Option("--dir", metavar="DIR", help="Directory for the file.")] = Path("config"),
 ) -> None:
     """Write a bench file to start from: a copy of one that is like yours, with the files that it names."""
     from bench.config.new_bench import write_bench

@@ -23,43 +23,49 @@ def register(app: typer.Typer) -> None:
 
 
 def pause(run: Run, runs: Runs = RUNS) -> None:
-    """Hold a run before its next step; its devices stay as they are."""
+    """Pause a run before its next step; its devices stay as they are."""
     _tell(run, runs, "pause")
 
 
 def resume(run: Run, runs: Runs = RUNS) -> None:
-    """Let a paused run go on."""
+    """Resume a paused run."""
     _tell(run, runs, "resume")
 
 
 def stop(
     run: Run,
-    after_step: Annotated[bool, typer.Option("--after-step", help="Let the step under way come to its end.")] = False,
+    after_step: Annotated[bool, typer.Option("--after-step", help="Complete the current step first.")] = False,
     runs: Runs = RUNS,
 ) -> None:
-    """End a run: the step under way ends, teardown runs."""
+    """Stop a run: the current step is interrupted, then the teardown runs."""
     _tell(run, runs, "stop_after_step" if after_step else "stop")
 
 
 def abort(run: Run, runs: Runs = RUNS) -> None:
-    """End a run at once: no teardown, all devices are made safe."""
+    """Abort a run at once: no teardown, all devices are made safe."""
     _tell(run, runs, "abort")
 
 
 def skip(run: Run, runs: Runs = RUNS) -> None:
-    """End the step under way and go on with the next; what it leaves moving comes to rest."""
+    """Interrupt the current step and continue with the next; whatever is still moving is first brought to rest."""
     _tell(run, runs, "skip")
 
 
 def repeat(run: Run, runs: Runs = RUNS) -> None:
-    """Begin the step under way anew, or, while the run is paused, the one before."""
+    """Restart the current step or, while the run is paused, repeat the previous one."""
     _tell(run, runs, "repeat")
 
 
 def answer(
     run: Run,
-    text: Annotated[str, typer.Argument(metavar="ANSWER", help="One of the choices, or the value that is asked for.")],
-    step: Annotated[str, typer.Option(metavar="ID", help="Which one, when several are open: a step, or head#3.")] = "",
+    text: Annotated[str, typer.Argument(metavar="ANSWER", help="One of the choices, or the requested value.")],
+    step: Annotated[
+        str,
+        typer.Option(
+            metavar="ID",
+            help="The question to answer when several are open: a step id, or a device request such as head#3.",
+        ),
+    ] = "",
     by: Annotated[str, typer.Option(metavar="NAME", help="Who answers.")] = "",
     runs: Runs = RUNS,
 ) -> None:
@@ -69,10 +75,10 @@ def answer(
 
 def status(
     run: Run,
-    as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON, for programs.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the status as JSON.")] = False,
     runs: Runs = RUNS,
 ) -> None:
-    """Print what a run is doing and has measured; of one that is over, what it came to."""
+    """Print what a run is doing and has measured or, if it has ended, how it ended."""
     from bench.report.status_text import status_lines
     from bench.store.runs import find_run, summary
 
@@ -99,7 +105,9 @@ def _state_of(run: RunSummary) -> dict[str, Any]:
     from bench.store.verify import examine
 
     if damage := examine(run.path, thoroughly=False).damage:
-        raise StoreError(f"{run.path}: is DAMAGED: {'; '.join(damage[:3])}; 'bench runs verify {run.id}' tells all")
+        raise StoreError(
+            f"{run.path}: is DAMAGED: {'; '.join(damage[:3])}; 'bench runs verify {run.id}' lists everything"
+        )
     with RunReader(run.path) as reader:
         over = {"state": run.state, "verdict": run.manifest.get("verdict")}
         return over | state_to_json(replayed(reader.events()))

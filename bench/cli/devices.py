@@ -11,7 +11,9 @@ import typer
 from bench.cli.exits import BENCH_ERROR
 from bench.cli.running import BenchOption, Scenario, Simulate
 
-group = typer.Typer(help="Look at the instruments of a bench.", invoke_without_command=True, rich_markup_mode=None)
+group = typer.Typer(
+    help="List the instruments of a bench, or find new ones.", invoke_without_command=True, rich_markup_mode=None
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -45,21 +47,21 @@ def list_devices(bench: BenchOption = None, simulate: Simulate = False) -> None:
 def scan_for_devices(
     addresses: Annotated[
         list[str] | None,
-        typer.Argument(metavar="ADDRESS...", help="As in a bench file, or HOST:PORT, or the path of a serial port."),
+        typer.Argument(
+            metavar="ADDRESS...", help="An address as in a bench file, HOST:PORT, or the path of a serial port."
+        ),
     ] = None,
     serial: Annotated[
         bool | None,
-        typer.Option("--serial/--no-serial", help="Look at all serial ports; without an address that is so."),
+        typer.Option("--serial/--no-serial", help="Scan all serial ports; the default without an address."),
     ] = None,
-    baud: Annotated[int, typer.Option(min=0, help="The only baud rate to try; 0 for those that drivers name.")] = 0,
+    baud: Annotated[int, typer.Option(min=0, help="Try only this baud rate; 0: those that the drivers name.")] = 0,
     unit: Annotated[
-        list[int] | None, typer.Option(min=1, max=247, help="A number on a line, of Modbus or CTS; again for each.")
+        list[int] | None, typer.Option(min=1, max=247, help="A Modbus or CTS address on a shared line; repeatable.")
     ] = None,
-    driver: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="The only driver to try; again for each.")
-    ] = None,
+    driver: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Try only this driver; repeatable.")] = None,
 ) -> None:
-    """Find instruments by questions that change nothing, and propose their entries in a bench file (on stdout)."""
+    """Find instruments by queries that change nothing, and propose bench file entries for them on stdout."""
     from bench.app.proposals import proposal
     from bench.app.scan import scan_here
 
@@ -67,7 +69,7 @@ def scan_for_devices(
     for place in places:
         sys.stderr.write(place.line() + "\n")
     if not places:
-        sys.stderr.write("there is no serial port; give the addresses to look at\n")
+        sys.stderr.write("there is no serial port; give the addresses to scan\n")
     if any(place.candidates for place in places):
         sys.stdout.write(proposal(places))
 
@@ -76,7 +78,7 @@ def simulate(
     bench: Annotated[str, typer.Option("--bench", metavar="FILE", help="The bench whose instruments to simulate.")],
     seed: Annotated[int | None, typer.Option(help="Seed of the simulation.")] = None,
     trace: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Instruments that it records say again what they said there.")
+        Path | None, typer.Option(metavar="FILE", help="Replay the instruments recorded in this trace.")
     ] = None,
     scenario: Scenario = None,
 ) -> None:
@@ -87,10 +89,10 @@ def simulate(
 
 
 def trace(
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The new file for what passes.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The trace file to create.")],
     bench: BenchOption = None,
     simulate: Simulate = False,
-    for_s: Annotated[float, typer.Option("--for", metavar="SECONDS", min=0, help="For how long to look.")] = 10.0,
+    for_s: Annotated[float, typer.Option("--for", metavar="SECONDS", min=0, help="How long to record.")] = 10.0,
 ) -> None:
     """Read every instrument of a bench for a while, and record every byte on the wires."""
     from bench.app.tracing import trace_bench
@@ -108,7 +110,7 @@ def console(
     bench: BenchOption = None,
     simulate: Simulate = False,
     write: Annotated[
-        bool, typer.Option("--write/--read-only", help="Send what is typed, also where it may do something.")
+        bool, typer.Option("--write/--read-only", help="Also send commands that may change the instrument's state.")
     ] = False,
 ) -> None:
     """Talk to one instrument by hand: in its own language, and through its driver (:help)."""

@@ -20,12 +20,13 @@ MEANINGS = {
     PASS: "PASS: every value that has a limit is within it",
     FAIL: "FAIL: the unit is outside a limit",
     INPUT_ERROR: "bad input: a file, an option or a name cannot be used; nothing was opened",
-    BENCH_ERROR: "ERROR: the bench, the disk or this program failed, or a run that did not FAIL has no report, since "
-    "that could not be written; the bench is safe",
-    ABORTED: "ABORTED: ended by the operator, another program or the end of the terminal; the bench is safe",
-    NOT_JUDGED: "NOT JUDGED: the run got to its end, and nothing in it has a limit",
-    NOT_SAFE: "NOT MADE SAFE: at least one device may still be energised or moving; goes before all other codes",
-    INCOMPLETE: "INCOMPLETE: something was skipped, passed over or not determined",
+    BENCH_ERROR: "ERROR: the bench, the disk or this program failed, or the report could not be written (a "
+    "FAIL keeps exit code 1); the bench is safe",
+    ABORTED: "ABORTED: ended by the operator, by another program or by its terminal closing; the bench is safe",
+    NOT_JUDGED: "NOT JUDGED: the run completed, and no limit applied",
+    NOT_SAFE: "NOT MADE SAFE: at least one device may still be energised or moving; takes precedence over all other "
+    "codes",
+    INCOMPLETE: "INCOMPLETE: a step was skipped, or a result could not be determined",
 }
 OF_VERDICT = {
     "PASS": PASS,

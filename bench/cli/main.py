@@ -77,7 +77,7 @@ def run() -> None:
         sys.stderr.close()  # whoever read us has enough
         sys.exit(BENCH_ERROR)
     except Exception:  # noqa: BLE001  Python would exit with 1, which says that the unit failed
-        _say("a mistake of this program:\n" + traceback.format_exc())
+        _say("an internal error of this program:\n" + traceback.format_exc())
         sys.exit(BENCH_ERROR)
 
 

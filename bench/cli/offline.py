@@ -21,17 +21,19 @@ def register(app: typer.Typer) -> None:
 
 def reduce(
     what: Annotated[
-        str, typer.Argument(metavar="CASE.json|RUN", help="A case file, its CSV records beside it; or a run.")
+        str, typer.Argument(metavar="CASE.json|RUN", help="A case file with its CSV records beside it, or a run.")
     ],
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where result.json of a case goes.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON, alone on stdout.")] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Directory for the result.json of a case.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print only the results, as JSON, on stdout.")] = False,
     damaged: Damaged = False,
     runs: Runs = RUNS,
 ) -> None:
-    """Reduce a recorded case of the methods M0 to M4; or a run again, and tell what has changed in its findings.
+    """Reduce a recorded case of the methods M0 to M4; or reduce a run again, and list the findings that changed.
 
-    A case ends with 0 when it is reduced or passes, with 1 when it fails, and as an incomplete run does when something
-    that it asks for is not known or its data are doubtful.
+    The exit code of a case is 0 if it is reduced or passes, 1 if it fails, and that of an incomplete run if a requested
+    result could not be determined or its data are doubtful.
     """
     if what.endswith(".json"):
         _reduce_case(Path(what), out, as_json=as_json)
@@ -42,21 +44,28 @@ def reduce(
 def compensate(
     calibration: Annotated[Path, typer.Argument(metavar="CAL.json", help="The calibration file of a unit.")],
     data: Annotated[
-        Path, typer.Argument(metavar="DATA.csv", help="Columns T_C and output; channel, of several channels.")
+        Path,
+        typer.Argument(metavar="DATA.csv", help="CSV with columns T_C and output, and channel if there are several."),
     ],
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where it goes; else printed.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Output file; default: standard output.")
+    ] = None,
     beyond: Annotated[
         str,
-        typer.Option("--beyond", metavar="hold|reject", help="Beyond the known temperatures: hold or reject."),
+        typer.Option(
+            "--beyond",
+            metavar="hold|reject",
+            help="Outside the calibrated temperatures: hold the end values, or reject.",
+        ),
     ] = "hold",
 ) -> None:
-    """Turn the output of a calibrated unit into what it measures, at the temperature it then had."""
+    """Convert the output of a calibrated unit to the measured quantity, compensated for its temperature."""
     from bench.errors import InputError
     from bench.files import written_whole
     from bench.report.calibration import compensated, read_calibration
 
     if beyond not in ("hold", "reject"):
-        raise InputError(f"--beyond {beyond}: is neither hold nor reject")
+        raise InputError(f"--beyond {beyond}: expected hold or reject")
     known = read_calibration(calibration)
     for warning in known.warnings:
         sys.stderr.write(f"{calibration.name}: {warning}\n")
@@ -76,7 +85,7 @@ def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> None:
     from bench.store.runs import json_text
 
     if out is None and not as_json:
-        raise InputError(f"{case}: say where result.json goes with --out DIR, or print it with --json")
+        raise InputError(f"{case}: give --out DIR to write result.json, or --json to print it")
     result = reduce_case(case)
     if as_json:
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
@@ -87,7 +96,7 @@ def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> None:
             sys.stdout.write(f"{out / 'result.json'}\n")
     found = outcome(result)
     if found == "INCOMPLETE":
-        why = ", ".join(lacking(result)) or "something that is judged is not known; see its notes"
+        why = ", ".join(lacking(result)) or "a result with a limit could not be determined; see its notes"
         sys.stderr.write(f"{case.name}: INCOMPLETE: {why}\n")
     raise typer.Exit(exits.PASS if found == "REDUCED" else exits.OF_VERDICT[found])
 
@@ -100,7 +109,8 @@ def _reduce_run(name: str, runs: Path, out: Path | None, *, as_json: bool, damag
 
     if Path(name).is_file():
         raise InputError(
-            f"{name}: is a file, and no case; a case is a CASE.json that names its CSV records, a run is a directory"
+            f"{name}: is neither a case nor a run; a case is a CASE.json that names its CSV records, a run is a "
+            "directory"
         )
     if out is not None:
         raise InputError(f"--out {out}: is for a case; 'bench report {name} --format json' writes the results of a run")

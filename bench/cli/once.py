@@ -17,7 +17,7 @@ class OnceEach(TyperCommand):
         _, _, given = self.make_parser(ctx).parse_args(args=list(args))
         for option, times in Counter(given).items():
             if times > 1 and isinstance(option, TyperOption) and _takes_one(option):
-                ctx.fail(f"{_name_of(option)} is given {times} times, and the last would count alone: give it once.")
+                ctx.fail(f"{_name_of(option)} is given {times} times; only the last would count. Give it once.")
         return super().parse_args(ctx, args)
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # `bench --help` loads none of it
     from bench.app.rehearse import Compared, Rehearsal
 
 ENDED = {
-    "completed": "got to its end",
+    "completed": "completed",
     "failed": "was stopped by a value outside its limits",
     "error": "ended with an error",
     "aborted": "was aborted",
@@ -47,18 +47,20 @@ def rehearse(
     set_: Settings = None,
     not_after: NotAfter = None,
     calibration: Calibrations = None,
-    answers: Annotated[Path | None, typer.Option(metavar="FILE", help="What a scripted technician answers.")] = None,
+    answers: Annotated[Path | None, typer.Option(metavar="FILE", help="Scripted answers to prompts.")] = None,
     uut_model: Annotated[Path | None, typer.Option(metavar="FILE", help="Truth of the simulated unit.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the simulation.")] = None,
     faults: Annotated[
         int | None, typer.Option(metavar="SEED", help="Break one to three instruments, drawn by this seed.")
     ] = None,
     scenario: Scenario = None,
-    runs: Annotated[Path, typer.Option(metavar="DIR", help="Where run directories are made.")] = Path("runs"),
+    runs: Annotated[Path, typer.Option(metavar="DIR", help="Directory in which run directories are created.")] = Path(
+        "runs"
+    ),
 ) -> None:
-    """Run a sequence on simulators of a bench's instruments, all limits in force, and compare with its plan.
+    """Run a sequence on simulators of a bench's instruments, with all limits in force, and compare it with its plan.
 
-    The exit code is that of the run, so that a rehearsal ends as the night would.
+    The exit code is that of the run.
     """
     from dataclasses import replace
 
@@ -107,7 +109,7 @@ def _told(rehearsal: Rehearsal) -> Iterator[str]:
         megabytes(expected.size_bytes), stored, rehearsal.stored_bytes / expected.size_bytes, "size of run.db"
     )
     yield ""
-    yield "Steps that differ most from the plan:"
+    yield "Steps whose duration differs most from the plan:"
     for step in rehearsal.most_different(STEPS_SHOWN):
         yield _row(step)
     yield ""
@@ -130,9 +132,9 @@ def _faults(rehearsal: Rehearsal) -> Iterator[str]:
         if began_s is not None:
             yield f"Injected {clock(began_s)}: {what}"
         elif fault.after is None:
-            yield f"Not reached: meant for {clock(fault.at)}: {what}"
+            yield f"Not injected: planned at {clock(fault.at)}: {what}"
         else:
-            yield f"Not reached: meant for after {fault.after}: {what}"
+            yield f"Not injected: planned after {fault.after}: {what}"
 
 
 def _made_safe(rehearsal: Rehearsal) -> str:
@@ -140,8 +142,8 @@ def _made_safe(rehearsal: Rehearsal) -> str:
         return "every device"
     broken = ", ".join(sorted(set(rehearsal.unsafe) - set(rehearsal.unsafe_unbroken)))
     wrong = ", ".join(sorted(rehearsal.unsafe_unbroken))
-    told = [f"every device but {broken}, broken on purpose"] if broken else []
-    return "; ".join([*told, *([f"NOT {wrong}, which nothing had broken"] if wrong else [])])
+    told = [f"every device but {broken}, in which a fault was injected"] if broken else []
+    return "; ".join([*told, *([f"NOT {wrong}, in which no fault was injected"] if wrong else [])])
 
 
 def _row(compared: Compared) -> str:

@@ -27,33 +27,37 @@ Sequence = Annotated[
 ]
 BenchOption = Annotated[
     str | None,
-    typer.Option("--bench", metavar="FILE", envvar="BENCH_FILE", help="The bench file; the shipped simulated bench."),
+    typer.Option(
+        "--bench", metavar="FILE", envvar="BENCH_FILE", help="The bench file; default: the shipped simulated bench."
+    ),
 ]
 Preset = Annotated[str | None, typer.Option(help="A preset of the sequence.")]
 Parameters = Annotated[
     Path | None,
-    typer.Option("--params", metavar="FILE", help="A YAML file of parameters: name: value, each in a line."),
+    typer.Option("--params", metavar="FILE", help="A YAML file of parameters, one NAME: VALUE on each line."),
 ]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the sequence; may be given again."),
+    typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the sequence; repeatable."),
 ]
 NotAfter = Annotated[
     str | None,
-    typer.Option("--not-after", metavar="INSTANT", help="Warn when it will end later, as in 2026-01-31T07:00Z."),
+    typer.Option(
+        "--not-after", metavar="INSTANT", help="Warn if the run would end later than this, such as 2026-01-31T07:00Z."
+    ),
 ]
 Calibrations = Annotated[
     list[str] | None,
     typer.Option(
         "--calibration", metavar="[PLACE=]FILE",
-        help="The released calibration by which the unit in a place is checked; again for each place.",
+        help="The released calibration to check the unit in a place against; one for each place.",
     ),
 ]  # fmt: skip
 Scenario = Annotated[
     Path | None,
     typer.Option("--scenario", metavar="FILE", help="Faults of the simulated instruments, and when they happen."),
 ]
-Simulate = Annotated[bool, typer.Option("--simulate", help="Put the simulator at the other end of every wire.")]
+Simulate = Annotated[bool, typer.Option("--simulate", help="Replace every instrument by its simulator.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -98,13 +102,13 @@ def check(
     set_: Settings = None,
     not_after: NotAfter = None,
     calibration: Calibrations = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Treat warnings as errors.")] = False,
     format_: Annotated[
         Format,
         typer.Option(
             "--format",
             metavar="text|json|sarif|github",
-            help="text: warnings on stderr; the others alone on stdout.",
+            help="text: warnings on stderr; other formats: only that format on stdout.",
         ),
     ] = Format.TEXT,
 ) -> None:
@@ -162,9 +166,9 @@ def plan(
     not_after: NotAfter = None,
     calibration: Calibrations = None,
     picture: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw it against time, as FILE.svg or FILE.html.")
+        Path | None, typer.Option(metavar="FILE", help="Draw the plan against time, as FILE.svg or FILE.html.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON, alone on stdout.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print only JSON on stdout.")] = False,
 ) -> None:
     """List the steps of a sequence: when each begins, how long it takes, the bench after it; nothing is opened."""
     from bench.app.request import RunRequest, load_checked
@@ -200,7 +204,7 @@ def run(
     simulate: Simulate = False,
     speed: Annotated[
         str | None,
-        typer.Option(metavar="max|N", help="Bench seconds a second: max on a simulated bench, else 1."),
+        typer.Option(metavar="max|N", help="Bench seconds per real second; default: max on a simulated bench, else 1."),
     ] = None,
     preset: Preset = None,
     params: Parameters = None,
@@ -213,32 +217,38 @@ def run(
     seed: Annotated[int | None, typer.Option(help="Seed of the simulation.")] = None,
     uut: Annotated[
         list[str] | None,
-        typer.Option(metavar="[PLACE=]SERIAL", help="The unit under test; again for each place."),
+        typer.Option(metavar="[PLACE=]SERIAL", help="Serial number of the unit under test; one for each place."),
     ] = None,
     calibration: Calibrations = None,
     operator: Annotated[str, typer.Option(metavar="NAME", help="Who runs it.")] = "",
-    order: Annotated[str, typer.Option(metavar="TEXT", help="The order it is for, as the report names it.")] = "",
-    procedure: Annotated[
-        str, typer.Option(metavar="TEXT", help="The procedure it carries out, with its revision, for the report.")
+    order: Annotated[
+        str, typer.Option(metavar="TEXT", help="The order that the run is for; shown in the report.")
     ] = "",
-    runs: Annotated[Path, typer.Option(metavar="DIR", help="Where run directories are made.")] = Path("runs"),
+    procedure: Annotated[
+        str, typer.Option(metavar="TEXT", help="The test procedure and its revision; shown in the report.")
+    ] = "",
+    runs: Annotated[Path, typer.Option(metavar="DIR", help="Directory in which run directories are created.")] = Path(
+        "runs"
+    ),
     attended: Annotated[
-        bool, typer.Option("--attended", help="Somebody stays with the bench; needed with real connections.")
+        bool,
+        typer.Option("--attended", help="Confirm that somebody stays with the bench; required with real connections."),
     ] = False,
     answers: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="What a scripted technician answers on a simulated bench.")
+        Path | None, typer.Option(metavar="FILE", help="Scripted answers to prompts, on a simulated bench.")
     ] = None,
     past_due: Annotated[
         PastDue,
         typer.Option(
-            metavar="refuse|mark", help="With an instrument past due: refuse to run, or run and mark the results."
+            metavar="refuse|mark", help="If a calibration is past due: refuse to run, or run and mark the results."
         ),
     ] = PastDue.REFUSE,
     trace: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Record every byte on the wires of the bench in a new file.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Record every byte on the connections of the bench in a new file."),
     ] = None,
     scenario: Scenario = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the results as JSON, alone on stdout.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print only the results, as JSON, on stdout.")] = False,
 ) -> None:
     """Run a sequence on a bench."""
     from bench.app.execute import execute

@@ -13,8 +13,8 @@ import typer
 
 from bench.cli.exits import BENCH_ERROR
 
-Run = Annotated[str, typer.Argument(metavar="RUN", help="A run directory, its id, a beginning of it, or last.")]
-Runs = Annotated[Path, typer.Option(metavar="DIR", help="Where the run directories are.")]
+Run = Annotated[str, typer.Argument(metavar="RUN", help="A run directory, an id, its first characters, or last.")]
+Runs = Annotated[Path, typer.Option(metavar="DIR", help="Directory that holds the run directories.")]
 RUNS = Path("runs")
 _SEPARATORS = re.compile("[-_ ]+")  # between the words of a verdict, as a shell takes them without quotes
 State = Annotated[
@@ -23,13 +23,13 @@ State = Annotated[
 Verdict = Annotated[str | None, typer.Option(metavar="VERDICT", help="Only runs with this verdict: PASS, FAIL, …")]
 Unit = Annotated[str | None, typer.Option(metavar="SERIAL", help="Only runs of this unit.")]
 Last = Annotated[int | None, typer.Option(min=1, metavar="N", help="Only the newest N.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print them as JSON, for programs.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the runs as JSON.")]
 
 Damaged = Annotated[
-    bool, typer.Option("--damaged", help="Read a damaged run all the same, and say so in what is made of it.")
+    bool, typer.Option("--damaged", help="Read the run even if it is damaged, and mark everything written from it.")
 ]
 
-group = typer.Typer(help="List and verify runs.", invoke_without_command=True, rich_markup_mode=None)
+group = typer.Typer(help="List or verify runs.", invoke_without_command=True, rich_markup_mode=None)
 
 
 def register(app: typer.Typer) -> None:
@@ -50,7 +50,7 @@ def list_runs(
     last: Last = None,
     as_json: AsJson = False,
 ) -> None:
-    """List the runs, oldest first; with several filters those that meet all of them."""
+    """List the runs, oldest first; a run must match every filter."""
     if context.invoked_subcommand is not None:
         return
     from bench.report.status_text import runs_table
@@ -104,13 +104,15 @@ def report(
     run: Run,
     form: Annotated[
         str,
-        typer.Option("--format", metavar="html|pdf|json|csv", help="The page, its print, or the results alone."),
+        typer.Option(
+            "--format", metavar="html|pdf|json|csv", help="html or pdf: the full report; json or csv: only the results."
+        ),
     ] = "html",
-    lang: Annotated[str, typer.Option("--lang", metavar="en|zh", help="The language of the page.")] = "en",
+    lang: Annotated[str, typer.Option("--lang", metavar="en|zh", help="The language of the report.")] = "en",
     damaged: Damaged = False,
     runs: Runs = RUNS,
 ) -> None:
-    """Write the report of a run, of an interrupted one too."""
+    """Write the report of a run, even of an interrupted one."""
     from bench.report.languages import LANGUAGES
     from bench.report.stored import open_run
     from bench.report.write import FORMS, write_report
@@ -125,15 +127,15 @@ def report(
 def export(
     run: Run,
     form: Annotated[
-        str, typer.Option("--format", metavar="csv|candump|parquet|matlab|hdf5", help="What other programs read.")
+        str, typer.Option("--format", metavar="csv|candump|parquet|matlab|hdf5", help="The file format.")
     ] = "csv",
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the files go.")] = Path(),
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Directory for the files.")] = Path(),
     damaged: Damaged = False,
     runs: Runs = RUNS,
 ) -> None:
     """Write a run's data as files that other programs read.
 
-    candump writes the frames of acquisitions, not the whole bus: what passes between them is not recorded.
+    The format candump has the frames of acquisitions, not the whole bus: frames between acquisitions are not recorded.
     """
     from bench.report.export import FORMATS, mark_damage
     from bench.report.stored import open_run

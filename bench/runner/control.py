@@ -172,7 +172,7 @@ class _Channel:
         except asyncio.CancelledError:
             return {"refused": "the run is about to end"}
         except Exception as problem:  # noqa: BLE001  whoever asked is told, and does not wait for nothing
-            return {"refused": f"a mistake of this program: {problem!r}"}
+            return {"refused": f"an internal error of this program: {problem!r}"}
 
 
 class _Asker(asyncio.Protocol):

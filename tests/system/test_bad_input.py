@@ -359,5 +359,5 @@ def test_a_mistake_of_the_program_is_never_taken_for_a_unit_that_fails(bench, mo
     monkeypatch.setattr("bench.app.request.load_checked", broken)
     code, _, err = bench("check", "smoke")
     assert code == 3
-    assert err[0] == "a mistake of this program:"
+    assert err[0] == "an internal error of this program:"
     assert err[-1] == "ZeroDivisionError: planted"

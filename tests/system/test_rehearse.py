@@ -98,7 +98,7 @@ def test_with_a_fault_it_says_what_was_broken_when_and_how_it_ended(tmp_path, be
     assert injected
     assert {(device, kind) for _, device, kind in injected} <= drawn
     assert "The run ended with an error after" in done.stdout
-    assert "broken on purpose" in done.stdout
+    assert "in which a fault was injected" in done.stdout
     assert "Problem: " in done.stdout
 
 

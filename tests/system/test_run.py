@@ -239,7 +239,7 @@ def test_a_mistake_in_a_reduction_ends_a_run_that_says_so(tmp_path, monkeypatch)
     result = run_short(tmp_path, sequence="smoke")
     manifest = read_json(result, "manifest.json")
     assert (manifest["state"], manifest["verdict"], result.outcome.how) == ("error", "ERROR", "error")
-    assert "a mistake of this program" in result.problems[0]
+    assert "an internal error of this program" in result.problems[0]
     assert "float division by zero" in result.problems[0]
 
 

@@ -169,7 +169,7 @@ def test_a_mistake_while_a_device_is_watched_ends_the_run(tmp_path, monkeypatch)
     monkeypatch.setattr(Quiet, "reading", slipped)
     ran = run_plan(tmp_path / "run", plan_of(tmp_path, steps("wait: 1 h")), BENCH)
     assert ran.outcome.how == "error"
-    assert ran.outcome.problems[0].startswith("a mistake of this program: ")
+    assert ran.outcome.problems[0].startswith("an internal error of this program: ")
     assert ran.events[-1].at_s < 120
 
 

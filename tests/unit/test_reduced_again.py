@@ -113,7 +113,7 @@ def test_it_is_told_on_the_command_line(folder, bench_command):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("case.json",), "say where result.json goes with --out DIR, or print it with --json"),
+        (("case.json",), "give --out DIR to write result.json, or --json to print it"),
         (("last", "--out", "there"), "'bench report last --format json' writes the results of a run"),
         (("last",), "there is no run yet"),
     ],
