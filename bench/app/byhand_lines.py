@@ -66,17 +66,17 @@ class TextLines:
         """One exchange in its turn; what has no answer is no error of a command."""
         exchange = self._wires.line(self._role).inner
         if not isinstance(exchange, LineExchange):
-            raise Unspoken("nothing can be typed to this instrument; its driver can be asked, see :help")
+            raise Unspoken("no command can be typed for this instrument; use the commands of its driver, see :help")
         try:
             data = line.encode("latin-1")
         except UnicodeEncodeError:
-            raise Unspoken("not sent: the instrument knows no such character") from None
+            raise Unspoken("not sent: it contains a character that the instrument does not support") from None
         try:
             await exchange.ask(data, bytes, answer_s=QUESTION_S if is_question else COMMAND_S)
         except NoAnswer:
             if is_question:
                 raise
-            return [f"no answer within {COMMAND_S:g} s, as is usual for a command"]
+            return [f"no answer within {COMMAND_S:g} s (usual for a command that is no query)"]
         return []
 
 
@@ -113,7 +113,7 @@ class ModbusLines:
         except ValueError as problem:
             raise BadAnswer(self._role, f"not an answer: {problem}", sent=line) from problem
         if answer is None:
-            raise BadAnswer(self._role, "not a whole answer", sent=line)
+            raise BadAnswer(self._role, "incomplete answer", sent=line)
         if answer.isError():
             return [f"refused, exception {answer.exception_code}"]
         return [_words(numbers[0], answer.registers)] if is_question else ["acknowledged"]
@@ -129,7 +129,7 @@ def _parsed(line: str) -> tuple[str, list[int]]:
     if max(numbers) > _LARGEST:
         raise Unspoken(f"an address or a word is more than {_LARGEST}")
     if verb != "write" and len(numbers) == 2 and not 1 <= numbers[1] <= _WORDS_AT_MOST:
-        raise Unspoken(f"from 1 to {_WORDS_AT_MOST} registers can be asked for at once")
+        raise Unspoken(f"from 1 to {_WORDS_AT_MOST} registers can be read at once")
     return verb, numbers
 
 

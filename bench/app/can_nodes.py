@@ -83,7 +83,10 @@ def telemetry_settings(
             if forms[channel].value.message.name == message
         }
         if len(alike) > 1:
-            raise InputError(f"'{role}' has channels of several units, or periods, in {message}, which none simulates")
+            raise InputError(
+                f"'{role}' has channels of several units, or with several periods, in {message}; no "
+                "simulator supports this"
+            )
     encoders = {
         name: EncoderSettings(form, ARCSEC_PER_DEG / options.positions[name].resolution)
         for name, form in encoders_of(options, dbc).items()
@@ -114,4 +117,4 @@ def _check_sends(bench: BenchFile, place: str, unit: object) -> None:
     if not isinstance(unit, UnitFile | GyroFile | ImuFile) or unit.telemetry is None:
         raise InputError(f"the simulated unit of place '{place}' sends no codes: its file needs 'telemetry'")
     if isinstance(unit, ImuFile) and len(bench.sent_units(bench.places[place])) < len(CHANNELS):
-        raise InputError(f"the simulated unit of place '{place}' sends all of its channels, not some of them")
+        raise InputError(f"the simulated unit of place '{place}' sends all of its channels; declare all of them")

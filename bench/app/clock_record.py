@@ -48,7 +48,7 @@ class ClockRecord:
             if (stood_s := stalled_s(looked_s)) >= STALL_TOLD_S:
                 with suppress(StoreError):
                     self._writer.event("stalled", for_s=round(stood_s, 1))
-                self._notice(f"This program stood still for {stood_s:.1f} s, in which nobody looked at the bench.")
+                self._notice(f"This program was suspended for {stood_s:.1f} s; the bench was not monitored.")
 
     def _look(self) -> None:
         set_by_s, slept_s = self._watch.look()
@@ -59,6 +59,6 @@ class ClockRecord:
         with suppress(StoreError):  # told by the step that it stops
             self._writer.event("clock_step", set_by_s=step["set_by_s"], slept_s=step["slept_s"])
         if set_by_s:
-            self._notice(f"The computer's clock was set by {set_by_s:+.1f} s. Times of this run do not follow it.")
+            self._notice(f"The computer's clock was set by {set_by_s:+.1f} s. The times of this run are unaffected.")
         if slept_s:
-            self._notice(f"The computer slept for {slept_s:.0f} s, in which nobody looked at the bench.")
+            self._notice(f"The computer slept for {slept_s:.0f} s; the bench was not monitored.")

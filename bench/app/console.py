@@ -27,18 +27,18 @@ from drivers.values import ChamberState, Identity, SourceReading
 Say = Callable[[str], object]
 FRAMES_S = 2.0  # how long frames are shown
 BY_HAND = (
-    "What you type goes to the instrument as it is: it may move, heat or energise something. Look at the bench first. "
-    "At the end the instrument is made safe if anything but questions was sent."
+    "What you type is sent to the instrument unchanged: it may move, heat or energise something. Check the bench "
+    "first. At the end the instrument is made safe if anything but queries was sent."
 )
-QUESTIONS_ONLY = "Only what is known to be a question is sent; --write allows the rest. :help tells what can be typed."
+QUESTIONS_ONLY = "Only known queries are sent; --write allows all commands. :help lists what can be typed."
 HELP = """\
 :read      the readings of the driver
-:status    what the driver sees the instrument do
-:identify  who is there
-:frames    the frames of two seconds, decoded (of what sends frames)
+:status    the state of the instrument, as its driver sees it
+:identify  maker, model and serial number
+:frames    the frames of two seconds, decoded (instruments on CAN)
 :safe      bring the instrument into its safe state
 :help      this
-:quit      end; so does the end of what is typed"""
+:quit      end; Ctrl-D too"""
 
 
 def talk(
@@ -124,7 +124,7 @@ class Console:
         """Sends a line of the instrument's own language; what may do something only with leave, some of it twice."""
         asks = self._spoken.asks(line)
         if asks is not True and not self._write:
-            known = "this is more than a question" if asks is False else "nothing in this language tells what only asks"
+            known = "this is no query" if asks is False else "this language does not mark queries"
             raise Unspoken(f"not sent: {known}; --write allows it")
         if self._spoken.twice and not asks and line != self._unsure:
             self._unsure = line
@@ -139,7 +139,7 @@ class Console:
         units = self._entry.channels
         found = await self._device.poll()
         if not any(found.values()):
-            self._say(f"nothing new yet; a reading may be on its way for {self._entry.description.reports_every_s:g} s")
+            self._say(f"no new reading yet; the next one is due within {self._entry.description.reports_every_s:g} s")
         for channel, readings in found.items():
             for reading in readings[-1:]:
                 self._say(f"{channel} {reading.value:.8g} {units.get(channel, '')}".rstrip())

@@ -94,7 +94,9 @@ class Finish:
         except StoreError as problem:
             outcome.failed(str(problem))
         except OSError as problem:
-            outcome.problems.append(f"the ledger of this computer cannot be written ({problem}); the run is sealed")
+            outcome.problems.append(
+                f"the ledger of this computer cannot be written ({problem}); the run itself is sealed"
+            )
 
     def _report(self, stored: StoredRun) -> None:
         """Writes the report; what stands in its way is told, and takes nothing else away."""
@@ -105,6 +107,6 @@ class Finish:
 
                 self.report = write_report(stored)
         except Dropped:
-            self._outcome.problems.append(f"no report was written, since a signal came meanwhile; {again}")
+            self._outcome.problems.append(f"no report was written, because a signal arrived meanwhile; {again}")
         except Exception as problem:  # noqa: BLE001  the run is over, and its results are on the disk
             self._outcome.problems.append(f"no report could be written ({problem}); {again}")

@@ -26,7 +26,7 @@ async def compare_ends(settings: CompareEndsSettings, bench: Bench) -> Mapping[s
     done = max((len(made) for made in attempts.values()), default=0)
     value = "accept" if not differ else "repeat" if done <= settings.max_repeats else "marginal"
     if value == "repeat" and done:
-        bench.notice(f"Both ends of the unit in place {', '.join(differ)} differ by more than they may: measure again.")
+        bench.notice(f"Both ends of the unit in place {', '.join(differ)} differ by more than allowed: measure again.")
     return {"value": value, "attempts": done}
 
 

@@ -18,7 +18,7 @@ ROLES: Mapping[str, str] = {
 }  # fmt: skip
 _PLAIN = re.compile(r"[A-Za-z/][\w ./+°-]*", re.ASCII)
 _OTHERWISE = {"true", "false", "null", "yes", "no", "on", "off"}  # words that some readers of YAML take for values
-_CAREFUL = "options, limits and safe hold careful values to begin with: put in what your bench and its units allow"
+_CAREFUL = "options, limits and safe hold conservative values: replace them by what your bench and its units allow"
 
 
 def entries(places: Sequence[Place]) -> dict[str, Mapping[str, Any]]:
@@ -47,7 +47,8 @@ def _all(places: Sequence[Place]) -> Iterator[tuple[str, Mapping[str, Any], str]
             role = _role(candidate, taken)
             taken.add(role)
             one_of = numbers.count(candidate.unit_id) > 1
-            doubt = candidate.found.missing or ("one of several drivers that know who answers" if one_of else "")
+            shared = "one of several drivers that recognise the instrument" if one_of else ""
+            doubt = candidate.found.missing or shared
             yield role, _entry(candidate), doubt
 
 

@@ -47,7 +47,7 @@ class Released:
 def read_released(given: Sequence[str], plan: Plan, bench: BenchFile) -> dict[str, Released]:
     """The calibrations by places, of `PLACE=FILE`, or `FILE` with a single place; InputError names every problem."""
     if given and not _entries(plan):
-        raise InputError(f"{OPTION}: no method of {plan.document.path.name} checks a unit by its calibration")
+        raise InputError(f"{OPTION}: no method of {plan.document.path.name} uses a calibration")
     found: dict[str, Released] = {}
     for each in given:
         place, equals, name = each.partition("=")
@@ -60,7 +60,9 @@ def read_released(given: Sequence[str], plan: Plan, bench: BenchFile) -> dict[st
         if place not in bench.places:
             raise InputError(f"{OPTION} {each}: the bench has no place '{place}'{did_you_mean(place, bench.places)}")
         if place in found:
-            raise InputError(f"{OPTION} {each}: place '{place}' has {found[place].path} already; a unit has one")
+            raise InputError(
+                f"{OPTION} {each}: place '{place}' has {found[place].path} already; a unit has only one calibration"
+            )
         found[place] = _read(Path(name))
     problems = [problem for place, released in found.items() for problem in _channels(place, released, bench)]
     problems += plan.document.told(_beyond(found, plan, bench))
@@ -124,9 +126,9 @@ def _beyond(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iter
             if set_c < low_c or warm_c > high_c:
                 yield (
                     where,
-                    f"at {set_c:g} °C the unit in place '{place}' goes from {set_c:g} °C to about {warm_c:g} °C, its "
-                    f"calibration {released.path.name} is known from {low_c:.4g} °C to {high_c:.4g} °C. Choose "
-                    "temperatures between these, or calibrate the unit beyond them",
+                    f"at {set_c:g} °C the unit in place '{place}' goes from {set_c:g} °C to about {warm_c:g} "
+                    f"°C, but its calibration {released.path.name} is valid from {low_c:.4g} °C to {high_c:.4g} °C. "
+                    "Choose temperatures in this range, or calibrate the unit over a wider one",
                 )
 
 
@@ -137,7 +139,7 @@ def remarks(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iter
         for released in found.values():
             as_expected = released.content.simulated and bench.is_simulated  # which is what the first warning tells
             for told in released.content.warnings[as_expected:]:
-                advice = "Make sure that it is the one that was released"
+                advice = "Make sure that this calibration was released"
                 yield Remark("warning", "calibration-doubtful", where, f"{released.path.name}: {told}", advice)
     for place, released in found.items():
         for set_c, at in _measured_at(plan).items():
@@ -147,8 +149,8 @@ def remarks(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iter
                     "warning",
                     "at-a-knot",
                     at,
-                    f"at {set_c:g} °C the unit in place '{place}' becomes as warm as it was calibrated at",
-                    "Choose temperatures between those of its calibration, where the compensation is put to the test",
+                    f"at {set_c:g} °C the unit in place '{place}' reaches a temperature at which it was calibrated",
+                    "Choose temperatures between those of its calibration, to test the interpolation",
                 )
 
 
@@ -167,13 +169,14 @@ def of_units(found: Mapping[str, Released], plan: Plan, serials: Mapping[str, st
     for place, serial in serials.items():
         if place not in found:
             problems.append(
-                f"{plan.document.path}: unit {serial} in place '{place}' is checked by its released calibration; give "
-                f"it with {OPTION} {place}=FILE"
+                f"{plan.document.path}: unit {serial} in place '{place}' is checked against its released "
+                f"calibration; give it with {OPTION} {place}=FILE"
             )
         elif found[place].content.uut != serial:
             problems.append(
-                f"{found[place].path}: is the calibration of unit {found[place].content.uut}, in place '{place}' is "
-                f"unit {serial}. Give the file of this unit, or its serial number with --uut {place}=SERIAL"
+                f"{found[place].path}: is the calibration of unit {found[place].content.uut}, but the unit in "
+                f"place '{place}' is {serial}. Give the file of this unit, or its serial number with --uut "
+                f"{place}=SERIAL"
             )
     if problems:
         raise InputError(*problems)

@@ -156,8 +156,9 @@ def _past_due(plan: Plan, bench: BenchFile, loaded: LoadedBench) -> Iterator[Rem
                 "warning",
                 PAST_DUE,
                 (part, name, "calibration", "due"),
-                f"the calibration of '{name}' was due on {due}; a run refuses to begin with it",
-                "Enter its new certificate in the bench file, or run with --past-due mark, which the report tells",
+                f"the calibration of '{name}' was due on {due}; the run is refused",
+                "Enter its new certificate in the bench file, or run with --past-due mark: the report then marks "
+                "every result",
                 loaded.document,
             )
 
@@ -181,7 +182,7 @@ def _little_disk_space(expected: Estimate, runs: Path) -> Iterator[Remark]:
             "little-disk-space",
             (),
             f"the run writes about {size_bytes / 1e6:.0f} MB, and {folder} has {free_bytes / 1e6:.0f} MB left",
-            "Make room, or name another place with --runs",
+            "Free some space, or choose another disk with --runs",
         )
 
 
@@ -202,7 +203,7 @@ def _ends_too_late(expected: Estimate, loaded: LoadedBench, not_after: str | Non
             (),
             f"a run that begins at {begins:%Y-%m-%d %H:%M} UTC ends at about {ends:%Y-%m-%d %H:%M} UTC, "
             f"{duration((ends - latest).total_seconds())} after {latest:%Y-%m-%d %H:%M} UTC",
-            "Begin earlier, or choose a shorter preset or parameters",
+            "Start earlier, or choose a shorter preset or shorter parameters",
         )
 
 
@@ -217,8 +218,8 @@ def prepare(request: RunRequest) -> PreparedRun:
         raise InputError(*(f"{loaded.document.where(remark.place)}: {remark.text}" for remark in found))
     if not loaded.bench.is_simulated and not request.attended:
         raise InputError(
-            f"{loaded.document.path}: this bench has real connections; somebody must stay with it. "
-            "Say so with --attended, or simulate every instrument with --simulate."
+            f"{loaded.document.path}: this bench has real connections, so that somebody must stay "
+            "with it. Confirm this with --attended, or simulate every instrument with --simulate."
         )
     for option, text in (("--order", request.order), ("--procedure", request.procedure)):
         if not text.isprintable() or len(text) > 200:
@@ -238,12 +239,14 @@ def _script(request: RunRequest, plan: Plan, loaded: LoadedBench, speed: float) 
     from bench.app.technician import read_script, unanswered
 
     if request.answers is not None and not loaded.bench.is_simulated:
-        raise InputError(f"--answers {request.answers}: people answer on a bench with real connections")
+        raise InputError(
+            f"--answers {request.answers}: scripted answers are for simulated benches; this bench has real connections"
+        )
     script = read_script(request.answers, plan, loaded.bench)
     if speed == math.inf and (missing := unanswered(plan, script)):
         raise InputError(
-            f"{plan.document.path}: at full speed nobody can type what {', '.join(missing)} asks for. "
-            "Give it with --answers FILE, or run with --speed 60 and answer with 'bench answer'."
+            f"{plan.document.path}: at full speed nobody can answer {', '.join(missing)}. "
+            "Give the answers with --answers FILE, or run with --speed 60 and answer with 'bench answer'."
         )
     return script if request.answers is not None else None
 
@@ -289,5 +292,5 @@ def _named_units(units: Iterable[str], bench: BenchFile) -> dict[str, str]:
 def _serials(checked: CheckedRun) -> Mapping[str, str]:
     """The serial number of each unit in the run; on a simulated bench they have some where none is named."""
     if not checked.serials and not checked.bench.is_simulated:
-        raise InputError("a run with real connections needs to know its units: --uut PLACE=SERIAL")
+        raise InputError("a run with real connections needs the serial numbers of its units: --uut PLACE=SERIAL")
     return checked.serials or {place: f"SIM-{place.upper()}" for place in checked.bench.places}

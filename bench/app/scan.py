@@ -50,9 +50,7 @@ class Place:
 
     def line(self) -> str:
         """For a terminal."""
-        told = [
-            f"{each.driver.name} ({each.found.identity.words or 'tells nothing of itself'})" for each in self.candidates
-        ]
+        told = [f"{each.driver.name} ({each.found.identity.words or 'gives no identity'})" for each in self.candidates]
         return f"{self.address}: {' or '.join(told) or self.words}"
 
 
@@ -68,7 +66,9 @@ def address_of(text: str) -> Address:
     except AddressError as problem:
         raise InputError(str(problem)) from None
     if address.simulated:
-        raise InputError(f"{text}: there is nothing at a simulated address; scan it without sim+, under bench simulate")
+        raise InputError(
+            f"{text}: a simulated address has nothing to scan; run bench simulate and scan the address without sim+"
+        )
     return address
 
 
@@ -79,7 +79,9 @@ def recognising(names: Sequence[str] = ()) -> list[Known]:
         if name not in drivers:
             raise InputError(f"there is no driver '{name}'{did_you_mean(name, drivers)}")
         if not drivers[name].recognition:
-            raise InputError(f"the driver '{name}' does not know its instrument by questions, so a scan cannot find it")
+            raise InputError(
+                f"the driver '{name}' cannot recognise its instrument by queries, so a scan cannot find it"
+            )
     chosen = (drivers[name] for name in (names or sorted(drivers)))
     return [(driver, found) for driver in chosen if (found := driver.recognised_by()) is not None]
 
@@ -117,7 +119,9 @@ async def scan(
     """Looks who is at an address; takes a minute at most."""
     usable = [known for known in drivers if address.scheme in known[0].schemes]
     if not usable:
-        return Place(address, words="no driver that knows its instrument by questions is reached in this way")
+        return Place(
+            address, words="no driver that can recognise its instrument by queries uses this kind of connection"
+        )
     look = _Look(address, wires, units)
     try:
         async with asyncio.timeout(PLACE_LIMIT_S):
@@ -128,9 +132,9 @@ async def scan(
     except CannotConnect as problem:
         if not look.connected:
             return Place(address, words=problem.problem)
-        look.words = f"took {look.connected} connections, then no more"
+        look.words = f"accepted {look.connected} connections, then refused more"
     except TimeoutError:
-        look.words = f"not through within {PLACE_LIMIT_S:g} s"
+        look.words = f"scan not finished within {PLACE_LIMIT_S:g} s"
     return Place(address, tuple(look.candidates), look.words or ("" if look.candidates else look.silence))
 
 
@@ -159,9 +163,11 @@ class _Look:
     def silence(self) -> str:
         """Why nobody is known."""
         if not self._heard:
-            return "nobody answers"
+            return "no answer"
         question, answer = next(iter(self._heard.items()))
-        return f"somebody answers whom no driver knows: sent {printable(question)}, received {printable(answer)}"
+        return (
+            f"an instrument answers that no driver recognises: sent {printable(question)}, received {printable(answer)}"
+        )
 
     async def at(self, address: Address, drivers: Sequence[Known]) -> None:
         """Tries the languages of these drivers."""

@@ -37,7 +37,9 @@ def with_scenario(loaded: LoadedBench, path: Path | None, plan: Plan | None) -> 
     if path is None:
         return loaded, None
     if plan is not None and not loaded.bench.is_simulated:
-        raise InputError(f"--scenario {path}: this bench has real connections; faults are played on simulators only")
+        raise InputError(
+            f"--scenario {path}: this bench has real connections; faults can be injected only into simulators"
+        )
     document = read_document(path)
     scripted = load(document, ScenarioFile).faults
     if found := document.told(
@@ -72,12 +74,12 @@ def _misfits(faults: Sequence[FaultSimulation], bench: BenchFile, plan: Plan | N
             if fault.kind not in (known := known_faults(entry.description)):
                 yield (
                     (*where, index, fault.kind_key),
-                    f"'{fault.device}', a simulated {entry.driver}, does not know {fault.kind}; it knows "
+                    f"'{fault.device}', a simulated {entry.driver}, has no fault {fault.kind}; it has "
                     f"{', '.join(known) or 'none'}",
                 )
         if fault.after is None:
             continue
         if plan is None:
-            yield (*where, index, "after"), "after: no sequence is run here; say with at when it happens"
+            yield (*where, index, "after"), "after: no sequence runs here; give a time with at instead"
         elif fault.after not in (steps := [planned.id for planned in plan]):
             yield (*where, index, "after"), f"the plan has no step '{fault.after}'{did_you_mean(fault.after, steps)}"

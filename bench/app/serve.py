@@ -39,7 +39,7 @@ def serve_bench(
     bench = loaded.bench
     units = unit_files(bench, None)
     if not any(entry.connection.is_local for entry in bench.devices.values()):
-        raise InputError(f"{name}: no device is at a loopback address or a pty, so there is nothing to simulate")
+        raise InputError(f"{name}: no device has a loopback address or a pty, so there is nothing to serve")
 
     recorded = [] if trace is None else read_trace_file(trace)
 
@@ -70,7 +70,10 @@ async def open_servers(bench: BenchFile, laboratory: Laboratory, stack: AsyncExi
     lines = []
     for role, entry in bench.devices.items():
         if entry.connection.is_person:
-            lines.append(f"{role:<10} {entry.driver:<18} {entry.connection} has no wire: here it stays where it is")
+            lines.append(
+                f"{role:<10} {entry.driver:<18} {entry.connection} has no connection that can be served; it "
+                "is not simulated here"
+            )
         if not entry.connection.is_local:
             continue
         try:

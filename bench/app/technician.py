@@ -56,7 +56,7 @@ def _misfits(script: Script, plan: Plan, bench: BenchFile) -> Iterator[Problem]:
         if given.does is not None and given.does.turn is not None:
             yield (
                 ("answers", step, "does", "turn"),
-                "is for the questions of a head that is turned by hand, like 'head#3'",
+                "is for a head turned by hand, like 'head#3'",
             )
 
 
@@ -64,13 +64,14 @@ def _device_misfits(key: str, given: ScriptedAnswer, bench: BenchFile) -> Iterat
     """What does not fit in an answer to the questions of a device, or to one of them: `head`, `head#3`, `head#3~2`."""
     device, numbered, number = _first_visit(key).partition("#")
     if not bench.devices[device].connection.is_person:
-        yield ("answers", key), f"'{device}' asks nobody: it is reached by {bench.devices[device].connection.scheme}"
+        scheme = bench.devices[device].connection.scheme
+        yield ("answers", key), f"'{device}' asks no questions: it is connected by {scheme}"
     elif numbered and not number.isdecimal():
-        yield ("answers", key), f"'{key}' is no question of '{device}'; they are {device}#1, {device}#2, …"
+        yield ("answers", key), f"'{key}' is not a question of '{device}'; its questions are {device}#1, {device}#2, …"
     elif given.answer is not None:
         yield from _answer_misfits(key, given.answer, Question(key, "", input=TypedInput(unit="°")))
     for what in given.does.model_fields_set - {"turn"} if given.does else ():
-        yield ("answers", key, "does", what), f"a head is turned; {what} is for the question of a step"
+        yield ("answers", key, "does", what), f"the answer to a head is an angle; {what} is for prompts of a sequence"
 
 
 def _answer_misfits(key: str, answer: str, question: Question) -> Iterator[Problem]:

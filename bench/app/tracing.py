@@ -58,7 +58,7 @@ def recording(path: Path) -> Iterator[Keep]:
         except OSError as problem:
             failed = failed or problem
         if failed is not None:
-            sys.stderr.write(f"the trace {path} is not whole: {failed.strerror}\n")
+            sys.stderr.write(f"the trace {path} is incomplete: {failed.strerror}\n")
 
 
 def read_trace_file(path: Path) -> list[Passed]:

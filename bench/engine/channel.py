@@ -106,7 +106,7 @@ class Channel:
                 if self._in_a_row <= TOO_MANY:
                     doubted.append(Doubted(reading, why))
                 if self._in_a_row == TOO_MANY:
-                    self._fail(f"{why}, and the reading before it was not to be believed either. Check the sensor")
+                    self._fail(f"{why}, and the reading before it was implausible too. Check the sensor")
             else:
                 self._believe(reading)
                 self._at_s.append(reading.at_s)
@@ -127,9 +127,9 @@ class Channel:
         """Why a reading is not believed, as what follows the name of the channel; "" when it is."""
         rule, (at_s, value), newest = self._rule, reading, self.newest
         if not math.isfinite(value):
-            return "was read as no number"
+            return "was read as not-a-number"
         if not rule.low <= value <= rule.high:
-            return f"was read as {value:.6g} {self.unit}, beyond anything it can be"
+            return f"was read as {value:.6g} {self.unit}, outside the possible range"
         if newest is None or abs(value - newest.value) <= rule.jump + rule.steepest_per_s * (at_s - newest.at_s):
             return ""
         return (
@@ -146,13 +146,14 @@ class Channel:
             self._same_since_s = reading.at_s
         elif reading.at_s - self._same_since_s > self._rule.changes_within_s and self._finest <= self._rule.fine:
             self._fail(
-                f"has stood still at {reading.value:.6g} {self.unit} for {self._rule.changes_within_s / 60:.3g} min, "
-                f"though its readings come. If it may, say so in the bench file by changes_within. Check the sensor"
+                f"has been constant at {reading.value:.6g} {self.unit} for {self._rule.changes_within_s / 60:.3g} min, "
+                f"although new readings arrive. If that is normal, set changes_within in the bench file. Check the "
+                "sensor"
             )
 
     def _fail(self, what: str) -> None:
         if self._rule.matters and not self.problem:
-            self.problem = f"{self.name} {what}, its cable, and what passes its readings on."
+            self.problem = f"{self.name} {what}, its cable, and the instrument that reads it."
 
     def _forget(self, now_s: float) -> None:
         """Drops what is no longer kept, seldom."""

@@ -96,16 +96,16 @@ class Engine:
         if self._control.under_way:
             return self._cut("repeat")
         if not self._control.held:
-            raise InputError("no step is under way; pause the run to repeat the step before")
+            raise InputError("no step is running; pause the run to repeat the previous step")
         self._control.repeat_last()
         return "the last one"
 
     def _cut(self, wish: Literal["skip", "repeat"]) -> str:
         if self.in_teardown:
-            raise InputError("the teardown is under way; its steps are not skipped or repeated")
+            raise InputError("the teardown is running; its steps cannot be skipped or repeated")
         cut = self._control.cut(wish)
         if not cut:
-            raise InputError("no step is under way, or it is ending already")
+            raise InputError("no step is running, or it is already ending")
         for step in cut:
             self.journal.try_to_write("operator", step, action=wish)
         return ", ".join(cut)
@@ -162,7 +162,7 @@ class Engine:
             try:
                 await finish(self._make_safe(), MAKE_SAFE_S + END_RECORD_S)
             except TimeoutError:
-                self._failed(StepError("the record did not come to its end after the devices were made safe"))
+                self._failed(StepError("the record could not be completed after the devices were made safe"))
         return self.outcome
 
     async def _tear_down(self) -> None:
@@ -200,7 +200,7 @@ class Engine:
 
     def _left_out(self, role: str, problem: DriverError) -> None:
         """Record the failure of a device that the run does not use; the run goes on."""
-        text = f"{problem}\nThe run goes on: it does not use {role}, which is made safe with the others at the end."
+        text = f"{problem}\nThe run goes on, because it does not use {role}; {role} is made safe with the others."
         self.journal.try_to_write("device_left_out", device=role, text=text)
         self._observer.notice(text)
 
@@ -210,7 +210,7 @@ class Engine:
         goes_on = f"The run goes on with {', '.join(left)}." if left else "No unit is left."
         text = f"The unit in place {place} is dropped: {failure.text} {goes_on}"
         if disregarded:
-            text += f" Interlocks on its thermometer are not judged any more: {', '.join(disregarded)}."
+            text += f" Interlocks on its thermometer are disabled: {', '.join(disregarded)}."
         self.journal.try_to_write("unit_dropped", place=place, fault=failure.kind, bad=failure.unit_is_bad, text=text)
         self._observer.notice(f"\a{text}")
         for interlock in disregarded:
@@ -226,7 +226,7 @@ class Engine:
         unit = self._places[place]
         for role in filter(None, (unit.supply, unit.source)):
             if self._monitor.units.is_needed(role):
-                self._observer.notice(f"{role} stays on: it feeds others than the unit in place {place}.")
+                self._observer.notice(f"{role} stays on: it also feeds units other than that in place {place}.")
                 continue
             try:
                 await self._make_one_safe(place, role)
@@ -251,7 +251,7 @@ class Engine:
     def _give_up_on(self, change: Change) -> None:
         """Stops the run when an interlock that holds it does not get good again."""
         most_s = self._interlocks[change.name].give_up_after_s
-        text = f"{change.text} It has not been good again for {most_s / 60:g} min, so that the run is stopped."
+        text = f"{change.text} It has not recovered within {most_s / 60:g} min; the run is stopped."
         loop = asyncio.get_running_loop()
         self._giving_up[change.name] = loop.call_later(most_s, self._monitor.report, WindowError(text))
 
@@ -297,7 +297,7 @@ class Engine:
         elif isinstance(problem, UnitFailed):
             self.outcome.how = "failed"
             self.outcome.problems.append(str(problem))
-            self._observer.notice(f"{problem} The sequence says to stop there; teardown runs.")
+            self._observer.notice(f"{problem} The sequence stops here, as it specifies; the teardown runs.")
             self.journal.try_to_write("problem", text=str(problem))
         elif problem is not None:
             self._failed(problem)
@@ -305,8 +305,8 @@ class Engine:
     def _left_behind(self, task: asyncio.Task[None]) -> None:
         under_way = ", ".join(self.journal.state.under_way) or task.get_name()
         problem = StepError(
-            f"{under_way} has not ended within {END_WITHIN_S:g} s after it was told to, and is left behind. "
-            "Look at the code of that step, or of its driver."
+            f"{under_way} has not ended within {END_WITHIN_S:g} s after it was cancelled, and is "
+            "abandoned. Check the code of that step, or of its driver."
         )
         if self._request is None:
             self._failed(problem)

@@ -1,4 +1,4 @@
-"""Interlocks while a run goes on: when one trips, and when it has been good for long enough.
+"""Interlocks while a run goes on: when one trips, and when it has been in range for long enough.
 
 Arithmetic on readings and times. What a hold, a pause, a stop or an abort does is the engine's.
 """
@@ -141,7 +141,7 @@ class _Interlock:
         found = f"{good.looked_at.format(f'{value:.5g} {good.unit}'.rstrip())}, allowed is {good.allowed}"
         after = f" after {_duration(held_s)}" if held_s > 0 else ""
         if not self._tripped:
-            return f"Interlock {self.name} is good again{after}: {found}."
+            return f"Interlock {self.name} has recovered{after}: {found}."
         return f"Interlock {self.name} has tripped{after}: {found}. {_consequence(self._entry)} {good.advice}"
 
 
@@ -254,7 +254,7 @@ def _between(low: float, high: float, unit: str) -> str:
 
 
 def _consequence(entry: AnyInterlock) -> str:
-    goes_on = "it is good" if entry.good_for_s == 0 else f"it has been good for {_duration(entry.good_for_s)}"
+    goes_on = "it is good" if entry.good_for_s == 0 else f"it has been in range for {_duration(entry.good_for_s)}"
     match entry.then:
         case "hold":
             return f"The chamber holds its set point where it is, and no further step begins until {goes_on}."

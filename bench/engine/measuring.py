@@ -113,7 +113,7 @@ async def _value_since(began_s: float, name: str, monitor: Monitor) -> None:
         if (newest := monitor.latest(name)) is not None and newest.at_s >= began_s:
             return
         if loop.time() >= give_up_s:
-            raise StepError(f"{name} has given no value for {VALUE_WITHIN_S:g} s. Check the device.")
+            raise StepError(f"{name} has delivered no value for {VALUE_WITHIN_S:g} s. Check the device.")
         await asyncio.sleep(VALUE_LOOK_S)
 
 
@@ -130,10 +130,10 @@ async def _output_in_g(place: str, duration_s: float, step_id: str, bench: Bench
     """The mean output of a unit over a time, in g by what it is made to be; its zero is in it."""
     found, per_g = await output_of(place, duration_s, step_id, bench), bench.file.nominal_per_g(place)
     if per_g is None:
-        raise StepError(f"the bench file does not say what 1 g makes of the output of the unit in place {place}")
+        raise StepError(f"the bench file does not give the nominal output at 1 g of the unit in place {place}")
     if math.isnan(found.value):
         raise StepError(
-            f"the output of the unit in place {place}: too little came in {duration_s:g} s; measure longer, or check "
+            f"the output of the unit in place {place}: too little data in {duration_s:g} s; measure longer, or check "
             f"{bench.file.measured_by(place)}"
         )
     return _Single(found.value / per_g, BY_NOMINAL, math.hypot(found.alone_u, found.step_u) / abs(per_g))
@@ -154,7 +154,7 @@ async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) 
         await gaps.tell()
     found = mean_of(CountDecoder(options, options.dbc.parent).counts(block)[channel])
     if math.isnan(found.value):
-        raise StepError(f"{name}: too few latches came in {duration_s:g} s; count longer, or check the counter")
+        raise StepError(f"{name}: too few latches arrived in {duration_s:g} s; count longer, or check the counter")
     return _Single(found.value, PULSE_RATE, found.alone_u)
 
 

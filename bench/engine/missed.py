@@ -84,8 +84,8 @@ def _in_words(role: str, missed: Mapping[str, Missed]) -> str:
         for channel, each in missed.items()
     )
     return (
-        f"{role}: frames are missing: {channels}. Check the cable and the termination of the bus, and that nothing "
-        f"else keeps this computer busy. This is said once; the report tells of every acquisition with gaps."
+        f"{role}: frames are missing: {channels}. Check the cable and the termination of the bus, and the load "
+        f"of this computer. This message is not repeated; the report lists every acquisition with gaps."
     )
 
 

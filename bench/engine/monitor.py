@@ -203,7 +203,9 @@ class Monitor:
         for kind, count in Counter(failure.kind for failure in failures).items():
             if count > 1:
                 texts = " ".join(f"{each.place}: {each.text}" for each in failures if each.kind == kind)
-                raise WindowError(f"{role}: {count} units fail in the same way at once, which is the bench. {texts}")
+                raise WindowError(
+                    f"{role}: {count} units fail in the same way at the same time, which points to the bench. {texts}"
+                )
         for failure in failures:
             self.drop(failure)
 

@@ -61,7 +61,7 @@ class _AtADesk:
         except StepError as problem:
             raise NoAnswer(errand.device, str(problem)) from problem
         except asyncio.CancelledError:
-            self._notice(f"Withdrawn, nobody needs to do it any more: {errand.text}")
+            self._notice(f"No longer needed: {errand.text}")
             raise
         if not isinstance(answer.value, Quantity):
             raise TypeError(f"{question.step}: {answer.value!r} has no unit")

@@ -35,7 +35,7 @@ class Question:
         answer = answer.strip()
         if self.input is None:
             if answer not in self.choices:
-                raise InputError(f"'{answer}' is no answer{did_you_mean(answer, self.choices)}")
+                raise InputError(f"'{answer}' is not a possible answer{did_you_mean(answer, self.choices)}")
             return answer
         return _typed(answer, self.input)
 

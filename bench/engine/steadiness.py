@@ -24,7 +24,7 @@ async def until_steady(step: WaitUntil, bench: Bench) -> Mapping[str, Any]:
     With several units, one that keeps the others waiting so long is dropped. What is measured here is not recorded.
     """
     if step.steady is None:
-        raise StepError("it is not said what is steady")
+        raise StepError("it does not name the outputs that must be steady")
     found: dict[str, Any] = {}
     part_s = step.steady.over_s / STEADY_PARTS
     watched = Watched(bench.file, step.steady.over_s)
@@ -51,7 +51,7 @@ async def _looked(step: WaitUntil, steady: Steady, bench: Bench, watched: Watche
         if waited_s >= step.give_up_after_s:
             text = " ".join(_in_words(place, change, steady, f"{most:.3g}", unit) for place, change in restless.items())
             if not bench.monitor.drop_all(restless, "not_settled", text):
-                raise StepError(f"{text} Look whether the temperature still changes, or allow more.")
+                raise StepError(f"{text} Check whether the temperature still changes, or allow a larger change.")
 
 
 def _change(place: str, steady: Steady, bench: Bench, watched: Watched) -> float:
@@ -68,6 +68,6 @@ def _change(place: str, steady: Steady, bench: Bench, watched: Watched) -> float
 def _in_words(place: str, change: float, steady: Steady, most: str, unit: str) -> str:
     over = f"over {steady.over_s / 60:g} min"
     if math.isinf(change):
-        return f"Too little that can be used came of the output of the unit in place {place} {over}."
+        return f"Too few usable readings of the output of the unit in place {place} {over}."
     told = f"The output of the unit in place {place} still changed by {change:.3g} {unit} {over}"
     return f"{told}, allowed are {most} {unit}."

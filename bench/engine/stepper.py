@@ -117,7 +117,8 @@ class Stepper:
                 return under_way.wish
             await self._bring_to_rest(step)
             raise StepError(
-                f"takes longer than its timeout of {step.timeout_s:g} s. Look what it waits for, or allow more."
+                f"takes longer than its timeout of {step.timeout_s:g} s. Check what it waits for, or increase the "
+                "timeout."
             ) from None
         finally:
             self._control.under_way.pop(planned.id, None)
@@ -159,7 +160,7 @@ class Stepper:
         except DriverError as problem:
             self._watcher.notice(str(problem))
         except TimeoutError:
-            self._watcher.notice(f"What the step has set going is not at rest within {MAKE_SAFE_S:g} s.")
+            self._watcher.notice(f"The motion started by the step has not stopped within {MAKE_SAFE_S:g} s.")
 
     async def _begin(self, planned: PlannedStep) -> None:
         """The intent is on the disk, with all before it, before anything moves; the teardown goes on without a disk."""

@@ -95,10 +95,10 @@ class Units:
         channel = entry.telemetry or entry.channel
         quiet_s = now_s - max(heard.frame_s, on_since_s)
         if quiet_s > SILENT_S + late_s:
-            return f"the frames of its channel '{channel}' have stopped for {quiet_s:.0f} s, those of others go on."
+            return f"no frame of its channel '{channel}' for {quiet_s:.0f} s, while those of other units arrive."
         standing_s = now_s - max(heard.pulse_s, on_since_s, self._standing_since_s(now_s))
         if self._must_pulse(place) and standing_s > STANDING_S + late_s:
-            return f"its counts on channel '{channel}' have stood still for {standing_s:.0f} s under power."
+            return f"its count on channel '{channel}' has not changed for {standing_s:.0f} s under power."
         return ""
 
     def _standing_since_s(self, now_s: float) -> float:

@@ -122,7 +122,7 @@ class Walk:
             if is_true(node.condition, self._journal.state.variables):
                 raise StepError(
                     f"its condition {node.condition.raw} is still true after {node.at_most} passes. "
-                    "Look why, or allow more with at_most."
+                    "Find out why, or increase at_most."
                 )
 
     def _numbered(self, node: Passes, number: int) -> Nodes:
@@ -160,7 +160,7 @@ class Walk:
                 if number == node.count or problem.code not in node.on:
                     raise
                 self._journal.write("retried", node.id, attempt=number, text=str(problem))
-                self._watcher.notice(f"Attempt {number} of {node.count} has failed, it is tried again: {problem}")
+                self._watcher.notice(f"Attempt {number} of {node.count} failed; next attempt: {problem}")
             await asyncio.sleep(node.delay_s)
 
     async def _section(self, node: Section) -> None:
@@ -227,7 +227,7 @@ class Walk:
                 raise
             if decided == "continue":
                 self._journal.write("left_out", step_id, text=str(problem), why="on_failure")
-                self._watcher.notice(f"{problem}\nThe run goes on without it, as the sequence says.")
+                self._watcher.notice(f"{problem}\nThe run goes on without it, as the sequence specifies.")
             return decided == "repeat"
 
     async def _asked(self, step_id: str, problem: Exception) -> str:

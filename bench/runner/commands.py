@@ -28,11 +28,11 @@ def commands_of(  # noqa: C901  one small function for each command
 
     def pause(_: Arguments) -> str:
         if not can_pause:
-            raise InputError("in virtual time at full speed nothing can be paused; run it with --speed 60, say")
+            raise InputError("a run at full speed cannot be paused; start it with --speed 60, for example")
         if engine.in_teardown:
-            raise InputError("the teardown is under way, which is not paused")
+            raise InputError("the teardown is running and cannot be paused")
         engine.pause()
-        return "it pauses before its next step"
+        return "the run pauses before its next step"
 
     def resume(_: Arguments) -> str:
         engine.resume()
@@ -40,15 +40,15 @@ def commands_of(  # noqa: C901  one small function for each command
 
     def stop(said: Arguments) -> str:
         engine.stop(_by(said, "stop"))
-        return "the step under way ends, teardown runs"
+        return "the current step is interrupted, then the teardown runs"
 
     def stop_after_step(said: Arguments) -> str:
         engine.stop_after_step(_by(said, "stop --after-step"))
-        return "teardown runs after the step under way"
+        return "the teardown runs after the current step"
 
     def abort(said: Arguments) -> str:
         engine.abort(_by(said, "abort"))
-        return "the teardown is dropped, all devices are made safe"
+        return "no teardown; all devices are made safe"
 
     def skip(_: Arguments) -> str:
         return f"skipped: {engine.skip()}"
@@ -64,7 +64,7 @@ def commands_of(  # noqa: C901  one small function for each command
 
     async def status(_: Arguments) -> str:
         told = {"state": "running"} | state_to_json(engine.journal.state) | _now(engine, monitor)
-        await _kept(engine.journal, "the state of the run is not on the disk")
+        await _kept(engine.journal, "the state of the run could not be written to the disk")
         return json.dumps(told, ensure_ascii=False)
 
     def command(name: str, act: Callable[[Arguments], str]) -> Callable[[Arguments], Awaitable[str]]:

@@ -34,7 +34,7 @@ CONNECTIONS = 128  # on each socket at a time
 BACKLOG = 256
 LAST_ANSWERS_S = 0.2  # for what was done just before the end
 LINE_LIMIT_BYTES = 4096
-BUSY: Mapping[str, Any] = {"refused": "too many ask this run at once", "again": True}
+BUSY: Mapping[str, Any] = {"refused": "too many clients are connected to this run", "again": True}
 
 Arguments = Mapping[str, str]
 Handlers = Mapping[str, Callable[[Arguments], Awaitable[str]]]
@@ -60,7 +60,7 @@ def control_socket(folder: Path, handlers: Handlers) -> Iterator[None]:
                 listener.bind(socket_address(names[key]))
                 listener.listen(BACKLOG)
         except OSError as problem:
-            raise StoreError(f"the control socket cannot be made ({problem})") from problem
+            raise StoreError(f"the control socket cannot be created ({problem})") from problem
         channels = [
             (listeners[STOPPING], _Channel(run, stopping, at_once=CONNECTIONS)),
             (listeners[ALL], _Channel(run, handlers, at_once=1)),
@@ -140,7 +140,7 @@ class _Channel:
         arguments["user"] = _user(user)
         arguments["by"] = arguments.get("by") or arguments["user"]
         if not arguments["by"].isprintable():
-            return {"refused": "who commands is told in characters that cannot be printed"}
+            return {"refused": "the name of the sender contains unprintable characters"}
         try:
             await asyncio.wait_for(self._turn.acquire(), ANSWER_S)
         except TimeoutError:
@@ -164,7 +164,7 @@ class _Channel:
             return {"refused": "the run is about to end"}
         done, _ = await asyncio.wait({answer}, timeout=ANSWER_S)
         if not done:
-            return {"refused": f"the run has not come to it within {ANSWER_S:g} s, and does it when it does"}
+            return {"refused": f"the run has not acted on it within {ANSWER_S:g} s; it will as soon as it can"}
         try:
             return {"done": answer.result()}
         except InputError as problem:
@@ -196,7 +196,7 @@ class _Asker(asyncio.Protocol):
         elif not self._channel.admit(self):
             self.end(BUSY)
         else:
-            late = {"refused": f"no whole line within {REQUEST_S:g} s"}
+            late = {"refused": f"no complete line within {REQUEST_S:g} s"}
             self._limit = asyncio.get_running_loop().call_later(REQUEST_S, self.end, late)
 
     def data_received(self, data: bytes) -> None:

@@ -62,7 +62,7 @@ def _lock(mark: str, address: Address) -> socket.socket:
         except OSError as problem:
             lock.close()
             if problem.errno != errno.EADDRINUSE:
-                raise StoreError(f"nobody can be told that {address} is in use ({problem})") from problem
+                raise StoreError(f"{address} cannot be locked ({problem})") from problem
             if owner := _owner(name):
                 break
             _pause(_BETWEEN_ATTEMPTS_S)
@@ -71,7 +71,7 @@ def _lock(mark: str, address: Address) -> socket.socket:
             return lock
     raise InUseError(
         f"{address} is in use by {owner or 'another program'}. Wait until it has ended, or end it: "
-        "bench status tells what is under way"
+        "'bench status' shows what is running"
     )
 
 
@@ -85,7 +85,7 @@ def _owner(name: str) -> str:
         except ConnectionRefusedError:
             return ""
         except OSError:  # it has stood still for long, and many have asked
-            return "another program that does not answer"
+            return "another program, which does not answer"
         process, user = peer(client)
         with suppress(OSError):
             words = client.recv(_WORDS_AT_MOST).decode(errors="replace")

@@ -111,8 +111,8 @@ def _tell_who_is_there(rig: Rig, writer: RunWriter, journal: Journal, observer: 
     for role, why in rig.not_reached.items():
         journal.try_to_write("not_reached", device=role, text=why, used=False)
         observer.notice(
-            f"{why}\nThe run does not use {role} and goes on without it. Nothing was sent to it: see for yourself that "
-            "it is safe."
+            f"{why}\nThe run does not use {role} and goes on without it. Nothing was sent to it: check "
+            "yourself that it is safe."
         )
 
 
@@ -147,10 +147,10 @@ async def _made_safe(rig: Rig, journal: Journal, observer: Observer) -> Outcome:
     journal.try_to_write("made_safe", unsafe=outcome.unsafe)
     safe = [role for role in rig.devices if role not in outcome.unsafe]
     if safe:
-        observer.notice(f"No step was begun. Made safe: {', '.join(safe)}.")
+        observer.notice(f"No step was started. Made safe: {', '.join(safe)}.")
     if rig.not_reached:
         names = ", ".join(rig.not_reached)
-        observer.notice(f"NOT REACHED, so that nothing was sent: {names}. See for yourself that it is safe there.")
+        observer.notice(f"NOT REACHED, so nothing was sent: {names}. Check yourself that each of them is safe.")
     for role, why in outcome.unsafe.items():
         outcome.failed(why)
         observer.notice(f"{role} COULD NOT BE MADE SAFE: {why}")
@@ -185,11 +185,11 @@ def _acting(engine: Engine, observer: Observer, teardown_s: float) -> Callable[[
             stopping = True
             engine.stop(sent.request)
             observer.notice(
-                f"Stopping: teardown runs now and takes about {teardown_s / 60:.0f} min. Ctrl-C again drops it and "
-                "makes the devices safe at once."
+                f"Stopping: teardown runs now and takes about {teardown_s / 60:.0f} min. Ctrl-C again skips "
+                "it and makes the devices safe at once."
             )
             return
         engine.abort(sent.request)
-        observer.notice(f"Aborting: the teardown is dropped, all devices are made safe ({sent.request.text}).")
+        observer.notice(f"Aborting: no teardown; all devices are made safe ({sent.request.text}).")
 
     return act

@@ -23,7 +23,7 @@ TEXTS = {
     signal.SIGQUIT: ("quit", "ended by the operator with Ctrl-\\"),
     signal.SIGTERM: ("terminate", "ended by SIGTERM: another program, or the shutdown of the computer"),
     signal.SIGHUP: ("hang-up", "ended by SIGHUP: the terminal was closed, or the connection to it was lost"),
-    signal.SIGXCPU: ("limit", "ended by SIGXCPU: the process has used all the processor time that it may"),
+    signal.SIGXCPU: ("limit", "ended by SIGXCPU: the process has used all its allowed processor time"),
     signal.SIGUSR1: ("signal", "ended by SIGUSR1, which another program sent"),
     signal.SIGUSR2: ("signal", "ended by SIGUSR2, which another program sent"),
     signal.SIGALRM: ("signal", "ended by SIGALRM, which another program sent"),

@@ -38,7 +38,7 @@ def tell(run: Path, command: str, **arguments: str) -> str:
             answer = _asked(address, owner, {"command": command, **arguments})
     except (OSError, ValueError, RecursionError, StoreError) as problem:
         if found.state != "running":
-            raise InputError(f"{found.id}: this run is not under way, it is {found.state}") from None
+            raise InputError(f"{found.id}: this run is not running; its state is {found.state}") from None
         raise InputError(f"{found.id}: the run does not answer ({problem}); Ctrl-C where it runs stops it") from None
     if "refused" in answer:
         raise InputError(f"{found.id}: {answer['refused']}")
@@ -52,12 +52,12 @@ def _asked(address: str, owner: int, request: dict[str, str]) -> dict[str, Any]:
         try:
             client.connect(address)
         except BlockingIOError:  # as many wait there as can
-            return {"refused": "too many wait to ask this run", "again": True}
+            return {"refused": "too many clients are waiting for this run", "again": True}
         if peer(client)[1] != owner:
-            raise ConnectionRefusedError("another user's program listens in its place")
+            raise ConnectionRefusedError("the socket belongs to a program of another user")
         with suppress(BrokenPipeError):  # refused before it asked: why is there to be read
             client.sendall(json.dumps(request).encode() + b"\n")
         answer = json.loads(client.makefile("rb").readline(ANSWER_LIMIT_BYTES))
         if not isinstance(answer, dict) or not answer.keys() & {"done", "refused"}:
-            raise ValueError("its answer is none")
+            raise ValueError("its answer is not valid")
         return answer

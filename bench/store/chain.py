@@ -48,9 +48,9 @@ class Link:
         """The link in a row; ValueError for what is none."""
         number, *counts, head = row
         if not all(isinstance(count, int) for count in (number, *counts)) or not isinstance(head, bytes):
-            raise ValueError("a link of the chain is no link")
+            raise ValueError("an entry of the hash chain is malformed")
         if len(head) != HEAD_BYTES:
-            raise ValueError("a link of the chain has no head")
+            raise ValueError("an entry of the hash chain has no hash")
         return cls(number, dict(zip(TABLES, counts, strict=True)), head)
 
     def to_row(self) -> Row:
@@ -87,7 +87,7 @@ def walk(database: sqlite3.Connection) -> Walked:
         database.execute("BEGIN")
         links = tuple(map(Link.from_row, database.execute(f"SELECT * FROM {CHAIN} ORDER BY number")))  # noqa: S608
         if [link.number for link in links] != list(range(len(links))) or not links or links[0].rows != NOTHING:
-            raise ValueError("its links are not in a row")
+            raise ValueError("the entries of the hash chain are not consecutive")
         bad = [(last, link) for last, link in pairwise(links) if not _follows(database, last, link)]
         surplus = list(_surplus(database, links[-1]))
     except (sqlite3.Error, ValueError, StoreError) as problem:

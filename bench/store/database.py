@@ -51,10 +51,13 @@ def create(path: Path) -> sqlite3.Connection:
             mode = database.execute("PRAGMA journal_mode=WAL").fetchone()[0]
             database.execute("PRAGMA synchronous=FULL")
             if mode != "wal" or database.execute("PRAGMA synchronous").fetchone()[0] != 2:
-                raise StoreError(f"{path}: this disk cannot keep a run safely; use a local disk, not a network share")
+                raise StoreError(
+                    f"{path}: this file system does not support what a run store needs; use a local "
+                    "disk, not a network share"
+                )
             database.executescript(f"BEGIN; {_SCHEMA} PRAGMA user_version={VERSION}; COMMIT;")
     except sqlite3.Error as problem:
-        raise StoreError(f"{path}: cannot be made ({problem})") from problem
+        raise StoreError(f"{path}: cannot be created ({problem})") from problem
     return database
 
 
@@ -92,7 +95,7 @@ def _why_empty(path: Path) -> str:
     log = path.with_name(f"{path.name}-wal")
     if not log.exists() or (log.is_file() and not log.stat().st_size):  # SQLite makes an empty one
         return (
-            f"there is no log {log.name} beside it: it was deleted, with all rows that it had, or the run was killed "
+            f"there is no log {log.name} beside it: it was deleted, with all its rows, or the run was killed "
             "before its first commit"
         )
     return f"nothing can be read of the log {log.name} beside it"

@@ -56,7 +56,7 @@ class RunDirectory:
             sync_folder(path)
             sync_folder(runs)
         except OSError as problem:
-            raise StoreError(f"{runs}: a run directory cannot be made ({problem})") from problem
+            raise StoreError(f"{runs}: a run directory cannot be created ({problem})") from problem
         return cls(path, lock)
 
     def write_json(self, name: str, value: Any) -> None:
@@ -69,7 +69,7 @@ class RunDirectory:
         try:
             make_folder(path.parent)
         except OSError as problem:
-            raise StoreError(f"{path.parent}: cannot be made ({problem})") from problem
+            raise StoreError(f"{path.parent}: cannot be created ({problem})") from problem
         write_whole(path, text.encode())
 
     def use_reserve(self) -> None:
@@ -143,7 +143,7 @@ def summary(path: Path) -> RunSummary:
         manifest = read_kept(path / MANIFEST, MANIFEST_FORM)
         state = str(manifest["state"])
         if state != "running" and not _is_as_sealed(path, manifest):
-            raise StoreError(f"{path}: is not as it was sealed")
+            raise StoreError(f"{path}: has changed since it was sealed")
     except StoreError:
         return RunSummary(path, "running" if _is_locked(path) else "damaged", {})
     if state == "running" and not _is_locked(path):
@@ -191,5 +191,5 @@ def find_run(name: str, runs: Path) -> Path:
     if len(matches) == 1:
         return matches[0]
     if matches:
-        raise InputError(f"'{name}' could be any of {', '.join(path.name for path in matches[:5])}")
+        raise InputError(f"'{name}' is ambiguous: {', '.join(path.name for path in matches[:5])}")
     raise InputError(f"{runs}: there is no run '{name}'; 'bench runs' lists them")

@@ -24,7 +24,7 @@ def keep_unsafe(run: Path, at: datetime, unsafe: Mapping[str, str], connections:
         folder = state_folder() / FOLDER
         folder.mkdir(exist_ok=True)
     except OSError as problem:
-        raise StoreError(f"no record can be kept of what is not safe ({problem})") from problem
+        raise StoreError(f"the record of devices that are not safe cannot be written ({problem})") from problem
     path = folder / f"{run.name}.json"
     content = {
         "schema": SCHEMA,

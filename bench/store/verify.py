@@ -54,7 +54,7 @@ class Record:
         if self.kind == "sealed":
             return f"sealed, {self.rows} rows, head {self.head[:16]}"
         if self.kind == "unchained":
-            return "unsealed, no chain (written by an earlier version); nothing contradicts its manifest"
+            return "unsealed, no chain (written by an earlier version); its manifest agrees"
         return f"intact up to row {self.rows} ({'under way' if self.kind == 'running' else 'unsealed'})"
 
 
@@ -88,7 +88,7 @@ def _unreadable(found: RunSummary, problem: str) -> Record:
             last = ledger[-1]
             known.append(f"the ledger has commit {last.number} with {last.rows} rows of this run, of {last.utc}")
         elif found.state == "interrupted":
-            known.append("the ledger has nothing of this run: it may have been killed before its first commit")
+            known.append("the ledger has no entry for this run: it may have been killed before its first commit")
     return Record(folder, "unreadable", damage=tuple(dict.fromkeys((*_changed(folder, files), *known))))
 
 
@@ -121,10 +121,10 @@ def _sealed(found: RunSummary, *, thoroughly: bool) -> Record:
         if walked.damage or not links:
             intact = _end(walked.intact)
         if thoroughly and not damage and seal.digest and digest_of(folder) != seal.digest:
-            damage.append("the data are not those that were sealed")
+            damage.append("the data have changed since they were sealed")
     told, remarks = _by_ledger(found, links, _seal_bytes(folder))
     others = sorted(set(sealable(folder)) - set(seal.files))
-    remarks += [f"not under the seal: {name}" for name in others]
+    remarks += [f"not covered by the seal: {name}" for name in others]
     return Record(folder, "sealed", *intact, tuple(damage + told), tuple(remarks))
 
 
@@ -135,7 +135,7 @@ def _chained(found: RunSummary, kind: Kind) -> Record:
     damage = list(walked.damage)
     is_first = found.state in ("running", "interrupted")  # another one is written at the end
     if is_first and walked.links and walked.links[0].head != beginning(folder / MANIFEST):
-        damage.append(f"{folder / MANIFEST}: is not the one that the run began with")
+        damage.append(f"{folder / MANIFEST}: is not the one with which the run started")
     damage += _changed(folder, _hashes(found))
     of_log, may_be = ([], []) if kind == "running" else _unread(folder)
     told, remarks = _by_ledger(found, walked.links, _seal_bytes(folder))
@@ -176,7 +176,7 @@ def _walked(folder: Path) -> Walked:
     try:
         with RunReader(folder) as reader:
             if reader.passes_over_a_log():
-                return Walked((), None, (f"{database.FILE_NAME}: does not know of the log beside it",))
+                return Walked((), None, (f"{database.FILE_NAME}: does not match the log beside it",))
             return reader.walked()
     except StoreError as problem:
         return Walked((), None, (str(problem),))
@@ -208,7 +208,7 @@ def _by_ledger(found: RunSummary, links: Sequence[Link], seal: bytes) -> tuple[l
     except OSError as problem:
         return [], [f"the ledger of this computer cannot be read ({problem})"]
     if not ledger:
-        return [], ["the ledger of this computer has nothing of this run"]
+        return [], ["the ledger of this computer has no entry for this run"]
     began = links[0].head.hex() if links else ""
     ledger = [each for each in ledger if each.beginning == began] or ledger  # runs elsewhere may have its name
     seals = {each.seal for each in ledger if each.seal}
@@ -216,7 +216,7 @@ def _by_ledger(found: RunSummary, links: Sequence[Link], seal: bytes) -> tuple[l
         return [
             f"{found.path / SEAL}: is not the one in the ledger"
             if seal
-            else f"{found.path / SEAL}: the ledger has a seal of this run, and here is none that can be read"
+            else f"{found.path / SEAL}: the ledger has a seal of this run, but the seal here is missing or unreadable"
         ], []
     if not links:
         return [], []

@@ -34,14 +34,14 @@ class Unread:
     def in_words(self) -> str:
         """The finding, without the name of the file."""
         if self.commits < 0:
-            return "its head is damaged, so that none of its commits can be read"
+            return "its header is damaged: none of its commits can be read"
         if self.commits > 1:
             return f"its last {self.commits} commits cannot be read"
         if self.damage:
-            return "its last commit cannot be read: it was written completely, and has changed since"
+            return "its last commit cannot be read: it was written completely and changed afterwards"
         return (
-            "its last commit cannot be read. Where power was cut, that commit was not acknowledged; where it was not, "
-            "the end of the log was damaged, and that commit is lost"
+            "its last commit cannot be read. After a power cut, that commit was never acknowledged; "
+            "otherwise the end of the log was damaged and that commit is lost"
         )
 
 

@@ -132,7 +132,7 @@ class RunWriter:
             if self._waiting > WAITING_LIMIT:
                 self._changed.notify_all()
                 if not came_true(partial(self._changed.wait_for, self._has_room), SLOW_DISK_S):
-                    raise StoreError(f"the disk has not taken data for {SLOW_DISK_S:g} s; is it failing, or full?")
+                    raise StoreError(f"the disk has accepted no data for {SLOW_DISK_S:g} s; is it failing or full?")
             first = self._numbers[table] + 1
             self._rows[table] += [(number, *row) for number, row in enumerate(rows, start=first)]
             self._numbers[table] += len(rows)
@@ -227,8 +227,8 @@ class RunWriter:
             action(given)
         except Exception as problem:  # noqa: BLE001  whatever it is: nothing more is acknowledged
             failure = StoreError(
-                f"the run store cannot write ({problem}). Free space on the disk of the run directory, if there is "
-                "none; everything up to the last completed step is kept."
+                f"the run store cannot write ({problem}). If the disk of the run directory is full, free "
+                "some space; everything up to the last completed step is kept."
             )
             self._fail(failure)
 
@@ -250,7 +250,7 @@ class RunWriter:
             return
         try:
             self.folder = rescue(self._database, lost.name, database.FILE_NAME)
-            kept = f"what was recorded until then has been kept in {self.folder}"
+            kept = f"everything recorded until then is in {self.folder}"
         except StoreError as problem:
             kept = str(problem)
         self._fail(StoreError(f"the run directory {lost} was removed while the run went on; {kept}"))
@@ -317,4 +317,4 @@ def _statement(table: str, rows: int) -> str:
 def _check_finite(name: str, readings: Sequence[Reading]) -> None:
     """Keeps out what would be found in a result years later; who reads an instrument has looked before."""
     if not all(math.isfinite(value) for _, value in readings):
-        raise StoreError(f"{name}: what was read is no number, and is not stored; check the instrument")
+        raise StoreError(f"{name}: a reading was not a number and is not stored; check the instrument")

@@ -150,7 +150,10 @@ def test_no_driver_takes_nonsense_for_its_instrument(answer: bytes) -> None:
 def test_a_generic_question_leaves_no_error_in_an_instrument_that_does_not_know_it() -> None:
     place, _, changed, wire = scanned(Case("agilent_34970a", "tcp"), ["scpi_supply"])
     assert place.candidates == ()
-    assert place.words.startswith(r"somebody answers whom no driver knows: sent '*IDN?\r\n', received 'HEWLETT-PACKARD")
+    assert place.words.startswith(
+        r"an instrument answers that no driver recognises: sent '*IDN?\r\n', received "
+        r"'HEWLETT-PACKARD"
+    )
     assert wire.count(b":VOLT?") == 1
     assert {key for key in changed if "_errors" in key} == set()
 
@@ -180,7 +183,7 @@ def test_nobody_there_is_told_within_the_time_for_a_place() -> None:
         began_s = loop.time()
         place = await scan(Address.parse("serial:///dev/ttyUSB0"), wire, recognising())
         assert loop.time() - began_s < 20.0 < PLACE_LIMIT_S
-        assert place.words == "nobody answers"
+        assert place.words == "no answer"
         wire.broken = True
         place = await scan(Address.parse("tcp://127.0.0.1:1"), wire, recognising())
         assert place.words == "nobody answers at tcp://127.0.0.1:1"
@@ -202,7 +205,7 @@ def test_somebody_who_never_stops_talking_does_not_hold_a_scan_up() -> None:
         talking = asyncio.create_task(talk())
         place = await scan(Address.parse("serial:///dev/ttyUSB0?baud=9600"), wire, recognising())
         talking.cancel()
-        assert place.words == f"not through within {PLACE_LIMIT_S:g} s"
+        assert place.words == f"scan not finished within {PLACE_LIMIT_S:g} s"
 
     run(main(), AS_FAST_AS_POSSIBLE)
 
@@ -230,7 +233,7 @@ def test_several_drivers_that_know_one_instrument_are_all_told(monkeypatch: pyte
             r'or yokogawa_gs200 (A on x"}: {\ 1.10)'
         )
         text = proposal([place])
-        assert text.count("  # one of several drivers that know who answers:\n") == 2
+        assert text.count("  # one of several drivers that recognise the instrument:\n") == 2
         assert r'identity: {maker: A, model: "on", serial: "x\"}: {\\", firmware: "1.10"}' in text
         assert entries([place]) == {}
 

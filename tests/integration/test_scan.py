@@ -132,9 +132,9 @@ def test_an_address_may_be_short(text: str, address: str) -> None:
     ("arguments", "problem"),
     [
         (["192.168.1.10"], "is not a tcp address"),
-        (["sim+tcp://127.0.0.1:502"], "there is nothing at a simulated address"),
+        (["sim+tcp://127.0.0.1:502"], "a simulated address has nothing to scan"),
         (["127.0.0.1:9", "--driver", "wattlow_f4"], "there is no driver 'wattlow_f4'; did you mean 'watlow_f4'?"),
-        (["127.0.0.1:9", "--driver", "can_counter"], "does not know its instrument by questions"),
+        (["127.0.0.1:9", "--driver", "can_counter"], "cannot recognise its instrument by queries"),
     ],
 )
 def test_what_cannot_be_scanned_is_refused(arguments: list[str], problem: str) -> None:

@@ -108,7 +108,7 @@ def test_another_instrument_than_the_bench_file_names_is_refused_before_anything
 
 def test_real_connections_need_somebody_there_and_real_time(wired_bench, tmp_path):
     for arguments, expected in (
-        ((), "somebody must stay with it. Say so with --attended"),
+        ((), "somebody must stay with it. Confirm this with --attended"),
         (("--attended", "--speed", "max"), "--speed max: this bench has real connections, which run at speed 1 only"),
     ):
         done = subprocess.run(

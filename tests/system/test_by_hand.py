@@ -146,12 +146,15 @@ def test_an_attitude_is_not_asked_twice_for_and_an_unknown_angle_is_looked_at(tm
     ("answers", "problem"),
     [
         ({"haed": {}}, "the plan has no step 'haed'"),
-        ({"supply": {}}, "'supply' asks nobody: it is reached by tcp"),
-        ({"head#one": {}}, "'head#one' is no question of 'head'; they are head#1, head#2, …"),
+        ({"supply": {}}, "'supply' asks no questions: it is connected by tcp"),
+        ({"head#one": {}}, "'head#one' is not a question of 'head'; its questions are head#1, head#2, …"),
         ({"head#3": {"answer": "done"}}, "answer: 'done'"),
         ({"head#3~2": {"answer": "91"}}, "expected a value in °"),
-        ({"head": {"does": {"mount": "inverted"}}}, "a head is turned; mount is for the question of a step"),
-        ({"steps/prompt": {"does": {"turn": "9°"}}}, "is for the questions of a head that is turned by hand"),
+        (
+            {"head": {"does": {"mount": "inverted"}}},
+            "the answer to a head is an angle; mount is for prompts of a sequence",
+        ),
+        ({"steps/prompt": {"does": {"turn": "9°"}}}, "is for a head turned by hand"),
     ],
 )
 def test_a_script_that_does_not_fit_the_bench_is_refused_before_the_run(tmp_path, answers, problem):
@@ -180,7 +183,7 @@ def test_ending_a_run_leaves_no_question_open(tmp_path, ending):
     assert run.steps("unanswered") == ["head#1"]
     assert ("teardown/set" in run.steps()) == (ending == "stop")
     assert run.made_safe == {}
-    assert f"Withdrawn, nobody needs to do it any more: Turn head by hand to 90°. {IN_WORDS}" in run.notices
+    assert f"No longer needed: Turn head by hand to 90°. {IN_WORDS}" in run.notices
 
 
 def test_a_step_is_skipped_and_repeated_as_any_other(tmp_path):

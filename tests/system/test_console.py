@@ -40,10 +40,10 @@ def test_modbus_is_read_in_words_beside_the_bytes_and_the_driver_is_asked_on_the
     assert "chamber sends no frames" in told
     assert sum(line.startswith("expected read ADDRESS") for line in told) == 1
     assert "an address or a word is more than 65535" in told
-    assert "not sent: this is more than a question; --write allows it" in told
+    assert "not sent: this is no query; --write allows it" in told
     assert "read ADDRESS [COUNT]      holding registers, by their address on the wire, such as 2782 or 0x0ade" in told
     assert "refused, exception 2" in told
-    assert told[0].startswith("Only what is known to be a question is sent")
+    assert told[0].startswith("Only known queries are sent")
     at = told.index("> 00 01 00 00 00 06 01 03 0a de 00 02")  # its own numbers, which the driver does not see
     assert told[at + 1 : at + 3] == [
         "< 00 01 00 00 00 07 01 03 04 00 00 41 a0",
@@ -72,7 +72,7 @@ def test_questions_go_to_a_scpi_instrument_and_nothing_else_without_leave() -> N
     typed = "*IDN?\nOUTP ON\n*IDN?;OUTP ON\n*TST?\n:SOUR:CURR?\n"
     code, told = console("source", typed=typed)
     assert code == 3
-    assert told.count("not sent: this is more than a question; --write allows it") == 3
+    assert told.count("not sent: this is no query; --write allows it") == 3
     assert r'> ":SOUR:CURR?\r\n"' in told
     assert not any("OUTP ON" in line or "*TST" in line for line in told if line.startswith(">"))
     assert "source is in its safe state." not in told
@@ -82,8 +82,10 @@ def test_a_source_that_was_switched_on_by_hand_is_off_at_the_end() -> None:
     typed = "CURR 0.001\nOUTP ON;*IDN?\n:status\nSYST:ERR?\n:quit\nnever read\n"
     code, told = console("source", "--write", typed=typed)
     assert code == 0
-    assert told[0].startswith("What you type goes to the instrument as it is: it may move, heat or energise something.")
-    assert "no answer within 1 s, as is usual for a command" in told
+    assert told[0].startswith(
+        "What you type is sent to the instrument unchanged: it may move, heat or energise something."
+    )
+    assert "no answer within 1 s (usual for a command that is no query)" in told
     assert "current_a 0.001, output True" in told
     assert r'> ":SOUR:CURR 0;:OUTP OFF\r\n"' in told
     assert told[-2] == "source is in its safe state."
@@ -104,7 +106,7 @@ def test_frames_are_shown_decoded() -> None:
     shown = [line for line in told if line.startswith("100#")]
     assert 15 <= len(shown) <= 25
     assert re.fullmatch(r"100#[0-9A-F]{16} Latch: Tick \S+ us, Sequence \d+, Status 0, BootCount \d+", shown[0])
-    assert "not sent: nothing in this language tells what only asks; --write allows it" in told
+    assert "not sent: this language does not mark queries; --write allows it" in told
     assert any(line.startswith(("Temperatures.Unit ", "nothing new yet; ")) for line in told)
 
 
@@ -117,7 +119,7 @@ def test_a_device_that_is_not_there_is_not_opened(tmp_path: Path) -> None:
         pytest.raises(InUseError, match=r"tcp://127\.0\.0\.1:9 is in use by a run of tumble_static, process \d+"),
     ):
         console("supply", "--bench", str(bench), typed=":read\n")
-    with pytest.raises(CannotConnect, match="supply: nobody answers"):
+    with pytest.raises(CannotConnect, match="supply: no answer"):
         console("supply", "--bench", str(bench), typed=":read\n")
 
 

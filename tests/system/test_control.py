@@ -85,20 +85,20 @@ def started(tmp_path) -> Iterator[Callable[..., Running]]:
 def test_a_paused_run_holds_before_its_next_step_goes_on_and_stops_after_a_step(started):
     run = started(*PACED)
     told = run.tell("pause")
-    assert told.stdout == f"{run.path.name}: it pauses before its next step\n"
+    assert told.stdout == f"{run.path.name}: the run pauses before its next step\n"
     run.wait_for(lambda: run.operator() == ["held"])
     held = run.steps("step_begins")
     time.sleep(1.0)  # twenty seconds of bench time
     assert run.steps("step_begins") == held
     assert run.tell("resume").stdout.endswith(": it goes on\n")
     run.wait_for(lambda: run.steps("step_begins") != held)
-    assert run.tell("stop", "--after-step").stdout.endswith(": teardown runs after the step under way\n")
+    assert run.tell("stop", "--after-step").stdout.endswith(": the teardown runs after the current step\n")
     assert run.finish() == 4
     assert run.operator() == ["held", "released", "stop after step"]
     user = pwd.getpwuid(os.getuid()).pw_name
     for said in (
-        f"pause by {user}: it pauses before its next step", "Held before step", f"resume by {user}: it goes on",
-        f"stop after step by {user}: teardown runs after the step under way",
+        f"pause by {user}: the run pauses before its next step", "Held before step", f"resume by {user}: it goes on",
+        f"stop after step by {user}: the teardown runs after the current step",
     ):  # fmt: skip
         assert said in run.said
     with RunReader(run.path) as reader:
@@ -111,7 +111,7 @@ def test_a_paused_run_holds_before_its_next_step_goes_on_and_stops_after_a_step(
 def test_a_stop_ends_the_step(started):
     run = started("smoke", "--speed", "20", "--set", "soak=1 h")
     run.wait_for(lambda: "steps/temperature=20/soak" in run.steps("step_begins"))
-    assert run.tell("stop").stdout.endswith(": the step under way ends, teardown runs\n")
+    assert run.tell("stop").stdout.endswith(": the current step is interrupted, then the teardown runs\n")
     assert run.finish() == 4
     assert "steps/temperature=20/soak" not in run.steps("step_ended")
     assert "teardown/set" in run.steps("step_ended")
@@ -121,7 +121,7 @@ def test_a_paused_run_can_be_aborted(started):
     run = started(*PACED)
     run.tell("pause")
     run.wait_for(lambda: run.operator() == ["held"])
-    assert run.tell("abort").stdout.endswith(": the teardown is dropped, all devices are made safe\n")
+    assert run.tell("abort").stdout.endswith(": no teardown; all devices are made safe\n")
     assert run.finish() == 4
     assert not [step for step in run.steps("step_begins") if step.startswith("teardown")]
     with RunReader(run.path) as reader:
@@ -132,7 +132,7 @@ def test_at_full_speed_there_is_no_pause_but_a_stop(started):
     run = started("tumble_static")
     told = run.tell("pause")
     assert told.returncode == 2
-    assert "in virtual time at full speed nothing can be paused; run it with --speed 60, say" in told.stderr
+    assert "a run at full speed cannot be paused; start it with --speed 60, for example" in told.stderr
     assert run.tell("stop").returncode == 0
     assert run.finish() == 4
 
@@ -148,7 +148,7 @@ def test_a_run_that_is_over_takes_no_commands_and_leaves_no_socket(started):
     assert not (run.path / "runner.json").exists()
     told = run.tell("stop")
     assert told.returncode == 2
-    assert told.stderr == f"{run.path.name}: this run is not under way, it is completed\n"
+    assert told.stderr == f"{run.path.name}: this run is not running; its state is completed\n"
 
 
 def test_a_killed_run_is_told_to_be_interrupted(started):
@@ -157,7 +157,7 @@ def test_a_killed_run_is_told_to_be_interrupted(started):
     run.process.communicate()
     told = run.tell("resume")
     assert told.returncode == 2
-    assert told.stderr == f"{run.path.name}: this run is not under way, it is interrupted\n"
+    assert told.stderr == f"{run.path.name}: this run is not running; its state is interrupted\n"
 
 
 def test_nonsense_is_answered_with_what_is_known_and_the_silent_keep_nobody_waiting(started):

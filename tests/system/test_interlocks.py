@@ -70,7 +70,7 @@ def test_a_pause_that_does_not_get_good_again_stops_the_run(tmp_path):
     warm = "warm: {reading: unit_temperature, above: 10 °C, then: pause, give_up_after: 20 min}"
     result = ran(tmp_path, warm, "wait: 1 min", "wait: 1 s")
     assert result.outcome.how == "error"
-    assert "It has not been good again for 20 min, so that the run is stopped." in result.problems[0]
+    assert "It has not recovered within 20 min; the run is stopped." in result.problems[0]
     assert result.bench_s == pytest.approx(20 * 60, abs=30)
     assert begun(result)[-1] == "teardown/set"
 

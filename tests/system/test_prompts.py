@@ -60,7 +60,7 @@ def test_an_answer_takes_its_time_and_is_known_to_expressions(tmp_path):
 
 def test_at_full_speed_nobody_can_type_so_that_a_script_must(tmp_path):
     ask = "{prompt: How warm is the room?, input: {unit: °C}, as: room}"
-    with pytest.raises(InputError, match="at full speed nobody can type what steps/prompt asks for"):
+    with pytest.raises(InputError, match="at full speed nobody can answer steps/prompt"):
         ran(tmp_path, ask)
 
 

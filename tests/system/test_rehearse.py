@@ -75,7 +75,7 @@ def test_a_rehearsal_is_of_a_bench_with_real_connections_and_ends_in_a_table(tmp
     assert rows["all"][4] in ("1.02", "1.03", "1.04")
     assert rows["size of run.db"][1] == "MB"
     assert sum("teardown/move" in line for line in lines) == 1
-    assert "The run got to its end after 71.7 s" in lines
+    assert "The run completed after 71.7 s" in lines
     assert "Made safe: every device" in lines
     assert "On the disk: all that was acknowledged" in lines
     assert "Verdict on the simulated units: PASS" in lines

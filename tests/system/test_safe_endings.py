@@ -144,7 +144,7 @@ def test_a_signal_while_results_are_written_hides_nothing_and_drops_the_report(t
     assert read_json(result, "results.json")["verdict"] == "PASS"
     assert result.report is None
     assert not (result.path / "report.html").exists()
-    assert "no report was written, since a signal came meanwhile" in result.problems[0]
+    assert "no report was written, because a signal arrived meanwhile" in result.problems[0]
 
 
 def test_what_is_ignored_when_the_process_begins_stays_ignored(tmp_path):
@@ -185,7 +185,7 @@ def test_a_step_that_does_not_end_is_left_behind(tmp_path, monkeypatch, act):
     assert ran.outcome.how == "aborted"
     assert ran.made_safe == {}
     assert ran.events[-1].at_s < 10 + 15 + 15
-    assert "steps/wait has not ended within 15 s after it was told to" in ran.outcome.problems[1]
+    assert "steps/wait has not ended within 15 s after it was cancelled" in ran.outcome.problems[1]
     assert ran.steps("step_begins") == ["steps/wait"]
 
 
@@ -281,8 +281,8 @@ def test_what_opened_is_made_safe_when_an_instrument_is_missing(tmp_path):
     assert [event.data["unsafe"] for event in events(result, "made_safe")] == [{}]
     assert [event.data["device"] for event in events(result, "not_reached")] == ["supply"]
     assert list(read_json(result, "manifest.json")["not_reached"]) == ["supply"]
-    assert any(text.startswith("No step was begun. Made safe: chamber, head, ") for text in observer.notices)
-    assert any(text.startswith("NOT REACHED, so that nothing was sent: supply.") for text in observer.notices)
+    assert any(text.startswith("No step was started. Made safe: chamber, head, ") for text in observer.notices)
+    assert any(text.startswith("NOT REACHED, so nothing was sent: supply.") for text in observer.notices)
     passed = trace.read_text("utf-8").splitlines()
     assert {line.split(" > ")[1] for line in passed if " supply > " in line} == {'"*IDN?\\n"'}
     assert any("source > " in line and "OUTP" in line for line in passed)

@@ -94,7 +94,7 @@ def test_a_unit_of_which_nothing_comes_is_told_of_in_words(tmp_path):
     step = TO_G.replace("3 h", "10 min")
     run = run_plan(tmp_path / "run", plan_of(tmp_path, steps(ON, UP, step) + OFF, tail=OUTPUT, bench=bench), bench)
     assert run.outcome.how == "error"
-    assert "Too little that can be used came of the output of the unit in place a over 6 min" in run.outcome.problems[0]
+    assert "Too few usable readings of the output of the unit in place a over 6 min" in run.outcome.problems[0]
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,8 @@ def test_a_step_that_takes_longer_than_its_timeout_ends_the_run_with_its_teardow
     result = ran(tmp_path, "{ramp: chamber, to: 30 °C, at: 1 °C/min, timeout: 5 min}", "wait: 1 s")
     assert result.outcome.how == "error"
     assert result.problems[0].endswith(
-        "s.yaml:2:5: step steps/ramp: takes longer than its timeout of 300 s. Look what it waits for, or allow more."
+        "s.yaml:2:5: step steps/ramp: takes longer than its timeout of 300 s. Check what it waits for, or increase "
+        "the timeout."
     )
     done = ended(result)
     assert "steps/ramp" not in done

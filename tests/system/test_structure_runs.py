@@ -105,8 +105,8 @@ def test_a_measured_loop_that_is_over_before_it_begins_is_left_out(tmp_path):
 def test_a_measured_loop_at_its_bound_fails_in_words(tmp_path):
     run = ran(tmp_path, MEASURE, "{while: \"${t < '50 °C'}\", at_most: 3, steps: [wait: 1 s]}", "wait: 2 s", more=OFF)
     assert run.outcome.problems == [
-        f"{tmp_path / 's.yaml'}:3:5: steps/while: its condition ${{t < '50 °C'}} is still true after 3 passes. Look "
-        "why, or allow more with at_most."
+        f"{tmp_path / 's.yaml'}:3:5: steps/while: its condition ${{t < '50 °C'}} is still true after 3 passes. Find "
+        "out why, or increase at_most."
     ]
     assert run.steps() == ["steps/measure", *(f"steps/while/pass={n}/wait" for n in (1, 2, 3)), "teardown/set"]
 

@@ -207,7 +207,7 @@ def test_of_two_units_one_that_falls_silent_is_dropped(tmp_path):
         (dropped,) = stored.reader.events("unit_dropped")
         codes = [each.codes for each in stored.data("tumble").acquisitions]
     assert dropped.data["place"] == "b"
-    assert "the frames of its channel 'y' have stopped" in str(dropped.data)
+    assert "no frame of its channel 'y' for" in str(dropped.data)
     assert [len(each["x"].values) for each in codes] == pytest.approx([3000] * 4, abs=1)
     assert len(codes[0]["y"].values) == pytest.approx(1200, abs=1)
     assert len(codes[3]["y"].values) == 0

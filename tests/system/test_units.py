@@ -17,9 +17,9 @@ ON = "{set: supply, voltage: 15 V, current_limit: 120 mA, output: on}"
 UP = "{move: head, to: 45°}"
 OFF = "teardown:\n  - {set: supply, output: off}\n"
 FAULTS = {
-    "silent": ("silent", "the frames of its channel 'y' have stopped"),
-    "dead": ("silent", "its counts on channel 'y' have stood still"),
-    "open_thermometer": ("thermometer", "temperature_b was read as 320 °C, beyond anything it can be"),
+    "silent": ("silent", "no frame of its channel 'y' for"),
+    "dead": ("silent", "its count on channel 'y' has not changed for"),
+    "open_thermometer": ("thermometer", "temperature_b was read as 320 °C, outside the possible range"),
     "current": ("draws_too_much", "supply_b: the units draw 120 mA, expected 30 to 110 mA"),
 }
 
@@ -157,7 +157,10 @@ def test_when_no_unit_is_left_the_run_ends(tmp_path):
 @pytest.mark.parametrize(
     ("faults", "told"),
     [
-        (("a silent 10 s", "b silent 10 s"), "counter: 2 units fail in the same way at once, which is the bench"),
+        (
+            ("a silent 10 s", "b silent 10 s"),
+            "counter: 2 units fail in the same way at the same time, which points to the bench",
+        ),
         (("counter silent 10 s",), "counter: counter frames have stopped"),
         (("b dead 1 s", "supply_b stuck 9 s"), "supply_b cannot be switched off after the unit in place b was dropped"),
     ],
@@ -177,7 +180,7 @@ def test_an_interlock_on_the_thermometer_of_a_dropped_unit_is_judged_no_more(tmp
     )
     assert run.outcome.how == "completed", run.outcome.problems
     (dropped,) = run.events_of("unit_dropped")
-    assert "not judged any more: hot" in dropped.data["text"]
+    assert "are disabled: hot" in dropped.data["text"]
     assert run.events_of("interlock") == []
 
 
@@ -231,7 +234,7 @@ def test_one_unit_alone_that_fails_ends_the_run(tmp_path):
     result = run_three(tmp_path, "{unit: b, kind: open_thermometer, at: 2 s}", units=("b=QF-2",))
     assert result.outcome.how == "error"
     assert result.problems[0] == (
-        "temperature_b was read as 320 °C, beyond anything it can be, and the reading before it was not to be believed "
-        "either. Check the sensor, its cable, and what passes its readings on."
+        "temperature_b was read as 320 °C, outside the possible range, and the reading before it was "
+        "implausible too. Check the sensor, its cable, and the instrument that reads it."
     )
     assert events(result, "unit_dropped") == []

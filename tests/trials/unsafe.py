@@ -82,7 +82,7 @@ def _exchanged(role: str, bench: Wires, folder: Path) -> str:
 def _not_opened(role: str, bench: Wires, folder: Path, edited: Path) -> str:
     run = Process(edited, folder)
     code, told, manifest = run.code(), run.told.read_text("utf-8"), run.manifest()
-    found = (code, list(manifest["not_reached"]), f"NOT REACHED, so that nothing was sent: {role}" in told)
+    found = (code, list(manifest["not_reached"]), f"NOT REACHED, so nothing was sent: {role}" in told)
     if found != (3, [role], True):
         return f"{found}; {told[-300:]}"
     expected = SAFE | {role: ENERGISED[role]} if role in ENERGISED else SAFE

@@ -190,4 +190,4 @@ def test_a_time_in_which_the_program_stood_still_is_in_the_record(
     with RunReader(tmp_path) as reader:
         (stalled,) = [event.data["for_s"] for event in reader.events("stalled")]
     assert 1.0 < stalled < 2.0
-    assert said[0].startswith("This program stood still for 1.")
+    assert said[0].startswith("This program was suspended for 1.")

@@ -240,7 +240,7 @@ def test_what_is_wrong_with_a_file_is_said_as_it_is(sealed, change, name, told):
     change(sealed / name)
     said = "\n".join(examined(sealed).damage)
     assert told in said
-    for untrue in ("is missing", "is not the one that the run began with", "did not get as far", "before it began"):
+    for untrue in ("is missing", "is not the one with which the run started", "did not get as far", "before it began"):
         assert untrue not in said
     assert summary(sealed).state == "damaged"
     with pytest.raises(StoreError, match=name), open_run(sealed):
@@ -260,7 +260,7 @@ def test_a_report_that_was_touched_is_said_and_can_be_written_again(sealed, benc
 def test_what_lies_beside_is_remarked(sealed):
     (sealed / "notes.txt").write_text("looked at by A.")
     record = examined(sealed)
-    assert (record.damage, record.remarks) == ((), ("not under the seal: notes.txt",))
+    assert (record.damage, record.remarks) == ((), ("not covered by the seal: notes.txt",))
 
 
 def test_damaged_data_are_refused_or_what_is_made_of_them_says_so(sealed, tmp_path, bench_command):

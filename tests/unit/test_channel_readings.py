@@ -105,11 +105,11 @@ def test_one_bad_reading_is_passed_over_and_two_in_a_row_are_a_fault() -> None:
     by = channel()
     assert believed(by, [20.0, 320.0, 320.0, 20.1]) == [20.0, 20.1]
     assert by.problem.startswith(
-        "it was read as 320 °C, beyond anything it can be, and the reading before it was not to be believed either."
+        "it was read as 320 °C, outside the possible range, and the reading before it was implausible too."
     )
     by = channel()
     believed(by, [math.nan, math.nan])
-    assert by.problem.startswith("it was read as no number, and")
+    assert by.problem.startswith("it was read as not-a-number, and")
 
 
 def test_limits_of_the_bench_file_that_are_wider_make_more_possible(tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def standing(bench: BenchFile = BENCH, *, step_c: float = 0.01, hours: float = 1
 
 
 def test_one_value_for_ever_is_a_fault_of_what_resolves_noise() -> None:
-    assert standing().startswith("it has stood still at 20 °C for 60 min, though its readings come.")
+    assert standing().startswith("it has been constant at 20 °C for 60 min, although new readings arrive.")
     assert standing(source=AIR)
     assert standing(hours=0.9) == ""
 
@@ -178,7 +178,7 @@ def test_the_bench_file_says_how_long_it_may_stand_still(tmp_path: Path) -> None
     assert believed(by, [20.0] * 121)
     assert by.problem == ""
     by.take([Reading(121.0, 20.0)])
-    assert "has stood still at 20 °C for 2 min" in by.problem
+    assert "has been constant at 20 °C for 2 min" in by.problem
     assert standing(with_keys(tmp_path / "longer", "changes_within: 12 h"), hours=10) == ""
 
 
@@ -248,8 +248,8 @@ def test_a_thermometer_that_nobody_has_named_may_be_connected_to_nothing(tmp_pat
 def test_the_store_takes_nothing_that_is_no_number(tmp_path: Path) -> None:
     writer = RunWriter(tmp_path)
     for bad in (math.nan, math.inf, -math.inf):
-        with pytest.raises(StoreError, match="it: what was read is no number"):
+        with pytest.raises(StoreError, match="it: a reading was not a number"):
             writer.readings("it", "V", [Reading(0.0, 1.0), Reading(1.0, bad)])
-        with pytest.raises(StoreError, match="it: what was read is no number"):
+        with pytest.raises(StoreError, match="it: a reading was not a number"):
             writer.samples("it", "steps/acquire", [Reading(0.0, bad)])
     writer.close()

@@ -69,7 +69,9 @@ def test_a_full_disk_is_told_in_place_of_a_status(tmp_path: Path) -> None:
     async def main() -> None:
         writer = Full(tmp_path)
         _, handlers = commands(writer, [])
-        with pytest.raises(InputError, match="the state of the run is not on the disk: the run store cannot write"):
+        with pytest.raises(
+            InputError, match="the state of the run could not be written to the disk: the run store cannot write"
+        ):
             await handlers["status"]({})
         writer.close()
 

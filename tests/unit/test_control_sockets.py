@@ -153,7 +153,7 @@ def test_a_line_that_trickles_in_is_refused_at_its_deadline(run: Run, monkeypatc
                 break
             except TimeoutError:
                 continue
-    assert answer == {"refused": "no whole line within 0.3 s"}
+    assert answer == {"refused": "no complete line within 0.3 s"}
     assert 0.25 < time.monotonic() - began_s < 1.0
 
 
@@ -214,7 +214,7 @@ def test_a_program_of_another_user_in_the_place_of_a_run_is_not_told(run: Run) -
     os.chown(run.folder / "runner.json", 65534, -1)
     with (run.folder / "run.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        with pytest.raises(InputError, match="another user's program listens in its place"):
+        with pytest.raises(InputError, match="the socket belongs to a program of another user"):
             tell(run.folder, "abort")
     assert run.commands == []
 

@@ -149,8 +149,8 @@ def test_a_run_with_an_instrument_past_due_is_refused_unless_it_is_marked(tmp_pa
     request = RunRequest("smoke", bench=str(bench), runs=tmp_path)
     warned = [each for each in load_checked(request).warnings if each.rule == "past-due"]
     assert [str(each.text) for each in warned] == [
-        "the calibration of 'counter' was due on 2025-12-31; a run refuses to begin with it. Enter its new certificate "
-        "in the bench file, or run with --past-due mark, which the report tells [past-due]"
+        "the calibration of 'counter' was due on 2025-12-31; the run is refused. Enter its new certificate "
+        "in the bench file, or run with --past-due mark: the report then marks every result [past-due]"
     ]
     lines = bench.read_text("utf-8").splitlines()
     due = next(number for number, line in enumerate(lines, start=1) if "due: 2025-12-31" in line)

@@ -98,7 +98,7 @@ def old_frames_behind(data):
 def test_what_a_power_cut_may_have_left_is_a_remark(interrupted, cut):
     record = altered(interrupted, cut)
     assert (record.commits, record.damage) == (COMMITS - 1, ())
-    assert any("Where power was cut, that commit was not acknowledged" in each for each in record.remarks)
+    assert any("After a power cut, that commit was never acknowledged" in each for each in record.remarks)
 
 
 def test_frames_without_a_commit_are_what_a_killed_process_leaves(interrupted):

@@ -308,7 +308,8 @@ def test_a_reading_that_comes_late_is_as_old_as_it_is():
         (
             {**FAST, "good_for": "90 s"}, [(0, 20.0), (120, 8.0)], UNIT,
             "Interlock x has tripped: unit_temperature changes by -6 °C/min, allowed is ±5 °C/min. "
-            "The chamber holds its set point where it is, and no further step begins until it has been good for 90 s. "
+            "The chamber holds its set point where it is, and no further step begins until it has been in range for "
+            "90 s. "
             "Check unit_temperature: the sensors, and what they measure.",
         ),
     ],
@@ -325,7 +326,7 @@ def test_of_a_difference_both_readings_are_named():
     (change,) = watch.look(1800.0)
     assert change.text == (
         "Interlock astray has tripped after 30 min: chamber.process_value and chamber.set_point differ by 6.5 °C, "
-        "allowed is at most 5 °C. No further step begins until it has been good for 5 min. "
+        "allowed is at most 5 °C. No further step begins until it has been in range for 5 min. "
         "Check chamber.process_value and chamber.set_point: the sensors, and what they measure."
     )
 

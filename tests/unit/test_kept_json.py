@@ -67,7 +67,7 @@ def test_what_is_no_such_file_at_all(folder, name):
 @pytest.mark.parametrize("text", [*TEXTS, '{"socket": 7, "stop": 8}', '{"socket": "\\u0000", "stop": "\\u0000"}'])
 def test_a_runner_that_is_none(folder, text):
     (folder / "runner.json").write_text(text, "latin-1")
-    with pytest.raises(InputError, match="this run is not under way"):
+    with pytest.raises(InputError, match="this run is not running"):
         tell(folder, "status")
 
 

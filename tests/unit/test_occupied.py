@@ -55,7 +55,7 @@ def test_a_run_on_real_instruments_names_its_units(tmp_path: Path) -> None:
     shutil.copytree(PATH.parent, tmp_path / "config")
     path = tmp_path / "config" / PATH.name
     path.write_text(path.read_text("utf-8").replace("sim+tcp://127.0.0.1:2049", "tcp://127.0.0.1:2049"), "utf-8")
-    with pytest.raises(InputError, match="needs to know its units: --uut PLACE=SERIAL"):
+    with pytest.raises(InputError, match="needs the serial numbers of its units: --uut PLACE=SERIAL"):
         prepare(replace(wish("imu_24_position", bench=path), attended=True))
     assert prepare(replace(wish("imu_24_position", "b=IMU-7", bench=path), attended=True)).serials == {"b": "IMU-7"}
 

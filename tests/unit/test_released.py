@@ -45,15 +45,15 @@ def test_the_shipped_one_is_that_of_the_simulated_unit():
 def test_without_one_a_check_passes_and_a_run_is_refused():
     assert load_checked(request()).warnings == ()
     (problem,) = problems(request())
-    assert (
-        "unit SIM-A in place 'a' is checked by its released calibration; give it with --calibration a=FILE" in problem
-    )
+    advice = "give it with --calibration a=FILE"
+    assert f"unit SIM-A in place 'a' is checked against its released calibration; {advice}" in problem
 
 
 def test_that_of_another_unit_is_refused(given):
     (problem,) = problems(request(given(uut="IMU-7")))
     assert problem.endswith(
-        "cal.json: is the calibration of unit IMU-7, in place 'a' is unit SIM-A. Give the file of this unit, or its "
+        "cal.json: is the calibration of unit IMU-7, but the unit in place 'a' is SIM-A. Give the file of this unit, "
+        "or its "
         "serial number with --uut a=SERIAL"
     )
     assert prepare(request(given(uut="IMU-7"), units=("a=IMU-7",))).serials == {"a": "IMU-7"}
@@ -66,15 +66,15 @@ def test_temperatures_that_it_is_not_known_at_are_refused_where_they_stand(tempe
     assert place.rsplit(":", 2)[0].endswith("imu_start_up.yaml")
     assert told == (
         f"at {temperature} the unit in place 'a' goes from {temperature} to about {warm}, its calibration "
-        "imu_calibration.json is known from -14.96 °C to 54.92 °C. Choose temperatures between these, or calibrate the "
-        "unit beyond them"
+        "imu_calibration.json is valid from -14.96 °C to 54.92 °C. Choose temperatures in this range, or calibrate "
+        "the unit over a wider one"
     )
 
 
 def test_temperatures_at_which_it_was_calibrated_are_told():
     (warning,) = load_checked(request(str(SHIPPED), settings=("temperatures=[10 °C]",))).warnings
     assert (warning.rule, warning.severity) == ("at-a-knot", "warning")
-    assert "at 10 °C the unit in place 'a' becomes as warm as it was calibrated at" in warning.text
+    assert "at 10 °C the unit in place 'a' reaches a temperature at which it was calibrated" in warning.text
 
 
 def test_one_of_a_unit_that_did_not_pass_is_told(given):
@@ -102,4 +102,4 @@ def test_a_channel_that_it_lacks_is_told(given):
 
 def test_a_sequence_that_needs_none_takes_none():
     (problem,) = problems(request(str(SHIPPED), sequence="imu_24_position"))
-    assert problem == "--calibration: no method of imu_24_position.yaml checks a unit by its calibration"
+    assert problem == "--calibration: no method of imu_24_position.yaml uses a calibration"

@@ -81,14 +81,14 @@ def test_the_same_is_told_of_a_bench_file(tmp_path):
 def test_on_real_connections_nothing_is_broken(tmp_path):
     wires = str(ROOT / "config/simulated_wires.yaml")
     told = problems(tmp_path, "{at: 5 s, device: head, fault: stuck}", bench=wires, attended=True, units=("Q",))
-    assert "this bench has real connections; faults are played on simulators only" in told[0]
+    assert "this bench has real connections; faults can be injected only into simulators" in told[0]
 
 
 def test_instruments_that_are_only_served_have_no_steps(tmp_path):
     path = tmp_path / "s.yaml"
     path.write_text(HEAD + "  - {after: steps/move, device: head, fault: stuck}\n", "utf-8")
     served = load_bench_named(str(ROOT / "config/simulated_wires.yaml"))
-    with pytest.raises(InputError, match="4:6: after: no sequence is run here; say with at when it happens"):
+    with pytest.raises(InputError, match="4:6: after: no sequence runs here; give a time with at instead"):
         with_scenario(served, path, None)
     path.write_text(HEAD + "  - {at: 5 s, device: head, fault: stuck, for: 1 min}\n", "utf-8")
     with_it, document = with_scenario(served, path, None)
