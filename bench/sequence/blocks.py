@@ -76,9 +76,9 @@ class Group(StrictModel):
     name: Name = Field(alias="group")
     setup: tuple[AnyBlock, ...] = Field((), description="done first")
     steps: Steps = Field(description="done then")
-    teardown: tuple[AnyBlock, ...] = Field((), description="done at the end, also after a failure")
+    teardown: tuple[AnyBlock, ...] = Field((), description="run at the end, also after a failure")
     on_failure: OnFailure | None = Field(
-        None, description="what the run does when one of them fails; it stops unless given"
+        None, description="what the run does when one of them fails; default: it stops"
     )
 
 

@@ -60,7 +60,13 @@ def given_to(
             found.append((here, f"there is no parameter '{name}'{did_you_mean(name, outline.parameters)}"))
             continue
         if scope.waits(raw):
-            found.append((here, f"'{name}' depends on a measurement; what is called must be known before the run"))
+            found.append(
+                (
+                    here,
+                    f"'{name}' depends on a measurement; the parameters of a called sequence must be "
+                    "known before the run",
+                )
+            )
             continue
         try:
             value = scope.value(raw)

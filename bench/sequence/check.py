@@ -44,7 +44,7 @@ def _needs(plan: Plan, bench: BenchFile) -> Iterator[Problem]:
                 yield place, f"the sequence needs a thermometer, '{role}' of the bench is in {unit}"
         elif kind == OUTPUT:
             if role in bench.devices:
-                yield place, f"'{role}' is a device of the bench; call the output of the units otherwise"
+                yield place, f"'{role}' is a device of the bench; choose another name for the output of the units"
         elif (device := bench.devices.get(bench.members(role)[0])) is None:
             yield place, f"the bench '{bench.title}' has no device '{role}'{did_you_mean(role, bench.devices)}"
         elif kind not in device.description.capabilities:
@@ -92,7 +92,7 @@ def _results(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
             yield (*place, "method"), f"there is no method {quoted(entry.method)}{hint}"
             continue
         if entry.closure is not None and not method.closes:
-            yield (*place, "closure"), f"{entry.method} does not look at what has changed over a run"
+            yield (*place, "closure"), f"{entry.method} has no stability check; remove 'closure'"
         try:
             method.settings.model_validate(entry.settings)
         except ValidationError as error:

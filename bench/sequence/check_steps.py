@@ -80,7 +80,7 @@ def _without_axes(bench: BenchFile | None) -> Found:
         yield "orient", "the bench has no axes: its fixture names none, and there is no head"
     for role in bench.axes:
         if "positioner" not in bench.devices[role].description.capabilities:
-            yield "orient", f"'{role}' turns at rates only; it cannot be sent to an angle"
+            yield "orient", f"'{role}' turns only at rates; it cannot be moved to an angle"
 
 
 def _kind_of_level(step: SetOutput, kind: str | None) -> Found:
@@ -98,9 +98,9 @@ def _custom(step: Custom, needs: Mapping[str, str]) -> Found:
         yield "custom", f"there is no plug-in with a step {quoted(step.name)}{did_you_mean(step.name, known_steps())}"
         return
     if step.value_name is not None and description.example is None:
-        yield "as", f"'{step.name}' finds no value that could have a name"
+        yield "as", f"'{step.name}' returns no value that 'as' could name"
     if description.capability and step.role is None:
-        yield "custom", f"'{step.name}' acts on a {description.capability}: say which with role"
+        yield "custom", f"'{step.name}' acts on a {description.capability}; name one with role"
     elif step.role is not None:
         yield from _role(step.role, "role", (description.capability,), needs)
     try:
@@ -147,7 +147,7 @@ def limit_problems(  # noqa: C901  one case for each kind of step
             yield from steady_problems(step.steady, units_at(step.reading, bench), bench)
         case WaitUntil():
             if measured_place(step.reading, bench) is not None:
-                yield "wait_until", f"{step.reading} is measured only when a step does so: use measure"
+                yield "wait_until", f"{step.reading} has no continuous reading; use a measure step"
             for key, bound in (("above", step.above), ("below", step.below)):
                 if bound is not None and is_known(bound):
                     yield from _in_unit(key, bound, unit_of(step.reading, bench))
@@ -171,7 +171,7 @@ def limit_problems(  # noqa: C901  one case for each kind of step
 
 def _move(step: Move, head: DeviceEntry, target_deg: float) -> Found:
     if "positioner" not in head.description.capabilities:
-        yield "move", f"'{step.role}' turns at rates only; it cannot be sent to an angle"
+        yield "move", f"'{step.role}' turns only at rates; it cannot be moved to an angle"
     key = "by" if step.by_deg is not None else "to"
     target = list(_beyond(head, step.role, key, "angle", target_deg, "°"))
     yield from target
@@ -208,7 +208,10 @@ def _oscillate(step: Oscillate, table: DeviceEntry) -> Found:
         for key, problem in _beyond(table, step.role, "amplitude", limit, value, unit):
             allowed = getattr(getattr(table.limits, limit, None), "max", math.nan)
             most_deg = step.amplitude_deg * allowed / value
-            yield key, f"at {step.highest_hz:.6g} Hz, {problem}; an amplitude of at most {most_deg:.3g}° goes there"
+            yield (
+                key,
+                f"at {step.highest_hz:.6g} Hz, {problem}; the largest possible amplitude is {most_deg:.3g}° goes there",
+            )
     inertia: float | None = getattr(table.options, "inertia", None)
     if inertia is not None:
         torque_nm = inertia * math.radians(step.amplitude_deg) * omega**2
@@ -216,7 +219,7 @@ def _oscillate(step: Oscillate, table: DeviceEntry) -> Found:
     resolution_arcsec: float | None = getattr(table.options, "encoder_resolution", None)
     if resolution_arcsec is not None and step.amplitude_deg * 3600 < COUNTS_OF_A_SINE * resolution_arcsec:
         least_deg = COUNTS_OF_A_SINE * resolution_arcsec / 3600
-        yield "amplitude", f"is less than {COUNTS_OF_A_SINE} counts of the encoder; give at least {least_deg:.3g}°"
+        yield "amplitude", f"is less than {COUNTS_OF_A_SINE} counts of the encoder; expected at least {least_deg:.3g}°"
 
 
 def _output(step: SetOutput, role: str, bench: BenchFile) -> Found:
@@ -264,7 +267,7 @@ def _too_little_compliance(step: SetOutput, key: str, place: str, needed_v: floa
 def _one(name: str, key: str, bench: BenchFile) -> Found:
     """A name that stands for several, where one is meant."""
     if len(members := bench.members(name)) > 1:
-        yield key, f"'{name}' of the bench stands for {', '.join(members)}; this step is about one of them"
+        yield key, f"'{name}' of the bench is a group of {', '.join(members)}; name one of them"
 
 
 def _measure(step: Measure, bench: BenchFile) -> Found:

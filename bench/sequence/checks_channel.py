@@ -18,7 +18,7 @@ ROUNDING = 1e-9
 
 
 def source_unplugged(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A source that is switched on while it is not in the converter, or on while somebody is asked to change that."""
+    """A source that is on while disconnected from the converter, or while a prompt asks to change that."""
     sources = {place.source for place in bench.places.values() if place.source}
     if not any(_plugs(planned) == "source" for planned in plan) and not any(_channels(plan)):
         return  # a bench may be wired for good, and such a sequence says nothing of it
@@ -31,15 +31,16 @@ def source_unplugged(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                 yield (
                     (*planned.place, "set"),
                     f"'{step.role}' is switched on while the accelerometer is connected to the converter",
-                    "Ask before, with the source off: - prompt: Disconnect the accelerometer and plug the source in. "
+                    "Prompt for it first, with the source off: - prompt: Disconnect the accelerometer and plug the "
+                    "source in. "
                     "with expect: {input: source}",
                 )
         if plugs is not None:
             for role in sorted(on):
                 yield (
                     (*planned.place, "expect"),
-                    f"'{role}' is on while somebody changes what is connected to the converter",
-                    f"Write before it: - {{set: {role}, output: off}}",
+                    f"'{role}' is on while a prompt asks to change the connection of the converter",
+                    f"Add before it: - {{set: {role}, output: off}}",
                 )
             plugged_in = plugs == "source"
 
@@ -51,19 +52,19 @@ def _plugs(planned: PlannedStep) -> str | None:
 
 
 def no_converter(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A channel over the temperature of its converter, on a bench that does not know that."""
+    """A channel over the temperature of its converter, on a bench that does not measure it."""
     for place, _, _ in _channels(plan):
         for name, unit in bench.places.items():
             if unit.converter_temperature is None:
                 yield (
                     (*place, "method"),
-                    f"the bench does not say what reads the temperature of the converter in place '{name}'",
-                    f"Write in the bench file: places.{name}.converter_temperature: READING",
+                    f"the bench file names no thermometer for the converter in place '{name}'",
+                    f"Add to the bench file: places.{name}.converter_temperature: READING",
                 )
 
 
 def no_ammeter(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A channel whose currents an ammeter is to tell that the bench does not have, or that is not read meanwhile."""
+    """A channel whose current an ammeter must measure, when the bench has none or the step does not read it."""
     for place, entry, settings in _channels(plan):
         if settings.current_from != "meter":
             continue
@@ -72,7 +73,7 @@ def no_ammeter(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                 yield (
                     (*place, "settings", "current_from"),
                     f"the bench has no ammeter in the cable of the source of place '{name}'",
-                    f"Write in the bench file: places.{name}.ammeter: DEVICE, or here current_from: source",
+                    f"Add to the bench file: places.{name}.ammeter: DEVICE, or here current_from: source",
                 )
             else:
                 yield from _unread(plan, entry.data, unit.ammeter, bench)
@@ -84,13 +85,13 @@ def _unread(plan: Plan, label: str, ammeter: str, bench: BenchFile) -> Iterator[
         if isinstance(step, Acquire) and step.label == label and ammeter not in bench.acquired_from(step.role):
             yield (
                 (*planned.place, "acquire"),
-                f"'{step.role}' alone is recorded here, and not '{ammeter}', which is to tell the current",
-                "Acquire a role that is an output, which stands for all that measure",
+                f"'{step.role}' alone is recorded here, without '{ammeter}', which must measure the current",
+                "Acquire an output role, which includes every instrument that measures it",
             )
 
 
 def unsuited_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A ramp that is counted for a channel and is too short to decide anything, or faster than the method allows."""
+    """A ramp of a channel that is too short for a decision, or faster than the method allows."""
     for _, entry, settings in _channels(plan):
         for planned, from_c in _counted_ramps(plan, entry.data):
             step = planned.step
@@ -106,8 +107,8 @@ def unsuited_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
             if span_c < settings.min_span_c * (1 - ROUNDING):
                 yield (
                     (*planned.place, "to"),
-                    f"the ramp spans {span_c:g} °C; below {settings.min_span_c:g} °C, the setting min_span, nothing is "
-                    "decided",
+                    f"the ramp spans {span_c:g} °C; below {settings.min_span_c:g} °C, the setting min_span, "
+                    "no decision is made",
                     f"Ramp over at least {settings.min_span_c:g} °C",
                 )
 

@@ -23,7 +23,7 @@ Angles = dict[str, set[float]]
 
 
 def one_end(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A calibration with the unit on one end alone, which does not tell its bias from its misalignment."""
+    """A calibration in one orientation only, which cannot separate bias and misalignment."""
     for index, entry in _calibrations(plan):
         ends = _swept(plan, bench, entry.data)
         for end in ("up", "down"):
@@ -31,14 +31,14 @@ def one_end(plan: Plan, bench: BenchFile) -> Iterator[Found]:
             if angles < LEAST_ANGLES:
                 yield (
                     ("results", index, "data"),
-                    f"'{entry.data}' has {angles} angles with the unit's +Z {end}, so that bias and misalignment are "
-                    "not told apart",
-                    f"Acquire at {LEAST_ANGLES} angles or more on both ends, after prompts that expect their mounts",
+                    f"'{entry.data}' has {angles} angles with the unit's +Z {end}, so that bias and "
+                    "misalignment cannot be separated",
+                    f"Acquire at {LEAST_ANGLES} angles or more in both orientations, each after a prompt for its mount",
                 )
 
 
 def beyond_range(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """Angles at which a unit is beyond the output that is fitted."""
+    """Angles at which the output exceeds the limit up to which it is fitted."""
     for index, entry in _calibrations(plan):
         limit_g = IndexingStaticSettings.model_validate(entry.settings).output_limit_g
         widest_deg = max((abs(each) for ends in _swept(plan, bench, entry.data).values() for each in ends), default=0.0)

@@ -19,8 +19,8 @@ def not_judged(plan: Plan) -> Iterator[Remark]:
             "warning",
             "nothing-judged",
             ("results",) if results else (),
-            "nothing in this sequence has a limit: a run of it ends NOT JUDGED, with exit code 5",
-            "Give results or measure steps limits where it is to say PASS or FAIL",
+            "no value in this sequence has a limit: its runs end NOT JUDGED, with exit code 5",
+            "Add limits to results or to measure steps to get PASS or FAIL",
         )
     reduced = {label for entry in results for label in entry.labels}
     told: set[str] = set()
@@ -32,6 +32,7 @@ def not_judged(plan: Plan) -> Iterator[Remark]:
                 "warning",
                 "label-not-reduced",
                 planned.place,
-                f"no method reduces what is acquired under the label '{step.label}': it is recorded, and in no result",
+                f"no method reduces what is acquired under the label '{step.label}': it is recorded, but used in no "
+                "result",
                 f"Add a result with data: {step.label}, or correct the label",
             )

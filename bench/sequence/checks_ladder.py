@@ -23,40 +23,40 @@ Ladders = dict[float, list[float]]
 
 
 def no_nominal(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A place whose nominal scale factor is not known: nobody knows what a step lets expect."""
+    """A place without a nominal scale factor: the expected output of a step is unknown."""
     for place, _ in _entries(plan):
         for name, entry in bench.places.items():
             if bench.nominal_per_g(name) is None:
                 yield (
                     (*place, "method"),
-                    f"a step passes by the nominal scale factor, and place '{name}' of the bench does not state it",
+                    f"a step is judged by the nominal scale factor, which place '{name}' of the bench does not state",
                     f"Give {' and '.join(f'nominal.{key}' for key in entry.makes_output_of_g)} of places.{name} in the "
                     "bench file",
                 )
 
 
 def incomplete_ladder(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A ladder without steps of both senses, or whose steps do not lie between readings at the position."""
+    """A ladder without steps in both directions, or with a step not enclosed by readings at the position."""
     for place, entry in _entries(plan):
         for position, offsets in _ladders(plan, entry.data).items():
             if not {-1, 1} <= {math.copysign(1, offset) for offset in offsets if offset}:
                 yield (
                     (*place, "data"),
-                    f"the ladder at position {position:g} has no steps of both senses: the loop variable 'offset' says "
-                    "which acquisitions are steps",
-                    "Acquire in a loop 'offset' over a step and 0°, for steps of both senses",
+                    f"the ladder at position {position:g} lacks steps in both directions; the loop "
+                    "variable 'offset' marks the steps",
+                    "Acquire in a loop 'offset' over a step and 0°, with steps in both directions",
                 )
             elif offsets[0] or offsets[-1]:
                 yield (
                     (*place, "data"),
-                    f"the ladder at position {position:g} {'begins' if offsets[0] else 'ends'} with a step, which is "
-                    "told from a drift only between two readings at the position",
+                    f"the ladder at position {position:g} {'begins' if offsets[0] else 'ends'} with a step; without "
+                    "a reading at the position before and after it, a step cannot be separated from drift",
                     "Acquire at the position before the first step and after each",
                 )
 
 
 def step_below_band(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A step so small that the head may stand still, and has settled all the same."""
+    """A step smaller than the settling band: the head may not move and still count as settled."""
     for place, entry in _entries(plan):
         steps = [abs(offset) for offsets in _ladders(plan, entry.data).values() for offset in offsets if offset]
         for role in _heads(plan):
@@ -66,13 +66,13 @@ def step_below_band(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                 yield (
                     (*place, "data"),
                     f"the smallest step is {smallest_arcsec:g} arcsec, and '{role}' has settled within "
-                    f"{settle.band:g} arcsec of its target: it need not move at all",
+                    f"{settle.band:g} arcsec of its target: it may not move at all",
                     f"Leave out the smallest steps, or lower options.settle.band of '{role}' in the bench file",
                 )
 
 
 def ladder_below_limit(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A limit above the largest step: a unit that follows none of them can be neither passed nor failed."""
+    """A limit above the largest step: a unit that follows no step could be neither passed nor failed."""
     for place, entry in _entries(plan):
         for name, written in entry.limits.items():
             limits = limits_in(written, "g")
@@ -84,7 +84,7 @@ def ladder_below_limit(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
                 yield (
                     (*place, "limits", name),
                     f"the largest step is {min(largest_g) * 1e6:.3g} µg, below the limit of {limits.high * 1e6:.3g} "
-                    "µg: a unit that follows no step is neither within the limit nor beyond it",
+                    "µg: a unit that follows no step could be neither passed nor failed",
                     "Add a larger step to the ladder",
                 )
 

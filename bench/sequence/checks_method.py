@@ -32,7 +32,7 @@ Dwells = dict[str, tuple[float | None, list[float]]]
 
 
 def soak_never_stable(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A band that the noise of a simulated thermometer at a unit leaves again and again."""
+    """A band narrower than the noise of the simulated thermometer at a unit."""
     span_c = PEAK_TO_PEAK_SD * bench.simulation.thermometer.noise
     at_units = {reading for unit in bench.places.values() for reading in (unit.temperature, unit.converter_temperature)}
     for planned in plan if bench.is_simulated else ():
@@ -49,13 +49,13 @@ def soak_never_stable(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 
 def unsuited_unit(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A method for inertial units where a place has one channel, or the other way round, or without what it needs."""
+    """A method whose kind of unit, or whose bench entries, a place does not have."""
     for index, entry in enumerate(plan.sequence.results):
         method = known_methods()[entry.method]
         wanted = method.measures
         for name, place in bench.places.items():
             if place.kind != wanted:
-                one = "" if place.voltmeter is None else "; a voltmeter reads one channel, not six at once"
+                one = "" if place.voltmeter is None else "; a voltmeter reads one channel, not six simultaneously"
                 yield (
                     ("results", index, "method"),
                     f"{entry.method} is for {UNIT_KINDS[wanted]}, place '{name}' is for {UNIT_KINDS[place.kind]}{one}",
@@ -64,14 +64,15 @@ def unsuited_unit(plan: Plan, bench: BenchFile) -> Iterator[Found]:
             elif "gyro_x" in bench.sent_units(place) and bench.site.host_clock is None:
                 yield (
                     ("results", index, "method"),
-                    f"{entry.method} holds gyros that send their rates against the table's, which the computer's clock "
-                    f"times; for place '{name}' the bench file does not say how good that is",
-                    "Write it under site, such as host_clock: {U: 4 ppm, k: 2}, as it is kept by NTP or PTP",
+                    f"{entry.method} compares gyros that send their rates with the table's rate, which is "
+                    f"timed by the computer's clock; for place '{name}' the bench file does not state the "
+                    "uncertainty of that clock",
+                    "Add it under site, such as host_clock: {U: 4 ppm, k: 2} for a clock disciplined by NTP or PTP",
                 )
 
 
 def too_few_angles(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A tumble whose angles leave some of its four constants inseparable."""
+    """A tumble whose angles cannot separate its four constants."""
     for place, entry in _tumbles(plan, TEMPERATURE_TUMBLE.name, REPEATABILITY.name):
         for dwell, (_, angles_deg) in _dwells(plan, entry.data).items():
             distinct = sorted({round(angle_deg, SAME_ANGLE_DIGITS) % 360 for angle_deg in angles_deg})
@@ -86,7 +87,7 @@ def too_few_angles(plan: Plan, bench: BenchFile) -> Iterator[Found]:
             if missing := _not_separated(distinct, [name for name in entry.limits if name in FURTHER], bench):
                 yield (
                     (*place, "limits", missing[0]),
-                    f"the {len(distinct)} angles of '{entry.data}' cannot tell {' and '.join(missing)}",
+                    f"the {len(distinct)} angles of '{entry.data}' cannot determine {' and '.join(missing)}",
                     "Acquire at eight angles or more, evenly over a turn, or remove the limit",
                 )
                 break
@@ -121,12 +122,12 @@ def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:
         solve_tumble(np.radians(_turned_deg(angles_deg, bench)), np.zeros(len(angles_deg)))
     except IncompleteTumble as problem:
         names = [CONSTANTS[name] for name in problem.names]
-        return f"{', '.join(names[:-1])} and {names[-1]} cannot be told apart"
+        return f"{', '.join(names[:-1])} and {names[-1]} cannot be separated"
     raise AssertionError("fewer readings than constants determined them")
 
 
 def too_few_temperatures(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """Fewer temperatures than a model needs: its degree drops. One alone is no mistake unless a limit wants more."""
+    """Fewer temperatures than a model needs: its degree drops. One alone is reported only if a limit needs more."""
     for place, entry in _tumbles(plan, TEMPERATURE_TUMBLE.name):
         degree = TemperatureTumbleSettings.model_validate(entry.settings).degree
         temperatures = {round(set_c, 6) for set_c, _ in _dwells(plan, entry.data).values() if set_c is not None}
@@ -150,7 +151,7 @@ def too_few_repetitions(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
             yield (
                 (*place, "data"),
                 f"the scatter of '{entry.data}' needs at least {LEAST_REPETITIONS} tumbles, the plan has {count}",
-                "Repeat the tumble, in a loop that is the block around the loop over the positions",
+                "Repeat the tumble, in a loop directly around the loop over the positions",
             )
 
 

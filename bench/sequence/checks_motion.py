@@ -20,7 +20,7 @@ G = parse("1 g")
 
 
 def forbidden_angle(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A move that ends in, or goes through, angles at which the fixture would touch something."""
+    """A move that ends in, or passes through, angles at which the fixture would collide."""
     for planned, pose in poses_before(plan, bench) if bench.fixture.forbidden else ():
         step = planned.step
         if isinstance(step, Move):
@@ -36,7 +36,7 @@ def forbidden_angle(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                     (*planned.place, _target_key(step)),
                     f"the move from {from_deg:g}° to {target_deg:g}° meets {allowed.min:g}° to {allowed.max:g}°, which "
                     "the fixture forbids",
-                    "Go there the other way round with 'way', or choose another angle",
+                    "Move in the other direction with 'way', or choose another angle",
                 )
 
 
@@ -64,7 +64,7 @@ def _meet(from_deg: float, to_deg: float, low_deg: float, high_deg: float) -> bo
 
 
 def unreachable_attitude(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """Attitudes that the axes of the table do not reach as the units are mounted then; all of one step together."""
+    """Attitudes that the table cannot reach in the current mount of the units; one message per step."""
     why: dict[Place, dict[str, str]] = {}
     for planned, pose in poses_before(plan, bench):
         if isinstance(planned.step, Orient) and planned.waiting is None:
@@ -79,12 +79,12 @@ def unreachable_attitude(plan: Plan, bench: BenchFile) -> Iterator[Found]:
         yield (
             (*place, "orient"),
             f"{', '.join(same)} {next(iter(problems.values()))}",
-            "Leave them out, or have the units mounted in another way first, by a prompt with expect: {mount: …}",
+            "Leave them out, or add a prompt that changes the mount first: expect: {mount: …}",
         )
 
 
 def short_acquisition(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A counting time in which one count is more than the resolution asked for (methods.md 1.7: T = 1/(S q))."""
+    """A counting time below T = 1/(S q), with scale factor S and the resolution q asked for."""
     for planned in plan:
         step = planned.step
         if not isinstance(step, Acquire) or step.resolution is None or step.duration_s is None:
@@ -99,7 +99,8 @@ def short_acquisition(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                 yield (
                     (*planned.place, "for"),
                     f"in {step.duration_s:g} s one count of the unit in place '{name}' is "
-                    f"{resolution_g * needed_s / step.duration_s * 1e6:.3g} µg, asked for are {resolution_g * 1e6:.3g} "
+                    f"{resolution_g * needed_s / step.duration_s * 1e6:.3g} µg, the resolution asked for is "
+                    f"{resolution_g * 1e6:.3g} "
                     "µg",
                     f"Count for at least {math.ceil(needed_s)} s",
                 )

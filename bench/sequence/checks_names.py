@@ -17,27 +17,27 @@ _NAME = re.compile(r"[a-z]\w*", re.ASCII)
 
 
 def unused_parameter(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A parameter that no expression mentions: choosing it changes nothing."""
+    """A parameter that no expression uses."""
     phases = [plan.document.value.get(phase) for phase in PHASES]
     used = {name for expression in _expressions(phases) for name in _NAME.findall(expression)}
     for name in plan.sequence.parameters:
         if name not in used:
             yield (
                 ("parameters", name),
-                f"no step uses the parameter '{name}', so that choosing it changes nothing",
+                f"no step uses the parameter '{name}'",
                 f"Remove it, or write ${{{name}}} where it belongs",
             )
 
 
 def unused_need(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A role that the bench must have for nothing; results take the unit's temperature without a step that says so."""
+    """A role that no step uses; a thermometer for results counts as used."""
     used = {name for planned in plan for name in _mentioned(planned.step)}
     used |= {name.partition(".")[0] for entry in plan.sequence.interlocks.values() for name in entry.names}
     for role, kind in plan.sequence.needs.items():
         if role not in used and not (kind == THERMOMETER and plan.sequence.results):
             yield (
                 ("needs", role),
-                f"no step uses '{role}', so that benches without a {kind} are refused for nothing",
+                f"no step uses '{role}', so that benches without a {kind} are refused needlessly",
                 "Remove it from the needs",
             )
 

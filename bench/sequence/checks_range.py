@@ -19,7 +19,7 @@ SAME = 1e-9  # of a range: what is exactly at its end is within
 
 
 def beyond_unit_range(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """Moves, with their approaches, rates and swings that take a unit beyond the range of its place."""
+    """Moves (with their approaches), rates and swings that drive a unit beyond the range of its place."""
     ranges = {name: place for name, place in bench.places.items() if place.range is not None}
     for planned, pose in poses_before(plan, bench) if ranges else ():
         for name, place in ranges.items():
@@ -38,14 +38,14 @@ def beyond_unit_range(plan: Plan, bench: BenchFile) -> Iterator[Found]:
             if most > largest * (1 + SAME):
                 yield (
                     (*planned.place, key),
-                    f"it takes the unit in place '{name}' to {most:.4g} {unit}, and its range is ±{largest:g} {unit}",
+                    f"it drives the unit in place '{name}' to {most:.4g} {unit}, and its range is ±{largest:g} {unit}",
                     _advice(key),
                 )
 
 
 def _advice(key: str) -> str:
     if key == "approach":
-        return "Come from the angle before (approach: direct), or with a shorter approach_distance of the axis"
+        return "Use approach: direct, or a shorter approach_distance of the axis"
     return "Stay within the range, or correct places.*.range of the bench file"
 
 

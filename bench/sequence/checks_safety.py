@@ -15,7 +15,7 @@ DRY_FROM_C = 15.0  # the dew point of a laboratory is below it
 
 
 def left_energised(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """An output that is switched on, and not off again in the teardown, which runs even when a step fails."""
+    """An output that is switched on and that the teardown, which runs even when a step fails, does not switch off."""
     on: dict[str, PlannedStep] = {}
     for planned in plan:
         step = planned.step
@@ -26,19 +26,19 @@ def left_energised(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     for role, planned in on.items():
         yield (
             (*planned.place, "set"),
-            f"'{role}' is switched on here, and the teardown does not switch it off",
-            f"Write in the teardown: - {{set: {role}, output: off}}",
+            f"'{role}' is switched on here, but not switched off in the teardown",
+            f"Add to the teardown: - {{set: {role}, output: off}}",
         )
 
 
 def no_teardown(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A bench that something moves or heats, and nothing takes back."""
+    """A bench that is moved or heated, and not returned by the teardown."""
     for planned in plan if not plan.teardown else ():
         if isinstance(planned.step, (Move, Orient, Rotate, Oscillate, Ramp)):
             yield (
                 planned.place,
-                f"there is no teardown that takes {_named(planned.step)} back when the steps end, or one of them fails",
-                "Write a teardown that takes the head to 0° and the chamber to room temperature",
+                f"there is no teardown that takes {_named(planned.step)} back after the steps end or fail",
+                "Add a teardown that returns the head to 0° and the chamber to room temperature",
             )
             return
 
@@ -48,19 +48,19 @@ def _named(step: Move | Orient | Rotate | Oscillate | Ramp) -> str:
 
 
 def left_cold(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A unit that is colder than the room when the door opens."""
+    """A unit left colder than the room, so that water condenses on it."""
     last = next((planned for planned in reversed(tuple(plan)) if isinstance(planned.step, Ramp)), None)
     if last is not None and isinstance(last.step, Ramp) and last.step.temperature_c < DRY_FROM_C:
         yield (
             (*last.place, "to"),
-            f"the last ramp goes to {last.step.temperature_c:g} °C; a unit colder than the room collects water when "
-            "the door opens",
+            f"the last ramp goes to {last.step.temperature_c:g} °C; on a unit colder than the room water "
+            "condenses when the door opens",
             f"End the teardown with a ramp to {DRY_FROM_C:g} °C or above",
         )
 
 
 def limit_below_window(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A supply that limits the current before the windows of the units on it can tell that they draw too much."""
+    """A supply whose current limit is below the supply windows of its units, so that they never trip."""
     for planned in plan:
         step = planned.step
         if not isinstance(step, SetOutput) or step.current_limit_a is None:
@@ -72,7 +72,11 @@ def limit_below_window(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                 continue
             alone = len(fed) == 1
             units = f"the unit in place '{fed[0]}'" if alone else f"the units on it, in {_listed(fed)}, together"
-            unseen = "its window never tells that it draws" if alone else "their windows never tell that they draw"
+            unseen = (
+                "its supply window never detects that it draws"
+                if alone
+                else "their supply windows never detect that they draw"
+            )
             yield (
                 (*planned.place, "current_limit"),
                 f"the supply stops at {step.current_limit_a:g} A, {units} may draw {most_a:g} A, so that {unseen} "

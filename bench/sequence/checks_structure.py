@@ -18,7 +18,7 @@ from bench.sequence.waits import WaitUntil
 
 
 def shared_device(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A device that two branches want at the same time."""
+    """A device that two parallel branches use."""
     for branches in _parallel((*plan.setup, *plan.steps, *plan.teardown)):
         owners: dict[str, str] = {}
         for name, nodes in branches.branches.items():
@@ -27,7 +27,7 @@ def shared_device(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                     yield (
                         planned.place,
                         f"'{role}' is used here in branch '{name}', and in branch '{owners[role]}' at the same time",
-                        "Put both into one branch, or do them one after the other",
+                        "Put both into one branch, or run them one after the other",
                     )
 
 
@@ -64,7 +64,7 @@ def _used(nodes: Nodes, bench: BenchFile) -> dict[str, PlannedStep]:
 
 
 def unreachable(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """Steps behind a condition that never changes."""
+    """Steps behind a condition that is never true."""
     for place, block in _ifs(plan.document, ()):
         condition = _constant(block["if"])
         if condition is None:
@@ -73,7 +73,7 @@ def unreachable(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
         if block.get(never):
             yield (
                 (*place, never),
-                f"the condition is always {str(condition).lower()}, so that these steps are never done",
+                f"the condition is always {str(condition).lower()}, so that these steps never run",
                 "Write a condition over a parameter or a measurement, or remove these steps",
             )
 

@@ -25,7 +25,7 @@ Inside = tuple[PlannedStep, Oscillate | Rotate | None]  # an acquisition, and wh
 
 
 def no_encoder(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A test on a table of which the bench does not know where the table stands when the output is measured."""
+    """A test on a table whose angle is not latched together with the output."""
     for index, entry in _on_a_table(plan):
         found = (
             misfit
@@ -46,19 +46,20 @@ def _without_encoder(bench: BenchFile, devices: Sequence[str], motion: Oscillate
         if place.is_counted:
             if not any(isinstance(each, CounterOptions) for each in latching):
                 yield (
-                    f"it needs the encoder of '{motion.role}' on the clock of the pulses, and the counter latches none",
+                    f"it needs the encoder of '{motion.role}' latched with the pulses, and the counter latches no "
+                    "encoder",
                     "Add the encoder to options.positions of the counter in the bench file, or run it on another bench",
                 )
         elif swings and place.voltmeter is not None:
             yield (
-                f"a swing needs the encoder of '{motion.role}' on the clock of the output; in place '{name}' the "
-                f"voltmeter '{place.voltmeter}' has no clock in common with it, and reads longer than a swing lasts",
-                "Run it on a bench where a counter counts the unit, or telemetry carries its output, with the encoder",
+                f"a swing needs the encoder of '{motion.role}' latched with the output; in place "
+                f"'{name}' the voltmeter '{place.voltmeter}' shares no clock with it, and integrates for longer than "
+                "a swing",
+                "Use a bench where a counter or telemetry records the unit together with the encoder",
             )
         elif swings and not any(_sampled(each, place.telemetry, motion.role) for each in latching):
             yield (
-                f"a swing needs the encoder of '{motion.role}' latched with the samples of channel "
-                f"'{place.telemetry}', on one clock",
+                f"a swing needs the encoder of '{motion.role}' latched with the samples of channel '{place.telemetry}'",
                 "Add the encoder to options.positions of the telemetry in the bench file, with that channel, or run it "
                 "on another bench",
             )
@@ -75,7 +76,7 @@ def _sampled(options: object, channel: str | None, device: str) -> bool:
 
 
 def no_scale(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A test on a table that is not told what makes a rate or an acceleration of the output of a unit."""
+    """A test on a table without a scale factor that converts the output of a unit to a rate or an acceleration."""
     for index, entry in _on_a_table(plan):
         settings = known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()
         for name, place in bench.places.items():
@@ -86,12 +87,13 @@ def no_scale(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                 yield (
                     ("results", index, "settings"),
                     f"no scale factor is stated for the output of the unit in place '{name}', which is in {output}",
-                    f"Add it, in {output}/({per}), to the setting scale: a list has one for each kind of output",
+                    f"Add it to the setting scale, in {output}/({per}); a list has one scale factor for each kind of "
+                    "output",
                 )
 
 
 def incomplete_table_test(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A range without a reading at rest, a response without a swing, or an accelerometer's without the slow one."""
+    """A range without a reading at rest, a response without a swing, or an accelerometer's without the slow swing."""
     for index, entry in _on_a_table(plan):
         motions = [motion for _, motion in _acquired(plan, entry.data)]
         swings_hz = [motion.highest_hz for motion in motions if isinstance(motion, Oscillate)]
@@ -99,27 +101,27 @@ def incomplete_table_test(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
         if entry.method in RANGE_METHODS and None not in motions:
             yield (
                 place,
-                f"nothing under '{entry.data}' is acquired at rest: the bias is unknown",
-                ("Acquire under that label while the table stands, before or after the rates"),
+                f"no acquisition of '{entry.data}' is at rest, so that the bias is unknown",
+                ("Acquire with that label while the table stands still, before or after the rates"),
             )
         elif entry.method in RESPONSE_METHODS and not swings_hz:
             yield (
                 place,
-                f"nothing under '{entry.data}' is acquired while the table swings",
-                ("Acquire in the 'during' of an oscillate"),
+                f"no acquisition of '{entry.data}' is during a swing",
+                ("Acquire in 'during' of an oscillate step"),
             )
         elif entry.method == "accelerometer_response":
             lever_hz = known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()["lever_hz"]
             if not any(math.isclose(hz, lever_hz, rel_tol=1e-6) for hz in swings_hz):
                 yield (
                     place,
-                    f"no swing is at {lever_hz:g} Hz, at which the arms are found",
+                    f"no swing is at {lever_hz:g} Hz, from which the lever arms are determined",
                     ("Add that swing, or set lever_frequency to the slowest one"),
                 )
 
 
 def too_few_pulses(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A swing on which an accelerometer pulses hardly to and fro, or sends few codes, with what that costs."""
+    """A swing of only a few pulses or codes, with the uncertainty that this causes."""
     for _, entry in _on_a_table(plan):
         if entry.method != "accelerometer_response":
             continue
@@ -146,7 +148,7 @@ def _small_swings(bench: BenchFile, motion: Oscillate, for_s: float) -> Iterator
         per_rps = abs(place.arm.y * per_g) / bench.site.gravity.value * (1 if place.is_counted else turn_hz)
         size = math.radians(rate_dps) * per_rps
         if size < LEAST_STEPS:
-            does = f"pulse {size:.3g} times to and fro" if place.is_counted else f"send a sine of {size:.3g} codes"
+            does = f"give only {size:.3g} pulses per swing" if place.is_counted else f"send a sine of {size:.3g} codes"
             pulses = max(4 * size * motion.highest_hz * for_s, 1.0)
             cost = COUNT_SD * math.sqrt(2 / pulses) / size if place.is_counted else CODE_PART * size**-1.5
             yield (
@@ -159,7 +161,7 @@ def _small_swings(bench: BenchFile, motion: Oscillate, for_s: float) -> Iterator
 
 
 def commensurate_swing(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A swing of which the samples see a few phases only, again and again: the encoder's steps do not average out."""
+    """A swing sampled at only a few phases: the quantisation of the encoder does not average out."""
     for planned, motion in _acquired(plan, None):
         step = planned.step
         if not isinstance(step, Acquire) or not isinstance(motion, Oscillate) or step.duration_s is None:
@@ -171,9 +173,9 @@ def commensurate_swing(plan: Plan, bench: BenchFile) -> Iterator[Found]:
             if drift * near.denominator < 1:
                 yield (
                     (*_place_of(plan, motion), "frequency"),
-                    f"{motion.highest_hz:.6g} Hz and a sample every {period_s * 1e3:g} ms meet at "
-                    f"{near.denominator} phases of the swing only, where the encoder has the same errors every time",
-                    "Swing 0.1 to 0.3 Hz beside it",
+                    f"{motion.highest_hz:.6g} Hz and a sample every {period_s * 1e3:g} ms meet "
+                    f"at only {near.denominator} phases of the swing, at which the encoder has always the same errors",
+                    "Change the frequency by 0.1 to 0.3 Hz",
                 )
 
 

@@ -167,10 +167,10 @@ class Expansion:
         """What holds for the whole run though a called sequence says it."""
         for role, kind in called.needs.items():
             if self.needs.setdefault(role, kind) != kind:
-                raise Wrong("call", f"it needs '{role}' as a {kind}, another sequence as a {self.needs[role]}")
+                raise Wrong("call", f"it needs '{role}' as a {kind}, another called sequence as a {self.needs[role]}")
         for name, interlock in called.interlocks.items():
             if self.interlocks.setdefault(name, interlock) != interlock:
-                raise Wrong("call", f"its interlock '{name}' is another than that of the sequence that calls it")
+                raise Wrong("call", f"its interlock '{name}' differs from that of the calling sequence")
 
     def returned(self) -> None:
         """The called sequence is at its end."""

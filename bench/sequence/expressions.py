@@ -61,9 +61,9 @@ def evaluate(expression: str, names: Mapping[str, Value]) -> Value:
     except (ValueProblem, QuantityError) as problem:
         reason = str(problem)
     except TypeError:
-        reason = "a function has too many or too few values"
+        reason = "a function has too many or too few arguments"
     except (ValueError, ArithmeticError, MemoryError, RecursionError):
-        reason = "is too deep or too large to be worked out"
+        reason = "is too deep or too large to be evaluated"
     raise ValueProblem(f"{quoted(f'${{{expression}}}')}: {reason}")
 
 

@@ -64,7 +64,7 @@ class Acquire(StepBase):
             ends = ("for", "turns", "during", "until_stable")
             end = choice_of({key: raw.get(key) for key in ends}, "an acquisition")
             if (end == "until_stable") != (raw.get("give_up_after") is not None):
-                raise telling("until_stable and give_up_after go together: when it is no longer waited for")
+                raise telling("until_stable and give_up_after go together")
             if (end == "turns") != (raw.get("of") is not None):
                 raise telling("turns and of go together: the table whose turns are counted")
         return raw
@@ -95,7 +95,7 @@ class Measure(StepBase):
     @model_validator(mode="after")
     def _for_something(self) -> Self:
         if self.name is None and self.limits is None:
-            raise telling("needs 'as' or 'limits': say what the value is for")
+            raise telling("needs 'as' or 'limits', otherwise the value is not used")
         return self
 
 

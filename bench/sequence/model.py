@@ -54,7 +54,7 @@ class Parameter(StrictModel):
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         if self.default == ():
-            raise telling("the default is an empty list, which tells no unit")
+            raise telling("the default is an empty list, from which no unit follows")
         one = self._example
         for name, limit in (("min", self.min), ("max", self.max)):
             if limit is not None and not (isinstance(one, Quantity) and one.dimension == limit.dimension):

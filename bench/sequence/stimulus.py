@@ -59,7 +59,7 @@ class Move(StepBase):
     @model_validator(mode="after")
     def _one_target(self) -> Self:
         if choice_of({"to": self.to_deg, "by": self.by_deg}, "a move") == "by" and self.way != "as_written":
-            raise telling("a way is for 'to'; the sign of 'by' says which way")
+            raise telling("'way' is for 'to'; the sign of 'by' gives the direction")
         return self
 
     def target_deg(self, from_deg: float) -> float:
@@ -153,7 +153,7 @@ class Oscillate(StepBase):
             choice_of({key: raw.get(key) for key in ("frequency", "sweep")}, "an oscillation")
             end = choice_of({key: raw.get(key) for key in ("for", "during")}, "an oscillation")
             if raw.get("sweep") is not None and end == "during":
-                raise telling("a sweep lasts as long as it says with 'for'")
+                raise telling("a sweep needs its duration: give 'for'")
         return raw
 
 

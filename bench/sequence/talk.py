@@ -50,7 +50,7 @@ class TypedInput(StrictModel):
             if bound is None:
                 continue
             if self.unit is None:
-                raise telling(f"{name} needs a unit: what is typed without one is a text")
+                raise telling(f"{name} needs a unit: without one the answer is a text")
             try:
                 bound.to(self.unit)
             except QuantityError as problem:

@@ -118,7 +118,7 @@ def _values(variable: str, raw: Any, key: str, scope: Scope) -> tuple[Value, ...
     if variable in scope.names or variable in scope.measured:
         raise Wrong("for_each", f"the name '{variable}' is taken; choose another for this loop")
     if scope.waits(raw):
-        raise Wrong(key, "depends on a measurement; what a loop goes through must be known before the run")
+        raise Wrong(key, "depends on a measurement; the values of a loop must be known before the run")
     with wrong_at(key):
         values = scope.value(raw)
     if not isinstance(values, tuple) or not values:

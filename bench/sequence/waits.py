@@ -66,9 +66,9 @@ class WaitUntil(StepBase):
     reading: ReadingName = Field(alias="wait_until")
     above: AnyQuantity | None = Field(None, description="in the unit of the reading")
     below: AnyQuantity | None = Field(None, description="in the unit of the reading")
-    hold_s: Seconds = Field(0.0, alias="hold", description="how long it must have been so")
+    hold_s: Seconds = Field(0.0, alias="hold", description="how long the condition must hold")
     steady: Steady | None = None
-    give_up_after_s: PositiveSeconds = Field(alias="give_up_after", description="so late it is an error")
+    give_up_after_s: PositiveSeconds = Field(alias="give_up_after", description="after this time it is an error")
 
     @property
     def least_s(self) -> float:
@@ -121,5 +121,5 @@ class Soak(StepBase):
     @model_validator(mode="after")
     def _bounded(self) -> Soak:
         if self.until_stable is not None and self.give_up_after_s is None:
-            raise telling("'until_stable' needs 'give_up_after': say when to stop waiting")
+            raise telling("'until_stable' needs 'give_up_after', a limit of the waiting time")
         return self

@@ -116,12 +116,12 @@ def test_the_problems_of_the_bench_file_and_of_the_sequence_are_told_together(be
 JUDGED = "{measure: chamber.process_value, limits: {min: -60 °C}}"
 COLD = steps("{ramp: chamber, to: -40 °C, at: 1 °C/min}", JUDGED) + "needs: {chamber: thermal_chamber}\n" + HEAD
 LEFT_COLD = (
-    "the last ramp goes to -40 °C; a unit colder than the room collects water when the door opens. "
+    "the last ramp goes to -40 °C; on a unit colder than the room water condenses when the door opens. "
     "End the teardown with a ramp to 15 °C or above"
 )
 NO_TEARDOWN = (
-    "there is no teardown that takes 'chamber' back when the steps end, or one of them fails. "
-    "Write a teardown that takes the head to 0° and the chamber to room temperature"
+    "there is no teardown that takes 'chamber' back after the steps end or fail. "
+    "Add a teardown that returns the head to 0° and the chamber to room temperature"
 )
 WARNED = [
     f"s.yaml:2:5: warning: {NO_TEARDOWN} [no-teardown]",

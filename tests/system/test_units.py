@@ -219,7 +219,7 @@ def test_an_empty_place_is_neither_fed_nor_waited_for(tmp_path):
 def test_one_of_several_is_meant_alone_where_it_is_the_only_one_in_the_run(tmp_path):
     path, measure = tmp_path / "s.yaml", "{measure: unit_temperature, for: 5 s, as: t}"
     path.write_text(steps(measure) + NEEDS, "utf-8")
-    with pytest.raises(InputError, match="this step is about one of them"):
+    with pytest.raises(InputError, match="name one of them"):
         run_three(tmp_path, sequence=str(path))
     fault = "{unit: a, kind: open_thermometer, at: 0 s}"
     result = run_three(tmp_path, fault, sequence=str(path), units=("b=QF-2",))

@@ -97,5 +97,5 @@ def test_the_output_of_one_unit_is_measured_in_g_for_a_time(tmp_path):
         "3:6: the bench has no unit in place 'b'; expected a",
         "4:6: measure: the output of a unit is measured over a time: give 'for' (step steps/measure#3)",
         "5:42: limits: min: is in V, expected a quantity in g (step steps/measure#4)",
-        "6:6: wait_until: output.a is measured only when a step does so: use measure (step steps/wait_until)",
+        "6:6: wait_until: output.a has no continuous reading; use a measure step (step steps/wait_until)",
     ]

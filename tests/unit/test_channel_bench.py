@@ -154,7 +154,7 @@ def test_an_ammeter_is_in_one_cable(tmp_path):
 def test_an_ammeter_that_is_to_be_believed_is_recorded(tmp_path):
     bench = load_bench(put_into_cable(edited(tmp_path))).bench
     with pytest.raises(
-        InputError, match="'counter' alone is recorded here, and not 'dmm', which is to tell the current"
+        InputError, match="'counter' alone is recorded here, without 'dmm', which must measure the current"
     ):
         load_judged_plan(ROOT / "tests/broken/rule_no_ammeter.yaml", bench)
 

@@ -24,10 +24,10 @@ def nominal(**keys):
     [
         # 2 pi 2 Hz 90 deg = 1131 deg/s; the most is 90 x 1000 / 1131 = 79.6 deg
         ("amplitude: 90°, frequency: 2 Hz", "at 2 Hz, 1130.97335529 °/s is above the 1000 °/s that the bench file "
-         "allows 'table'; an amplitude of at most 79.6° goes there"),
+         "allows 'table'; the largest possible amplitude is 79.6° goes there"),
         # (2 pi 20 Hz)^2 0.25 deg = 3948 deg/s^2 = 68.90 rad/s^2, which 0.3 kg m^2 turn into 20.67 N m
         ("amplitude: 0.25°, frequency: 20 Hz", "20.6708511202 N·m is above the 20 N·m"),
-        ("amplitude: 0.001°, frequency: 5 Hz", "is less than 20 counts of the encoder; give at least 0.002°"),
+        ("amplitude: 0.001°, frequency: 5 Hz", "is less than 20 counts of the encoder; expected at least 0.002°"),
         ("amplitude: 0.1°, frequency: 30 Hz", "30 Hz is above the 25 Hz that the bench file allows 'table'"),
         ("amplitude: 90°, sweep: {from: 0.5 Hz, to: 2 Hz}", "at 2 Hz, 1130.97335529 °/s is above the 1000 °/s"),
     ],

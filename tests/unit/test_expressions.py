@@ -13,7 +13,7 @@ from bench.sequence.values import in_words
 from drivers.quantities import Quantity, parse
 from drivers.units import quoted
 
-TOO_LARGE = "is too deep or too large to be worked out"
+TOO_LARGE = "is too deep or too large to be evaluated"
 NAMES = {
     "temperature": parse("20 °C"), "t": parse("2 s"), "n": parse("3"), "zero": parse("0"), "big": parse("1e308"),
     "flag": True, "mode": "fast", "angles": (parse("0°"), parse("90°")),
@@ -159,8 +159,8 @@ def test_an_unknown_name_is_told_with_what_is_meant(expression, reason):
         ("sin(1)", "is a bare number, expected a quantity in °"),
         ("sqrt(-1)", "the square root of a negative quantity"),
         ("len(n)", "len needs a list"),
-        ("abs(1, 2)", "a function has too many or too few values"),
-        ("min()", "a function has too many or too few values"),
+        ("abs(1, 2)", "a function has too many or too few arguments"),
+        ("min()", "a function has too many or too few arguments"),
         ("None", "is empty, expected a value"),
         ("1j", "is '1j', expected a value"),
     ],

@@ -77,13 +77,13 @@ def test_a_voltmeter_reads_no_inertial_unit(tmp_path):
     with pytest.raises(InputError, match="'dvm' is a voltmeter, which reads one channel; those of an"):
         load_bench(edited(tmp_path, (old, new), bench="volts"))
     (told,) = remarks_of(tmp_path, load_bench(ROOT / "config/volts.yaml").bench, "K1: {min: 1 V/g}")
-    assert "place 'a' is for units with one channel; a voltmeter reads one channel, not six at once" in told
+    assert "place 'a' is for units with one channel; a voltmeter reads one channel, not six simultaneously" in told
 
 
 def test_rates_that_are_sent_need_a_clock_of_which_something_is_known(tmp_path):
     site = BENCH.site.model_copy(update={"host_clock": None})
     (told,) = remarks_of(tmp_path, BENCH.model_copy(update={"site": site}))
-    assert "for place 'a' the bench file does not say how good that is. Write it under site" in told
+    assert "for place 'a' the bench file does not state the uncertainty of that clock. Write it under site" in told
 
 
 def test_limits_are_in_the_unit_that_is_sent(tmp_path):

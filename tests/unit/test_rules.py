@@ -81,7 +81,7 @@ def test_units_on_one_supply_are_held_against_it_together(tmp_path):
     (warning,) = load_judged_plan(tmp_path / "s.yaml", bench)[1]
     assert warning.text == (
         "the supply stops at 0.12 A, the units on it, in places 'a' and 'b', together may draw 0.22 A, so that their "
-        "windows never tell that they draw too much. Give a current_limit of at least 0.22 A, or lower "
+        "supply windows never detect that they draw too much. Give a current_limit of at least 0.22 A, or lower "
         "places.a.supply_current.max of the bench file [limit-below-window]"
     )
 
@@ -115,7 +115,7 @@ def test_each_dwell_is_looked_at_for_its_angles(tmp_path):
     ramps = ["{ramp: chamber, to: 20 °C, at: 1 °C/min}", "{ramp: chamber, to: 30 °C, at: 1 °C/min}"]
     tail = "teardown: [{move: head, to: 0°}]\nresults: [{method: temperature_tumble, data: x, settings: {degree: 1}}]\n"
     assert len(plan_of(tmp_path, steps(ramps[0], *tumble, ramps[1], *tumble) + tail)) == 19
-    with pytest.raises(InputError, match="has 2 in steps/ramp#2: K0, K1, misalignment and K2 cannot be told apart"):
+    with pytest.raises(InputError, match="has 2 in steps/ramp#2: K0, K1, misalignment and K2 cannot be separated"):
         plan_of(tmp_path, steps(ramps[0], *tumble, ramps[1], *tumble[:4]) + tail)
 
 
@@ -133,10 +133,10 @@ def test_dwells_are_those_of_the_record_of_a_run(tmp_path):
 def test_whatever_angles_there_are_the_constants_that_cannot_be_told_apart_are_named():
     for count in (1, 2, 3):
         for angles_deg in combinations(range(0, 360, 30), count):
-            names = _inseparable(list(angles_deg), BENCH).removesuffix(" cannot be told apart").replace(" and ", ", ")
+            names = _inseparable(list(angles_deg), BENCH).removesuffix(" cannot be separated").replace(" and ", ", ")
             assert 2 <= len(names.split(", ")) <= 4, angles_deg
-    assert _inseparable([0, 90, 180], BENCH) == "K1 and K2 cannot be told apart"  # sin θ = sin² θ at all three
-    assert _inseparable([0, 90, 270], BENCH) == "K0, misalignment and K2 cannot be told apart"
+    assert _inseparable([0, 90, 180], BENCH) == "K1 and K2 cannot be separated"  # sin θ = sin² θ at all three
+    assert _inseparable([0, 90, 270], BENCH) == "K0, misalignment and K2 cannot be separated"
 
 
 def test_the_thermometer_of_a_result_need_not_be_soaked_on_and_others_must(tmp_path):
@@ -227,7 +227,7 @@ def test_sarif_says_what_the_standard_requires():
     assert run["tool"]["driver"] == {
         "name": "bench check",
         "rules": [
-            {"id": "left-energised", "shortDescription": {"text": "every output is off after the teardown"}},
+            {"id": "left-energised", "shortDescription": {"text": "the teardown switches every output off"}},
             {"id": "input"},
         ],
     }

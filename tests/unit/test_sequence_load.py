@@ -114,7 +114,7 @@ NOT_BOTH = "2:5: give voltage and current_limit, or current and compliance, not 
         ("{set: supply, output: off, voltage: 0 V}", "2:5: with 'output: off' there is no level to set"),
         (
             "{soak: unit_temperature, at_least: 5 s, until_stable: {band: 1 °C, slope: 1 °C/h, hold: 1 min}}",
-            "2:5: 'until_stable' needs 'give_up_after': say when to stop waiting",
+            "2:5: 'until_stable' needs 'give_up_after', a limit of the waiting time",
         ),
         ("{wait_until: unit_temperature, give_up_after: 1 h}", "2:5: needs above, or below, or both; or steady"),
         ("{wait_until: unit_temperature, above: 5 °C}", "2:5: the key 'give_up_after' is missing"),
@@ -229,7 +229,7 @@ def test_an_expression_of_no_known_name_is_found_only_when_it_is_worked_out(tmp_
         ("{help: h, default: 5 V, mn: 3 V}", "3:30: mn: unknown key; did you mean 'min'?"),
         ("5", "3:3: p: is 5, expected a mapping"),
         ("{help: h, default: }", "3:16: default: is empty, expected a value"),
-        ("{help: h, default: []}", "3:3: p: the default is an empty list, which tells no unit"),
+        ("{help: h, default: []}", "3:3: p: the default is an empty list, from which no unit follows"),
         ("{help: h, default: 5 apples}", "3:16: default: 'apples' is not a known unit"),
         ("{help: h, default: .nan}", "3:16: default: '.nan' is not a quantity"),
         ("{help: h, default: 1_000}",

@@ -271,7 +271,7 @@ def test_a_product_of_lists_is_the_same_as_loops_inside_loops(tmp_path):
         ("{a: [1], b: []}", "for_each: is empty, expected a list or a range with at least one value"),
         ("{a: 5}", "for_each: is 5, expected a list or a range with at least one value"),
         ("{a: [1], t: [2]}", "for_each: the name 't' is taken; choose another for this loop"),
-        ("{a: ['${t}']}", "for_each: depends on a measurement; what a loop goes through must be known before the run"),
+        ("{a: ['${t}']}", "for_each: depends on a measurement; the values of a loop must be known before the run"),
         ("{}", "for_each: is empty, expected a name, or names with what each goes through"),
         ("{A: [1]}", "for_each: is 'A', expected a name: at most 32 lower-case letters, digits and _, a letter first"),
     ],
@@ -464,7 +464,7 @@ def test_a_need_that_a_bench_lacks_is_told_where_it_is_declared(tmp_path):
 def test_sequences_of_one_run_agree_on_what_they_need(tmp_path):
     called(tmp_path, CALLED.replace("head: positioner", "head: rate_table"))
     assert problems_of(tmp_path, steps("{move: head, to: 0°}", "call: turn.yaml")) == [
-        "3:5: call: it needs 'head' as a rate_table, another sequence as a positioner"
+        "3:5: call: it needs 'head' as a rate_table, another called sequence as a positioner"
     ]
 
 
@@ -474,7 +474,7 @@ def test_interlocks_of_a_called_sequence_hold_for_the_whole_run(tmp_path):
     assert list(plan_of(tmp_path, steps("call: turn.yaml", "call: turn.yaml")).sequence.interlocks) == ["hot"]
     colder = hot.replace("85", "80")
     assert problems_of(tmp_path, colder + steps("call: turn.yaml")) == [
-        "3:5: call: its interlock 'hot' is another than that of the sequence that calls it"
+        "3:5: call: its interlock 'hot' differs from that of the calling sequence"
     ]
     called(tmp_path, CALLED + hot.replace("85 °C", "85 V"))
     (found,) = problems_of(tmp_path, steps("call: turn.yaml"))
@@ -502,7 +502,7 @@ def test_what_is_given_to_a_called_sequence_is_known_before_the_run(tmp_path):
     called(tmp_path)
     measured = "{prompt: How far?, input: {unit: °}, as: far}"
     assert problems_of(tmp_path, steps(measured, "{call: turn.yaml, with: {angle: '${far}'}}")) == [
-        "3:30: 'angle' depends on a measurement; what is called must be known before the run"
+        "3:30: 'angle' depends on a measurement; the parameters of a called sequence must be known before the run"
     ]
 
 
