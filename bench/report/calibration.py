@@ -165,7 +165,7 @@ class CalibrationFile(Tolerant):
     @property
     def warnings(self) -> list[str]:
         """What whoever uses it must know."""
-        found = ["the run it comes from was simulated: it describes no real unit"] if self.simulated else []
+        found = ["it comes from a simulated run and describes no real unit"] if self.simulated else []
         return found if self.verdict in ("", "PASS") else [*found, f"the unit's verdict in that run is {self.verdict}"]
 
     @property

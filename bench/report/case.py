@@ -64,14 +64,14 @@ def reduce_case(path: Path) -> dict[str, Any]:
     reduction = REDUCTIONS.get((method, sub)) or REDUCTIONS.get((method, ""))  # a method of one reduction has no sub
     if reduction is None:
         known = ", ".join(" ".join(title).rstrip() for title in REDUCTIONS)
-        raise InputError(f"{case.name}: there is no reduction of {method!r} {sub!r}; known: {known}")
+        raise InputError(f"{case.name}: there is no reduction for {method!r} {sub!r}; known: {known}")
     case.check_records(reduction.records)
     try:
         with np.errstate(all="ignore"):  # of readings that are no readings; what becomes of them is null
             result = reduction.reduce(case)
     except NotDetermined as problem:
         files = ", ".join(record.name for record in case.content.records.values())
-        raise InputError(f"{case.name}: the record does not suffice ({files}): {problem}") from None
+        raise InputError(f"{case.name}: the record is insufficient ({files}): {problem}") from None
     result = with_doubts(result, result.pop("doubts"))
     result["notes"] = [*case.notes, *result["notes"]]
     return {"method": method, "sub": sub, **_json(result)}
@@ -192,7 +192,7 @@ def _no_ramp(record: RampRecord, problem: NotDetermined) -> dict[str, Any]:
         "lag_model": None,
         "verdict": None,
         "flags": ["invalid"],
-        "notes": [f"the record does not suffice: {problem}"],
+        "notes": [f"the record is insufficient: {problem}"],
         "rejected": excluded,
         "doubts": case_doubts.ramp(legs, record.temperature_c, record.output_g, None),
     }

@@ -220,7 +220,7 @@ def _levels_notes(settings: ChannelSettings, runs: Mapping[str, ChannelRun]) -> 
     levels_g = np.array([settings.runs[name].level_g for name in runs])
     odd = out_of_proportion(levels_g, np.array([run.rate_pps for run in runs.values()]))
     return [
-        f"{name}: {run.rate_pps:.6g} pulse/s at {level_g:.6g} g is out of proportion to the other runs"
+        f"{name}: {run.rate_pps:.6g} pulse/s at {level_g:.6g} g is not proportional to the other runs"
         for (name, run), level_g, is_odd in zip(runs.items(), levels_g, odd, strict=True)
         if is_odd
     ]
@@ -231,7 +231,7 @@ def _strangers_notes(strangers: Mapping[str, int]) -> list[str]:
         return []
     names = ", ".join(name[:40] for name in list(strangers)[:NAMES_SHOWN])
     more = f" and {len(strangers) - NAMES_SHOWN} more" if len(strangers) > NAMES_SHOWN else ""
-    return [f"rows of runs that are not among settings.runs were passed over: {names}{more}"]
+    return [f"rows of runs not listed in settings.runs were ignored: {names}{more}"]
 
 
 def _no_counts_notes(table: Table, record: ChannelRecord, counter_bits: int) -> list[str]:

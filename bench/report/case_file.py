@@ -167,7 +167,7 @@ def read_case(path: Path) -> Case:
     validated(Site, found.site, f"{path.name}: site.")
     passed_over = [*unknown_keys(CaseFile, content), *(f"site.{key}" for key in unknown_keys(Site, found.site))]
     odd = [key[:40] for key in passed_over if key.removeprefix("site.") not in DESCRIPTIONS]
-    return Case(path.name, found, (f"keys that are not of a case were passed over: {', '.join(odd)}",) if odd else ())
+    return Case(path.name, found, (f"unknown keys were ignored: {', '.join(odd)}",) if odd else ())
 
 
 def read_json(path: Path, limit_bytes: int) -> Any:
@@ -176,7 +176,7 @@ def read_json(path: Path, limit_bytes: int) -> Any:
     try:
         return json.loads(text, object_pairs_hook=_each_key_once)
     except _KeyTwiceError as problem:
-        raise InputError(f"{path.name}: the key '{problem}' stands twice in one mapping; which one counts?") from None
+        raise InputError(f"{path.name}: the key '{problem}' occurs twice in one mapping; remove one") from None
     except json.JSONDecodeError as problem:
         raise InputError(f"{path.name}: line {problem.lineno}, column {problem.colno}: {problem.msg}") from None
     except (RecursionError, ValueError):

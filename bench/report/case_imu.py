@@ -132,7 +132,7 @@ def _unknown_positions(table: Table) -> list[str]:
     named = ", ".join(f"'{name}'" for name in list(strangers)[:NAMES_SHOWN])
     more = f" and {len(strangers) - NAMES_SHOWN} more" if len(strangers) > NAMES_SHOWN else ""
     rows = strangers.total()
-    return [f"{table.file}: rows of unknown positions are passed over, {rows}: {named}{more}"] if rows else []
+    return [f"{table.file}: rows of unknown positions were ignored, {rows}: {named}{more}"] if rows else []
 
 
 def _which(table: Table, column: str, known: Sequence[str]) -> NDArray[np.int_]:

@@ -67,12 +67,12 @@ def check_set_points(case: Case, positions: PositionRecord, rates: RateRecord) -
     if different > MOST_SET_POINTS:
         raise InputError(
             f"{case.name}: records: T_set_C has {different} different values, more than {MOST_SET_POINTS}; "
-            "it is what the chamber was set to, not what a thermometer said"
+            "it is the set point of the chamber, not the reading of a thermometer"
         )
     if len(visits) > MOST_SET_POINTS:
         raise InputError(
-            f"{case.name}: records: set points are visited {len(visits)} times, more than {MOST_SET_POINTS}; rows of "
-            "one visit stand together, or have its number in a column 'visit'"
+            f"{case.name}: records: set points are visited {len(visits)} times, more than {MOST_SET_POINTS}; keep "
+            "the rows of one visit together, or number the visits in a column 'visit'"
         )
 
 

@@ -33,7 +33,7 @@ def _named_runs(commands_dps: dict[str, float]) -> dict[str, float]:
         if not re.fullmatch(r"run[0-9]{1,6}", name):
             raise telling(f"'{name}' is not run1, run2, ...")
         if rate_dps == 0:
-            raise telling(f"'{name}' is 0; the table at rest is the bias")
+            raise telling(f"'{name}' is 0; the rate at rest belongs to the bias")
     return commands_dps
 
 
@@ -260,7 +260,7 @@ def _two_sample(case: Case) -> dict[str, Any]:
 def _turned_far(increment_rad: Array) -> Iterator[Doubt]:
     largest = plausibility.beyond(increment_rad, np.pi)
     if largest is not None:
-        yield Doubt("implausible_angle", f"increments go to {largest:.4g} rad, over half a turn; are they degrees?")
+        yield Doubt("implausible_angle", f"increments reach {largest:.4g} rad, over half a turn; are they degrees?")
 
 
 def _usable(increment_rad: Array) -> Array:

@@ -43,9 +43,11 @@ def channel_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
 def _decisions(unit: UnitResult, detail: ChannelDetail) -> Sheet:
     allowed, per_c = f"{detail.threshold * 100:g}", f"{detail.output_unit}/°C"
     told = (
-        tr("Slopes in {unit}, as they are, decide; they may deviate by {threshold} %.", unit=per_c, threshold=allowed)
+        tr("The decision uses slopes in {unit}; they may deviate by {threshold} %.", unit=per_c, threshold=allowed)
         if detail.basis == "raw"
-        else tr("Slopes relative to the output decide; they may deviate by {threshold} %.", threshold=allowed)
+        else tr(
+            "The decision uses slopes relative to the output; they may deviate by {threshold} %.", threshold=allowed
+        )
     )
     why = tr(
         "A drift in proportion to the level makes slopes in {unit} follow the level, and leaves those relative to the "
@@ -87,20 +89,20 @@ def _in_words(each: Compared, detail: ChannelDetail) -> Iterator[str]:
                 "one model serves both: the slope of {reference}, with its own output", reference=each.reference.name
             )
         case "keep":
-            yield tr("keeps a model of its own")
+            yield tr("needs its own model")
         case "invalid":
             yield from (tr(remark) for remark in found.remarks)
             return
     yield from (tr(remark) for remark in found.remarks)
     raw, normalised = found.raw.value <= detail.threshold, found.normalised.value <= detail.threshold
     if normalised and not raw:
-        yield tr("its slope is another one because its level is; relative to the output the drift is the same")
+        yield tr("its slope differs because its level does; relative to the output the drift is the same")
     elif raw and not normalised:
-        yield tr("its slope is the same at another level: the drift is not in proportion to the input")
+        yield tr("its slope is the same at another level: the drift is not proportional to the input")
     if each.drifted:
-        yield tr("marginal: an input drifted more than it may between the points at rest")
+        yield tr("marginal: an input drifted more than allowed between the points at rest")
     elif each.marginal:
-        yield tr("marginal: the deviation is close to what is allowed")
+        yield tr("marginal: the deviation is close to its limit")
 
 
 # Drawings
@@ -120,11 +122,11 @@ def _over_temperature(levels: list[Level], detail: ChannelDetail, name: str) -> 
     at = f"{detail.reference_c:g} °C"
     above.set(xlabel=_converter(), ylabel=f"D / D({at}) - 1 / ppm", title=tr("Output relative to that at {at}", at=at))
     above.legend(ncols=2)
-    below.set(xlabel=_converter(), ylabel=f"{tr('residual')} / ppm", title=tr("What the straight lines leave"))
+    below.set(xlabel=_converter(), ylabel=f"{tr('residual')} / ppm", title=tr("Residuals of the straight lines"))
     title = tr("Output of the channel over the temperature of its converter")
     caption = tr(
-        "Means of {count} parts of each run, and straight lines through all its read-outs. Levels whose drift is in "
-        "proportion to the input lie on one line.",
+        "Means of {count} parts of each run, and straight lines through all its read-outs. Levels whose drift is "
+        "proportional to the input lie on one line.",
         count=STRETCHES,
     )
     return Plot(title, rendered(figure, name, title), caption)
@@ -162,8 +164,8 @@ def _slopes(levels: list[Level], detail: ChannelDetail, name: str) -> Plot:
     title = tr("Slopes of the levels relative to their outputs")
     axes.set(ylabel="κ / (ppm/°C)", title=title)
     caption = tr(
-        "Bars: expanded uncertainty, 95 %, of what the levels do not share. Grey: what a level may deviate from the "
-        "one it is compared with, where relative slopes decide."
+        "Bars: expanded uncertainty, 95 %, without the part common to all levels. Grey: the allowed deviation "
+        "from the reference level, where relative slopes decide."
     )
     return Plot(title, rendered(figure, name, title), caption)
 
@@ -190,7 +192,7 @@ def _course(levels: list[Level], span_s: tuple[float, float], name: str) -> Plot
     axes.set(ylabel=tr("temperature / °C"), title=title)
     over_run.finish(axes)
     axes.legend(ncols=2)
-    caption = tr("The read-outs that were used. Grey: the accelerometer, where it was connected.")
+    caption = tr("The read-outs used. Grey: the accelerometer, where it was connected.")
     return Plot(title, rendered(figure, name, title), caption)
 
 

@@ -170,7 +170,7 @@ def _beyond(table: Table, read: list[Array], unit: str) -> str:
     if not outside.any():
         return ""
     return tr(
-        "The run has readings from {least} to {most} {unit}, beyond the table: there its end values were used.",
+        "The run has readings from {least} to {most} {unit}, outside the table: there its end values were used.",
         least=f"{values.min():.6g}", most=f"{values.max():.6g}", unit=unit,
     )  # fmt: skip
 

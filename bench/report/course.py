@@ -37,7 +37,7 @@ COLOURS = ("#b45309", "#4d7c0f", "#7e22ce", "#be185d")
 
 @dataclass(frozen=True)
 class Course:
-    """What the journal says of when things happened; `incident_s` is when the run left its plan.
+    """What the journal says of when things happened; `incident_s` is when the run deviated from its plan.
 
     `dwells` are the parts that the report names, or that an acquisition is for which it has no name.
     """
@@ -116,9 +116,9 @@ def course_plot(run: StoredRun, course: Course) -> Plot | None:
     figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=6)
     title = tr("Course of the run")
     caption = tr(
-        "On top the phases of the run, and what it measured, by the numbers or names that the report has for it; one "
-        "that would touch another is left out. Shaded: while it was measured; the ticks at the lower edge are the "
-        "single acquisitions."
+        "Top: the phases of the run and its measurements, by their numbers or names in the report; "
+        "labels that would overlap are omitted. Shaded: periods of measurement; the ticks at the lower edge "
+        "mark the single acquisitions."
     )
     return Plot(title, rendered(figure, "course", title), caption)
 
@@ -172,7 +172,7 @@ def _legible(course: Course) -> Iterator[tuple[str, float]]:
 
 
 def _draw_measuring(axes: Axes, course: Course, unit_s: float) -> None:
-    """Dwells, acquisitions, and when the run left its plan."""
+    """Dwells, acquisitions, and when the run deviated from its plan."""
     for dwell in course.dwells:
         begin, end = ((at_s - course.began_s) / unit_s for at_s in (dwell.begin_s, dwell.end_s))
         axes.axvspan(begin, end, color="#93c5fd", alpha=0.5, linewidth=0.3)
@@ -180,4 +180,4 @@ def _draw_measuring(axes: Axes, course: Course, unit_s: float) -> None:
     axes.plot(ticks, [0.015] * len(ticks), "|", color="#333333", markersize=5, transform=axes.get_xaxis_transform())
     if course.incident_s is not None:
         at = (course.incident_s - course.began_s) / unit_s
-        axes.axvline(at, color="#b42318", linestyle=":", label=tr("the run left its plan"))
+        axes.axvline(at, color="#b42318", linestyle=":", label=tr("the run deviated from its plan"))

@@ -113,7 +113,7 @@ def mark_damage(run: StoredRun, out: Path) -> list[Path]:
         return []
     path = out / "DAMAGED.txt"
     with written_whole(path) as draft:
-        lines = (f"The record of run {run.folder.name} is damaged; what was exported here is of it:", *run.damage)
+        lines = (f"The record of run {run.folder.name} is damaged; the files here were exported from it:", *run.damage)
         draft.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
     return [path]
 

@@ -103,7 +103,7 @@ def _over_temperature(unit: UnitResult, detail: ImuDetail, pair: tuple[str, str]
                 expanded = _expanded(unit, f"{quantity}/interpolation", letter) * factor
                 _draw(below, at_c, check_model(temperature_c, values).error * scale, expanded, letter, "none")
         above.set(title=tr("{quantity}: without compensation", quantity=quantity), ylabel=f"Δ{quantity} / {symbol}")
-        below.set_title(tr("{quantity}: a knot told by its neighbours", quantity=quantity))
+        below.set_title(tr("{quantity}: a knot interpolated from its neighbours", quantity=quantity))
         below.set_ylabel(f"{tr('error')} / {symbol}")
         below.axhline(0, color="#444444", linewidth=0.6)
         below.set_visible(len(below.lines) > 1)
@@ -116,10 +116,12 @@ def _over_temperature(unit: UnitResult, detail: ImuDetail, pair: tuple[str, str]
         else tr("Gyros over temperature, before and after compensation")
     )
     caption = tr(
-        "Above the change against the first set point; the lines are the compensation, straight between the knots. "
-        "Below each inner knot left out and told by its neighbours, the axes side by side: about four times what the "
-        "compensation leaves between knots. Bars: expanded uncertainty, 95 %, of the readings; all else is common "
-        "to the visits."
+        "Above: the change relative to the first set point; the lines are the compensation, straight between the "
+        "knots. "
+        "Below: each inner knot left out and interpolated from its neighbours, the axes side by side; about four times "
+        "the error of the compensation between knots. Bars: expanded uncertainty, 95 %, of the readings; all other "
+        "contributions "
+        "are common to the visits."
     )
     return Plot(title, rendered(figure, name, title), caption)
 

@@ -53,7 +53,7 @@ def _sweep(fits: dict[str, EndFit], detail: IndexingDetail, name: str) -> Plot:
     axes.set(xlabel=_angle_label(), ylabel=f"{tr('output')} / {detail.unit}", title=tr("Output over the angle"))
     axes.legend(ncols=2)
     title = tr("Sweeps of both ends") if len(fits) == 2 else tr("Sweep of one end")
-    caption = tr("The readings that were fitted, of the last time that both ends were measured, and their lines.")
+    caption = tr("The fitted readings of the last attempt at both ends, and their lines.")
     return Plot(title, rendered(figure, name, title), caption)
 
 
@@ -76,7 +76,7 @@ def _residuals(fits: dict[str, EndFit], detail: IndexingDetail, name: str) -> Pl
     panels[-1].set_xlabel(_angle_label())
     title = tr("Residuals of both ends") if len(fits) == 2 else tr("Residuals of one end")
     caption = tr(
-        "What the line of each end leaves, in g by its scale factor: forward away from 0°, reverse back to it. "
+        "Residuals of the line of each end, in g by its scale factor: forward away from 0°, reverse back to it. "
         "Crosses: readings of the verification, which were not fitted, with the equation of their end."
     )
     return Plot(title, rendered(figure, name, title), caption)
@@ -143,13 +143,13 @@ def _attempts(unit: UnitResult, detail: IndexingDetail) -> Sheet:
     )  # fmt: skip
     parts = [
         tr(
-            "Both ends are measured again when their scale factors differ by more than they may; the last attempt "
-            "counts. A difference that stays is the cross coupling."
+            "Both ends are measured again if their scale factors differ by more than allowed; the last "
+            "attempt counts. A remaining difference is the cross coupling."
         ),
         tr("Value ± expanded uncertainty, 95 %. An exclamation mark: FAIL, or INVALID."),
     ]
     if earlier:
-        parts.append(tr("That of earlier attempts is only of what each line leaves, without the instruments."))
+        parts.append(tr("For earlier attempts it covers only the residuals of each line, without the instruments."))
     return Sheet(tr("Scale factors of both ends"), " ".join(parts), heads, tuple(rows))
 
 

@@ -56,11 +56,11 @@ def _plot(ladder: Ladder, name: str) -> Plot:
     axes.set_xticks([], minor=True)
     axes.legend(loc="lower right")
     caption = tr(
-        "Output change over the change that the nominal scale factor lets expect, by the input step that the head read "
-        "back. Bars: expanded uncertainty, 95 %. A step passes from one half on."
+        "Output change divided by the change expected from the nominal scale factor, over the input step read back "
+        "from the head. Bars: expanded uncertainty, 95 %. A step passes at one half or more."
     )
     if np.isfinite(ladder.found.high_g) and ladder.found.low_g:
-        caption += " " + tr("In the grey band, between the largest step that failed and the next, lies the value.")
+        caption += " " + tr("The value lies in the grey band, between the largest failed step and the next.")
     return Plot(_title(ladder), rendered(figure, name, _title(ladder)), caption)
 
 
@@ -80,8 +80,8 @@ def _sheet(ladder: Ladder) -> Sheet:
     factor, symbol = SHOWN[ladder.quantity]
     steps = sorted(ladder.found.steps, key=lambda step: (step.size_g, -step.input_g))
     caption = tr(
-        "Means of the repeats. The input step is that which the head read back, against the line between the readings "
-        "at the position before and after it."
+        "Means of the repeats. The input step is read back from the head, relative to the line between the "
+        "readings at the position before and after it."
     )
     if ladder.found.left_out:
         caption += " " + tr("{count} readings were not used.", count=ladder.found.left_out)

@@ -44,7 +44,7 @@ class MissedIn:
         """For `bench reduce`, which speaks English."""
         told = f"{self.step}: {self.device} {self.channel}: {self.missed.lost} of {self.missed.expected}"
         gaps = f"{self.missed.gaps} gap{'s' * (self.missed.gaps > 1)}"
-        return f"{told} {self.missed.what} did not come, in {gaps}{_not_used(self.missed.unusable)}"
+        return f"{told} {self.missed.what} lost, in {gaps}{_not_used(self.missed.unusable)}"
 
 
 def _not_used(why: Sequence[str]) -> str:
@@ -88,7 +88,7 @@ def lines(found: Sequence[MissedIn]) -> Iterator[str]:
         of_channel = [each for each in found if (each.device, each.channel) == (device, channel)]
         missed = [each.missed for each in of_channel]
         told = tr(
-            "{device} {channel}: {lost} of {expected} {what} did not come, in {gaps} gaps of {parts} acquisitions.",
+            "{device} {channel}: {lost} of {expected} {what} lost, in {gaps} gaps of {parts} acquisitions.",
             device=device, channel=channel, what=tr(missed[0].what), parts=len(missed),
             lost=sum(each.lost for each in missed), expected=sum(each.expected for each in missed),
             gaps=sum(each.gaps for each in missed),
@@ -99,7 +99,7 @@ def lines(found: Sequence[MissedIn]) -> Iterator[str]:
 
 def _what_becomes(not_used: Sequence[str]) -> str:
     if not not_used:
-        return tr("No mean is left out for that.")
+        return tr("No mean is left out for this reason.")
     return tr("The means of these are not used: {steps}.", steps=", ".join(not_used))
 
 
@@ -116,12 +116,13 @@ def sheets(found: Sequence[MissedIn], began_s: float) -> Iterator[Sheet]:
         for each in found
     )  # fmt: skip
     yield Sheet(
-        tr("What did not come"),
+        tr("Lost frames"),
         tr(
-            "Seen by the numbers that frames carry, never by their times. A mean rate is taken from the first and the "
-            "last latch, whatever is missing between; a mean of samples from those that came. It is not used where "
-            "less than half came, or where a counter may have gone round unseen. Where intervals are used one by one, "
-            "that over a gap is left out."
+            "Detected by the numbers in the frames, never by their times. A mean rate is taken from the first and "
+            "the last latch, whatever is missing in between; a mean of samples from those received. It is not used if "
+            "less than half was received, or if a counter may have wrapped around unnoticed. Where intervals are "
+            "used one "
+            "by one, the one over a gap is left out."
         )
         + _more(rows),
         tuple((head, "") for head in (
@@ -144,8 +145,10 @@ def _gaps(gaps: Sequence[tuple[MissedIn, Gap]], began_s: float) -> Sheet:
     return Sheet(
         tr("Gaps"),
         tr(
-            "Numbers are those of the acquisition, which go on where those of the frames go round. The times are those "
-            "of what came before and after, in seconds after the start, and what passed by the clock in the frames."
+            "Numbers count from the start of the acquisition and do not wrap as those in the frames do. The times "
+            "are those "
+            "of the frames before and after the gap, in seconds after the start, and the time between them by the "
+            "clock in the frames."
         ),
         (
             (tr("Acquisition"), ""), (tr("Channel"), ""), (tr("First missing"), ""), (tr("Last missing"), ""),

@@ -27,7 +27,7 @@ NOTES = (
     ),
     "the temperature changed by {change} °C",
     "rows left out because something is missing in them: {count}",
-    "rows left out because they are there twice: {count}",
+    "rows left out because they are duplicates: {count}",
     "{names} are not determined by these readings (rank {rank} of {count}, condition number {condition})",
     "{names} is not determined by these readings (rank {rank} of {count}, condition number {condition})",
 )

@@ -66,8 +66,8 @@ def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
     yield from (told for told in manifest["problems"] if not any(told in text for text in dropped))
     ended = next(run.reader.events("run_ended"), None)
     if ended is None or ended.data["how"] != "completed":
-        yield tr("The run did not get to its end.") + " " + tr(ENDINGS[manifest["state"]])
-        yield from (tr("Not finished: step {step}.", step=step) for step in _unfinished(run))
+        yield tr("The run did not complete.") + " " + tr(ENDINGS[manifest["state"]])
+        yield from (tr("Not completed: step {step}.", step=step) for step in _unfinished(run))
     for event in run.reader.events("left_out"):
         yield tr("Left out: step {step}.", step=event.step) + f" {event.data['text']}"
     if not_evaluated and not_evaluated not in manifest["problems"]:
@@ -75,7 +75,7 @@ def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
     before = manifest["verdict"]
     if before not in (None, verdict):
         yield tr(
-            "The run was closed with the verdict {before}; evaluated anew it is {now}.",
+            "The run ended with the verdict {before}; re-evaluated now, it is {now}.",
             before=tr(before),
             now=tr(verdict),
         )
@@ -117,7 +117,7 @@ def done_again(run: StoredRun) -> Iterator[str]:
             yield from _steps_of_clock(event, when)
         elif event.kind == "stalled":
             yield tr(
-                "This program stood still for {seconds} s, {time} after the start; nobody looked at the bench then.",
+                "This program was suspended for {seconds} s, {time} after the start; the bench was not monitored.",
                 seconds=f"{event.data['for_s']:g}", time=when,
             )  # fmt: skip
         elif event.kind in ("device_left_out", "not_reached"):
@@ -132,23 +132,26 @@ def done_again(run: StoredRun) -> Iterator[str]:
                 f" {event.data['text']}"
             )
         elif event.kind == "doubted":
-            yield tr("Not believed, {time} after the start:", time=_since_start(run, event)) + f" {event.data['text']}"
+            yield (
+                tr("Reading rejected, {time} after the start:", time=_since_start(run, event))
+                + f" {event.data['text']}"
+            )
         elif event.kind == "retried":
-            yield tr("Done again: step {step}.", step=event.step) + f" {event.data['text']}"
+            yield tr("Repeated: step {step}.", step=event.step) + f" {event.data['text']}"
         elif event.data["action"] == "repeat":
-            yield tr("Done again, as the operator wished: step {step}.", step=event.step)
+            yield tr("Repeated by the operator: step {step}.", step=event.step)
 
 
 def _steps_of_clock(event: Event, when: str) -> Iterator[str]:
     step, slept = f"{event.data['set_by_s']:+g}", event.data["slept_s"]
     if event.data["set_by_s"]:
         yield tr(
-            "The computer's clock was set by {step} s, {time} after the start; the times of this run do not follow it.",
+            "The computer's clock was set by {step} s, {time} after the start; the times of this run are unaffected.",
             step=step, time=when,
         )  # fmt: skip
     if slept:
         yield tr(
-            "The computer slept for {slept} s, {time} after the start; nobody looked at the bench meanwhile.",
+            "The computer slept for {slept} s, {time} after the start; the bench was not monitored.",
             slept=slept, time=when,
         )  # fmt: skip
 
@@ -158,9 +161,9 @@ def faults_on_purpose(run: StoredRun) -> Iterator[str]:
     for event in run.reader.events("fault_begins", "fault_ends"):
         when, what = duration(event.at_s), f"{event.data['victim']} {event.data['fault']}"
         if event.kind == "fault_begins":
-            yield tr("Broken on purpose, {time} after the start: {what}.", time=when, what=what)
+            yield tr("Fault injected, {time} after the start: {what}.", time=when, what=what)
         else:
-            yield tr("No longer broken, {time} after the start: {what}.", time=when, what=what)
+            yield tr("Injected fault removed, {time} after the start: {what}.", time=when, what=what)
 
 
 def past_due(instruments: Sequence[Instrument]) -> Iterator[str]:

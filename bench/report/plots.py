@@ -182,8 +182,8 @@ def _over_temperature(title: str, name: str, label: str, symbol: str, points: Po
         _draw_residuals(figure.add_subplot(grid[1, column]), points, curve, symbol)
     if fitted:
         caption += " " + tr(
-            "In the residuals the bars hold only what differs from dwell to dwell, at most {own}; everything else is "
-            "common to all points.",
+            "In the residuals the bars contain only what differs from dwell to dwell, at most {own}; all other "
+            "contributions are common to all points.",
             own=f"{_two_digits(points.own.max())} {symbol}",
         )
     heading = tr("{what}, over temperature", what=title)

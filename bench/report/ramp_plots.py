@@ -43,8 +43,10 @@ def ramp_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
     below.legend(ncols=2)
     title = tr("Bias K0 on the ramps, over temperature")
     caption = tr(
-        "Above the output at 0 g less gravity at the angle of the head: the bias and the misalignment of the input "
-        "axis, which is constant; thin and black its straight line. Below what that leaves: solid on rising, dashed on "
+        "Above: the output at 0 g less gravity at the angle of the head, that is, the bias and the misalignment of "
+        "the input "
+        "axis, which is constant; the thin black line is its straight-line fit. Below: its residuals, solid on "
+        "rising, dashed on "
         "falling temperature."
     )
     if any(curve.jumps_c for curve in curves):

@@ -56,7 +56,7 @@ def _figure(curve: RangeCurve, judged: Sequence[Finding], name: str) -> Plot:
     axes.set(xlabel=what, ylabel=f"{basis} / ppm")
     axes.legend()
     title = tr("Errors over the range")
-    caption = tr("Bars: expanded uncertainty, 95 %. Shaded: what the sequence allows.")
+    caption = tr("Bars: expanded uncertainty, 95 %. Shaded: the limits of the sequence.")
     return Plot(title, rendered(figure, f"{name}-range", title), caption)
 
 

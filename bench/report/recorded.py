@@ -75,7 +75,7 @@ CURRENTS: Mapping[str, Column] = {
 GAPS: Mapping[str, Column] = {
     "step": Column("", "step of the run that acquired it"),
     "channel": Column("", "DEVICE.CHANNEL"),
-    "first": Column("", "number of the first latch or sample of a row that did not come"),
+    "first": Column("", "number of the first lost latch or sample of a gap"),
     "last": Column("", "number of the last of them"),
     "from_s": Column("s", "bench time at which the one before arrived"),
     "to_s": Column("s", "bench time at which the one after arrived"),

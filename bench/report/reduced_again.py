@@ -94,7 +94,7 @@ class ReducedAgain:
         yield from (each.in_words() for each in self.missed)
         yield from (change.in_words() for change in self.changes)
         if self.verdict_before is None:
-            yield f"{self.run}: no results were kept to compare with; {self.findings} findings now, {self.verdict}"
+            yield f"{self.run}: no stored results to compare with; {self.findings} findings now, {self.verdict}"
             return
         told = f"{len(self.changes)} of {self.findings} findings changed" if self.changes else "nothing changed"
         verdict = self.verdict if self.verdict == self.verdict_before else f"{self.verdict_before} -> {self.verdict}"
@@ -141,7 +141,7 @@ def _kept(run: StoredRun) -> tuple[str, dict[str, Found]] | None:
         content = read_kept(path, _RESULTS)
         return str(content["verdict"]), _findings(content)
     except StoreError as problem:
-        raise StoreError(f"{path}: is damaged, so nothing can be compared with it ({problem})") from problem
+        raise StoreError(f"{path}: is damaged and cannot be compared ({problem})") from problem
 
 
 def _findings(content: Mapping[str, Any]) -> dict[str, Found]:

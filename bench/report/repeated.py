@@ -23,11 +23,11 @@ def repeated_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
         return
     yield _plot(found, name)
     yield Sheet(
-        tr("How the values scatter"),
+        tr("Scatter of the values"),
         tr(
-            "The interval holds, at {share}, the standard deviation that endless repetitions would have (chi-square). "
-            "Where the scatter of the readings is as large as the standard deviation, the unit repeats better than "
-            "this run can tell.",
+            "The interval contains, at {share}, the standard deviation of infinitely many repetitions "
+            "(chi-square). Where the scatter of the readings is as large as the standard deviation, the unit repeats "
+            "better than this run can show.",
             share=f"{CONFIDENCE:.0%}",
         ),
         (
@@ -62,5 +62,5 @@ def _plot(found: list[Repeated], name: str) -> Plot:
         axes.set_xticks(each.repetition)
     panels[-1].set(xlabel=tr("repetition"))
     title = tr("Values over the repetitions, less their means")
-    caption = tr("Bars: what the scatter of the readings gives, 95 %. Shaded: one standard deviation to either side.")
+    caption = tr("Bars: from the scatter of the readings, 95 %. Shaded: one standard deviation to either side.")
     return Plot(title, rendered(figure, f"{name}-repeated", title), caption)

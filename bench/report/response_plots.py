@@ -52,7 +52,7 @@ def _bode(found: FrequencyResponse, gains: Sequence[Finding], phases: Sequence[F
     below.xaxis.set_minor_formatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "25" else "")
     title = tr("Frequency response")
     caption = tr(
-        "Gain, phase, and the amplitude of the rate that the table swung with, as its encoder saw it. Bars: expanded "
+        "Gain, phase, and the amplitude of the rate that the table swung with, as read by its encoder. Bars: expanded "
         "uncertainty, 95 %, mostly shorter than the markers."
     )
     return Plot(title, rendered(figure, f"{name}-bode", title), caption)

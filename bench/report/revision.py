@@ -106,11 +106,11 @@ def _known(path: Path) -> _Reports:
         if isinstance(found, list):
             return _Reports(found, {})
         if found.pop("hash") != _hash_of(found):
-            raise StoreError("it is not as it was written")
+            raise StoreError("it has changed since it was written")
     except StoreError as problem:
         raise StoreError(
-            f"{path}: is damaged ({problem}), so the revision of the report is not known; put it back from a copy, or "
-            "move it away to begin with revision 1"
+            f"{path}: is damaged ({problem}), so that the revision of the report is unknown; restore it from "
+            "a copy, or move it away to start with revision 1"
         ) from problem
     return _Reports(found["revisions"], found["files"])
 

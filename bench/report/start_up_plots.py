@@ -65,9 +65,10 @@ def _errors(found: Found) -> Sheet:
         for when, told in WHEN.items()
     )
     return Sheet(
-        tr("What compensation leaves after power-on"),
+        tr("Residual errors of the compensation after power-on"),
         tr(
-            "By set points and axes: at the first reading, and at the end of the watch. Value ± expanded uncertainty, "
+            "By set points and axes: at the first reading, and at the end of the observation. Value ± expanded "
+            "uncertainty, "
             "95 %. K0 and D0 are zeros, K1 and KG scale factors."),
         ((tr("set point"), "°C"), (tr("axis"), ""), *heads),
         tuple(_rows(found, wanted)),
@@ -78,8 +79,8 @@ def _settling(found: Found) -> Sheet:
     return Sheet(
         tr("Time from power-on until it stays within its limits"),
         tr(
-            "By set points and axes; in brackets the range that holds the true time in 95 of 100 runs, up to the end "
-            "of the watch where it is not known. > where it was outside to the end, 0 where it never was outside."
+            "By set points and axes; in brackets the range that contains the true time in 95 of 100 runs, "
+            "up to the end of the observation where it is unknown. >: outside to the end; 0: never outside."
         ) + _hardly_determined(found),
         ((tr("set point"), "°C"), (tr("axis"), ""), *((quantity, "min") for quantity in TITLES)),
         tuple(_rows(found, {f"{quantity}/settling": shown for quantity in TITLES})),
@@ -112,8 +113,8 @@ def _courses(set_c: float, watched: Sequence[Watched], name: str) -> Plot:
     title = tr("Zero and scale factor since power-on, {set_point}", set_point=set_point)
     caption = tr(
         "After compensation by the released calibration: points are readings, lines their courses with their expanded "
-        "uncertainty (95 %). The band is what the settings allow; a vertical line marks when a course enters it for "
-        "good.",
+        "uncertainty (95 %). The band is the limit from the settings; a vertical line marks when a course enters "
+        "it for good.",
     )
     return Plot(title, rendered(figure, name, title), caption)
 

@@ -112,8 +112,8 @@ class StoredRun:
 def _without_manifest(folder: Path) -> str:
     """What to do about a manifest that cannot be read."""
     if (folder / SEAL).exists():
-        return "it was there when the run was sealed: put it back from a copy"
-    return "without it nothing is known of the run: put it back from a copy, unless the run was killed as it began"
+        return "it existed when the run was sealed: restore it from a copy"
+    return "without it the run cannot be read: restore it from a copy; a run killed at its start has none"
 
 
 @contextmanager
@@ -129,9 +129,9 @@ def open_run(folder: Path, *, damaged: bool = False) -> Iterator[StoredRun]:
     record = examine(folder, thoroughly=False)
     if record.damage and not damaged:
         raise StoreError(
-            f"{folder}: {record.in_words}. {'; '.join(record.damage[:MOST_TOLD])}. It is not read, so that nothing is "
-            "made of altered data; put it back from a copy, or read it all the same with --damaged, which marks what "
-            "is written"
+            f"{folder}: {record.in_words}. {'; '.join(record.damage[:MOST_TOLD])}. It is not read, to avoid "
+            "results from altered data. Restore it from a copy, or read it with --damaged, which marks everything "
+            "written from it"
         )
     manifest = read_kept(folder / MANIFEST, WHOLE_FORM)
     state = summary(folder).state

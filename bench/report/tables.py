@@ -276,7 +276,7 @@ def model_sheet(model: Equation | KnotModel) -> Sheet:
     knots = zip(model.knots_c, model.values, model.u, strict=True)
     return Sheet(
         tr("{what}, over temperature", what=quantity_in_words(model.quantity)),
-        tr("Straight lines between the knots; beyond them the end values, and whoever uses them is told."),
+        tr("Straight lines between the knots; outside them the end values, with a warning."),
         ((tr("Temperature"), "°C"), (tr("Value"), unit), ("u", f"{unit}, k = 1")),
         tuple((f"{at_c:.2f}", *_constant(Constant(value * factor, unit, u * factor))) for at_c, value, u in knots),
     )
@@ -325,5 +325,5 @@ def model_table(model: TemperatureModel) -> ModelTable:
         model=model,
         rows=tuple(rows),
         residual_sd=tr("not known") if model.residual_sd is None else f"{model.residual_sd * factor:.3g} {unit}",
-        largest_residual=largest if model.dof else tr("none: it goes through every point"),
+        largest_residual=largest if model.dof else tr("none: it passes through every point"),
     )

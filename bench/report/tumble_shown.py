@@ -21,20 +21,20 @@ def tumble_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
 def _told_apart(found: TumbleAngles) -> Sheet:
     by_itself = tr("found by itself")
     inside = {
-        "K3": tr("these angles cannot tell K3 from K1: K1 contains it"),
-        "Kip": tr("these angles are blind to Kip: where one axis takes up the input the other is level"),
-        "asymmetry": tr("these angles cannot tell the asymmetry from K2: K2 contains it"),
+        "K3": tr("these angles cannot separate K3 from K1: K1 contains it"),
+        "Kip": tr("these angles cannot show Kip: where one axis senses the input, the other is level"),
+        "asymmetry": tr("these angles cannot separate the asymmetry from K2: K2 contains it"),
     }
     rows = [(tr("K0, K1, K2, misalignment"), by_itself)]
     rows += [(tr(term), by_itself if term in found.extra else words) for term, words in inside.items()]
     rows += [
-        ("Kpp", tr("in one mounting never told from K0 and K2, whatever the angles: aᵢ² + aₚ² is 1")),
+        ("Kpp", tr("in one mounting not separable from K0 and K2 at any angles: aᵢ² + aₚ² is 1")),
         (
             tr("Kio, Koo, the other misalignment"),
-            tr("not seen: they need a second mounting, turned about the input axis"),
+            tr("not observable: they need a second mounting, rotated about the input axis"),
         ),
     ]
     caption = tr(
         "The terms of the model equation, by {count} angles of the input axis in one mounting.", count=found.angles
     )
-    return Sheet(tr("What the tumble tells apart"), caption, ((tr("Term"), ""), (tr("In this run"), "")), tuple(rows))
+    return Sheet(tr("What the tumble can separate"), caption, ((tr("Term"), ""), (tr("In this run"), "")), tuple(rows))

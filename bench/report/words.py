@@ -16,13 +16,13 @@ from bench.report.shown import SHOWN
 from bench.sequence.talk import DONE
 
 ENDINGS = {
-    "completed": "It ran to its end.",
-    "error": "It was ended by a problem of the bench; what was measured until then is evaluated here.",
-    "failed": "It was ended because a value was outside its limits, as the sequence says.",
-    "aborted": "It was ended on request before its plan was done; what was measured until then is evaluated here.",
+    "completed": "It completed.",
+    "error": "It was ended by a problem of the bench; the data measured until then are evaluated here.",
+    "failed": "It was ended because a value was outside its limits, as the sequence specifies.",
+    "aborted": "It was ended on request before it completed; the data measured until then are evaluated here.",
     "interrupted": (
-        "It was interrupted: the program, the computer or its power stopped before the run was over. What was "
-        "on the disk until then is evaluated here."
+        "It was interrupted: the program, the computer or its power failed before the run ended. The "
+        "data on the disk until then are evaluated here."
     ),
     "running": "It was still going on when this report was written.",
 }
@@ -34,17 +34,17 @@ REASONS = {
     IN_GUARD_BAND: "inside its limits, but within their guard band",
     GUARD_BANDS_MEET: "its uncertainty is so large that no value could pass the guard band",
     U_UNKNOWN: "its uncertainty is not known, and the guard band needs it",
-    "extrapolated": "its reference temperature is outside of the temperatures that were measured",
-    LOWER_BOUND: "it is more than this, and how much more was not measured",
+    "extrapolated": "its reference temperature is outside the measured temperatures",
+    LOWER_BOUND: "it is more than this; the upper end was not measured",
     "at_most": "the smallest step passed already: it is this or less",
-    "one_sense": "steps of one sense only, which are taken for both",
-    "not_monotonic": "a smaller step passed than one that failed, which does not count",
-    "too_short": "some steps were counted too short: one count is more than a fifth of them",
-    "marginal": "one of the two steps that decide is so near one half that it could be otherwise if repeated",
-    "not_closed": "the unit or its table was not at the end of the run as at its beginning",
-    "ends_differ": "more than they may; what stays is the cross coupling",
-    OTHER_SIGN: "its sign is not that of the stated scale factor: the unit is turned round in its fixture, its leads "
-    "are exchanged, or the stated sign is wrong",
+    "one_sense": "steps in one direction only, taken for both",
+    "not_monotonic": "a step smaller than a failed one passed; it does not count",
+    "too_short": "the counting time of some steps was too short: one count is more than a fifth of them",
+    "marginal": "one of the two deciding steps is so close to one half that it could change if repeated",
+    "not_closed": "the unit or its table changed between the beginning and the end of the run",
+    "ends_differ": "more than allowed; the remaining difference is the cross coupling",
+    OTHER_SIGN: "its sign is not that of the stated scale factor: the unit is mounted the wrong way round, its "
+    "leads are exchanged, or the stated sign is wrong",
     OTHER_SIZE: "it is less than half or more than twice the stated scale factor: see its unit and the unit in the "
     "place",
     "lag": "the loop is a lag behind the thermometer, not hysteresis: a model with dT/dt removes most of it",

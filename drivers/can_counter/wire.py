@@ -53,7 +53,7 @@ class Counts:
     `2**bits` of their field; `host_s` (N,) is the arrival of the latch. `lost` counts latches that did not come whole,
     but for the very last one, whose frames may come after the end; `gaps` (G, 2) are the numbers of the first and of
     the last of each row of them, in the numbers of `sequence`, which begin with that of the `first` latch. `dropped`
-    counts frames that came twice or late, `restarts` how often the counter began anew.
+    counts frames that came twice or late, `restarts` how often the counter restarted.
     """
 
     sequence: Integers

@@ -194,8 +194,8 @@ def test_the_report_tells_of_each_channel_and_each_gap(lossy: tuple[RunResult, B
     lost, gaps, expected = (sum(each[key] for each in found) for key in ("lost", "gaps", "expected"))
     page = written(result, "html")
     assert (
-        f"<li>counter x: {lost} of {expected} latches did not come, in {gaps} gaps of {len(found)} acquisitions. "
-        "No mean is left out for that.</li>"
+        f"<li>counter x: {lost} of {expected} latches lost, in {gaps} gaps of {len(found)} acquisitions. "
+        "No mean is left out for this reason.</li>"
     ) in page
     assert page.count('<th scope="row">steps/temperature=20/position=') == len(found) + gaps
     gap = found[0]["listed"][0]
@@ -218,7 +218,7 @@ def test_a_later_reduction_tells_the_same(lossy: tuple[RunResult, Bus]) -> None:
     with open_run(result.path) as run:
         again = reduced_again(run)
     assert json.loads(json.dumps(again.to_json()))["missed"] == read_json(result, "results.json")["missed"]
-    assert "latches did not come, in " in next(iter(again.in_words()))
+    assert "latches lost, in " in next(iter(again.in_words()))
     assert not again.changes
 
 

@@ -114,7 +114,7 @@ def test_the_tilt_of_the_seat_is_taken_out_of_the_bias(volts):
 def test_the_report_draws_both_ends_and_tells_the_attempts(volts):
     page = (volts.path / "report.html").read_text("utf-8")
     for words in ("Sweeps of both ends", "Residuals of both ends", "+Z up, forward", "+Z down, reverse", "verification",
-                  "Scale factors of both ends", "agree", "Angles below ±30° do not tell K2 and K3"):  # fmt: skip
+                  "Scale factors of both ends", "agree", "Angles below ±30° do not separate K2 and K3"):  # fmt: skip
         assert words in page
 
 
@@ -254,7 +254,7 @@ def test_what_came_to_every_angle_from_below_is_not_called_hysteresis(tmp_path):
     assert "hysteresis" not in {finding["quantity"] for finding in results["findings"]}
     assert "hysteresis:equal_histories" in results["units"][0]["flags"]
     assert results["verdict"] == "INCOMPLETE"
-    assert "came to every angle from the same side" in (run.path / "report.html").read_text("utf-8")
+    assert "approached every angle from the same side" in (run.path / "report.html").read_text("utf-8")
 
 
 def test_the_record_tells_from_where_the_head_came_and_while_it_stood(data):
@@ -341,7 +341,7 @@ def test_an_attempt_that_does_not_count_tells_what_its_uncertainty_leaves_out(da
     u_ppm = 2e6 * both.scale_difference_v_per_g.u / both.scale_v_per_g.value
     assert earlier[3].endswith(f"± {u_ppm:.0f}")
     assert last[3] == shown(found["scale_difference"])
-    assert "earlier attempts is only of what each line leaves" in attempts.caption
+    assert "For earlier attempts it covers only the residuals of each line" in attempts.caption
 
 
 def test_an_equation_is_valid_to_hundredths_of_a_degree(data):

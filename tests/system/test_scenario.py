@@ -44,8 +44,8 @@ def test_a_silence_that_ends_is_borne_and_told(tmp_path):
     assert (result.path / "scenario.yaml").read_text("utf-8").startswith("schema: itb-scenario/1")
     with open_run(result.path) as stored:
         page = write_report(stored).read_text("utf-8")
-    assert "Broken on purpose, 20 min after the start: chamber silent." in page
-    assert "No longer broken, 20 min after the start: chamber silent." in page
+    assert "Fault injected, 20 min after the start: chamber silent." in page
+    assert "Injected fault removed, 20 min after the start: chamber silent." in page
 
 
 def test_without_an_end_it_lasts(tmp_path):

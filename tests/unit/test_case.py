@@ -117,7 +117,7 @@ def test_a_record_without_a_usable_row(tmp_path):
         "method": "M4", "sub": "dynamic", "B0_V": None, "B1_V_per_C": None, "max_resid_ug": None, "rms_resid_ug": None,
         "hysteresis_max_ug": None, "repeatability_max_ug": None, "jumps": [], "lag_model": None, "verdict": None,
         "flags": ["invalid"],
-        "notes": ["the record does not suffice: power 0 and power 1 are not determined by these readings "
+        "notes": ["the record is insufficient: power 0 and power 1 are not determined by these readings "
                   "(rank 0 of 2, condition number inf)"],
         "rejected": {"missing": 1, "duplicate": 0, "thermometer": 0, "turn": 0},
     }  # fmt: skip
@@ -286,7 +286,7 @@ def test_words_may_be_written_large_and_truths_in_words(tmp_path):
     ("replaced", "message"),
     [
         ({"schema": "itb-case/2"}, "case.json: schema: is 'itb-case/2', expected 'itb-case/1'"),
-        ({"method": "M9"}, "case.json: there is no reduction of 'M9' 'tilt'; known: "),
+        ({"method": "M9"}, "case.json: there is no reduction for 'M9' 'tilt'; known: "),
         ({"records": {}}, "case.json: records: 'tilt' is missing; M4 tilt needs it"),
         ({"records": {"tilt": "none.csv"}}, "case.json: records.tilt: there is no file 'none.csv' beside this one"),
         ({"records": {"tilt": "../x.csv"}}, "case.json: records.tilt: '../x.csv' leaves the folder of this file"),
@@ -348,7 +348,7 @@ def test_every_kind_of_case_refuses_what_it_does_not_know():
 
 def test_what_describes_a_case_is_passed_over_and_anything_else_noted(tmp_path):
     result = reduce_case(case(tmp_path, title="a night", comment="x", site={"lat_deg": 34, "name": "hall", "room": 5}))
-    assert result["notes"] == ["keys that are not of a case were passed over: site.room"]
+    assert result["notes"] == ["unknown keys were ignored: site.room"]
 
 
 def test_a_record_that_the_reduction_does_not_read_is_refused(tmp_path):
@@ -363,7 +363,7 @@ def test_a_record_that_the_reduction_does_not_read_is_refused(tmp_path):
         ("[" * 100_000, "case.json: nested too deeply"),
         ('{"schema": ' + "1" * 5000 + "}", "case.json: nested too deeply, or a number with too many digits"),
         ("[]", "case.json: is empty, expected a mapping"),
-        ('{"method": "M4", "method": "M3"}', "case.json: the key 'method' stands twice in one mapping"),
+        ('{"method": "M4", "method": "M3"}', "case.json: the key 'method' occurs twice in one mapping"),
     ],
 )
 def test_a_case_that_is_no_case_is_refused(tmp_path, content, message):

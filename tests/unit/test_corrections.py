@@ -121,7 +121,7 @@ def test_readings_beyond_a_table_are_told(tmp_path):
     bench = copy_bench(tmp_path / "config", CLOCK, HEAD, THERMOMETER, narrow)
     found = run_short(tmp_path, bench=bench, sequence="smoke")
     (line, *_) = read_json(found, "results.json")["corrections"]
-    assert "beyond the table: there its end values were used." in line
+    assert "outside the table: there its end values were used." in line
 
 
 def test_without_corrections_and_past_due_certificates_nothing_is_told(tmp_path):

@@ -152,17 +152,17 @@ def test_what_cannot_be_used_is_left_out_and_told_in_words():
     assert found.left_out == ()
     assert f"{windows[0].step}: no_temperature" in found.flags
     assert f"{windows[3].step}: beyond_calibration" in found.flags
-    assert "colder or warmer than its calibration" in flag_in_words(f"{windows[3].step}: beyond_calibration")
+    assert "outside the temperature range of its calibration" in flag_in_words(f"{windows[3].step}: beyond_calibration")
 
 
 def test_a_run_that_does_not_tell_the_power_on_or_had_no_calibration_determines_nothing():
     unknown = result([dataclasses.replace(each, on_since_s={}) for each in watched()])
     assert (unknown.findings, unknown.verdict) == ((), "INCOMPLETE")
     assert "cold: no_power_on" in unknown.flags
-    assert "the run does not tell when the unit was put on" in flag_in_words("cold: no_power_on")
+    assert "the time of power-on is not in the record" in flag_in_words("cold: no_power_on")
     without = result(watched(), dataclasses.replace(SUPPLIED, released=None))
     assert (without.flags, without.verdict) == (("calibration:not_given",), "INCOMPLETE")
-    assert flag_in_words("calibration:not_given").startswith("calibration: the run was not given one")
+    assert flag_in_words("calibration:not_given").startswith("calibration: no calibration of the unit was given")
 
 
 def time_to_settle(value_s, low_s, high_s, *flags, limit_s=1800.0):

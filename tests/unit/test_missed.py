@@ -108,14 +108,11 @@ def test_acquisitions_that_are_not_used_are_named() -> None:
         (line,) = lines(found)
         table, gaps = sheets(found, 0.0)
     assert line == (
-        "counter x: 5 of 10 latches did not come, in 2 gaps of 2 acquisitions. "
-        "The means of these are not used: steps/1."
+        "counter x: 5 of 10 latches lost, in 2 gaps of 2 acquisitions. The means of these are not used: steps/1."
     )
-    assert [row[-1] for row in table.rows] == ["used", "fewer than half of its counter readings came"]
+    assert [row[-1] for row in table.rows] == ["used", "fewer than half of its counter readings arrived"]
     assert gaps.rows[0] == ("steps/0", "counter x", "2", "2", "0.010", "0.030", "0.020")
-    assert found[1].in_words() == (
-        "steps/1: counter x: 4 of 6 latches did not come, in 1 gap; not used: too_few_latches"
-    )
+    assert found[1].in_words() == ("steps/1: counter x: 4 of 6 latches lost, in 1 gap; not used: too_few_latches")
 
 
 def test_tables_stay_short() -> None:

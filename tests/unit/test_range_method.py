@@ -88,7 +88,7 @@ def test_a_table_that_did_not_turn_as_told_and_a_sensor_at_its_end_are_told():
     assert values(unit, "saturated_points") == [1]
     assert unit.verdict == "INCOMPLETE"
     told = [flag_in_words(flag) for flag in unit.flags]
-    assert "did not turn at the rate that it was told" in told[0]
+    assert "did not turn at the commanded rate" in told[0]
     assert "end of its range" in told[1]
 
 
@@ -116,7 +116,7 @@ def test_a_scale_factor_that_is_not_as_stated_shows_in_the_radius(scale, contrad
     chosen = ACCELEROMETER_RANGE.settings.model_validate(ACCELEROMETER).model_dump()
     (unit,) = reduce_accelerometer(placed, chosen)
     assert ("radius_unlike_bench_file" in unit.flags) == contradicted
-    assert "scale factor is not what is stated" in flag_in_words("radius_unlike_bench_file")
+    assert "scale factor at this temperature is not as stated" in flag_in_words("radius_unlike_bench_file")
 
 
 def test_an_accelerometer_finds_its_radius_and_bends_at_high_rates():

@@ -86,9 +86,7 @@ def test_findings_come_and_go(folder):
 
 def test_a_run_without_results_is_reduced_all_the_same(folder):
     (folder / "results.json").unlink()
-    assert list(again(folder).in_words()) == [
-        f"{folder.name}: no results were kept to compare with; 5 findings now, PASS"
-    ]
+    assert list(again(folder).in_words()) == [f"{folder.name}: no stored results to compare with; 5 findings now, PASS"]
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"verdict": "PASS", "findings": [{"id": "K0"}]}'])

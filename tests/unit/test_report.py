@@ -195,7 +195,7 @@ def test_models_budgets_and_what_cannot_be_separated_are_told(tumble):
     model = read_json(tumble, "results.json")["models"][0]
     assert f"centre {model['centre']:.6f} °C, scale {model['scale']:.6f} °C" in page.text
     assert f"{model['powers_of_T'][1] * 1e6:.9g}" in page.text
-    assert "part of the value; this method cannot separate it, and it is not in u" in page.text
+    assert "part of the value; this method cannot separate it, and u does not include it" in page.text
     assert "contains the asymmetry of converter or voltmeter" in page.text
     assert page.text.count("combined") == 5 + 11 + 5  # of the first dwell, over the run, of all dwells
     assert page.count("svg") == 5
@@ -251,7 +251,7 @@ def test_a_dwell_that_was_left_out_and_a_limit_that_nothing_could_be_held_agains
     assert ("div", {"class": "verdict INCOMPLETE"}) in page.tags
     assert "Dwell 0 is left out: no usable reading near 270°." in page.parts["note"]
     assert re.search("K0 not determined µg -5000 to 5000 not judged", page.parts["verdicts"])
-    assert "What was measured is not enough to draw" in page.text
+    assert "There are too few data for a figure" in page.text
 
 
 def test_a_model_without_degrees_of_freedom_has_no_residuals_to_draw(tmp_path):
@@ -268,7 +268,7 @@ def test_two_dwells_at_one_temperature_are_drawn_without_a_model(tmp_path):
     page = page_of(run.path)
     assert "Bias K0, over temperature." in page.text
     assert "Models over temperature" not in page.text
-    assert "K0: how it changes with temperature is not known" in page.parts["note"]
+    assert "K0: its temperature dependence is unknown" in page.parts["note"]
 
 
 def test_each_unit_has_its_sections(tmp_path):
@@ -298,8 +298,8 @@ def test_a_bench_that_failed_says_why_on_top(tmp_path):
     assert ("div", {"class": "verdict ERROR"}) in page.tags
     assert run.problems[0] in page.parts["alert"]
     assert "ended by a problem of the bench" in page.parts["alert"]
-    assert "Not finished: step steps/temperature=20/" in page.parts["alert"]
-    assert "the run left its plan" in page.text
+    assert "Not completed: step steps/temperature=20/" in page.parts["alert"]
+    assert "the run deviated from its plan" in page.text
     assert "Verdict on what was measured" in page.text
 
 
@@ -337,7 +337,7 @@ def test_a_run_that_was_interrupted_is_told_from_its_journal(smoke, tmp_path):
     page = rewritten(folder)
     assert ("div", {"class": "verdict INCOMPLETE"}) in page.tags
     assert "It was interrupted" in page.parts["alert"]
-    assert "Not finished: step steps/temperature=20/position=90/acquire." in page.parts["alert"]
+    assert "Not completed: step steps/temperature=20/position=90/acquire." in page.parts["alert"]
     assert "Watlow F4T" in page.text
     assert "not recorded" in page.text
     assert "not computed" in page.text
@@ -354,7 +354,7 @@ def test_data_that_cannot_be_evaluated_are_no_reason_for_no_report(smoke, tmp_pa
 
 def test_a_verdict_that_has_become_another_is_told(smoke, tmp_path):
     page = rewritten(copy_of(smoke, tmp_path, verdict="FAIL"))
-    assert "The run was closed with the verdict FAIL; evaluated anew it is PASS." in page.parts["alert"]
+    assert "The run ended with the verdict FAIL; re-evaluated now, it is PASS." in page.parts["alert"]
 
 
 def test_a_report_that_cannot_be_written_takes_no_results_away(tmp_path, monkeypatch):
@@ -382,7 +382,7 @@ def test_a_report_that_cannot_be_written_takes_no_results_away(tmp_path, monkeyp
         ),
         (
             "steps/temperature=20/position=0/acquire: too_few_latches",
-            "A reading is left out: fewer than half of its counter readings came "
+            "A reading is left out: fewer than half of its counter readings arrived "
             "(steps/temperature=20/position=0/acquire).",
         ),
         ("K1:ill_conditioned", "K1: the temperatures do not determine the model."),

@@ -126,8 +126,8 @@ def test_steps_that_were_done_again_are_deviations(folder):
         database.execute(add, ("operator", '{"action": "skip"}'))
     database.close()
     page = written(folder).read_text("utf-8")
-    assert "<li>Done again: step steps/move. it did not arrive</li>" in page
-    assert page.count("<li>Done again, as the operator wished: step steps/move.</li>") == 1
+    assert "<li>Repeated: step steps/move. it did not arrive</li>" in page
+    assert page.count("<li>Repeated by the operator: step steps/move.</li>") == 1
 
 
 def test_every_rule_that_a_limit_is_judged_by_is_told(folder):

@@ -266,7 +266,7 @@ def test_a_broken_thermometer_is_left_out():
     acquisitions[0] = replace(acquisitions[0], temperatures_c={"unit_temperature": broken})
     result = reduced(acquisitions)
     assert flag_in_words(result.flags[0]) == (
-        "2 samples are left out: a temperature that a working thermometer cannot say."
+        "2 samples are left out: a temperature that a working thermometer cannot indicate."
     )
     assert found(result)["K0/temperature_coefficient"].value == pytest.approx(12e-6, rel=2e-3)
 
