@@ -216,7 +216,7 @@ def _by_ledger(found: RunSummary, links: Sequence[Link], seal: bytes) -> tuple[l
         return [
             f"{found.path / SEAL}: is not the one in the ledger"
             if seal
-            else f"{found.path / SEAL}: the ledger has a seal of this run, but the seal here is missing or unreadable"
+            else f"{found.path / SEAL}: the ledger has a seal of this run, but there is no readable seal here"
         ], []
     if not links:
         return [], []

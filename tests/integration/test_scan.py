@@ -38,7 +38,7 @@ def found_by(*arguments: str) -> tuple[str, str]:
 
 def test_what_a_scan_proposes_is_a_bench_that_a_check_accepts_and_that_answers(tmp_path: Path) -> None:
     bench = on_real_wires(tmp_path)
-    content = yaml.safe_load(bench)
+    content = yaml.safe_load(bench.read_text("utf-8"))
     devices = content["devices"]
     addresses = [devices[role]["connection"] for role in ("chamber", "head", "supply", "source")]
     with simulating(bench):

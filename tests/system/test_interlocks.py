@@ -37,7 +37,7 @@ def test_a_pause_holds_the_next_step_back_until_it_has_been_good_for_the_time(tm
     assert events[held][2] == {"by": "interlock behind"}
     released = kinds.index("released", held)
     assert "step_begins" not in kinds[held:released]
-    assert "is good again" in events[released - 1][2]["text"]
+    assert "has recovered" in events[released - 1][2]["text"]
 
 
 def test_a_hold_stops_the_chamber_where_it_is_and_the_ramp_is_done_again_afterwards(tmp_path):

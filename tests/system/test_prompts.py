@@ -68,7 +68,7 @@ def test_at_full_speed_nobody_can_type_so_that_a_script_must(tmp_path):
     ("answers", "problem"),
     [
         ({"steps/promt": {}}, "the plan has no step 'steps/promt'; did you mean 'steps/prompt'?"),
-        ({"steps/prompt": {"answer": "perhaps"}}, "answer: 'perhaps' is no answer; expected done"),
+        ({"steps/prompt": {"answer": "perhaps"}}, "answer: 'perhaps' is not a possible answer; expected done"),
         ({"steps/prompt": {"does": {"mount": "invertd"}}}, "no mount 'invertd'; did you mean 'inverted'?"),
         ({"steps/prompt": {"answr": "done"}}, "unknown key; did you mean 'answer'?"),
     ],

@@ -344,7 +344,7 @@ def test_of_an_age_the_device_is_named():
 def test_what_is_good_again_says_so():
     readings = [(0, 86.0), (5, 86.0), (6, 84.0), (9, 83.5)]
     assert texts(made(hot=HOT), readings)[1] == (
-        "Interlock hot is good again after 3 s: unit_temperature is 83.5 °C, allowed is at most 85 °C."
+        "Interlock hot has recovered after 3 s: unit_temperature is 83.5 °C, allowed is at most 85 °C."
     )
 
 

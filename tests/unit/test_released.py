@@ -65,7 +65,7 @@ def test_temperatures_that_it_is_not_known_at_are_refused_where_they_stand(tempe
     place, _, told = problem.partition(": ")
     assert place.rsplit(":", 2)[0].endswith("imu_start_up.yaml")
     assert told == (
-        f"at {temperature} the unit in place 'a' goes from {temperature} to about {warm}, its calibration "
+        f"at {temperature} the unit in place 'a' goes from {temperature} to about {warm}, but its calibration "
         "imu_calibration.json is valid from -14.96 °C to 54.92 °C. Choose temperatures in this range, or calibrate "
         "the unit over a wider one"
     )

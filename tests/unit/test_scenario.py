@@ -50,13 +50,13 @@ def problems(tmp_path: Path, *faults: str, bench: str = BENCH, **wishes: object)
         ("{after: steps/none, device: head, fault: stuck}", "4:6: the plan has no step 'steps/none'"),
         (
             "{at: 5 s, device: head, fault: door_open}",
-            "4:29: 'head', a simulated aerotech_ensemble, does not know door_open; it knows silent, cut, delay, late, "
+            "4:29: 'head', a simulated aerotech_ensemble, has no fault door_open; it has silent, cut, delay, late, "
             "duplicate, garbage, cut_short, split, flip, echo, half_open, slow_close, frozen, stuck, lag, "
             "emergency_stop, tripped",
         ),
         (
             "{at: 5 s, device: counter, fault: garbage}",
-            "4:32: 'counter', a simulated can_counter, does not know garbage; it knows silent, cut, frozen, restart",
+            "4:32: 'counter', a simulated can_counter, has no fault garbage; it has silent, cut, frozen, restart",
         ),
     ],
 )
@@ -73,7 +73,7 @@ def test_the_same_is_told_of_a_bench_file(tmp_path):
     (tmp_path / "b.yaml").write_text(text.replace("uut/quartz_flexure.yaml", "q.yaml"), "utf-8")
     (tmp_path / "q.yaml").write_bytes((ROOT / "config/uut/quartz_flexure.yaml").read_bytes())
     with pytest.raises(
-        InputError, match=r"b\.yaml:\d+:\d+: 'supply', a simulated scpi_supply, does not know door_open"
+        InputError, match=r"b\.yaml:\d+:\d+: 'supply', a simulated scpi_supply, has no fault door_open"
     ):
         prepare(RunRequest("smoke", bench=str(tmp_path / "b.yaml")))
 
