@@ -72,9 +72,7 @@ def test_the_same_is_told_of_a_bench_file(tmp_path):
     (tmp_path / "uut").symlink_to(ROOT / "config/uut")
     (tmp_path / "b.yaml").write_text(text.replace("uut/quartz_flexure.yaml", "q.yaml"), "utf-8")
     (tmp_path / "q.yaml").write_bytes((ROOT / "config/uut/quartz_flexure.yaml").read_bytes())
-    with pytest.raises(
-        InputError, match=r"b\.yaml:\d+:\d+: 'supply', a simulated scpi_supply, has no fault door_open"
-    ):
+    with pytest.raises(InputError, match=r"b\.yaml:\d+:\d+: 'supply', a simulated scpi_supply, has no fault door_open"):
         prepare(RunRequest("smoke", bench=str(tmp_path / "b.yaml")))
 
 
