@@ -21,16 +21,23 @@ SECOND_DIFFERENCE_SD = np.sqrt(6.0)  # of 1, -2, 1 times values with a standard 
 FAR_SIGMAS = 3.0  # from there on it is a jump, or a corner
 GRID_SIGMAS = 8.0  # up to where the distribution of a largest error is worked out: of 1e9 errors none is larger
 GRID_POINTS = 2000
+SD_KNOWN = 0.05  # relative standard uncertainty of a standard deviation from second differences
 FEWEST = 5  # second differences whose median tells something
 
 
-def scatter_sd(records: Sequence[Array], stride: int = 1) -> float:
+def scatter_sd(records: Sequence[Array], stride: int = 1, gains: Sequence[Array] | None = None) -> float:
     """The standard deviation of what is not smooth in records of evenly taken values, each (n,); NaN where too short.
 
     From their second differences over `stride` values, without those far beyond the median, so that a few jumps do not
     count. A stride of 2 passes over what neighbours share, such as a count that one has more and the next has less.
+    Values may scatter by the result times their `gains` (n,) each.
     """
-    curved = [record[2 * stride :] - 2 * record[stride:-stride] + record[: -2 * stride] for record in records]
+    usual_sd = [np.ones(len(record)) for record in records] if gains is None else gains
+    curved = [
+        (record[2 * stride :] - 2 * record[stride:-stride] + record[: -2 * stride])
+        * (SECOND_DIFFERENCE_SD / np.sqrt(sd[2 * stride :] ** 2 + 4 * sd[stride:-stride] ** 2 + sd[: -2 * stride] ** 2))
+        for record, sd in zip(records, usual_sd, strict=True)
+    ]
     differences = np.abs(np.concatenate([np.zeros(0), *curved]))
     if len(differences) < FEWEST:
         return float("nan")
@@ -99,13 +106,16 @@ def interval_of_span(values: Array, sd: float) -> Interval:
     return Interval(low, span + float(ndtri(one_sided) * np.sqrt(2) * sd), float(np.mean(spans)))
 
 
-def interval_of_rms(values: Array, sd: float) -> Interval:
+def interval_of_rms(values: Array, sd: float, along_u: float | None = None) -> Interval:
     """The range of the root mean square of (n,) that scatter by `sd`, whatever they are without scatter.
 
-    Scatter adds its own square to the mean square, which varies by as much as n values tell.
+    Scatter adds its own square to the mean square, which varies by as much as n values tell and as `sd` is known. What
+    goes along with the values has the standard uncertainty `along_u` in the root mean square: that of n values that
+    scatter independently, unless another is known.
     """
-    square, width = float(np.mean(values**2)) - sd**2, float(ndtri((1 + CONFIDENCE) / 2))
-    width *= sd * float(np.sqrt((4 * max(square, 0.0) + 2 * sd**2) / len(values)))
+    n, square = len(values), float(np.mean(values**2)) - sd**2
+    along = 2 * np.sqrt(max(square, 0.0)) * (sd / np.sqrt(n) if along_u is None else along_u)
+    width = float(ndtri((1 + CONFIDENCE) / 2) * np.hypot(along, np.hypot(np.sqrt(2 / n), 2 * SD_KNOWN) * sd**2))
     low, high = (float(np.sqrt(max(square + side * width, 0.0))) for side in (-1, 1))
     return Interval(low, high, sd)
 

@@ -54,10 +54,11 @@ class Interval:
     high: float
     from_scatter: float
 
-    def beside(self, value: float, u: float) -> Interval:
+    def beside(self, u: float) -> Interval:
         """The range of a value that is uncertain by `u`, too, which scatter does not tell."""
-        low, high = (math.hypot(value - end, COVERAGE * u) for end in (self.low, self.high))
-        return replace(self, low=max(value - low, 0.0), high=value + high)
+        half = (self.high - self.low) / 2
+        more = math.hypot(half, COVERAGE * u) - half
+        return replace(self, low=max(self.low - more, 0.0), high=self.high + more)
 
     def times(self, factor: float) -> Interval:
         """The range of a value that is `factor` times the one it is of, without its sign."""

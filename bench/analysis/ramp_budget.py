@@ -19,7 +19,7 @@ from bench.analysis.finding import BudgetLine, Subject
 from bench.analysis.fit import Array
 from bench.analysis.ramp_reduced import ReducedRamp
 from bench.analysis.ramp_samples import RampLeg
-from bench.analysis.ramp_scatter import SlopeScatter, slope_scatter
+from bench.analysis.ramp_scatter import SlopeScatter, slope_scatter, sum_scatter
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.temperature_dynamic import UG_PER_G, Differences
 from bench.analysis.thermometer_drift import DriftInRun
@@ -52,9 +52,11 @@ class RampBudget:
         smooth = [residuals_ug / UG_PER_G for residuals_ug in self.ramp.found.residuals_ug]
         return _known_sd(scatter_sd(smooth, COUNT_STRIDE), self.ramp.found.line.residual_sd)
 
-    def sd_of(self, differences: Sequence[Differences]) -> float:
-        """Standard deviation of the differences between two legs about anything smooth, in g."""
-        return _known_sd(scatter_sd([each.ug / UG_PER_G for each in differences], COUNT_STRIDE), self.sd_g)
+    def sds_of(self, differences: Sequence[Differences]) -> list[Array]:
+        """Standard deviations (n,) of the differences between two legs about anything smooth, in g."""
+        gains = [each.gain for each in differences]
+        sd_g = scatter_sd([each.ug / UG_PER_G for each in differences], COUNT_STRIDE, gains)
+        return [_known_sd(sd_g, self.sd_g) * gain for gain in gains]
 
     def scatter_of_slope(self) -> list[BudgetLine]:
         """Of the bias, in g/°C."""
@@ -63,6 +65,20 @@ class RampBudget:
             u = self.sd_g * _slope_gain(self.ramp.level)
             return [BudgetLine(SCATTER, "A", u, self.ramp.found.line.dof or None)]
         return _scatter_lines(found, self.ramp.per_g)
+
+    def scatter_of_rms(self) -> list[BudgetLine]:
+        """Of the root mean square of the residuals, in g: what goes along with them."""
+        found, rms_g = self.ramp.found, self.ramp.found.rms_residual_ug / UG_PER_G
+        count = len(found.line.residuals)
+        known = {
+            (leg.cycle, leg.name): (leg.time_s, ug / UG_PER_G)
+            for leg, ug in zip(found.legs, found.residuals_ug, strict=True)
+        }
+        gains = [_at_times(leg, *known[leg.cycle, leg.name]) / (count * (rms_g or 1.0)) for leg in self.ramp.level]
+        scatter = sum_scatter(self.ramp.level, gains)
+        if scatter is None:
+            return [BudgetLine(SCATTER, "A", self.sd_g / float(np.sqrt(count)))]
+        return _scatter_lines(scatter, self.ramp.per_g)
 
     def scatter_of_scale_slope(self) -> list[BudgetLine]:
         """Of the scale factor, relative to it, in 1/°C."""
@@ -119,11 +135,12 @@ class RampBudget:
         Only what a change has of a slope makes one of K1. If that of every cycle is as another's, with the standard
         deviation s, the mean of n cycles at 1 g less that of n at 0 g has s √(2/n), and two cycles differ by s √2.
         """
-        sd_g, squares = self.sd_of(self.ramp.changes), []
-        for each in self.ramp.changes:
+        squares = []
+        for each, sd_g in zip(self.ramp.changes, self.sds_of(self.ramp.changes), strict=True):
             away_c = each.temperature_c - np.mean(each.temperature_c)
             if spread := float(np.sum(away_c**2)):
-                squares.append((float(away_c @ each.ug) / UG_PER_G / spread) ** 2 - sd_g**2 / spread)
+                by_scatter = float(np.sum((away_c * sd_g) ** 2))
+                squares.append(((float(away_c @ each.ug) / UG_PER_G) ** 2 - by_scatter) / spread**2)
         cycles = len({leg.cycle for leg in self.ramp.level})
         u = float(np.sqrt(max(np.mean(squares) if squares else 0.0, 0.0) / cycles))
         return BudgetLine("bias: its change between the 0 g part and the 1 g part", "B", u)
@@ -132,6 +149,14 @@ class RampBudget:
 def _scatter_lines(found: SlopeScatter, scale: float) -> list[BudgetLine]:
     counting = [BudgetLine(COUNTING, "B", found.counted * scale)] if found.counted else []
     return [*counting, BudgetLine(SCATTER, "A", found.own * scale, found.dof)]
+
+
+def _at_times(leg: RampLeg, time_s: Array, values: Array) -> Array:
+    """Values at some of the times of a leg, by its usable samples; 0 at the others."""
+    usable_s = leg.time_s[np.isfinite(leg.output) & np.isfinite(leg.temperature_c)]
+    found = np.zeros(len(usable_s))
+    found[np.isin(usable_s, time_s)] = values[np.isin(time_s, usable_s)]
+    return found
 
 
 def _known_sd(sd: float, otherwise: float) -> float:

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from bench.analysis.compensation import Compensation
+from bench.analysis.coverage import COVERAGE, coverage_factor
 from bench.analysis.extremes import interval_of_rms
 from bench.analysis.finding import BudgetLine, Finding, Interval
 from bench.analysis.fit import PolynomialFit
 from bench.analysis.largest import largest_of
 from bench.analysis.models import TemperatureModel
-from bench.analysis.ramp_budget import LAG, SCATTER, RampBudget
+from bench.analysis.ramp_budget import COUNTING, LAG, SCATTER, RampBudget
 from bench.analysis.ramp_reduced import ReducedRamp
 from bench.analysis.temperature_dynamic import UG_PER_G, Differences, DynamicCharacteristic, RampJump
 from bench.analysis.tilt_findings import TiltOrigin, tilt_findings
@@ -62,8 +63,8 @@ class RampFindings:
 
     def _residuals(self) -> Iterator[Finding]:
         found, budget, sd_g = self._found, self.budget, self.budget.sd_g
-        residuals_g = found.line.residuals
-        largest = largest_of(residuals_g, sd_g, "samples")
+        residuals_g = [residuals_ug / UG_PER_G for residuals_ug in found.residuals_ug]
+        largest = largest_of(residuals_g, [np.full(len(each), sd_g) for each in residuals_g])
         lines = [
             *largest.lines, budget.drift(lambda ramp: ramp.found.line.max_residual),
             budget.scale_error(largest.value), budget.scale_left(), BudgetLine(LAG, "alias", 0.0),
@@ -74,15 +75,16 @@ class RampFindings:
         )
         rms_g = found.rms_residual_ug / UG_PER_G
         added_g = rms_g - float(np.sqrt(max(rms_g**2 - sd_g**2, 0.0)))
+        along = budget.scatter_of_rms()
         lines = [
-            BudgetLine(SCATTER, "A", sd_g / np.sqrt(len(residuals_g))),
+            *along,
             BudgetLine("samples: scatter is part of it", "A", added_g),
             budget.drift(lambda ramp: ramp.found.rms_residual_ug / UG_PER_G),
             budget.scale_error(rms_g), budget.scale_left(), BudgetLine(LAG, "alias", 0.0),
         ]  # fmt: skip
         yield self._finding(
             "K0/model_residual_rms", "root mean square of the residuals", rms_g, "g", lines, {},
-            interval=interval_of_rms(residuals_g, sd_g),
+            interval=interval_of_rms(found.line.residuals, sd_g, math.hypot(*(_normal_u(line) for line in along))),
         )  # fmt: skip
 
     def _at_largest(self) -> dict[str, Any]:
@@ -113,8 +115,7 @@ class RampFindings:
         more: Sequence[BudgetLine],
         flags: tuple[str, ...] = (),
     ) -> Finding:
-        values_g = np.concatenate([each.ug for each in differences]) / UG_PER_G
-        largest = largest_of(values_g, self.budget.sd_of(differences), "samples")
+        largest = largest_of([each.ug / UG_PER_G for each in differences], self.budget.sds_of(differences))
         widest = max(differences, key=lambda each: float(np.max(np.abs(each.ug))))
         at: dict[str, Any] = {"cycle": widest.cycle} | ({"leg": widest.leg} if widest.leg else {})
         at["at_c"] = float(widest.temperature_c[int(np.argmax(np.abs(widest.ug)))])
@@ -221,8 +222,14 @@ class RampFindings:
     ) -> Finding:
         steps = steps or tuple(leg.step for leg in self._ramp.level)
         if interval is not None:
-            interval = interval.beside(abs(value), math.hypot(*(line.u for line in lines if line.type == "B")))
+            known = (line.u for line in lines if line.type == "B" and line.source != COUNTING)
+            interval = interval.beside(math.hypot(*known))
         return self.budget.subject.finding(quantity, name, value, unit, lines, at, steps, id_tail, flags, interval)
+
+
+def _normal_u(line: BudgetLine) -> float:
+    """What twice of covers as much as U does, whatever the degrees of freedom."""
+    return line.u * coverage_factor(line.dof) / COVERAGE
 
 
 def _at_jump(jump: RampJump) -> dict[str, Any]:

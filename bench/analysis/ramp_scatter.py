@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.analysis.channel_scatter import (
     LEAST_GATES,
@@ -47,13 +48,19 @@ class SlopeScatter(NamedTuple):
 
 def slope_scatter(legs: Sequence[RampLeg]) -> SlopeScatter | None:
     """Those of the slope of one line through the samples of all legs; None where these are too short to tell."""
+    temperatures_c = [leg.temperature_c[_usable(leg)] for leg in legs]
+    if not legs:
+        return None
+    centre_c = float(np.mean(np.concatenate(temperatures_c)))
+    spread = sum(float(np.sum((each - centre_c) ** 2)) for each in temperatures_c)
+    return sum_scatter(legs, [(each - centre_c) / spread for each in temperatures_c])
+
+
+def sum_scatter(legs: Sequence[RampLeg], gains: Sequence[Array]) -> SlopeScatter | None:
+    """Those of the sum of the usable samples of all legs, each times its gain, (n,) by leg; None as above."""
     parts = [_gates(leg) for leg in legs]
     if not parts or min(len(part.seconds) for part in parts) < LEAST_GATES:
         return None
-    away_c = [part.converter_c for part in parts]
-    centre_c = float(np.mean(np.concatenate(away_c)))
-    spread = sum(float(np.sum((each - centre_c) ** 2)) for each in away_c)
-    gains = [(each - centre_c) / spread for each in away_c]
     counted = [unresolved_pps(gain[np.newaxis], part) for gain, part in zip(gains, parts, strict=True)]
     own = list(_between_cycles(legs, parts)) or [own_scatter_pps(_departures(part), part) for part in parts]
     return SlopeScatter(
@@ -79,9 +86,13 @@ def _departures(part: Gates) -> Array:
     return fit_polynomial(part.converter_c, part.rate_pps, SMOOTH_DEGREE).residuals
 
 
+def _usable(leg: RampLeg) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite(leg.output) & np.isfinite(leg.temperature_c))
+
+
 def _gates(leg: RampLeg) -> Gates:
     """The usable samples of a leg, with their temperature in the place of the converter's."""
-    usable = np.isfinite(leg.output) & np.isfinite(leg.temperature_c)
+    usable = _usable(leg)
     seconds, temperature_c = leg.seconds[usable], leg.temperature_c[usable]
     nothing = np.zeros(len(seconds))
     return Gates(

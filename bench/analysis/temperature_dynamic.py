@@ -63,13 +63,15 @@ class LagModel:
 class Differences:
     """How two legs differ at the whole degrees that both have passed, (n,): one less other in µg at `temperature_c`.
 
-    `cycle` is that of the one, `leg` is empty for the rising against the falling one.
+    `cycle` is that of the one, `leg` is empty for the rising against the falling one. `gain` (n,) are the standard
+    deviations of the differences of samples that scatter by 1.
     """
 
     cycle: int
     leg: str
     temperature_c: Array
     ug: Array
+    gain: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,34 +192,43 @@ def _exceeds(value: float | None, limit: float | None) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _AtDegrees:
-    """Each leg, by cycle and name, at every whole degree of the record; NaN where it did not pass."""
+    """Each leg, by cycle and name, at every whole degree of the record; NaN where it did not pass.
+
+    `gains` are the standard deviations of these values for samples that scatter by 1.
+    """
 
     temperature_c: Array
     legs_ug: dict[tuple[int, str], Array]
+    gains: dict[tuple[int, str], Array]
 
     def between(self, one: tuple[int, str], other: tuple[int, str], leg: str) -> Differences | None:
         """How two legs differ; None when they have no degree in common."""
         differences_ug = self.legs_ug[one] - self.legs_ug[other]
         common = np.isfinite(differences_ug)
-        return Differences(one[0], leg, self.temperature_c[common], differences_ug[common]) if common.any() else None
+        if not common.any():
+            return None
+        gain = np.hypot(self.gains[one], self.gains[other])
+        return Differences(one[0], leg, self.temperature_c[common], differences_ug[common], gain[common])
 
 
 def _at_whole_degrees(legs: Sequence[Leg], residuals_ug: Sequence[Array]) -> _AtDegrees:
     temperature_c = _joined(leg.temperature_c for leg in legs)
     degrees_c = np.arange(np.ceil(np.min(temperature_c)), np.floor(np.max(temperature_c)) + 1)
-    pairs = zip(legs, residuals_ug, strict=True)
-    return _AtDegrees(degrees_c, {(leg.cycle, leg.name): _passing(degrees_c, leg, ug) for leg, ug in pairs})
+    names = [(leg.cycle, leg.name) for leg in legs]
+    passed = [_passing(degrees_c, leg, ug) for leg, ug in zip(legs, residuals_ug, strict=True)]
+    values, gains = ([each[of] for each in passed] for of in (0, 1))
+    return _AtDegrees(degrees_c, dict(zip(names, values, strict=True)), dict(zip(names, gains, strict=True)))
 
 
 def _passing(degrees_c: Array, leg: Leg, residual_ug: Array) -> Array:
     """The residual of a leg at each of `degrees_c`, by a straight line through the samples within ±0.5 °C of it.
 
-    Where samples are farther apart than that, the line goes through the next ones. One that would have to be extended
-    beyond its samples is none, and the value NaN.
+    (2, n): the second row is its standard deviation where samples scatter by 1. Where samples are farther apart than
+    that, the line goes through the next ones. One that would have to be extended beyond its samples is none, and NaN.
     """
     known = np.flatnonzero(np.isfinite(residual_ug))
     if len(known) < 2:
-        return np.full(len(degrees_c), np.nan)
+        return np.full((2, len(degrees_c)), np.nan)
     order = known[np.argsort(leg.temperature_c[known])]
     x, y = leg.temperature_c[order], residual_ug[order]
     near_c = max(0.5, float(np.median(np.abs(np.diff(leg.temperature_c[known])))))
@@ -226,16 +237,20 @@ def _passing(degrees_c: Array, leg: Leg, residual_ug: Array) -> Array:
     return np.array([
         _line_at(degree_c, x[start:end], y[start:end])
         for degree_c, start, end in zip(degrees_c, starts, ends, strict=True)
-    ])  # fmt: skip
+    ]).reshape(-1, 2).T  # fmt: skip
 
 
-def _line_at(at: float, x: Array, y: Array) -> float:
-    """The least-squares line through y over ascending x, at a place between them; NaN elsewhere."""
+def _line_at(at: float, x: Array, y: Array) -> tuple[float, float]:
+    """The least-squares line through y over ascending x, at a place between them; NaN elsewhere.
+
+    The second is its standard deviation where y scatters by 1.
+    """
     if not len(x) or not x[0] <= at <= x[-1]:
-        return np.nan
+        return np.nan, np.nan
     away = x - x.mean()
     spread = float(away @ away)
-    return float(y.mean() + (away @ y / spread * (at - x.mean()) if spread else 0.0))
+    weights = 1 / len(x) + (away * (at - x.mean()) / spread if spread else np.zeros(len(x)))
+    return float(weights @ y), float(np.linalg.norm(weights))
 
 
 def _loops(at_degrees: _AtDegrees) -> tuple[Differences, ...]:

@@ -214,7 +214,7 @@ def ramps(change_g_per_c):
     with (
         mock.patch.object(temperature_ramp, "elevation_rad"),
         mock.patch.object(temperature_ramp, "cut_into_samples", lambda leg, *_: leg),
-        mock.patch.object(largest, "largest_u", return_value=(0.0, 0.0)),
+        mock.patch.object(largest, "TRIALS", 2),
     ):
         for _ in range(250):
             data, changed_g_per_c = ramp(rng, change_g_per_c)
