@@ -2,7 +2,8 @@
 
 Each seed draws another dead band, and turns the head's zero elsewhere.
 
-A unit follows a step once it has left the dead band, in the sense that has to cross most of it.
+A unit follows a step when the mean of its output does, by half of the step or more. Noise of single latches that is as
+wide as the dead band lets the mean follow within it, too.
 """
 
 from __future__ import annotations
@@ -15,12 +16,17 @@ import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm
 
 from bench.app.request import RunRequest
 from tests.truth.campaign import ROOT, Comparison, full_bench, results_of, run_one
 
 DEAD_BAND = ROOT / "config" / "uut" / "dead_band.yaml"
-EDGE_G = 10e-6  # how far the noise of single latches smears the edge of the dead band
+LATCH_S = 0.1  # of the counter of the bench
+EDGE_SD = 3.0  # of the slow wander of the zero, which moves the edge of the dead band between two dwells
 SHORT = ("ladder=[5 arcsec, 10 arcsec, 20 arcsec, 50 arcsec]", "repeats=2", "warm_up=1 h")
 
 
@@ -38,10 +44,8 @@ def compare_ladders(folder: Path, results: dict | None = None) -> list[tuple[Com
 
 
 def compared(truth: dict, results: dict) -> list[Comparison]:
-    """Every threshold outside of which lies something to find, its interval widened by the smeared edge."""
-    return [
-        replace(each, interval=(low_g - EDGE_G, high_g + EDGE_G)) for each, low_g, high_g in bracketed(truth, results)
-    ]
+    """Every threshold outside of which lies something to find, its interval widened by the wander of the zero."""
+    return [replace(each, interval=(low_g, high_g)) for each, low_g, high_g in bracketed(truth, results)]
 
 
 def bracketed(truth: dict, results: dict) -> list[tuple[Comparison, float, float]]:
@@ -49,21 +53,33 @@ def bracketed(truth: dict, results: dict) -> list[tuple[Comparison, float, float
     compared = []
     for each in results["findings"]:
         label, place, _, position = each["id"].split("/")
-        true_g = true_threshold_g(truth["ladders"][f"{label}/{place}@{position}"])
+        unit = truth["units"][place]
+        white_g = unit["noise_density"] * math.sqrt(0.5 / LATCH_S)
+        true_g = true_threshold_g(truth["ladders"][f"{label}/{place}@{position}"], white_g)
+        edge_g = EDGE_SD * unit["instability_g"]
         comparison = Comparison.of(truth["seed"], each, true_g)
-        compared.append((comparison, each["at"]["above_g"], each["at"]["up_to_g"] or math.inf))
+        compared.append((comparison, each["at"]["above_g"] - edge_g, (each["at"]["up_to_g"] or math.inf) + edge_g))
     return compared
 
 
-def true_threshold_g(ladder: dict) -> float:
-    """The smallest step that is followed in both senses; outside of the dead band, any."""
-    away_g = abs(ladder["reference_g"])
-    return ladder["dead_band_g"] + away_g if away_g < ladder["dead_band_g"] else 0.0
+def true_threshold_g(ladder: dict, noise_g: float = 0.0) -> float:
+    """The largest step, in either sense, of which the mean output follows less than half; 0 where it follows every one.
+
+    `noise_g` is the standard deviation of the input as the mean of a latch, whose pulses the dead band takes away.
+    """
+    stands_g, dead_g = ladder["reference_g"], ladder["dead_band_g"]
+    step_g = np.concatenate([side * np.arange(0.1e-6, 2 * dead_g + abs(stands_g), 0.1e-6) for side in (-1, 1)])
+    followed = _mean_output_g(stands_g + step_g, dead_g, noise_g) - _mean_output_g(stands_g, dead_g, noise_g)
+    return float(np.max(np.abs(step_g[followed / step_g < 0.5]), initial=0.0))
 
 
-def is_inside(low_g: float, true_g: float, high_g: float) -> bool:
-    """Whether the truth lies where the run says, the smeared edge apart."""
-    return low_g - EDGE_G <= true_g <= high_g + EDGE_G
+def _mean_output_g(input_g: Any, dead_g: float, noise_g: float) -> Any:
+    """Mean of a normal input outside of the dead band: x - (x [Φ(b) - Φ(a)] - σ [φ(b) - φ(a)]), a, b = (∓d - x) / σ."""
+    if not noise_g:
+        return np.where(np.abs(input_g) < dead_g, 0.0, input_g)
+    low, high = (-dead_g - input_g) / noise_g, (dead_g - input_g) / noise_g
+    inside_g = input_g * (norm.cdf(high) - norm.cdf(low)) - noise_g * (norm.pdf(high) - norm.pdf(low))
+    return input_g - inside_g
 
 
 def draw_dead_band(path: Path) -> None:
@@ -85,7 +101,7 @@ def main() -> int:
             for each, low_g, high_g in compare_ladders(run):
                 told = f"{low_g * 1e6:.1f} to {high_g * 1e6:.1f} µg, true {each.truth * 1e6:.1f} µg"
                 print(f"seed {seed:>3} {each.quantity:<11} {told}, error/u {each.ratio:+.2f}")
-                if not is_inside(low_g, each.truth, high_g):
+                if not low_g <= each.truth <= high_g:
                     problems.append(f"seed {seed}: {each.quantity} {told}")
                 if each.truth:
                     ratios.append(each.ratio)

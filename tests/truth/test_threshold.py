@@ -2,12 +2,13 @@
 
 from unittest import mock
 
+import numpy as np
 import pytest
 
 from bench.analysis import ladder
 from bench.report.stored import open_run
 from tests.truth.campaign import results_of
-from tests.truth.ladder import compare_ladders, is_inside, ladder_run
+from tests.truth.ladder import compare_ladders, ladder_run, true_threshold_g
 from tests.truth.signs import differences
 
 GOOD = ("ladder=[10 arcsec, 20 arcsec, 50 arcsec]", "repeats=2", "warm_up=0 s", "positions=[0°, 30°]")
@@ -32,7 +33,7 @@ def test_the_dead_band_is_found_where_it_is(silent):
     (threshold, low_g, high_g), (resolution, *_) = compare_ladders(silent)
     assert (threshold.quantity, resolution.quantity) == ("threshold", "resolution")
     assert threshold.truth > 80e-6
-    assert is_inside(low_g, threshold.truth, high_g)
+    assert low_g <= threshold.truth <= high_g
     assert 0 < low_g < high_g
     assert abs(threshold.ratio) < 2
     assert resolution.truth == 0.0
@@ -75,8 +76,29 @@ def test_a_step_taken_for_its_size_alone_is_seen(silent):
     with mock.patch.object(ladder, "elevation_rad", mistaken):
         (_, low_g, high_g), _ = compare_ladders(silent, anew(silent))
     (threshold, *_), _ = compare_ladders(silent)
-    assert not is_inside(low_g, threshold.truth, high_g)
+    assert not low_g <= threshold.truth <= high_g
 
 
 def test_a_unit_of_the_other_sign_differs_in_its_sign_alone(silent, good):
     assert [*differences(silent), *differences(good)] == []
+
+
+@pytest.mark.parametrize(
+    ("stands_g", "noise_g", "threshold_g"),
+    [(0.0, 0.0, 100e-6), (30e-6, 0.0, 130e-6), (-30e-6, 0.0, 130e-6), (101e-6, 0.0, 0.0), (0.0, 300e-6, 0.0)],
+)
+def test_the_true_threshold_is_the_largest_step_that_is_not_followed(stands_g, noise_g, threshold_g):
+    ladder = {"reference_g": stands_g, "dead_band_g": 100e-6}
+    assert true_threshold_g(ladder, noise_g) == pytest.approx(threshold_g, abs=0.2e-6)
+
+
+def test_noise_of_latches_lets_the_mean_follow_within_the_dead_band():
+    """Against the mean of many latches."""
+    rng = np.random.default_rng(3)
+    ladder = {"reference_g": 0.0, "dead_band_g": 100e-6}
+    threshold_g = true_threshold_g(ladder, 45e-6)
+    assert 50e-6 < threshold_g < 95e-6
+    for step_g, share in ((0.9 * threshold_g, -1), (1.1 * threshold_g, 1)):
+        latches_g = step_g + 45e-6 * rng.standard_normal(1_000_000)
+        followed = np.mean(np.where(np.abs(latches_g) < 100e-6, 0.0, latches_g)) / step_g
+        assert share * (followed - 0.5) > 0
