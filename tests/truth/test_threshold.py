@@ -45,7 +45,7 @@ def test_its_verdict_and_its_words_are_those_of_a_unit_that_does_not_follow(sile
     assert results["verdict"] == "FAIL"
     assert results["units"] == [{"place": "a", "uut": "SIM-A", "verdict": "FAIL", "flags": []}]
     page = (silent / "report.html").read_text("utf-8")
-    for words in ("Threshold about 0°", "Resolution about 30°", "In the grey band", "Change over expected", "arcsec"):
+    for words in ("Threshold about 0°", "Resolution about 30°", "in the grey band", "Change over expected", "arcsec"):
         assert words in page
 
 
