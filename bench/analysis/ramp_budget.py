@@ -2,8 +2,8 @@
 
 A figure in g is an output over K1, and K1 holds the misalignment of the input axis as an error. Two positions do not
 tell it from the bias, so that what is known of it before stands in the budgets. An offset of the thermometer moves all
-temperatures alike and no figure here, its gain moves slopes only, its drift within the run all that differs between
-times. What lags behind it, and what the unit makes of the rate itself, is part of the loop.
+temperatures alike and no figure here, its gain moves slopes only; its drift within the run, and that of the level, all
+that differs between times. What lags behind it, and what the unit makes of the rate itself, is part of the loop.
 """
 
 from __future__ import annotations
@@ -17,16 +17,18 @@ import numpy as np
 from bench.analysis.extremes import scatter_sd
 from bench.analysis.finding import BudgetLine, Subject
 from bench.analysis.fit import Array
+from bench.analysis.instrument import shared_as
 from bench.analysis.ramp_reduced import ReducedRamp
 from bench.analysis.ramp_samples import RampLeg
 from bench.analysis.ramp_scatter import SlopeScatter, slope_scatter, sum_scatter
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.temperature_dynamic import UG_PER_G, Differences
-from bench.analysis.thermometer_drift import DriftInRun
+from bench.analysis.thermometer_drift import DriftInRun, source_of
 
 SCATTER = "samples: scatter"
 COUNTING = "samples: resolution of the count"
 LAG = "lag behind the thermometer, and the unit's response to the rate: contained"
+LEVEL = "fixture: level"
 COUNT_STRIDE = 2  # neighbours share a latch, and so the error of a count
 
 
@@ -90,16 +92,19 @@ class RampBudget:
         gains = sd * self.ramp.per_g * _slope_gain(self.ramp.upright), self.sd_g * _slope_gain(self.ramp.whole)
         return [BudgetLine(SCATTER, "A", float(np.hypot(*gains)), line.dof or None)]
 
-    # The thermometer
+    # What changes within the run
 
     def thermometer(self, slope: float) -> BudgetLine:
         """Of a slope, by the gain of the thermometer."""
         _, gain = self.data.bench.thermometer_u(self.unit.temperature)
         return BudgetLine(f"{self.unit.temperature}: gain", "B", abs(slope) * gain, None, self.unit.temperature)
 
-    def drift(self, figure: Callable[[ReducedRamp], float]) -> BudgetLine:
-        """Of a figure of the ramp, by a thermometer that drifts within the run."""
-        return self._drift.line(figure(self._drifted) - figure(self.ramp))
+    def drifts(self, figure: Callable[[ReducedRamp], float]) -> list[BudgetLine]:
+        """Of a figure of the ramp, by a thermometer and by a level that drift within the run."""
+        as_found, of_level = figure(self.ramp), source_of(LEVEL, self.data.bench.level_drift)
+        by_level = abs(figure(self._tilted) - as_found)
+        by_thermometer = self._drift.line(figure(self._drifted) - as_found)
+        return [by_thermometer, BudgetLine(of_level, "B", by_level, None, shared_as(of_level))]
 
     @property
     def _drift(self) -> DriftInRun:
@@ -108,6 +113,11 @@ class RampBudget:
     @cached_property
     def _drifted(self) -> ReducedRamp:
         return self.ramp.drifted(self._drift)
+
+    @cached_property
+    def _tilted(self) -> ReducedRamp:
+        u_rad = np.radians(self.data.bench.level_drift.u)
+        return self.ramp.tilted(lambda at_s: self.data.run_share(at_s) * u_rad)
 
     # The scale factor
 

@@ -55,7 +55,7 @@ class RampFindings:
     def _slope(self) -> Finding:
         slope, budget = self._ramp.bias_slope, self.budget
         lines = [
-            *budget.scatter_of_slope(), budget.thermometer(slope), budget.drift(lambda ramp: ramp.bias_slope),
+            *budget.scatter_of_slope(), budget.thermometer(slope), *budget.drifts(lambda ramp: ramp.bias_slope),
             budget.scale_error(slope),
         ]  # fmt: skip
         name, at = "slope of the straight line over temperature", {"temperature_c": self._found.line.centre}
@@ -66,7 +66,7 @@ class RampFindings:
         residuals_g = [residuals_ug / UG_PER_G for residuals_ug in found.residuals_ug]
         largest = largest_of(residuals_g, [np.full(len(each), sd_g) for each in residuals_g])
         lines = [
-            *largest.lines, budget.drift(lambda ramp: ramp.found.line.max_residual),
+            *largest.lines, *budget.drifts(lambda ramp: ramp.found.line.max_residual),
             budget.scale_error(largest.value), budget.scale_left(), BudgetLine(LAG, "alias", 0.0),
         ]  # fmt: skip
         name = "largest residual of the straight line"
@@ -79,7 +79,7 @@ class RampFindings:
         lines = [
             *along,
             BudgetLine("samples: scatter is part of it", "A", added_g),
-            budget.drift(lambda ramp: ramp.found.rms_residual_ug / UG_PER_G),
+            *budget.drifts(lambda ramp: ramp.found.rms_residual_ug / UG_PER_G),
             budget.scale_error(rms_g), budget.scale_left(), BudgetLine(LAG, "alias", 0.0),
         ]  # fmt: skip
         yield self._finding(
@@ -100,12 +100,12 @@ class RampFindings:
             name = "largest difference between rising and falling temperature"
             lines = [budget.scale_left(np.sqrt(2)), BudgetLine(LAG, "alias", 0.0)]
             flags = ("lag",) if found.is_lag else ()
-            by_drift = budget.drift(lambda ramp: (ramp.found.hysteresis_ug or 0.0) / UG_PER_G)
-            yield self._largest("K0/hysteresis", name, found.loops, [by_drift, *lines], flags)
+            by_drift = budget.drifts(lambda ramp: (ramp.found.hysteresis_ug or 0.0) / UG_PER_G)
+            yield self._largest("K0/hysteresis", name, found.loops, [*by_drift, *lines], flags)
         if found.changes:
             name = "largest difference between a cycle and the first"
-            by_drift = budget.drift(lambda ramp: (ramp.found.repeatability_ug or 0.0) / UG_PER_G)
-            yield self._largest("K0/repeatability", name, found.changes, [by_drift])
+            by_drift = budget.drifts(lambda ramp: (ramp.found.repeatability_ug or 0.0) / UG_PER_G)
+            yield self._largest("K0/repeatability", name, found.changes, by_drift)
 
     def _largest(
         self,
@@ -177,7 +177,7 @@ class RampFindings:
     def _scale_slope(self) -> Finding:
         ramp, slope, budget = self._ramp, self._ramp.scale_slope, self.budget
         lines = [
-            *budget.scatter_of_scale_slope(), budget.thermometer(slope), budget.drift(lambda ramp: ramp.scale_slope),
+            *budget.scatter_of_scale_slope(), budget.thermometer(slope), *budget.drifts(lambda ramp: ramp.scale_slope),
             budget.bias_slope_change(),
         ]  # fmt: skip
         at, name = {"temperature_c": ramp.scale.line.centre}, "relative slope of the straight line over temperature"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -52,6 +52,15 @@ class ReducedRamp:
             self.of(change(self.whole, drift), change(self.upright, drift), self.limits) for change in (_warmer, _moved)
         )
         return replace(warmer, found=replace(warmer.found, loops=moved.found.loops, changes=moved.found.changes))
+
+    def tilted(self, level_rad: Callable[[Array], Array]) -> ReducedRamp:
+        """The same where the base is tilted by so much more at bench times (n,)."""
+        k1 = float(self.scale.line.coefficients[0])
+        level, upright = (
+            [replace(leg, output=leg.output - k1 * np.cos(leg.angle_rad) * level_rad(leg.time_s)) for leg in part]
+            for part in (self.whole, self.upright)
+        )
+        return self.of(level, upright, self.limits)
 
     @property
     def per_g(self) -> float:
