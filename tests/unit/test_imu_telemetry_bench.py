@@ -83,7 +83,7 @@ def test_a_voltmeter_reads_no_inertial_unit(tmp_path):
 def test_rates_that_are_sent_need_a_clock_of_which_something_is_known(tmp_path):
     site = BENCH.site.model_copy(update={"host_clock": None})
     (told,) = remarks_of(tmp_path, BENCH.model_copy(update={"site": site}))
-    assert "for place 'a' the bench file does not state the uncertainty of that clock. Write it under site" in told
+    assert "for place 'a' the bench file does not state the uncertainty of that clock. Add it under site" in told
 
 
 def test_limits_are_in_the_unit_that_is_sent(tmp_path):
