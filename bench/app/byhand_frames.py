@@ -1,4 +1,4 @@
-"""What a device sends on CAN, decoded by its DBC, for a person to look at."""
+"""CAN frames of a device, decoded with its DBC and formatted for the console."""
 
 from __future__ import annotations
 

@@ -33,10 +33,10 @@ class Spoken(Protocol):
     twice: bool
 
     def asks(self, line: str) -> bool | None:
-        """Whether a line only asks; None where nothing tells. Raises Unspoken for what is no line of the language."""
+        """Whether a line is a query; None if unknown. Raises Unspoken for an invalid line."""
 
     async def say(self, line: str, *, is_question: bool) -> Sequence[str]:
-        """Sends it; what to tell besides the bytes. Raises a DriverError."""
+        """Send the line; return the text to print besides the bytes. Raises a DriverError."""
 
 
 def spoken_by(role: str, entry: DeviceEntry, wires: SharedWires) -> Spoken:
@@ -63,7 +63,7 @@ class TextLines:
         return None if self._asks is None else self._asks(line)
 
     async def say(self, line: str, *, is_question: bool) -> Sequence[str]:
-        """One exchange in its turn; what has no answer is no error of a command."""
+        """One exchange; a missing answer is no error, because commands have none."""
         exchange = self._wires.line(self._role).inner
         if not isinstance(exchange, LineExchange):
             raise Unspoken("no command can be typed for this instrument; use the commands of its driver, see :help")
@@ -101,7 +101,7 @@ class ModbusLines:
         return verb != "write"
 
     async def say(self, line: str, *, is_question: bool) -> Sequence[str]:
-        """One request; its registers in words."""
+        """One request; its registers as text."""
         verb, numbers = _parsed(line)
         frames = frames_of(self._framing, self._unit_id)
         sent = frames.request(_request(verb, numbers))

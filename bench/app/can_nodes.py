@@ -63,7 +63,7 @@ def decoding_of(bench: BenchFile, channel: str | None) -> Decoding | None:
 def telemetry_settings(
     bench: BenchFile, role: str, options: TelemetryOptions, units: Mapping[str, object], encoder_skew_s: float = 0.0
 ) -> TelemetrySettings:
-    """The channels of a telemetry that have a unit; InputError when its truth says nothing of codes."""
+    """The channels of a telemetry that have a unit; InputError if the unit's file has no `telemetry`."""
     dbc = Dbc(text_of(options.dbc))
     forms = formats_of(options, dbc)
     places = {
@@ -113,7 +113,7 @@ def telemetry_settings(
 
 
 def _check_sends(bench: BenchFile, place: str, unit: object) -> None:
-    """InputError when the truth of a unit says nothing of codes, or it sends some of its channels only."""
+    """InputError if the file of a unit has no `telemetry`, or only some of its channels are used."""
     if not isinstance(unit, UnitFile | GyroFile | ImuFile) or unit.telemetry is None:
         raise InputError(f"the simulated unit of place '{place}' sends no codes: its file needs 'telemetry'")
     if isinstance(unit, ImuFile) and len(bench.sent_units(bench.places[place])) < len(CHANNELS):

@@ -1,4 +1,4 @@
-"""Steps of the computer's clock, its sleep, and times in which this program stood still, in the record of a run."""
+"""Record steps of the computer's clock, its sleep, and suspensions of this program in the journal of a run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ClockRecord:
 
     Journals `stalled` when this program did not run.
 
-    In real time it looks every `LOOK_EVERY_S`, else at the end alone.
+    In real time it checks every `LOOK_EVERY_S`, otherwise only at the end.
     """
 
     def __init__(self, writer: RunWriter, notice: Callable[[str], None]) -> None:
@@ -31,7 +31,7 @@ class ClockRecord:
 
     @asynccontextmanager
     async def watched(self, speed: float) -> AsyncIterator[None]:
-        """Looks while inside, and when it is left."""
+        """Watch the clocks inside the context, and once more at its end."""
         looking = asyncio.create_task(self._look_for_ever(), name="clock") if speed == REAL_TIME else None
         try:
             yield

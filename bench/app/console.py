@@ -44,7 +44,7 @@ HELP = """\
 def talk(
     role: str, name: str | None, lines: Callable[[], AsyncIterator[str]], say: Say, *, simulate: bool, write: bool
 ) -> int:
-    """Opens one device of a bench and does what the lines say; how many of them went wrong.
+    """Open one device of a bench and execute the lines; return the number of failed ones.
 
     Raises InputError for a device that the bench does not have, InUseError while another program uses it, DriverError
     when it cannot be opened or made safe.
@@ -101,7 +101,7 @@ class Console:
         }  # fmt: skip
 
     async def obey(self, typed: str) -> bool:
-        """Does what one line says, and tells what came of it; False when it ends the console."""
+        """Execute one line and print its result; False if it ends the console."""
         line = typed.strip()
         try:
             if line in (":quit", ":q"):
@@ -175,5 +175,5 @@ class Console:
 
 
 def _told(state: ChamberState | SourceReading | Identity) -> str:
-    """The fields of a state with their values, without those that say nothing."""
+    """The fields of a state that have a value, as text."""
     return ", ".join(f"{name} {value}" for name, value in asdict(state).items() if value not in ("", None))

@@ -38,9 +38,9 @@ HEALS_IN_POLLS, HEALS_AFTER_S = 3, 40.0  # lost wires are tried again after up t
 
 
 class Subject:
-    """A driver and its simulator on a line in memory; to be made in the running loop.
+    """A driver and its simulator on a line in memory; create it in the running loop.
 
-    `description` stands in for that of the entry.
+    `description` overrides that of the entry.
     """
 
     def __init__(self, entry: DeviceEntry, description: DriverDescription | None = None) -> None:
@@ -79,7 +79,7 @@ class Subject:
 
 
 async def identifies_itself(subject: Subject) -> None:
-    """Who is there is told, and is the same when it is asked again."""
+    """The identity is complete, and the same when queried again."""
     async with subject.driver() as driver:
         found = await driver.identify()
         _that(bool(found.maker or found.model or found.fingerprint), "identify() tells neither maker nor model")
@@ -87,7 +87,7 @@ async def identifies_itself(subject: Subject) -> None:
 
 
 async def refuses_another(subject: Subject) -> None:
-    """With another serial number in the bench file nothing is opened, where the wire tells one."""
+    """A serial number that differs from the bench file is refused, if the instrument reports one."""
     async with subject.driver() as driver:
         verified = (await driver.identify()).verified
     if verified:
@@ -99,7 +99,7 @@ async def refuses_another(subject: Subject) -> None:
 
 
 async def reads_what_it_promises(subject: Subject) -> None:
-    """`poll` gives finite values of the channels in the description, and no others."""
+    """`poll` returns finite values of exactly the channels in the description."""
     promised = subject.description.channels_of(subject.entry.options)
     async with subject.driver() as driver:
         found = await driver.poll()
@@ -109,7 +109,7 @@ async def reads_what_it_promises(subject: Subject) -> None:
 
 
 async def tells_silence(subject: Subject) -> None:
-    """Who does not answer is told in bounded time, and heard again afterwards."""
+    """A silent instrument is reported in bounded time, and works again afterwards."""
     async with subject.driver() as driver:
         for kind in ("silent", "cut"):
             with subject.suffering(kind):
@@ -118,9 +118,9 @@ async def tells_silence(subject: Subject) -> None:
 
 
 async def bears_every_line(subject: Subject) -> None:
-    """Whatever a line does to answers is borne, or raised as a DriverError; it heals when the line is good again.
+    """Every line fault is tolerated or raised as a DriverError, and the driver recovers after it.
 
-    A serial port has no other end that could be dead: `half_open` is left out there.
+    `half_open` does not exist on a serial port and is skipped there.
     """
     left_out = {"half_open"} if subject.entry.connection.is_serial_line else set()
     async with subject.driver() as driver:
@@ -142,7 +142,7 @@ async def bears_every_mishap(subject: Subject) -> None:
 
 
 async def is_made_safe(subject: Subject) -> None:
-    """`make_safe` may be called twice, connects again after a lost wire, and says so in time when it cannot."""
+    """`make_safe` may be called twice, reconnects after a lost connection, and otherwise fails in bounded time."""
     async with subject.driver() as driver:
         for _ in range(2):
             _that(not await _refused(driver.make_safe(), SAFE_WITHIN_S), "make_safe() fails on a healthy instrument")
@@ -174,7 +174,7 @@ CHECKS: Mapping[str, Callable[[Subject], Awaitable[None]]] = {
 
 
 def check(name: str, entry: Mapping[str, object], description: DriverDescription | None = None) -> None:
-    """Runs one of CHECKS on a device entry as it would stand in a bench file; AssertionError."""
+    """Run one of CHECKS on a device entry of a bench file; AssertionError."""
     device = DeviceEntry.model_validate(entry)
 
     async def main() -> None:

@@ -20,10 +20,10 @@ def open_devices(
     bench: BenchFile, laboratory: Laboratory | None, keep: Callable[[Passed], object] | None = None,
     note: Callable[[str, str], object] = lambda _role, _text: None, person: Person = NOBODY,
 ) -> dict[str, Device]:  # fmt: skip
-    """A driver for every device, not yet connected, on wires that lead to the laboratory where the file says so.
+    """A driver for every device, not yet connected, on connections to the simulated laboratory where the file says so.
 
-    `keep` is told everything that passes on them; `note` what a driver did on its own, with its role. `person` is whom
-    they ask to do something by hand.
+    `keep` receives all bytes on them; `note` the notes of drivers, with the role. `person` answers
+    requests for manual actions.
     """
     wires: Wires = BenchWires(bench, laboratory)
     if keep is not None:

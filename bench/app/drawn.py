@@ -175,7 +175,7 @@ class _Draws:
         return tilted(fixture, (east_deg, 0.0, azimuth_deg), apart)
 
     def _arm_m(self, place: str, entry: PlaceEntry) -> Vector:
-        """Where the sensor truly is: as the bench file says, with the errors that it admits."""
+        """True position of the sensor: that of the bench file with errors drawn from its uncertainty."""
         if entry.arm is None:
             return NOWHERE
         u_m = entry.arm.U / entry.arm.k
@@ -184,7 +184,7 @@ class _Draws:
         return x_m, y_m, z_m
 
     def _table(self, table: TableSimulation) -> TableErrors:
-        """What the table does that it is not told; a base level within u about one axis is so about the other."""
+        """Errors of the table; its base level has the same u about both axes."""
         stated = self._stated
         phases = stream(self._seed, "bench", "table", "ripple").uniform(0, 2 * math.pi, 3)
         wobble = complex(
@@ -222,7 +222,7 @@ def simulated_mount(mount: Mount) -> attitude.Mount:
 
 
 def current_errors(bench: BenchFile, role: str, seed: int) -> CurrentErrors:
-    """Errors of a source, or an ammeter, drawn from its certificate, or else as the file's `simulation:` says."""
+    """Errors of a source or an ammeter, drawn from its certificate, otherwise from `simulation` in the bench file."""
     certified, own = bench_record(bench).sources.get(role), bench.simulation.sources.get(role, SourceSimulation())
 
     def draw(error: str, certified_u: float, otherwise: float) -> float:

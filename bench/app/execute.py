@@ -190,7 +190,7 @@ async def _with_devices(
     signals: Signals,
     writer: RunWriter,
 ) -> tuple[Outcome, Mapping[str, Identity]]:
-    """Runs the plan on the devices of the bench; simulated ones break as the bench file says."""
+    """Run the plan on the devices of the bench, with the faults of the bench file in simulated ones."""
     bench = prepared.loaded.bench
 
     def note(device: str, text: str) -> None:
@@ -238,7 +238,7 @@ def _keep_unsafe(folder: Path, bench: BenchFile, outcome: Outcome, observer: Run
 def _technician(
     prepared: PreparedRun, laboratory: Laboratory | None, observer: RunObserver
 ) -> Callable[[Desk], object] | None:
-    """Who answers in a simulated run: a script, or at full speed somebody who does what he is asked; else people."""
+    """The technician of a simulated run: scripted, or at full speed an obliging one; otherwise None, for people."""
     bench, script = prepared.loaded.bench, prepared.script
     if script is None and prepared.speed >= AS_FAST_AS_POSSIBLE:
         script = {}

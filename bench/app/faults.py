@@ -20,9 +20,9 @@ Tell = Callable[[str, FaultSimulation], object]
 
 
 class FaultPlayer:
-    """Plays faults in a laboratory; those that come after a step when it is told of that.
+    """Inject faults into a laboratory; those with `after` when that step has ended.
 
-    Concurrency: timers of the running loop, which end with it.
+    Concurrency: timers of the running loop.
     """
 
     def __init__(self, laboratory: Laboratory, to_play: Sequence[FaultSimulation], tell: Tell) -> None:
@@ -73,20 +73,20 @@ def laboratory_of(bench: BenchFile) -> Laboratory | None:
 
 
 class Cue(Relay):
-    """Passes everything on to another observer, and tells a player of faults which steps have ended."""
+    """Forward everything to another observer, and ended steps to a FaultPlayer."""
 
     def __init__(self, observer: RunObserver, player: FaultPlayer) -> None:
         super().__init__(observer)
         self._player = player
 
     def step_ended(self, planned: PlannedStep, index: int) -> None:
-        """Told, and passed on."""
+        """Notify the player, and forward."""
         super().step_ended(planned, index)
         self._player.step_ended(planned.id)
 
 
 def as_journalled(fault: FaultSimulation) -> dict[str, str]:
-    """What the journal says of a fault that begins or ends."""
+    """Journal entry of a fault that begins or ends."""
     return {"victim": fault.victim, "fault": fault.kind}
 
 

@@ -30,8 +30,8 @@ RESULTS, TRUTH = "results.json", "truth.json"
 class Finish:
     """Completes a run directory and seals it.
 
-    Whatever goes wrong is told by the outcome. A signal does not keep results and manifest from being completed; it
-    drops the report.
+    Problems are added to the outcome. A signal drops the report, but not the results
+    and the manifest.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Finish:
             self._record["hashes"][name] = manifest.file_hash(self._directory.path / name)
 
     def _close(self, end: Link) -> None:
-        """Writes how the run ended, under its seal; where that cannot be written the outcome says it."""
+        """Write the final manifest and the seal; a failure is added to the outcome."""
         outcome, elapsed_s = self._outcome, self._watch.elapsed_s()
         ended = datetime.fromisoformat(self._record["started"]) + timedelta(seconds=elapsed_s)
         self._record |= {
@@ -99,7 +99,7 @@ class Finish:
             )
 
     def _report(self, stored: StoredRun) -> None:
-        """Writes the report; what stands in its way is told, and takes nothing else away."""
+        """Write the report; a failure is added to the outcome and affects nothing else."""
         again = f"'bench report {stored.folder}' tries again"
         try:
             with self._signals.dropping(self._signals_before):

@@ -1,4 +1,4 @@
-"""Looks at the instruments of a bench without running anything."""
+"""Identify and read the instruments of a bench, without a run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LOOK_S = 30.0
 
 @dataclass(frozen=True)
 class Look:
-    """What one instrument said."""
+    """Identity and readings of one instrument, or its error."""
 
     role: str
     driver: str
@@ -34,7 +34,7 @@ class Look:
 
 
 def look_at_devices(name: str | None, *, simulate: bool = False) -> list[Look]:
-    """Connects to every instrument of a bench, identifies it and reads it once; a failed one says why.
+    """Connect to every instrument of a bench, identify it and read it once; a failure is in its Look.
 
     InUseError while another program talks to one of them.
     """

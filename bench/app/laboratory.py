@@ -75,7 +75,7 @@ class Laboratory:
         return self.lines[role].in_front_of(factory) if role in self.lines else factory
 
     def leave_frames(self, longest_s: float) -> None:
-        """Frames may be left with the nodes so long, which is faster; what is in them is told later."""
+        """How long frames may stay with the nodes, which is faster; their content is then known later."""
         for node in self.nodes.values():
             node.longest_block_s = longest_s
 
@@ -120,12 +120,12 @@ def make_laboratory(
     places: Collection[str] | None = None,
     run_s: float = 0.0,
 ) -> Laboratory:
-    """The laboratory of one run, in which the units in `places` take part, None for all; the others have no power.
+    """The simulated laboratory of one run with the units in `places` (None: all); the others have no power.
 
     What drifts within a run does so over `run_s`.
 
-    The units are in the first chamber of the file, on the axes of its fixture. Further chambers and heads stand beside:
-    each has air, or an axis, of its own.
+    The units are in the first chamber of the file, on the axes of its fixture. Each further chamber or head
+    has its own air, or its own axis.
     """
     around_all = world_settings(bench, units, seed, run_s)
     world = World(around_all if places is None else _without_power(around_all, places), host_s)
@@ -193,7 +193,7 @@ def _beside(bench: BenchFile) -> set[str]:
 
 
 def _check_current(place: str, units: Mapping[str, AnyUnitFile]) -> None:
-    """InputError for a gyro on a voltmeter whose file says nothing of its current."""
+    """InputError for a gyro on a voltmeter whose file has no `current`."""
     unit = units.get(place)
     if isinstance(unit, GyroFile) and unit.current is None:
         raise InputError(f"the simulated gyro of place '{place}' has no analogue output: its file needs 'current'")

@@ -27,7 +27,7 @@ def entries(places: Sequence[Place]) -> dict[str, Mapping[str, Any]]:
 
 
 def proposal(places: Sequence[Place]) -> str:
-    """A `devices:` block to paste into a bench file; what a person has to decide first stands in it as comment."""
+    """A `devices:` block to paste into a bench file; entries that need a decision are comments."""
     lines = [f"# {_CAREFUL}", "devices:"]
     for role, entry, doubt in _all(places):
         if doubt:
@@ -67,7 +67,7 @@ def _entry(candidate: Candidate) -> Mapping[str, Any]:
 
 
 def pinned(identity: Identity) -> dict[str, str]:
-    """What a bench file pins of an instrument: all that it tells of itself."""
+    """The `identity` block of a bench file: everything the instrument reports about itself."""
     told = {each.name: getattr(identity, each.name) for each in fields(identity)}
     return {name: told[name] for name in IdentityPin.model_fields if told[name]}
 

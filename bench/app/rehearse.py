@@ -44,7 +44,7 @@ class Compared:
 
 @dataclass(frozen=True)
 class Rehearsal:
-    """What a rehearsal has shown.
+    """Results of a rehearsal.
 
     `faults` are those of the bench, of the scenario and those drawn, `began_s` when each began, None where it did not.
     `phases` are those that were begun, `steps` those that ended, in the order of the plan. `unsafe` says which devices
@@ -149,14 +149,14 @@ def _steps(expected: Estimate, events: list[Event]) -> Iterator[Compared]:
 
 
 def _unsafe(result: RunResult, events: list[Event]) -> Mapping[str, str]:
-    """Which devices were not made safe, and why; of a run that never came to it, all that it may have energised."""
+    """Devices that were not made safe, and why; if the run never got there, all that it may have energised."""
     if any(event.kind == "made_safe" for event in events) or not any(event.kind == "step_begins" for event in events):
         return result.outcome.unsafe
     return {"every device": "the run ended before the devices were made safe"}
 
 
 class _Witness(Relay):
-    """Passes everything on to another observer, and keeps which steps it was told of: those are acknowledged."""
+    """Forward everything to another observer, and store the acknowledged steps."""
 
     def __init__(self, observer: RunObserver) -> None:
         super().__init__(observer)

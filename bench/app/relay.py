@@ -1,4 +1,4 @@
-"""Whoever shows a run, and one who stands before another."""
+"""The observer of a run, and one that forwards to another."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from drivers.values import Reading
 
 
 class RunObserver(Observer, Protocol):
-    """Whoever shows a run, from its directory to its results."""
+    """Display of a run, from the creation of its directory to its results."""
 
     def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
         """The directory is made; the clock is that of the bench."""

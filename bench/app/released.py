@@ -26,14 +26,14 @@ AT_A_KNOT_C = 1.0
 
 @dataclass(frozen=True)
 class Released:
-    """A calibration file as it was given: which, and what it says."""
+    """A calibration file as given: its path and its content."""
 
     path: Path
     text: str
     content: CalibrationFile
 
     def to_json(self) -> dict[str, Any]:
-        """What the manifest tells of it, beside its copy in the run and the hash of that."""
+        """Its entry in the manifest; the run also has a copy and its hash."""
         low_c, high_c = self.content.valid_c
         return {
             "file": self.path.name,
@@ -101,7 +101,7 @@ def _entries(plan: Plan) -> dict[str, int]:
 
 
 def _measured_at(plan: Plan) -> dict[float, Place]:
-    """The set points at which something is acquired for these methods, and where the ramp to each stands."""
+    """Set points of the acquisitions for these methods, each with the place of its ramp in the document."""
     labels, found = _entries(plan), dict[float, Place]()
     last: tuple[float, Place] | None = None
     for planned in plan:
@@ -133,7 +133,7 @@ def _beyond(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iter
 
 
 def remarks(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iterator[Remark]:
-    """What a person should know: calibrations that are doubtful, and temperatures that tell little."""
+    """Warnings: doubtful calibrations, and temperatures that do not test the interpolation."""
     for number in _entries(plan).values():
         where: Place = ("results", number, "method")
         for released in found.values():

@@ -208,7 +208,7 @@ def _ends_too_late(expected: Estimate, loaded: LoadedBench, not_after: str | Non
 
 
 def prepare(request: RunRequest) -> PreparedRun:
-    """Reads and checks everything; InputError says what does not fit."""
+    """Read and check everything; InputError."""
     from bench.app.scenario import with_scenario  # and the simulators with it
 
     checked = load_checked(request)
@@ -235,7 +235,7 @@ def prepare(request: RunRequest) -> PreparedRun:
 
 
 def _script(request: RunRequest, plan: Plan, loaded: LoadedBench, speed: float) -> Script | None:
-    """What a scripted technician answers; None leaves it to people. InputError where nobody could answer."""
+    """The scripted answers, or None for people. InputError if nobody could answer."""
     from bench.app.technician import read_script, unanswered
 
     if request.answers is not None and not loaded.bench.is_simulated:

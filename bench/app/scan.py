@@ -1,4 +1,4 @@
-"""Looks for instruments that no bench file names yet: which driver knows who answers at an address."""
+"""Search for instruments: which drivers recognise the instrument at an address."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def scan_here(
 async def scan(
     address: Address, wires: Wires, drivers: Sequence[Known], *, units: Sequence[int] = (1,), baud: int = 0
 ) -> Place:
-    """Looks who is at an address; takes a minute at most."""
+    """Identify the instruments at an address; takes a minute at most."""
     usable = [known for known in drivers if address.scheme in known[0].schemes]
     if not usable:
         return Place(
@@ -150,7 +150,7 @@ def _settings(address: Address, drivers: Sequence[Known], baud: int) -> Iterator
 
 
 class _Look:
-    """One look at an address: a connection for each language, until somebody is known."""
+    """Scan of one address: a connection for each protocol, until an instrument is recognised."""
 
     def __init__(self, address: Address, wires: Wires, units: Sequence[int]) -> None:
         self.candidates: list[Candidate] = []
@@ -161,7 +161,7 @@ class _Look:
 
     @property
     def silence(self) -> str:
-        """Why nobody is known."""
+        """Why no instrument was recognised."""
         if not self._heard:
             return "no answer"
         question, answer = next(iter(self._heard.items()))

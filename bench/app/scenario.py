@@ -1,4 +1,4 @@
-"""Faults of simulated instruments as a scenario says them: read, and held against what each simulator knows."""
+"""Faults from a scenario: read, and checked against the faults of each simulator."""
 
 from __future__ import annotations
 

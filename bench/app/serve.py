@@ -31,7 +31,7 @@ def serve_bench(
 ) -> None:
     """Serves until SIGINT or SIGTERM; `say` gets a line for each address that is served, then `ready`.
 
-    Devices that a `trace` has recorded say again what they said there. Faults of the bench file and of a `scenario` are
+    Devices recorded in a `trace` replay it. Faults of the bench file and of a `scenario` are
     played from then on, each with a line when it begins and ends. Raises InputError when the file has no local address,
     BenchError when one is taken.
     """

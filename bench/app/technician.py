@@ -91,9 +91,9 @@ def unanswered(plan: Plan, script: Script) -> list[str]:
 
 
 class Technician:
-    """Answers what is asked at a desk, each question after its time, and has hands in the simulated laboratory.
+    """Answer the questions of a desk, each after its delay, and act in the simulated laboratory.
 
-    Without a script people answer, and his hands turn what they say that they have turned.
+    Without a script people answer, and the simulated head follows the angles they enter.
 
     Concurrency: a task for each question, which ends with the run's loop.
     """
@@ -118,7 +118,7 @@ class Technician:
         task.add_done_callback(self._tasks.discard)
 
     def answered(self, question: Question, answer: Answer) -> None:
-        """Somebody has answered; what was to be turned stands as he has typed, unless the technician is he."""
+        """A question was answered; if by a person, turn the simulated head to the entered angle."""
         errand = question.errand
         if question.step == self._answering or errand is None or errand.turn is None:
             return
@@ -144,7 +144,7 @@ class Technician:
             self._answering = ""
 
     def _given(self, question: Question) -> ScriptedAnswer:
-        """What the script says of a question, or of the step as it was first begun, or of the device that asks."""
+        """The scripted answer for a question, else for the first visit of its step, else for its device."""
         more_often = question.errand.device if question.errand is not None else _first_visit(question.step)
         return self._script.get(question.step) or self._script.get(more_often, USUAL)
 
@@ -157,7 +157,7 @@ class Technician:
             self._world.connect(deed.input)
 
     def _turned(self, errand: Errand, deed: Deed | None) -> str:
-        """Turns a head, as asked or otherwise; what he then types unless the script says it: what he was asked for."""
+        """Turn a head as requested or as scripted; return the angle to enter, by default the requested one."""
         head, asked = self._by_hand[errand.device], errand.turn
         if asked is None:
             return f"{head.shown_deg:.12g} {errand.unit}"

@@ -70,9 +70,9 @@ def read_trace_file(path: Path) -> list[Passed]:
 
 
 def trace_bench(name: str | None, path: Path, for_s: float, *, simulate: bool = False) -> tuple[int, list[str]]:
-    """Opens a bench, reads every instrument each second for `for_s`, and records all that passes.
+    """Open a bench, read every instrument each second for `for_s`, and record all bytes.
 
-    Gives the number of lines, and what went wrong. Raises OpenError, InputError, and InUseError while another program
+    Return the number of lines, and the problems. Raises OpenError, InputError, and InUseError while another program
     talks to an instrument.
     """
     bench = load_bench_named(name, simulate=simulate).bench

@@ -1,7 +1,7 @@
-"""What is true of a simulated run: the simulators compute it from what the run's own record says that it measured.
+"""What is true of a simulated run: computed by the simulators from the record of the run.
 
-Of the record this takes times, temperatures and how the units lay, and no line of a reduction: a mistake made there
-would else be made in the truth as well. An import contract holds that.
+It uses times, temperatures and attitudes of the record, but no code of a reduction, whose errors
+would otherwise be in the truth too. An import contract holds that.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""pause, resume, stop, abort, skip, repeat, answer, status: what is told to a run that is under way, and asked."""
+"""pause, resume, stop, abort, skip, repeat, answer, status: commands and queries for a running run."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from typer.core import TyperCommand, TyperOption
 
 
 class OnceEach(TyperCommand):
-    """A command that refuses an option given again, but for those that may be, and for flags that say the same."""
+    """A command that refuses a repeated option, except repeatable ones and flags with the same value."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the arguments; raise a usage error that names an option given twice."""

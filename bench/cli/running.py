@@ -75,7 +75,7 @@ class PastDue(StrEnum):
 
 
 class Format(StrEnum):
-    """How what a check found is told."""
+    """Output format of the findings of a check."""
 
     TEXT = "text"
     JSON = "json"

@@ -1,7 +1,7 @@
-"""A channel of a device while a run goes on: its latest readings, and which readings of it are believed.
+"""A channel of a device while a run goes on: its latest readings, and which of its readings are accepted.
 
-A reading that is no number, or that no working sensor says, is not a reading: nothing decides by it, and nothing stores
-it as a value. Two of them in a row, and one value for ever, are a fault of the sensor.
+An implausible reading (not a number, or impossible for a working sensor) is neither used nor stored as a value.
+Two of them in a row, or a value that never changes, are a fault of the sensor.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ FINE_C = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What a sensor in order says, in the unit of its channel and seconds.
+    """Plausible readings of a working sensor, in the unit of its channel and seconds.
 
-    From one reading to the next it changes at most by `jump` and `steepest_per_s`. It says one value for at most
-    `changes_within_s`, if it has ever shown a change of at most `fine`: what resolves no more may stand still for ever.
-    `matters` says whether a run can go on without it.
+    From one reading to the next it changes at most by `jump` and `steepest_per_s`. It stays at one value for
+    at most `changes_within_s`, if it has ever shown a change of at most `fine`: a coarser one may be constant.
+    `matters`: a run cannot go on without it.
     """
 
     low: float = -math.inf
@@ -47,10 +47,10 @@ class Rule:
 
 
 def rule_of(source: str, unit: str, bench: BenchFile) -> Rule:
-    """What DEVICE.CHANNEL says while its sensor is in order; of all but measured temperatures only that it is finite.
+    """Plausible readings of DEVICE.CHANNEL; for all but measured temperatures only that they are finite.
 
-    A set point goes where it is told, and what a supply reads back stands still where its resolution is coarse. A
-    thermometer that the bench file does not name may be connected to nothing.
+    A set point may jump, and the read-back of a supply with coarse resolution may be constant.
+    A thermometer that the bench file does not name may be unconnected.
     """
     role, _, key = source.partition(".")
     entry = bench.devices[role]
@@ -74,16 +74,16 @@ def rule_of(source: str, unit: str, bench: BenchFile) -> Rule:
 
 @dataclass(frozen=True, slots=True)
 class Doubted:
-    """A reading that is not believed, and why."""
+    """A rejected reading, and why."""
 
     reading: Reading
     why: str
 
 
 class Channel:
-    """A reading of a device: its latest values, the name it has on this bench, and what is wrong with it, if anything.
+    """A reading of a device: its latest values, its name on this bench, and its problem, if any.
 
-    `problem` is "" while its sensor is in order, or a run can go on without it; else what a person is to be told.
+    `problem` is "" while its sensor works, or a run can go on without it; otherwise the message.
     """
 
     def __init__(self, name: str, unit: str, rule: Rule) -> None:
@@ -97,7 +97,7 @@ class Channel:
         self._at_s, self._values = array("d"), array("d")
 
     def take(self, readings: Sequence[Reading]) -> tuple[list[Reading], list[Doubted]]:
-        """Takes values in, in the order of their times: those that are believed, and of the others the first few."""
+        """Take in values in the order of their times: all plausible ones, and the first few rejected ones."""
         believed: list[Reading] = []
         doubted: list[Doubted] = []
         for reading in readings:
@@ -124,7 +124,7 @@ class Channel:
         return np.array([self._at_s[begin:], self._values[begin:]]).T
 
     def _doubt(self, reading: Reading) -> str:
-        """Why a reading is not believed, as what follows the name of the channel; "" when it is."""
+        """Why a reading is rejected, to follow the name of the channel; "" if it is accepted."""
         rule, (at_s, value), newest = self._rule, reading, self.newest
         if not math.isfinite(value):
             return "was read as not-a-number"

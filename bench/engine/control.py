@@ -30,7 +30,7 @@ class StepUnderWay:
 
 
 class Control:
-    """Holds steps back while anybody has a reason to, and cuts those under way short.
+    """Hold steps back while there is a reason to, and cancel the current ones.
 
     Concurrency: one loop; its methods may be called at any time, also from within the steps.
     """
@@ -47,7 +47,7 @@ class Control:
         self.under_way: dict[str, StepUnderWay] = {}
 
     def hold(self, by: str) -> None:
-        """No step begins until `by` lets go."""
+        """No step begins until `by` releases it."""
         self._reasons.add(by)
 
     def release(self, by: str) -> None:
@@ -57,7 +57,7 @@ class Control:
             self._woken.set()
 
     def release_all(self) -> None:
-        """Nobody has a reason any more."""
+        """Remove all holds."""
         for by in tuple(self._reasons):
             self.release(by)
 
@@ -72,12 +72,12 @@ class Control:
         return ", ".join(sorted(self._reasons))
 
     def cut(self, wish: Wish, kind: type[StepBase] = StepBase) -> list[str]:
-        """Cuts the steps of a kind that are under way short; their ids."""
+        """Cancel the current steps of a kind; return their ids."""
         of_kind = [(step_id, found) for step_id, found in self.under_way.items() if isinstance(found.step, kind)]
         return [step_id for step_id, found in of_kind if found.cut(wish)]
 
     def repeat_last(self) -> None:
-        """Lets the step before the one that is held back be done again."""
+        """Repeat the step before the one that is held back."""
         self._repeat_last = True
         self._woken.set()
 

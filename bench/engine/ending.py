@@ -44,7 +44,7 @@ class Outcome:
             self.problems.append(self.ended_by.text)
 
     def failed(self, text: str) -> None:
-        """The bench, or this program, did what it should not; a problem is told once."""
+        """The bench or this program failed; a problem is listed once."""
         self.how = "error"
         if text not in self.problems:
             self.problems.append(text)

@@ -33,7 +33,7 @@ END_RECORD_S = 10.0  # for the last readings, after the devices were made safe
 
 
 class Observer(Watcher, Protocol):
-    """Whoever shows a run while it goes on; called in the loop, so it must not take long."""
+    """Display of a run; called in the loop, so it must return quickly."""
 
     def asked(self, question: Question) -> None:
         """A question to a person is open."""
@@ -44,7 +44,7 @@ class Engine:
 
     Lifetime: one `run`. Concurrency: the methods that control it may be called from signal handlers and other callbacks
     of the same loop while it runs. Whatever happens once setup began, teardown runs (unless aborted), and the devices
-    are made safe at the end. A step that does not end when it is told to is left behind after `END_WITHIN_S`; no other
+    are made safe at the end. A step that does not end when cancelled is abandoned after `END_WITHIN_S`; no other
     step begins after it.
     """
 
@@ -88,11 +88,11 @@ class Engine:
             raise InputError(f"the run is still held by {self._control.held_by}")
 
     def skip(self) -> str:
-        """Ends the step under way and goes on with the next; its id. InputError when there is none."""
+        """Cancel the current step and go on with the next; return its id. InputError if there is none."""
         return self._cut("skip")
 
     def repeat(self) -> str:
-        """Begins the step under way anew, or that before a pause; InputError when there is none."""
+        """Restart the current step, or the one before a pause; InputError if there is none."""
         if self._control.under_way:
             return self._cut("repeat")
         if not self._control.held:
@@ -111,13 +111,13 @@ class Engine:
         return ", ".join(cut)
 
     def stop_after_step(self, request: EndRequest = BY_OPERATOR) -> None:
-        """Ends setup and steps when the step under way is done; teardown runs."""
+        """End setup and steps after the current step; teardown runs."""
         self._requested(request, "stop after step")
         self._control.last_step = True
         self._control.release_all()
 
     def stop(self, request: EndRequest = BY_OPERATOR) -> None:
-        """Ends the step under way; teardown runs."""
+        """Cancel the current step; teardown runs."""
         if self._body_task is not None and not self._body_task.done() and not self._body_task.cancelling():
             self._requested(request, "stop")
             self._control.last_step = True  # for a step that ends as if it had not been told to
@@ -125,14 +125,14 @@ class Engine:
             self._ending.set()
 
     def abort(self, request: EndRequest = BY_OPERATOR) -> None:
-        """Ends the step under way and drops the teardown; the devices are made safe."""
+        """Cancel the current step and skip the teardown; the devices are made safe."""
         self._requested(request, "abort")
         self._abort(request.text)
         if self._body_task is not None:
             self._body_task.cancel(request.text)
 
     def _abort(self, why: str) -> None:
-        """No step begins any more, and the teardown that is under way ends."""
+        """No further step begins, and a running teardown ends."""
         self._walk.abort()
         if self._teardown_task is not None:
             self._teardown_task.cancel(why)
@@ -145,7 +145,7 @@ class Engine:
         self.journal.try_to_write("end_requested", action=action, by=request.by, text=request.text)
 
     async def run(self) -> Outcome:
-        """Runs the plan; what a device, the disk or the operator did is told by the outcome, not raised."""
+        """Run the plan; failures and requests are in the outcome, not raised."""
         self._monitor.start()
         try:
             steps = self._walk.nodes((*self._plan.setup, *self._plan.steps))

@@ -1,4 +1,4 @@
-"""Sequences that another one calls: found beside it, with the parameters that it gives them."""
+"""Sequences that another one calls: found beside it, with the parameters of the call."""
 
 from __future__ import annotations
 

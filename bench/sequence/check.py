@@ -53,9 +53,9 @@ def _needs(plan: Plan, bench: BenchFile) -> Iterator[Problem]:
 
 
 def _steps(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
-    """Problems of steps; one that comes back in every pass of a loop is told once, with the first step that has it.
+    """Problems of steps; one that recurs in every pass of a loop is reported once, with its first step.
 
-    So is one of a sequence that is called more than once.
+    So is one in a sequence that is called repeatedly.
     """
     told: set[tuple[Path, Place]] = set()
     needs = plan.sequence.needs
@@ -119,7 +119,7 @@ def _result_limits(
 
 
 def _labels(document: Document) -> Iterator[str | None]:
-    """The labels of all acquisitions, also of steps that are wrong; None where one cannot be told."""
+    """The labels of all acquisitions, including invalid steps; None if one is unknown."""
     for part in (document, *document.all_included()):
         yield from _labels_in([part.value.get(phase) for phase in PHASES])
 

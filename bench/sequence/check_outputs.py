@@ -1,4 +1,4 @@
-"""Steps that look at outputs of units, against the bench: whether a rule can be held against them."""
+"""Checks of steps that use outputs of units, against the bench."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def steady_problems(steady: Steady, places: Iterable[str], bench: BenchFile) -> 
 
 
 def without_nominal(key: str, places: Iterable[str], bench: BenchFile) -> Found:
-    """A unit of which the bench file does not say what 1 g makes of its output, where a step needs that."""
+    """Units without a nominal output at 1 g in the bench file, where a step needs it."""
     for name in places:
         if bench.nominal_per_g(name) is None:
             parts = bench.places[name].makes_output_of_g

@@ -42,7 +42,7 @@ Found = Iterator[tuple[str, str]]  # the key that is wrong, and what is wrong wi
 
 
 def role_problems(step: Step, needs: Mapping[str, str], bench: BenchFile | None) -> Found:
-    """A role or a reading that the sequence does not need, or that cannot do what the step says."""
+    """Problems of a role or reading: not among the needs, or unable to do the step."""
     match step:
         case Wait() | Note() | Alarm() | Prompt():
             return
@@ -111,7 +111,7 @@ def _custom(step: Custom, needs: Mapping[str, str]) -> Found:
 
 
 def is_there(step: Step, needs: Mapping[str, str], bench: BenchFile) -> bool:
-    """Whether the bench has what the step acts on; what it lacks is told with the needs."""
+    """Whether the bench has the device of the step; a missing one is reported with the needs."""
     if isinstance(step, WaitUntil) and step.steady is not None:
         return bool(units_at(step.reading, bench))
     if isinstance(step, (WaitUntil, Measure, Tare)):
@@ -256,7 +256,7 @@ def _output(step: SetOutput, role: str, bench: BenchFile) -> Found:
 
 
 def _too_little_compliance(step: SetOutput, key: str, place: str, needed_v: float) -> Found:
-    """A current that the unit's input takes more voltage for than the source may give."""
+    """Problem of a current whose voltage at the unit's input exceeds the compliance of the source."""
     if step.compliance_v is not None and needed_v > step.compliance_v:
         yield (
             key,
@@ -265,7 +265,7 @@ def _too_little_compliance(step: SetOutput, key: str, place: str, needed_v: floa
 
 
 def _one(name: str, key: str, bench: BenchFile) -> Found:
-    """A name that stands for several, where one is meant."""
+    """Problem of a group name where one member is needed."""
     if len(members := bench.members(name)) > 1:
         yield key, f"'{name}' of the bench is a group of {', '.join(members)}; name one of them"
 

@@ -1,4 +1,4 @@
-"""Rules on channels over temperature: what feeds a converter, what its temperature is read by, how it is warmed."""
+"""Rules on channels over temperature: the source, the thermometer and the ramp of a converter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a sequence measures and nobody judges: its run ends NOT JUDGED, or with data that no result is made of."""
+"""Measured values without limits, whose run ends NOT JUDGED, and data that no result uses."""
 
 from __future__ import annotations
 

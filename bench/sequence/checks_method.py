@@ -1,4 +1,4 @@
-"""Rules on whether what is measured can give what is asked for."""
+"""Rules on whether the acquisitions can give the results asked for."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def too_few_angles(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 
 def _not_separated(angles_deg: list[float], wanted: list[str], bench: BenchFile) -> list[str]:
-    """Which of the further terms that limits name are not told by these angles."""
+    """Further terms with limits that these angles cannot determine."""
     if not wanted:
         return []
     import numpy as np  # only where limits name them: checking loads no arithmetic
@@ -113,7 +113,7 @@ def _turned_deg(angles_deg: list[float], bench: BenchFile) -> list[float]:
 
 
 def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:
-    """Which constants cannot be told apart, by the arithmetic of the reduction."""
+    """Constants that cannot be separated, by the arithmetic of the reduction."""
     import numpy as np  # only where a sequence is wrong: checking loads no arithmetic
 
     from bench.analysis.tumble import IncompleteTumble, solve_tumble

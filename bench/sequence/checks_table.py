@@ -1,4 +1,4 @@
-"""Rules on tests on a rate table: whether what is done there can give what is asked for (methods.md 5)."""
+"""Rules on whether tests on a rate table can give the results asked for."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def _no_time(_: Any) -> float:
 class StepDescription:
     """A plug-in's step as a sequence sees it.
 
-    `settings` validates what stands under `with`. `target` is "module:function", an
+    `settings` validates the block `with`. `target` is "module:function", an
     `async def function(settings, bench: bench.engine.actions.Bench) -> Mapping[str, Any]` whose result goes into the
     journal; "value" in it, with "unit" of a number, is what `as` names in later expressions. `capability` is what the
     step's role must be, "" when it needs no device. `takes_s` tells from the settings how long it takes. `example` is a

@@ -22,10 +22,10 @@ def loop_values(step_id: str) -> dict[str, float]:
 
 
 class DwellNames:
-    """Names dwells while the steps of a run are gone through in their order.
+    """Names dwells during a pass through the steps of a run.
 
-    A dwell begins with a ramp and goes on in the block that the ramp stands in, which it is named after. Elsewhere it
-    is the block around that of the acquisition.
+    A dwell begins with a ramp, extends over the block that contains the ramp, and is named after it. Without a ramp
+    it is the block around that of the acquisition.
     """
 
     def __init__(self) -> None:

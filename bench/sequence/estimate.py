@@ -43,10 +43,10 @@ STORED_BYTES_PER_LATCH, STORED_BYTES_PER_READING, STORED_BYTES_PER_STEP, STORED_
 
 @dataclass(frozen=True, slots=True)
 class BenchState:
-    """Where a bench stands: the chamber's set point, the angle and the rate of each axis, the level of each output.
+    """State of a bench: the chamber's set point, the angle and the rate of each axis, the level of each output.
 
-    `outputs` are volts or amperes by role, of those that are on; not-a-number where a measurement will tell.
-    `rates_dps` are of the tables that turn on.
+    `outputs` are volts or amperes by role, of those that are on; not-a-number where it depends on a measurement.
+    `rates_dps` are those of tables that keep turning.
     """
 
     set_point_c: float
@@ -133,7 +133,7 @@ def _frame_period_s(entry: DeviceEntry) -> float:
 
 
 class _Course:
-    """Goes through a plan along its time, and keeps where things stand."""
+    """Pass through a plan in time order that tracks the state of the bench."""
 
     def __init__(self, bench: BenchFile) -> None:
         self._bench = bench
@@ -243,7 +243,7 @@ class _Course:
         return move_s(step, from_deg, target_deg, self._options(step.role))
 
     def _orient_s(self, step: Orient) -> float:
-        """One axis after the other; an attitude that is not reached takes no time, and is told by the check."""
+        """One axis after the other; an unreachable attitude takes no time, and the check reports it."""
         try:
             targets = targets_deg(step.attitude, self._bench, Pose(self._state.angles_deg, self._mount))
         except Unreachable:
@@ -311,7 +311,7 @@ class _Course:
 
 
 def _known(duration_s: float) -> float:
-    """A time; none where a measurement will tell it."""
+    """A time; 0 if it depends on a measurement."""
     return 0.0 if math.isnan(duration_s) else duration_s
 
 

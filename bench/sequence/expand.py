@@ -87,7 +87,7 @@ class Expansion:
         self.problems: list[Problem] = []
 
     def nodes(self, raw: Sequence[Raw], place: Place, scope: Scope, taken: Collection[str] = ()) -> Nodes:
-        """What a list of steps and blocks comes to; `taken` are labels that stand for something else in its ids."""
+        """The nodes of a list of steps and blocks; `taken` are labels already used in its ids."""
         seen: Counter[str] = Counter(taken)
         found: list[Node] = []
         self._passes += 1
@@ -164,7 +164,7 @@ class Expansion:
         return replace(scope.inside(document.path.stem), names=names), document.value, place
 
     def _take_over(self, called: Outline) -> None:
-        """What holds for the whole run though a called sequence says it."""
+        """Take over the parts of a called sequence that apply to the whole run."""
         for role, kind in called.needs.items():
             if self.needs.setdefault(role, kind) != kind:
                 raise Wrong("call", f"it needs '{role}' as a {kind}, another called sequence as a {self.needs[role]}")

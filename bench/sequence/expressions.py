@@ -1,6 +1,6 @@
 """Expressions `${…}` over parameters and loop variables: arithmetic and comparison of quantities, a few functions.
 
-A constant with a unit stands in quotes: `${temperature + '5 °C'}`. Everything else that Python knows (attributes,
+A constant with a unit is quoted: `${temperature + '5 °C'}`. Everything else that Python knows (attributes,
 indices, powers, formatted text, calls of anything but the functions here) is refused before it is evaluated.
 """
 
@@ -68,7 +68,7 @@ def evaluate(expression: str, names: Mapping[str, Value]) -> Value:
 
 
 def names_in(expression: str) -> frozenset[str]:
-    """The names of values that an expression mentions; none for what is no expression, which `evaluate` tells."""
+    """The names used in an expression; none if it is invalid, which `evaluate` reports."""
     try:
         return _read(expression).names
     except ValueProblem:

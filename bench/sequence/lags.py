@@ -48,7 +48,7 @@ def after_its_end(poles: Poles, duration_s: float) -> Iterator[tuple[complex, co
 
 
 def over_after_s(poles: Poles, duration_s: float) -> float:
-    """How long after it began a change has been followed wholly, as far as anybody could tell."""
+    """Time after its beginning at which a change has been followed completely, within what is measurable."""
     return duration_s + OVER_AFTER * max((-1 / pole.real for pole in poles), default=0.0)
 
 

@@ -1,4 +1,4 @@
-"""What a document says a value may be: limits, or a target with its tolerance; a guard band, a marginal band."""
+"""Limits in a document: limits, or a target with its tolerance; a guard band, a marginal band."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from drivers.wording import expected, telling
 
 
 def quantity(raw: Any) -> Quantity:
-    """The quantity that a document's value means, for a validator; raises what a person is to be told."""
+    """The quantity of a value in a document, for a validator; raises an error with the message."""
     try:
         value = value_of(raw)
     except ValueProblem as problem:
@@ -51,7 +51,7 @@ _FORMS: JsonDict = {
 class LimitEntry(StrictModel):
     """What a value may be: from min to max, or target ± tolerance (in its unit) or ± relative (a ratio of it).
 
-    With guard it is accepted only when it lies inside by at least so many of its standard uncertainties. It is
+    With guard it is accepted only if it is inside by at least that many of its standard uncertainties. It is
     marginal when a limit is closer than marginal, which is twice its standard uncertainty unless it is given.
     """
 

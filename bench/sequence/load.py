@@ -102,7 +102,7 @@ def _choose(
 
 
 def _from_file(outline: Outline, path: Path) -> tuple[list[str], dict[str, Value]]:
-    """What is wrong with a file of parameters, and what it gives."""
+    """Problems of a file of parameters, and its values."""
     try:
         document = read_document(path)
     except InputError as error:

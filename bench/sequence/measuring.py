@@ -28,8 +28,8 @@ class Acquire(StepBase):
     """Measures the output of units under a label that a result can name.
 
     It does so for a time, over whole turns, during other steps, or until the output is stable. `turns` are turns of the
-    table `of`, which rotates meanwhile. What is not stable by `give_up_after` is kept and marked. `resolution` is what
-    the counting alone must resolve, in g or relative to 1 g: the checker says when the time is too short for it.
+    table `of`, which rotates meanwhile. Data not stable by `give_up_after` are kept and marked. `resolution` is the
+    resolution that the counting must reach, in g or relative to 1 g: the check warns if the time is too short.
     """
 
     model_config = one_of(("for",), ("turns", "of"), ("during",), ("until_stable", "give_up_after"))

@@ -99,7 +99,7 @@ class Parameter(StrictModel):
 
 
 def _unit_as_written(quantity: Quantity) -> str:
-    """The unit that somebody wrote a quantity in."""
+    """The unit in which a quantity was written."""
     number, _, unit = quantity.written.partition(" ")
     return (
         unit if number and unit and not any(letter.isdigit() for letter in unit) else customary_unit(quantity.dimension)
@@ -136,7 +136,7 @@ class ResultEntry(StrictModel):
 
 
 class Outline(StrictModel):
-    """All that a sequence file says besides its steps."""
+    """Everything in a sequence file except its steps."""
 
     schema_: Literal["itb-sequence/1"] = Field(alias="schema", description="what the file is")
     title: Text = Field(description="what the report calls it")

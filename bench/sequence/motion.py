@@ -30,9 +30,9 @@ def move_s(step: Move, from_deg: float, target_deg: float, options: Any) -> floa
 
 
 def way_s(approach: Approach, from_deg: float, target_deg: float, options: Any) -> float:
-    """How long an axis with these driver options takes until it stands at an angle.
+    """Time for an axis with these driver options to settle at an angle.
 
-    An approach goes beyond the angle first only where the axis does not come from that side already. A person who
+    An approach overshoots the angle only if the axis does not already come from that side. A person who
     turns the axis takes his `turn_time`, unless nothing needs turning.
     """
     if (hand_s := getattr(options, "turn_time", None)) is not None:
@@ -60,7 +60,7 @@ def came_from(approach: Approach, from_deg: float | None, target_deg: float) -> 
 
 
 def rate_change_s(step: Rotate, options: Any) -> float:
-    """How long a table takes to reach the rate of a step, and to come to rest from it."""
+    """Time for a table to reach the rate of a step, and to stop."""
     return abs(step.rate_dps) / (step.acceleration_dps2 or _acceleration_dps2(options))
 
 
@@ -80,7 +80,7 @@ def _leg_s(way_deg: float, options: Any) -> float:
 
 
 def _hold_s(options: Any) -> float:
-    """How long an axis must have stood before it counts as standing."""
+    """Time for which an axis must be at rest to count as settled."""
     hold_s: float = getattr(getattr(options, "settle", None), "hold", 0.0)
     return hold_s
 

@@ -114,10 +114,10 @@ def _right_handed(rows: tuple[Row, ...]) -> Rows:
 
 
 class Orient(StepBase):
-    """Turns the axes of the table so that the axes of the units point where it says, by the shortest way.
+    """Turns the axes of the table so that the axes of the units have the given directions, by the shortest way.
 
-    A unit is oriented as it is mounted: x is its input axis, z the normal of its seat. Two axes are enough. A table
-    that does not reach an attitude as the units are mounted is told before the run.
+    A unit is oriented as it is mounted: x is its input axis, z the normal of its seat. Two axes are enough. An attitude
+    that the table cannot reach with the units as mounted is an error before the run.
     """
 
     attitude: Annotated[Attitude, PlainValidator(_attitude), WithJsonSchema(_SCHEMA)] = Field(
@@ -134,18 +134,18 @@ class Orient(StepBase):
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where the axes of a bench stand, by role, and the name of the mount; None for that with which a run begins."""
+    """Angles of the axes of a bench, by role, and the name of the mount; None for the initial mount."""
 
     angles_deg: Mapping[str, float] = field(default_factory=dict)
     mount: str | None = None
 
 
 class Unreachable(Exception):
-    """An attitude that the axes do not reach; it says why."""
+    """An attitude that the axes cannot reach, with the reason."""
 
 
 def targets_deg(attitude: Attitude, bench: BenchFile, pose: Pose) -> dict[str, float]:
-    """The angle to which each axis goes, outer first, by the shortest way from where it stands.
+    """The target angle of each axis, outer first, by the shortest way from its present angle.
 
     Raises Unreachable.
     """
@@ -187,9 +187,9 @@ def reachable(axes: tuple[Row, ...], unit: Rows) -> Mapping[Rows, tuple[Quarters
 
 
 def _unit_at_zero(bench: BenchFile, mount_name: str | None) -> Rows:
-    """Where the axes of the units point while all angles are 0; Unreachable when not by quarter turns.
+    """Directions of the units' axes at angles of 0; Unreachable if not by quarter turns.
 
-    A mount that the fixture does not have is told where it is named, and taken for the first one here.
+    An unknown mount is reported where it is named, and counts as the first one here.
     """
     fixture = bench.fixture
     mount = fixture.mount(mount_name if mount_name in fixture.mounts else None)

@@ -1,4 +1,4 @@
-"""What a sequence file says besides its steps, and which of its steps are wrong in themselves."""
+"""The parts of a sequence file other than its steps, and the problems of single steps."""
 
 from __future__ import annotations
 

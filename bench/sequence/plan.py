@@ -22,7 +22,7 @@ PHASES: tuple[Phase, ...] = ("setup", "steps", "teardown")
 
 @dataclass(frozen=True, slots=True)
 class Waiting:
-    """Expressions that wait for measurements: what the document says, and the names whose values are known."""
+    """Expressions over measurements: their document text, and the names whose values are known."""
 
     raw: Any
     names: Mapping[str, Value]
@@ -33,7 +33,7 @@ class PlannedStep:
     """One step of a run.
 
     `id` names it by its loops (`steps/temperature=-40/position=90#2/acquire`; `#n` marks the n-th visit of the same
-    value). `loops` holds the variables around it, outermost first; `place` is where it stands in the document. Where it
+    value). `loops` holds the variables around it, outermost first; `place` is its place in the document. Where it
     has expressions over measurements they are `waiting`, and its numbers not-a-number until they are known.
     """
 

@@ -1,6 +1,6 @@
-"""What a step that looks at a reading looks at: a named reading of the bench, a channel of a device, a pulse rate.
+"""Readings that steps can use: a named reading of the bench, a channel of a device, a pulse rate.
 
-Or it is the output of the unit in a place, whatever measures it: in g by what the unit is made to be.
+Another one is the output of the unit in a place, in g by its nominal scale factor, whatever measures it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ BY_NOMINAL = "g"  # the unit that an output is told in where what measures it do
 
 
 def problem_with(name: str, needs: Mapping[str, str], bench: BenchFile | None) -> str:
-    """Why a reading cannot be looked at; empty when it can. What the bench lacks of the needs is told with them."""
+    """Why a reading cannot be used; empty if it can. Needs that the bench lacks are reported elsewhere."""
     device, dot, channel = name.partition(".")
     if needs.get(device) == OUTPUT:
         return _problem_with_unit(name, bench)

@@ -1,4 +1,4 @@
-"""What the rules say of a plan as a whole: remarks with a severity, each at its place in the document."""
+"""Findings of the rules on a plan as a whole, with severity and place in the document."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Found = tuple[Place, str, str]  # where a plan is not as it should be, what is w
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """One thing that a whole plan is looked at for; `name` is stable, `title` says what holds when nothing is found."""
+    """One rule on a whole plan; `name` is stable, `title` states what holds if nothing is found."""
 
     name: str
     severity: Severity

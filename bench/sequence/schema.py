@@ -1,4 +1,4 @@
-"""The JSON Schema of sequence files; see bench.config.schema for what a schema tells and what not."""
+"""The JSON Schema of sequence files; see bench.config.schema for what a schema can express."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def sequence_schema() -> Schema:
 
 
 def _complete(node: Any) -> None:
-    """Says of every quantity that it may be an expression, and of every list of anything that it holds steps.
+    """Allow an expression for every quantity, and steps in every untyped list.
 
     Pydantic cannot know either: a step's model is chosen by its verb, while it is validated.
     """

@@ -1,4 +1,4 @@
-"""What expressions in a part of a sequence see, and what they come to while the plan is made."""
+"""Names visible to expressions in a part of a sequence, and their values while the plan is made."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ Examples = Mapping[str, Value | None]  # by the names of measurements; None wher
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """Where in a sequence a step stands.
+    """The scope of a step in a sequence.
 
     `names` are parameters and loop variables, of which `loops` are those around the step. `measured` are the names of
     measurements that come before it, each with an example of its kind; one that a sequence calls may be of the same
-    name as a parameter, which is then meant. `path` begins the ids of what stands here.
+    name as a parameter, which is then meant. `path` is the prefix of the ids in this scope.
     """
 
     phase: Phase
@@ -116,7 +116,7 @@ def names_mentioned(raw: Any) -> frozenset[str]:
 
 
 def filled(raw: str, names: Mapping[str, Value]) -> str:
-    """A text with its expressions replaced by what they come to, in six digits; ValueProblem."""
+    """A text with its expressions replaced by their values, to six digits; ValueProblem."""
     if holds_expression(_IN_TEXT.sub("", raw)):
         raise ValueProblem(f"{quoted(raw)}: an expression in a text begins with ${{ and ends with }}")
     return _IN_TEXT.sub(lambda found: _in_text(value_of(found[0], names)), raw)

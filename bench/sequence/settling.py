@@ -1,7 +1,7 @@
-"""How long a unit takes to have the temperature of its chamber, as far as a bench file lets it be known.
+"""Time for a unit to reach the temperature of its chamber, estimated from the bench file.
 
 The air follows the set point as `simulation.chamber` says, a unit follows the air as `places.*.nominal` says, and its
-thermometer follows the unit as `simulation.thermometer` says; of a bench file that does not say it, the defaults hold.
+thermometer follows the unit as `simulation.thermometer` says; without these entries the defaults apply.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ class Settling:
                 self._changes += (_Change(at_s, 1.0 if on else -1.0, supply=member),)
 
     def soak_s(self, step: Soak, at_s: float) -> float:
-        """How long a soak that begins at `at_s` takes; as long as it may, when nothing tells that it ends before."""
+        """Duration of a soak that begins at `at_s`; its maximum if an earlier end is not known."""
         return max(self._soak_s(step, name, at_s) for name in self._bench.members(step.role))
 
     def _soak_s(self, step: Soak, name: str, at_s: float) -> float:
@@ -136,10 +136,10 @@ class Settling:
         return longest_s
 
     def wait_s(self, step: WaitUntil, at_s: float) -> float:
-        """How long a temperature takes to fulfil a condition; as long as it may, when nothing tells that it does.
+        """Time for a temperature to fulfil a condition; the maximum if it is not known to.
 
-        A reading in s is taken for one that counts how long something is on, since the run began. Of others nothing is
-        known but the time for which the condition must hold.
+        A reading in s is assumed to count from the beginning of the run. For others only the
+        time for which the condition must hold is known.
         """
         return max(self._wait_s(step, name, at_s) for name in self._bench.members(step.reading))
 

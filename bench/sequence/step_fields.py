@@ -16,7 +16,7 @@ Text = Annotated[str, Field(min_length=1, max_length=500)]
 
 
 class StepBase(StrictModel):
-    """What every step may say: how long it may take at most, and what happens when it fails."""
+    """Keys of every step: its timeout, and what happens if it fails."""
 
     timeout_s: PositiveSeconds | None = Field(None, alias="timeout", description="the longest it may take")
     on_failure: OnFailure | None = Field(
@@ -25,7 +25,7 @@ class StepBase(StrictModel):
 
     @property
     def least_s(self) -> float:
-        """The time that the step takes at least, by what it says itself."""
+        """Minimum duration of the step, from its own keys."""
         return 0.0
 
     @model_validator(mode="after")
@@ -46,7 +46,7 @@ def one_of(*keys: tuple[str, ...]) -> ConfigDict:
 
 
 def choice_of(keys: dict[str, Any], what: str) -> str:
-    """The one key of several that a step gives; raises when it gives none of them, or two."""
+    """The one of several keys that a step has; raises if it has none, or two."""
     given = [key for key, value in keys.items() if value is not None]
     if len(given) != 1:
         found = f"has {' and '.join(given)}" if given else "has none of them"

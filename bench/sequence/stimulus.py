@@ -36,7 +36,7 @@ Amplitude = Annotated[float, InUnit("°", above=0)]
 
 
 class Move(StepBase):
-    """Turns the head to an angle and waits until it stands there.
+    """Turns the head to an angle and waits until it has settled.
 
     `to` is an angle as the encoder counts it, `by` is relative to where the last move went. With a way other than
     as_written, `to` is any angle that differs by whole turns: the nearest, or the next one up or down.

@@ -24,7 +24,7 @@ class Note(StepBase):
 
 
 class Alarm(StepBase):
-    """As a note, for what somebody must see at once: it is shown as an alarm and rings the terminal's bell."""
+    """A note that needs immediate attention: it is shown as an alarm and rings the terminal's bell."""
 
     text: Text = Field(alias="alarm")
 

@@ -1,4 +1,4 @@
-"""Where the axes of a bench stand before each step of a plan: angles as the encoder counts them, over whole turns."""
+"""Angles of the axes of a bench before each step of a plan, as the encoder counts them, over whole turns."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def angles_before(plan: Plan, bench: BenchFile | None = None) -> Iterator[tuple[
 
 
 def poses_before(plan: Plan, bench: BenchFile | None) -> Iterator[tuple[PlannedStep, Pose]]:
-    """Each step with where the axes stand before it, and how the units are then mounted.
+    """Each step with the angles of the axes before it, and the mount of the units.
 
-    Axes begin at 0. Of alternatives both are gone through, one after the other, from the same angles; a loop whose end
-    is measured is gone through as often as it may be.
+    Axes begin at 0. Both alternatives are passed, one after the other, from the same angles; a loop with a
+    measured end is passed its maximum number of times.
     """
     yield from _Travel(bench).nodes((*plan.setup, *plan.steps, *plan.teardown))
 
@@ -72,7 +72,7 @@ class _Travel:
                 return
 
     def _step(self, planned: PlannedStep) -> tuple[PlannedStep, Pose]:
-        """The step and how things stood; keeps where it goes."""
+        """The step and the pose before it; stores the pose after it."""
         step, pose = planned.step, Pose(dict(self._angles_deg), self._mount)
         from_deg = self._angles_deg.get(getattr(step, "role", ""), 0.0)
         if isinstance(step, Move):
@@ -87,7 +87,7 @@ class _Travel:
         return planned, pose
 
     def _orient(self, step: Orient, bench: BenchFile, pose: Pose) -> None:
-        """An attitude that is not reached leaves everything as it was; it is told elsewhere."""
+        """An unreachable attitude changes nothing; it is reported elsewhere."""
         try:
             self._angles_deg |= targets_deg(step.attitude, bench, pose)
         except Unreachable:

@@ -55,7 +55,7 @@ class Wrong(ValueProblem):
 
 @contextmanager
 def wrong_at(key: str) -> Iterator[None]:
-    """Tells a problem with a value as what is wrong with the key."""
+    """Report a problem with a value as one of the key."""
     try:
         yield
     except ValueProblem as problem:

@@ -18,7 +18,7 @@ from drivers.wording import in_plain_words
 
 
 def completed(planned: PlannedStep, variables: Mapping[str, Value], folder: Path) -> Step:
-    """The step with its expressions worked out; StepError when they come to what the step cannot take."""
+    """The step with its expressions evaluated; StepError if the step cannot take their values."""
     if planned.waiting is None:
         return planned.step
     names = {**variables, **planned.waiting.names}
@@ -36,7 +36,7 @@ def completed(planned: PlannedStep, variables: Mapping[str, Value], folder: Path
 
 
 def is_true(condition: Waiting, variables: Mapping[str, Value]) -> bool:
-    """What a condition comes to; StepError when it cannot be told."""
+    """The value of a condition; StepError if it is unknown."""
     try:
         value = value_of(condition.raw, {**variables, **condition.names})
     except ValueProblem as problem:

@@ -26,7 +26,7 @@ WINDOW_COVERAGE = 0.95  # of the hold time must be covered by readings before it
 
 
 class Wait(StepBase):
-    """Lets time pass."""
+    """Waits for a time."""
 
     duration_s: Seconds = Field(alias="wait")
 
@@ -52,7 +52,7 @@ class Steady(StrictModel):
 
     @property
     def in_g(self) -> bool:
-        """Whether it is told in g, and what the units are made to be is needed."""
+        """Whether it is in g, so that nominal scale factors are needed."""
         return self.change.dimension == parse_unit("g").dimension
 
 
@@ -104,7 +104,7 @@ class Stable(StrictModel):
 
 
 class Soak(StepBase):
-    """Waits at a temperature: at least so long, and until a reading is stable."""
+    """Waits at a temperature for at least a time, and until a reading is stable."""
 
     role: Name = Field(alias="soak")
     at_least_s: Seconds = Field(alias="at_least", description="the shortest time")

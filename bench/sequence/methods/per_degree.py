@@ -1,4 +1,4 @@
-"""What a constant may change by with 1 °C, for results that name a temperature where the run tells no slope."""
+"""Change of a constant with 1 °C, for results that state a temperature if the run determines no slope."""
 
 from __future__ import annotations
 
