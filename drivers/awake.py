@@ -1,4 +1,4 @@
-"""Limits on the time in which this program ran: what happened while it stood still is nobody's silence.
+"""Limits on the time in which this program ran: time in which it was suspended does not count as silence.
 
 A computer that swaps, a machine that is suspended and a process that is stopped let time pass in which nothing is
 heard, and answers lie in the buffers meanwhile. A loop that knows of such times tells them (`stalled_since`); of one
@@ -17,15 +17,15 @@ SLICE_S = 0.25
 
 
 def came_true(wait: Callable[[float], bool], limit_s: float) -> bool:
-    """Whether `wait`, which waits for at most as long as it is told, has come true within the limit; for threads.
+    """Whether `wait`, which waits for at most the given time, has succeeded within the limit; for threads.
 
-    Each slice counts as what was asked for, however long it took.
+    Each slice counts as its nominal length, however long it took.
     """
     return any(wait(SLICE_S) for _ in range(math.ceil(limit_s / SLICE_S)))
 
 
 def stalled_s(since_s: float) -> float:
-    """For how long the running loop has stood still since an instant on its clock."""
+    """Time in which the running loop was suspended since an instant on its clock."""
     stalled_since: Callable[[float], float] | None = getattr(asyncio.get_running_loop(), "stalled_since", None)
     return stalled_since(since_s) if stalled_since is not None else 0.0
 
@@ -59,7 +59,7 @@ async def patience(limit_s: float) -> AsyncIterator[asyncio.Timeout]:
     timer: asyncio.Handle
 
     def look() -> None:
-        """The time is over: what has arrived has the next turn of the loop, which also tells whether it stood still."""
+        """The time is over: give data that have arrived one more iteration, which also shows a suspension."""
         nonlocal timer
         timer = loop.call_later(deadline.left_s, look) if not deadline.passed else loop.call_soon(end)
 

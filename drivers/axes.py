@@ -1,4 +1,4 @@
-"""What descriptions of heads and tables share: when an axis stands, how fast it may be, what its certificate states."""
+"""What descriptions of heads and tables share: settling, maximum rate, certificate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What error frames say of a bus, in the classes of Linux (include/uapi/linux/can/error.h)."""
+"""Bus conditions reported by error frames, in the classes of Linux (include/uapi/linux/can/error.h)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What bench files say of all devices that send CAN frames by themselves, described by a DBC."""
+"""Bench file keys of all devices that send CAN frames by themselves, described by a DBC."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from drivers.wording import problem_at
 
 FRAME_SCHEMES = frozenset({"slcan", "can", "socketcand", "log"})
 DBC_LIMIT_BYTES = 2**20
-IDLE_BLOCK_S = 10.0  # how long frames are left together while nobody acquires
+IDLE_BLOCK_S = 10.0  # how long frames are collected while there is no acquisition
 
 SignalName = Annotated[str, TextLike(r"\w+\.\w+", "Message.Signal, a name of the DBC")]
 
@@ -49,7 +49,7 @@ def encoder_signals(positions: Mapping[str, PositionOptions]) -> dict[tuple[str 
 
 
 def position_bits(dbc: Path, encoder: PositionOptions) -> int | None:
-    """How many bits the position of an axis has; None when the DBC does not tell."""
+    """Number of bits of the position of an axis; None if the DBC does not define it."""
     return lengths_bits(text_of(dbc)).get(encoder.position)
 
 

@@ -36,7 +36,7 @@ class Device(Protocol):
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """The readings by channel that are new since the last poll; changes nothing in the instrument.
 
-        Raises InstrumentFault when the instrument is not what it was told to be, NoAnswer when it is silent.
+        Raises InstrumentFault if the state differs from the commanded one, NoAnswer if it is silent.
         """
 
     async def make_safe(self) -> None:
@@ -48,7 +48,7 @@ class Positioner(Device, Protocol):
     """An axis that goes to angles."""
 
     async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
-        """Goes to `angle_deg`, waits until it stands there, then `settle_s`; the angle read back (°)."""
+        """Move to `angle_deg`, wait until it has settled, then `settle_s`; return the angle read back (°)."""
 
     async def angle(self) -> Reading:
         """The angle now (°)."""
@@ -77,7 +77,7 @@ class RateTable(Device, Protocol):
         """The rate now (°/s)."""
 
     async def angle(self) -> Reading:
-        """The angle now (°), whole turns included as far as the instrument tells them."""
+        """The angle now (°), whole turns included as far as the instrument reports them."""
 
 
 @runtime_checkable
@@ -88,7 +88,7 @@ class ThermalChamber(Device, Protocol):
         """Returns when the set point in force has arrived; the air and the unit are still on their way."""
 
     async def state(self) -> ChamberState:
-        """One look at the control loop."""
+        """State of the control loop."""
 
     async def hold(self) -> None:
         """Stops a ramp where it is: the set point in force becomes the set point."""
@@ -119,7 +119,7 @@ class FrameSource(Device, Protocol):
         """
 
     async def news(self) -> None:
-        """Returns when frames have been taken in since it last did, or a fault is known: `poll` then tells.
+        """Return when frames have been taken in since the last call, or a fault is known, which `poll` raises.
 
         That is at the latest as often as a reading may be on its way (`reports_every_s`), and after every `take_in`.
         """
@@ -128,7 +128,7 @@ class FrameSource(Device, Protocol):
         """Takes in what has arrived by now."""
 
     def heard(self) -> Mapping[str, Heard]:
-        """When each channel was last heard of, as far as its frames have been taken in."""
+        """Time of the last frame of each channel, as far as frames have been taken in."""
 
 
 @runtime_checkable

@@ -1,4 +1,4 @@
-"""What certificates say must be added to what an instrument reads, as bench files state it.
+"""Corrections from certificates that are added to readings, as stated in bench files.
 
 A table holds corrections at readings, straight lines between them; beyond its ends the end values hold.
 """

@@ -1,4 +1,4 @@
-"""What a certificate states of a current standard, which gives a current or measures it, whichever instrument it is."""
+"""Certificate of a current standard, whether it sources or measures the current."""
 
 from __future__ import annotations
 

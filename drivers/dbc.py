@@ -77,7 +77,7 @@ class Message:
         return self.signals[name]
 
     def rows(self, block: FrameBlock) -> NDArray[np.intp]:
-        """Where this message stands in a block; frames of another length than the DBC's are passed over."""
+        """Rows of this message in a block; frames whose length differs from the DBC are ignored."""
         return np.flatnonzero((block.ids == self.id) & (block.dlc == self.length))
 
 
@@ -97,7 +97,7 @@ class Dbc:
         database = Database()
         try:
             database.add_dbc_string(text)
-        except Exception as problem:  # cantools lets its parser's errors of many kinds out
+        except Exception as problem:  # cantools raises errors of many kinds from its parser
             raise DbcError(f"not a usable DBC: {problem}") from problem
         messages = [message for message in database.messages if message.length <= 8]  # those of classical CAN
         self.messages = {message.name: _message(message) for message in messages}

@@ -21,7 +21,7 @@ def outline(text: str) -> dict[str, str]:
 
 
 def lengths_bits(text: str) -> dict[str, int]:
-    """`Message.Signal` → length in bits, as far as the text tells it."""
+    """`Message.Signal` → length in bits, as far as the text defines it."""
     return {name: int(found[1]) for name, layout, _ in _signals(text) if (found := _LENGTH.search(layout))}
 
 

@@ -37,7 +37,7 @@ class Nothing(StrictModel):
 
 
 class IdentityPin(StrictModel):
-    """What the bench file says of an instrument; what it does not say is not compared."""
+    """The identity stated in the bench file; missing parts are not compared."""
 
     maker: Spelled | None = Field(None, description="as it answers")
     model: Spelled | None = Field(None, description="as it answers")
@@ -86,7 +86,7 @@ class DriverDescription:
 
 
 def unheard(_text: str) -> None:
-    """For a driver whose notes nobody keeps."""
+    """Ignores the notes of a driver."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def make_driver(description: DriverDescription, setup: Setup[OptionsT, LimitsT, 
 
 
 def check_identity(device: str, pin: IdentityPin, found: Identity) -> None:
-    """Raises WrongIdentity unless everything that the pin names, and the wire can tell, is as pinned."""
+    """Raises WrongIdentity unless every pinned field that the instrument reports is as pinned."""
     for what in ("maker", "model", "serial", "firmware"):
         expected, answered = getattr(pin, what), getattr(found, what)
         if expected is None or (what == "serial" and not found.verified):
@@ -137,7 +137,7 @@ def check_identity(device: str, pin: IdentityPin, found: Identity) -> None:
 
 
 def still_the_same(device: str, before: Identity | None, found: Identity, received: str) -> Identity:
-    """Who was found; raises WrongIdentity, with what was received, when somebody else was there before."""
+    """The identity found; raises WrongIdentity, with what was received, if it differs from an earlier one."""
     if before not in (None, found):
         raise WrongIdentity(
             device, "another instrument has taken its place", received=received,

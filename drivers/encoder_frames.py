@@ -1,4 +1,4 @@
-"""Encoders of tables that are latched with what a CAN node sends: what their frames are, and what they say."""
+"""Encoders of tables latched with the data of a CAN node: frame formats and decoding."""
 
 from __future__ import annotations
 

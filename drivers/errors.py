@@ -1,10 +1,10 @@
-"""What an instrument or its wire can do wrong. Every message names the device, what was sent and what came back."""
+"""Errors of instruments and connections. Every message names the device, what was sent and what was received."""
 
 from __future__ import annotations
 
 
 class DriverError(Exception):
-    """Something about one device. `code` is stable; the text is for the technician at the bench."""
+    """A problem of one device. `code` is stable; the text is for the technician at the bench."""
 
     code = "device"
 
@@ -20,37 +20,37 @@ class DriverError(Exception):
 
 
 class CannotConnect(DriverError):
-    """Nobody at the other end of the wire."""
+    """No connection to the instrument."""
 
     code = "connect"
 
 
 class LinkLost(DriverError):
-    """The wire was open and is no more."""
+    """The connection was lost."""
 
     code = "lost"
 
 
 class NoAnswer(DriverError, TimeoutError):
-    """The instrument did not answer in time; its channel is not trusted until it has been drained and identified."""
+    """The instrument did not answer in time; its connection must be drained and identified before further use."""
 
     code = "silent"
 
 
 class BadAnswer(DriverError):
-    """An answer that the dialect does not allow."""
+    """An answer that violates the protocol."""
 
     code = "answer"
 
 
 class Refused(DriverError):
-    """The instrument understood and said no, or did something other than it was told."""
+    """The instrument rejected a command, or its state differs from the command."""
 
     code = "refused"
 
 
 class WrongIdentity(DriverError):
-    """Not the instrument that the bench file names."""
+    """The identity differs from the bench file."""
 
     code = "identity"
 
@@ -62,13 +62,13 @@ class BeyondLimit(DriverError):
 
 
 class NotSettled(DriverError):
-    """A process did not arrive or did not come to rest in time."""
+    """A motion or a temperature did not reach its target, or did not settle, in time."""
 
     code = "settle"
 
 
 class InstrumentFault(DriverError):
-    """The instrument reports a fault of its own: an alarm, a trip, an interlock, a counter that stands still."""
+    """The instrument reports a fault of its own: an alarm, a trip, an interlock, a counter that does not count."""
 
     code = "fault"
 

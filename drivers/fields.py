@@ -119,7 +119,7 @@ class InUnit:
 
 
 def is_deferred(context: object) -> bool:
-    """Whether a validation lets expressions pass unevaluated."""
+    """Whether a validation accepts unevaluated expressions."""
     return isinstance(context, Mapping) and bool(context.get("deferred"))
 
 
@@ -185,7 +185,7 @@ Flag = Annotated[bool, Strict()]
 
 @dataclass(frozen=True, slots=True)
 class TextLike:
-    """Validates text that fully matches `pattern`; `what` says to a person what that is."""
+    """Validates text that fully matches `pattern`; `what` describes it in messages."""
 
     pattern: str
     what: str
@@ -197,7 +197,7 @@ class TextLike:
         return {**handler(schema), "pattern": f"^(?:{self.pattern})$", "description": self.what}
 
     def validate(self, text: object) -> str:
-        """The text; raises what a person is to be told."""
+        """The text; raises an error with the message."""
         if not isinstance(text, str):
             raise expected("text", text)
         if re.fullmatch(self.pattern, text) is None:
@@ -264,7 +264,7 @@ class FileBeside:
         return {"type": "string", "minLength": 1, "description": "the name of a file beside this one, or below it"}
 
     def path(self, raw: object, info: core_schema.ValidationInfo) -> Path:
-        """The file; raises what a person is to be told."""
+        """The file; raises an error with the message."""
         context = info.context or {}
         folder = context.get("folder")
         if not isinstance(raw, str) or not raw or not isinstance(folder, Path):
@@ -366,7 +366,7 @@ def keys_of(model: type[BaseModel]) -> list[str]:
 
 
 def inner_errors(error: ValidationError, place: tuple[str | int, ...] = ()) -> list[InitErrorDetails]:
-    """The errors of a part, in plain words, to be raised again by the whole it stands in at `place`."""
+    """The errors of a part, in plain words, to be raised again by the model that contains it at `place`."""
     return [
         InitErrorDetails(type=telling(in_plain_words(item)), loc=(*place, *item["loc"]), input=item["input"])
         for item in error.errors(include_url=False)

@@ -1,4 +1,4 @@
-"""CAN frames as blocks of arrays: what counters give and what is stored."""
+"""CAN frames as blocks of arrays, as counters deliver and the store keeps them."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ class Cycles:
     frames: int
 
     def rows(self, message: Message) -> NDArray[np.intp] | None:
-        """Where a message stands in the first, second, … cycle; None when it is not in all of them."""
+        """Rows of a message in the first, second, … cycle; None if it is not in all of them."""
         place = self.places.get((message.id, message.length))
         if place is None:
             return None

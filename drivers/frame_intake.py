@@ -22,15 +22,15 @@ from drivers.transport.frames import FrameLink
 from drivers.values import Heard, Identity, Reading
 
 SILENT_PERIODS = 25
-STANDING_FRAMES = 3  # as many with one sequence number mean that who sends them stands still
+STANDING_FRAMES = 3  # as many with one sequence number mean that the sender is frozen
 ERRORS_TOLD_EVERY_S = 60.0
-MOST_NAMED = 8  # of the frames that came instead of others
+MOST_NAMED = 8  # of the frames received instead of others
 
 FormatT = TypeVar("FormatT")
 
 
 class FrameIntake:
-    """Takes frames from a link from time to time, more often while somebody acquires.
+    """Takes frames from a link periodically, more often during an acquisition.
 
     Every block is shown to `look`; what that raises, or the link, ends the intake and the acquisition under way, and is
     raised by `check` from then on. So does a bus that is off, or was; of other error frames `note` is told, seldom.
@@ -41,7 +41,7 @@ class FrameIntake:
         self, name: str, link: FrameLink, look: Callable[[FrameBlock], None], note: Callable[[str], object]
     ) -> None:
         self._name, self._link, self._look, self._note = name, link, look, note
-        self._errors, self._told_s = 0, -math.inf  # error frames that are not told yet, and when some last were
+        self._errors, self._told_s = 0, -math.inf  # error frames not yet reported, and the time of the last report
         self._acquisition: _Blocks | None = None
         self._wake = asyncio.Event()
         self._news = asyncio.Event()
@@ -61,13 +61,13 @@ class FrameIntake:
         self._link.close()
 
     async def news(self) -> None:
-        """Returns when somebody has looked for frames since it last did, or none can come any more."""
+        """Return when frames have been taken in since the last call, or the link is lost."""
         await self._news.wait()
         self._news.clear()
 
     @property
     def is_lost(self) -> bool:
-        """Whether the link is gone, and nobody acquires who would have to be told first."""
+        """Whether the link is lost and no acquisition has yet to be notified."""
         return isinstance(self._failure, LinkLost) and self._acquisition is None
 
     def check(self) -> None:
@@ -91,7 +91,7 @@ class FrameIntake:
         try:
             yield blocks
             self.absorb()
-            self.absorb()  # a link that is gone says so behind its last frames
+            self.absorb()  # a lost link reports this after its last frames
         finally:
             self._acquisition = self.acquiring_since_s = None
             blocks.end(self._failure)
@@ -118,7 +118,7 @@ class FrameIntake:
         self.check()
 
     def absorb(self) -> None:
-        """Takes in what has arrived by now, and says that there may be news."""
+        """Take in the frames that have arrived, and notify waiting tasks."""
         self._news.set()
         self._take()
 
@@ -149,7 +149,7 @@ class FrameIntake:
         return problem
 
     def _look_at_errors(self, block: FrameBlock) -> None:
-        """Tells of error frames; raises LinkLost where the adapter is off the bus, or was meanwhile."""
+        """Report error frames; raises LinkLost if the adapter is off the bus, or was meanwhile."""
         classes = error_classes(block)
         if not len(classes):
             return
@@ -166,7 +166,7 @@ class FrameIntake:
 
 
 class _Blocks(AsyncIterator[FrameBlock]):
-    """Blocks from the intake to whoever acquires, at least one every `block_s`."""
+    """Blocks from the intake to an acquisition, at least one every `block_s`."""
 
     def __init__(self, block_s: float) -> None:
         self.block_s = block_s
@@ -190,9 +190,9 @@ class _Blocks(AsyncIterator[FrameBlock]):
 
 
 class FrameDriver(ABC, Generic[OptionsT]):
-    """What all drivers are alike in to whose devices nothing is ever sent.
+    """Common part of drivers that only receive.
 
-    An heir opens its link with `_open`, begins with `_begin`, and looks at every block with `_look`: it keeps
+    A subclass opens its link with `_open`, begins with `_begin`, and looks at every block with `_look`: it keeps
     `_readings`, new ones by channel, and `_heard`, and raises what is wrong with a block.
 
     A poll connects again when the link was lost: at once, then after longer and longer pauses. An acquisition does not,
@@ -214,7 +214,7 @@ class FrameDriver(ABC, Generic[OptionsT]):
         await self._intake.end()
 
     async def identify(self) -> Identity:
-        """Who the bench file says that is there; the fingerprint is that of the frames' description."""
+        """The identity stated in the bench file; the fingerprint is that of the frames' description."""
         stated = self._setup.identity
         return Identity(
             maker=stated.maker or "", model=stated.model or "", serial=stated.serial or "",
@@ -230,7 +230,7 @@ class FrameDriver(ABC, Generic[OptionsT]):
         return readings
 
     async def news(self) -> None:
-        """Returns when `poll` may tell more than it has: frames have been taken in, or something is wrong."""
+        """Return when `poll` may return something new: frames have been taken in, or there is a problem."""
         await self._intake.news()
 
     def take_in(self) -> None:
@@ -238,7 +238,7 @@ class FrameDriver(ABC, Generic[OptionsT]):
         self._intake.absorb()
 
     def heard(self) -> Mapping[str, Heard]:
-        """When each channel was last heard of, as far as its frames have been taken in."""
+        """Time of the last frame of each channel, as far as frames have been taken in."""
         return self._heard
 
     async def make_safe(self) -> None:
@@ -257,14 +257,14 @@ class FrameDriver(ABC, Generic[OptionsT]):
 
     @abstractmethod
     def _look(self, block: FrameBlock) -> None:
-        """Takes in what a block says; raises when something is wrong with it."""
+        """Take in the content of a block; raises if it has a problem."""
 
     def _begin(self, link: FrameLink) -> None:
         self._intake = FrameIntake(self.name, link, self._look, self._setup.note)
         self._intake.begin()
 
     async def _connect_again(self) -> None:
-        """Opens the link anew; where that fails, what was lost stays lost."""
+        """Reopen the link; if that fails, it stays lost."""
         try:
             link = await self._open()
             try:
@@ -286,7 +286,7 @@ class FrameDriver(ABC, Generic[OptionsT]):
 
 
 def bound_format(name: str, dbc: Path, bind: Callable[[Dbc], FormatT]) -> tuple[FormatT, str]:
-    """What `bind` makes of a DBC, and a fingerprint of its text; BadAnswer when it is not what the bench file says."""
+    """The result of `bind` for a DBC, and a fingerprint of its text; BadAnswer if it contradicts the bench file."""
     text = text_of(dbc)
     try:
         form = bind(Dbc(text))
@@ -296,7 +296,7 @@ def bound_format(name: str, dbc: Path, bind: Callable[[Dbc], FormatT]) -> tuple[
 
 
 def frames_named(ids: Iterable[int]) -> str:
-    """Frames that came, for a message; not all, where there are many."""
+    """Received frames, for a message; not all if there are many."""
     frames = {frame_id for frame_id in ids if not frame_id & ERROR}
     errors = [frame_id & (ERROR - 1) for frame_id in ids if frame_id & ERROR]
     named = [f"0x{frame_id & ~EXTENDED:x}" for frame_id in sorted(frames)[:MOST_NAMED]]

@@ -1,6 +1,6 @@
-"""Whether frames with numbers come one after the other: a quick look, block by block, that passes over no gap.
+"""Quick check, block by block, whether numbered frames are consecutive; it misses no gap.
 
-It knows nothing of a gap but that there may be one. What else is odd, such as a frame that is late or comes twice,
+It only detects that there may be a gap. What else is odd, such as a frame that is late or comes twice,
 looks like one too, so that who must know decodes what has come.
 """
 
@@ -68,7 +68,7 @@ class Unbroken:
         return cls(_Numbers(sequence), tick, tuple(map(_Numbers, distinct.values())))
 
     def take(self, block: FrameBlock) -> None:
-        """Looks at the next block; `is_whole` is True until something may be missing."""
+        """Check the next block; `is_whole` is True until a frame may be missing."""
         if self.is_whole and len(block):
             self.is_whole = self._goes_on(block)
 

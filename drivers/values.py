@@ -1,4 +1,4 @@
-"""What drivers give and take: readings, identities, states of instruments."""
+"""Values exchanged with drivers: readings, identities, states of instruments."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ class Heard(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Who answered. `verified` is False where the wire cannot tell a serial number; `fingerprint` is what it can."""
+    """Who answered. `verified` is False if the instrument cannot report a serial number.
+
+    `fingerprint` is what it can.
+    """
 
     maker: str = ""
     model: str = ""
@@ -36,13 +39,13 @@ class Identity:
 
     @property
     def words(self) -> str:
-        """All that an instrument tells of itself, on one line; "" for nothing."""
+        """The identity on one line; "" if empty."""
         return " ".join(filter(None, (self.maker, self.model, self.serial, self.firmware)))
 
 
 @dataclass(frozen=True, slots=True)
 class ChamberState:
-    """One coherent look at a chamber, °C; `set_point_c` is in force now and moves while the chamber ramps."""
+    """One coherent state of a chamber, °C; `set_point_c` is in force now and moves while the chamber ramps."""
 
     process_value_c: float
     set_point_c: float
@@ -51,7 +54,7 @@ class ChamberState:
 
 @dataclass(frozen=True, slots=True)
 class SourceReading:
-    """What a supply or a source says of its output: V (None where it does not measure it), A, and whether it is on."""
+    """Output of a supply or a source: V (None if it does not measure it), A, and whether it is on."""
 
     voltage_v: float | None
     current_a: float

@@ -1,4 +1,4 @@
-"""Pydantic's findings in the words of a person at a bench: what stands there, and what was expected."""
+"""Pydantic's errors for the operator: the value found, and what was expected."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _EXPECTED: Mapping[str, str] = {
 
 
 def telling(problem: str) -> PydanticCustomError:
-    """The error for a validator to raise that tells a person exactly this."""
+    """The error for a validator to raise with exactly this message."""
     return PydanticCustomError("told", "{problem}", {"problem": problem})
 
 

@@ -22,7 +22,7 @@ from drivers.values import Reading
 Values = NDArray[np.float64]
 
 KEPT_S = 4 * 3600.0
-TOO_MANY = 2  # readings in a row that are not believed
+TOO_MANY = 2  # rejected readings in a row
 STEEPEST_C_PER_MIN = 60.0  # the sensor in the air of a chamber past an open door; a unit, which is heavier, is slower
 CHANGES_WITHIN_S = 3600.0  # by then any thermometer as fine as that shows its noise
 FINE_C = 0.02

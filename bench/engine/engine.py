@@ -120,7 +120,7 @@ class Engine:
         """Cancel the current step; teardown runs."""
         if self._body_task is not None and not self._body_task.done() and not self._body_task.cancelling():
             self._requested(request, "stop")
-            self._control.last_step = True  # for a step that ends as if it had not been told to
+            self._control.last_step = True  # for a step that ends as if it had not been cancelled
             self._body_task.cancel(request.text)
             self._ending.set()
 
@@ -166,7 +166,7 @@ class Engine:
         return self.outcome
 
     async def _tear_down(self) -> None:
-        """The teardown to its end, whatever the monitor finds meanwhile: that is told when it is over."""
+        """Run the whole teardown; problems that the monitor finds meanwhile are reported after it."""
         told = self._monitor.fault.done()
         teardown = self._walk.teardown(self._plan.teardown)
         self._teardown_task = asyncio.create_task(teardown, name="teardown")
@@ -177,7 +177,7 @@ class Engine:
             self._failed(self._monitor.fault.result())
 
     def _interlock(self, change: Change) -> None:
-        """What an interlock that has tripped, or is good again, does to the run."""
+        """Apply an interlock that has tripped or recovered to the run."""
         by = f"interlock {change.name}"
         self._observer.notice(change.text)
         if not change.tripped:
@@ -205,7 +205,7 @@ class Engine:
         self._observer.notice(text)
 
     def _unit_failed(self, failure: UnitFailure, disregarded: list[str]) -> None:
-        """One of several units is out: told, and its outputs made safe. The run goes on with the others, if any."""
+        """Drop one of several units: report it and make its outputs safe. The run goes on with the others, if any."""
         place, left = failure.place, self._monitor.units.left
         goes_on = f"The run goes on with {', '.join(left)}." if left else "No unit is left."
         text = f"The unit in place {place} is dropped: {failure.text} {goes_on}"
@@ -222,7 +222,7 @@ class Engine:
             self._monitor.report(WindowError(text))
 
     async def _switch_off(self, place: str) -> None:
-        """Makes safe what feeds a unit and no other; what cannot be proved to be off ends the run."""
+        """Make safe what feeds only this unit; the run ends if an output cannot be proved to be off."""
         unit = self._places[place]
         for role in filter(None, (unit.supply, unit.source)):
             if self._monitor.units.is_needed(role):
@@ -235,7 +235,7 @@ class Engine:
                 self._monitor.report(WindowError(text))
 
     async def _make_one_safe(self, place: str, role: str) -> None:
-        """Switches a supply or source off and reads it back; raises what stands in its way."""
+        """Switch a supply or source off and read it back; raises if that fails."""
         source = self._rig.source(role)
         self._monitor.being_made_safe.add(role)
         try:
@@ -249,7 +249,7 @@ class Engine:
             raise InstrumentFault(role, "its output is still on after it was made safe")
 
     def _give_up_on(self, change: Change) -> None:
-        """Stops the run when an interlock that holds it does not get good again."""
+        """Stop the run if an interlock that holds it does not recover in time."""
         most_s = self._interlocks[change.name].give_up_after_s
         text = f"{change.text} It has not recovered within {most_s / 60:g} min; the run is stopped."
         loop = asyncio.get_running_loop()

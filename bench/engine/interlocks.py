@@ -34,7 +34,7 @@ def _never(_since_s: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """An interlock has tripped, or is good again; `since_s` is the time that this began, `text` is for a person."""
+    """An interlock has tripped or recovered; `since_s` is the time at which this began, `text` the message."""
 
     name: str
     action: Action
@@ -67,11 +67,11 @@ class Interlocks:
                     self._changes.append(change)
 
     def judge_age_of(self, role: str) -> bool:
-        """Whether the age of what a device says is looked at, which grows while it says nothing."""
+        """Whether an interlock monitors the age of a device's readings, which grows while it is silent."""
         return any(isinstance(each, _Age) and role == each.sources[0].partition(".")[0] for each in self._interlocks)
 
     def disregard(self, source: str) -> list[str]:
-        """Judges no more what looks at DEVICE.CHANNEL, which nobody believes any longer; the names of these."""
+        """Disable the interlocks on DEVICE.CHANNEL, whose readings are no longer valid; return their names."""
         gone = self._of_source.pop(source, [])
         self._interlocks = [each for each in self._interlocks if each not in gone]
         for others in self._of_source.values():
@@ -79,9 +79,9 @@ class Interlocks:
         return [each.name for each in gone]
 
     def look(self, now_s: float, stalled_s: Stalled = _never) -> Sequence[Change]:
-        """What has changed since the last look; for after every poll of a device, also of one that gave nothing.
+        """Interlocks that have changed since the last call; call it after every poll of a device, even a failed one.
 
-        `stalled_s` gives for how long nobody could look since an instant: no reading grows older by that.
+        `stalled_s` returns the time since an instant in which the program was suspended; it does not age readings.
         """
         for interlock in self._interlocks:
             if (change := interlock.look(now_s, stalled_s)) is not None:
@@ -105,7 +105,7 @@ class _Good:
 
 
 class _Interlock:
-    """One interlock; its heirs say which value is judged, and when."""
+    """One interlock; subclasses define which value is judged, and when."""
 
     def __init__(self, name: str, entry: AnyInterlock, sources: Sequence[str], good: _Good) -> None:
         self.sources = sources
@@ -119,7 +119,7 @@ class _Interlock:
         return None
 
     def look(self, now_s: float, stalled_s: Stalled) -> Change | None:
-        """Time has passed, and what belongs together has been taken."""
+        """Judge after time has passed and readings that belong together are taken."""
         return None
 
     def _judge(self, at_s: float, value: float) -> Change | None:
@@ -175,7 +175,7 @@ class _Rate(_Interlock):
 
 
 class _Difference(_Interlock):
-    """Judges the newest values of both, once all that came together has been taken, while the second is at rest."""
+    """Judges the newest values of both, after all simultaneous readings are taken, while the second is at rest."""
 
     def __init__(self, name: str, entry: AnyInterlock, sources: Sequence[str], good: _Good, rest_s: float) -> None:
         super().__init__(name, entry, sources, good)
@@ -199,7 +199,7 @@ class _Difference(_Interlock):
 
 
 class _Age(_Interlock):
-    """Judges the age of the newest reading, or the time since the first look while there is none."""
+    """Judges the age of the newest reading, or the time since the first call while there is none."""
 
     def __init__(self, name: str, entry: AnyInterlock, sources: Sequence[str], good: _Good) -> None:
         super().__init__(name, entry, sources, good)

@@ -23,7 +23,7 @@ class Journal:
         self._writer.event(kind, step, **data)
 
     def try_to_write(self, kind: str, step: str = "", **data: Any) -> None:
-        """One entry that must not stand in the way of what comes after it."""
+        """Write one entry; a failure must not prevent what follows."""
         with contextlib.suppress(StoreError):  # told by the step that it stopped, or by the end of the run
             self.write(kind, step, **data)
 

@@ -32,7 +32,7 @@ VALUE_WITHIN_S = 60.0  # every device is polled more often
 
 
 async def measure(step: Measure, step_id: str, bench: Bench) -> Mapping[str, Any]:
-    """One value, less the tare where asked, and what the limits say of it; its standard uncertainty where known."""
+    """One value, less the tare if requested, with its verdict and its standard uncertainty if known."""
     single = await _value(step.reading, step.duration_s, step_id, bench)
     if step.net:
         tares = bench.journal.state.tares

@@ -1,4 +1,4 @@
-"""What did not come of what is acquired: looked for in every block, told in the journal, and to a person once."""
+"""Lost frames of acquisitions: detected in every block, journalled, and reported to the operator once."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from drivers.values import Reading
 if TYPE_CHECKING:  # whose steps this watches
     from bench.engine.actions import Bench
 
-LOOKED_AT_ONCE = 10_000  # frames; a look at a few takes about as long
+LOOKED_AT_ONCE = 10_000  # frames; checking a few takes about as long
 
 
 class Watch:
-    """A keeper that looks at the numbers of all frames of an acquisition.
+    """A sink that checks the sequence numbers of all frames of an acquisition.
 
-    Where every number comes after the one before, that is all. Where one may be missing, what was recorded is read back
-    at the end and decoded as for the results, so that the journal says what they will say.
+    If the numbers are consecutive, nothing else is done. If one may be missing, the record is read back
+    at the end and decoded as for the results, so that the journal agrees with them.
     """
 
     def __init__(self, bench: Bench, step_id: str) -> None:
@@ -40,7 +40,7 @@ class Watch:
         self._waiting: dict[str, list[FrameBlock]] = {}
 
     def frames(self, role: str, block: FrameBlock) -> None:
-        """Looks at a block, together with others before it where they are small."""
+        """Check a block, together with preceding small ones."""
         if role not in self._looks:
             self._looks[role], self._waiting[role] = self._bench.numbered.of(role), []
         waiting = self._waiting[role]
@@ -58,7 +58,7 @@ class Watch:
         """Readings of a meter have no numbers; none of them is sent unasked."""
 
     async def tell(self) -> None:
-        """Writes an entry for each channel of which something is missing; when all has been taken in."""
+        """Write an entry for each channel with lost frames, after all frames are taken in."""
         bench = self._bench
         for role in self._looks:
             self._look(role)
@@ -78,7 +78,7 @@ class Watch:
 
 
 def _in_words(role: str, missed: Mapping[str, Missed]) -> str:
-    """For a person who may look after the cable now; told once in a run."""
+    """Message for the operator, who may check the cable now; shown once in a run."""
     channels = ", ".join(
         f"{each.lost} of {each.expected} {each.what} of {channel} in {each.gaps} gap{'s' * (each.gaps > 1)}"
         for channel, each in missed.items()
@@ -99,11 +99,11 @@ class Numbered:
         self._formats: dict[str, counter_wire.CounterFormat | dict[str, telemetry_wire.SampleFormat]] = {}
 
     def options(self, role: str) -> CounterOptions | TelemetryOptions:
-        """What the bench file says of a device."""
+        """Options of a device in the bench file."""
         return self._options[role]
 
     def of(self, role: str) -> list[Unbroken]:
-        """What looks at the numbers of a device in an acquisition that begins; none where it sends no numbers."""
+        """Watch of a device in a new acquisition; None if its frames have no sequence numbers."""
         if role not in self._options:
             return []
         if role not in self._formats:

@@ -24,7 +24,7 @@ from drivers.capabilities import FrameSource
 from drivers.errors import DriverError
 from drivers.values import Reading
 
-STOP_WITHIN_S = 3.0  # for a look at a device that is under way
+STOP_WITHIN_S = 3.0  # for a poll in progress
 WINDOW_GRACE_S = 2.0  # after switching a supply, before its current is judged
 
 
@@ -40,8 +40,8 @@ class Window:
 class Monitor:
     """Polls every device at its period from `start` to `stop`.
 
-    What it finds wrong it says once, by the future `fault`; the device concerned is not polled any more. An interlock
-    that trips or is good again goes into the journal, then to `on_interlock`, which the engine sets before `start`.
+    It reports a problem once, through the future `fault`; that device is no longer polled. An interlock
+    that trips or recovers is journalled, then passed to `on_interlock`, which the engine sets before `start`.
     One of several units that fails is dropped, and told to `on_unit_failure` with the interlocks on its thermometer,
     which are judged no more. A device that fails and is not `used` by the run is no longer polled; `on_left_out` is
     called with it.
@@ -102,7 +102,7 @@ class Monitor:
         device = self._rig.devices[self._source(name).partition(".")[0]]
         if isinstance(device, FrameSource):
             device.take_in()
-            await asyncio.sleep(0)  # whoever waits for news of the device goes first
+            await asyncio.sleep(0)  # tasks that wait for data of the device go first
 
     def newest(self) -> dict[str, tuple[Reading, str]]:
         """The newest value of every channel that was read, by its name on this bench, with its unit."""
@@ -169,7 +169,7 @@ class Monitor:
                 raise WindowError(found[1])
 
     def _believed(self, source: str, readings: Sequence[Reading], unit: str) -> Sequence[Reading]:
-        """Those new readings of a channel that are believed, recorded; the others are told in the journal."""
+        """Record and return the accepted new readings of a channel; rejected ones are journalled."""
         if not readings:
             return ()
         channel = self._channels.get(source)
@@ -187,7 +187,7 @@ class Monitor:
         return believed
 
     def _problem_of(self, source: str) -> str:
-        """What a channel's own readings say of its sensor; "" while it is in order."""
+        """Problem of a sensor, from the readings of its channel; "" if there is none."""
         channel = self._channels.get(source)
         return channel.problem if channel is not None else ""
 
@@ -198,7 +198,10 @@ class Monitor:
             self.on_interlock(change)
 
     def _look_at_units(self, role: str) -> None:
-        """Drops those that a device says something of alone; the same of more than one at once is the bench's doing."""
+        """Drop a unit if a device shows a failure of it alone.
+
+        The same failure of several units at once is one of the bench.
+        """
         failures = [found for place in self.units.left if (found := self._failure(place, role)) is not None]
         for kind, count in Counter(failure.kind for failure in failures).items():
             if count > 1:
@@ -210,7 +213,7 @@ class Monitor:
             self.drop(failure)
 
     def _failure(self, place: str, role: str) -> UnitFailure | None:
-        """What the newest values of a device say of a unit."""
+        """Failure of a unit, from the newest values of a device."""
         unit = self._bench.places[place]
         found: tuple[Kind, str] | None = None
         if role == unit.supply and self.units.alone_at(role) == place:
@@ -237,7 +240,7 @@ class Monitor:
         return ("silent", f"{text} Check the unit, its converter and their wiring.") if text else None
 
     def drop(self, failure: UnitFailure) -> None:
-        """A unit that has failed takes no further part; nobody believes its thermometer if that is what failed."""
+        """Drop a failed unit; its thermometer is ignored if that is what failed."""
         unit = self._bench.places[failure.place]
         disregarded: list[str] = []
         if failure.kind in ("thermometer", "temperature"):

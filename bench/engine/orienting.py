@@ -1,4 +1,4 @@
-"""Turns the axes of a table until the units point as a step says."""
+"""Turn the axes of a table until the units have the attitude of a step."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # which calls the functions here
 
 
 async def orient(step: Orient, bench: Bench) -> Mapping[str, Any]:
-    """One axis after the other, the outer first; an axis that stands there already is not moved."""
+    """Move one axis after the other, the outer first; an axis already at its target is not moved."""
     pose = Pose({role: await _angle_deg(role, bench) for role in bench.file.axes}, bench.journal.state.mount)
     try:
         targets = targets_deg(step.attitude, bench.file, pose)
@@ -42,7 +42,7 @@ async def stop_axes(bench: Bench) -> None:
 
 
 async def _angle_deg(role: str, bench: Bench) -> float:
-    """Where the last move went, or, when that is not known, where the axis stands."""
+    """Target of the last move or, if unknown, the present angle of the axis."""
     if role not in bench.angles_deg:
         return (await bench.rig.positioner(role).angle()).value
     return bench.angles_deg[role]

@@ -37,7 +37,7 @@ class Keeper(Protocol):
 async def taken_in(
     roles: Iterable[str], rig: Rig, keepers: Sequence[Keeper], end: Awaitable[None], block_s: float | None = None
 ) -> None:
-    """Gives the keepers what devices say while `end` is awaited; a device that fails ends the waiting.
+    """Pass the data of devices to the sinks while `end` is awaited; a device that fails ends the wait.
 
     Of what sends frames the last block is cut at the end; the reading of a meter that is under way then is the
     last. Frames come every `block_s`, or as often as what is recorded must be on the disk.
@@ -102,7 +102,7 @@ async def _take_frames(
 
 
 class Watched:
-    """A keeper that looks at the newest `over_s` of what it gets, unit by unit."""
+    """A sink that keeps the newest `over_s` of data for each unit."""
 
     def __init__(self, bench: BenchFile, over_s: float) -> None:
         self._bench, self._over_s = bench, over_s + STABLE_PART_S
@@ -125,9 +125,9 @@ class Watched:
         self._readings[role].extend(readings)
 
     def measured(self, place: str) -> Measured | None:
-        """What was measured last of the unit in a place, for `over_s` and a little more; None as long as nothing was.
+        """The latest data of the unit in a place, for `over_s` and a little more; None if there are none yet.
 
-        Of an inertial unit nothing is told.
+        Not available for inertial units.
         """
         entry = self._bench.places[place]
         if entry.voltmeter is not None:

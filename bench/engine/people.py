@@ -29,21 +29,21 @@ async def answered(desk: Desk, journal: Journal, question: Question, give_up_aft
 
 
 class People:
-    """Whoever is at the bench, as its devices see him: a Person, who is there while a run is under way.
+    """The operator as seen by devices: a Person, available during a run.
 
-    The questions of a device are `ROLE#1`, `ROLE#2`, … in their order; one that is asked again, since the answer could
-    not be, has `~2`, `~3`, … after it, as a step has that is done again.
+    The questions of a device are `ROLE#1`, `ROLE#2`, … in their order; one repeated after an invalid
+    answer has the suffix `~2`, `~3`, …, as a repeated step.
     """
 
     def __init__(self) -> None:
         self._person: Person = NOBODY
 
     def meet(self, desk: Desk, journal: Journal, notice: Callable[[str], None]) -> None:
-        """From now on devices ask at a desk; what is withdrawn there is told to `notice`."""
+        """Connect to a desk; withdrawn questions are passed to `notice`."""
         self._person = _AtADesk(desk, journal, notice)
 
     async def ask(self, errand: Errand) -> Typed:
-        """What he answers. Raises NoAnswer when nobody does in time, CannotConnect before a run is under way."""
+        """The answer. Raises NoAnswer if there is none in time, CannotConnect before a run has started."""
         return await self._person.ask(errand)
 
 

@@ -31,7 +31,7 @@ class Question:
     errand: Errand | None = None
 
     def read(self, answer: str) -> Quantity | str:
-        """What an answer means; InputError says what is expected instead."""
+        """The value of an answer; InputError states what is expected."""
         answer = answer.strip()
         if self.input is None:
             if answer not in self.choices:
@@ -78,7 +78,7 @@ class Answer:
 
 
 class Desk:
-    """The questions that are open. `on_question` is told of each when it is asked, `on_answer` when it is answered."""
+    """The open questions. `on_question` is called for each new one, `on_answer` for each answer."""
 
     def __init__(self, on_question: Callable[[Question], None]) -> None:
         self._open: dict[str, tuple[Question, asyncio.Future[Answer]]] = {}
@@ -91,7 +91,7 @@ class Desk:
         return tuple(question for question, _ in self._open.values())
 
     async def ask(self, question: Question, give_up_after_s: float) -> Answer:
-        """The answer; StepError when nobody gives one in time."""
+        """The answer; StepError if there is none in time."""
         future: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
         self._open[question.step] = (question, future)
         try:

@@ -44,7 +44,7 @@ async def acquire(step: Acquire, step_id: str, bench: Bench) -> Mapping[str, Any
 async def acquire_during(
     step: Acquire, step_id: str, bench: Bench, end: Awaitable[None], watched: Watched | None = None
 ) -> Mapping[str, Any]:
-    """Records all devices of a role at the same time while `end` is awaited, which may look at what is `watched`."""
+    """Record all devices of a role simultaneously while `end` is awaited, which may use the data in `watched`."""
     began_s = asyncio.get_running_loop().time()
     gaps = Watch(bench, step_id)
     keepers: list[Keeper] = [_Recorded(bench.writer, step_id), gaps]
@@ -111,9 +111,9 @@ class _Looks:
 
 
 async def _turned(table: RateTable, turns: float, course: dict[str, Any]) -> None:
-    """Returns when the table has turned so far; StepError when it does not turn.
+    """Return when the table has turned by this angle; StepError if it does not turn.
 
-    `course` takes when it stood where in the beginning and at the end, bench time and angle.
+    `course` gets bench time and angle at the beginning and at the end.
     """
     begin, rate = await table.angle(), await table.rate()
     if rate.value == 0:

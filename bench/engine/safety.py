@@ -51,7 +51,7 @@ async def grouped(work: Coroutine[Any, Any, None]) -> None:
 
 
 async def _unless_cancelled(task: asyncio.Task[T], unless: Callable[[], bool]) -> T:
-    """What a task gives or raises when it has ended; the cancellation of the caller goes before that."""
+    """Result or exception of an ended task; a cancellation of the caller takes precedence."""
     if (cancelled := await outlast(task, unless)) is not None:
         if not task.cancelled():
             task.exception()  # seen; the cancellation is what the caller hears of

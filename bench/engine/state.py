@@ -1,4 +1,4 @@
-"""What a run has come to, as a fold over its journal: the engine keeps it up to date by the entries that it writes.
+"""State of a run as a fold over its journal: the engine updates it with the entries that it writes.
 
 Reading the journal again gives the same state. The values that expressions see are part of it.
 """
@@ -74,7 +74,7 @@ def replayed(entries: Iterable[Entry]) -> RunState:
 def advanced(  # noqa: C901  one case for each kind
     state: RunState, kind: str, step: str, data: Mapping[str, Any]
 ) -> RunState:
-    """The state after one more entry; kinds that say nothing about it leave it as it is."""
+    """The state after one more entry; other kinds of entries do not change it."""
     match kind:
         case "step_begins":
             return replace(state, under_way=(*state.under_way, step))

@@ -19,9 +19,9 @@ if TYPE_CHECKING:  # which calls the functions here
 
 
 async def until_steady(step: WaitUntil, bench: Bench) -> Mapping[str, Any]:
-    """Until the outputs of all units that are in are steady; StepError when that takes too long.
+    """Wait until the outputs of all remaining units are steady; StepError if that takes too long.
 
-    With several units, one that keeps the others waiting so long is dropped. What is measured here is not recorded.
+    With several units, one that is not steady by then is dropped. These measurements are not recorded.
     """
     if step.steady is None:
         raise StepError("it does not name the outputs that must be steady")

@@ -25,7 +25,7 @@ Body = Callable[[], Awaitable[None]]  # does the steps that are done meanwhile
 
 
 class Watcher(Protocol):
-    """Whoever follows the steps of a run; called in the loop, so it must not take long."""
+    """Observer of the steps of a run; called in the loop, so it must return quickly."""
 
     def step_begins(self, planned: PlannedStep, index: int) -> None:
         """A step of the plan, by its place in it, begins."""
@@ -34,14 +34,14 @@ class Watcher(Protocol):
         """A step is done."""
 
     def held(self, by: str) -> None:
-        """No step begins while `by` holds the run; nobody does when it is empty."""
+        """No step begins while `by` holds the run; an empty `by` means no hold."""
 
     def notice(self, text: str) -> None:
         """Something a person should see now."""
 
 
 class Stopped(BenchError):
-    """The run ends after the step under way, as the operator wished."""
+    """The run ends after the current step, at the operator's request."""
 
     code = "stopped"
 
@@ -55,11 +55,11 @@ class StepFailed(StepError):
 
 
 class UnitFailed(StepFailed):
-    """A value is outside its limits, and the sequence says to stop there: the unit is bad, not the bench."""
+    """A value is outside its limits, and the sequence stops there: the unit is bad, not the bench."""
 
 
 class Stepper:
-    """Does the steps of a plan, one by one; what they fail with is raised as StepFailed, with where they stand.
+    """Executes the steps of a plan, one by one; a failure is raised as StepFailed, with the place of the step.
 
     Whatever begins also ends in the journal, while that can be written: `step_ended`, `step_failed`, or `step_cut` with
     who wished it. `indices` are the places of steps in the plan by their ids.
@@ -142,7 +142,7 @@ class Stepper:
             self._journal.write("left_out", planned.id, why="skipped by the operator", text="")
 
     def _unknown_after(self, step: Step) -> Found:
-        """The axes that stand nobody knows where, or the chamber, after a step that did not get to its end."""
+        """Axes, or the chamber, in an unknown state after a step that did not complete."""
         match step:
             case Move() | Ramp():
                 return {"unknown": [step.role]}
@@ -192,7 +192,7 @@ class Stepper:
         return step
 
     def _in_words(self, planned: PlannedStep, problem: DriverError | BenchError) -> StepFailed:
-        """The error with where its step stands; one of a step inside this one knows that already."""
+        """The error with the place of its step, which an error of a nested step already has."""
         if isinstance(problem, StepFailed):
             return problem
         text = f"{self._plan.where(planned.place)}: step {planned.id}: {problem}"

@@ -1,6 +1,6 @@
-"""Which units of a run are still in, and what tells that one of several has failed while the bench is sound.
+"""The remaining units of a run, and how the failure of one of several is distinguished from one of the bench.
 
-A run of one unit has nobody who could go on: there every problem ends the run, as one of the bench does.
+In a run of one unit every problem ends the run, like one of the bench.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ class UnitFailure:
 
 
 class Units:
-    """The units of a run by place, and which of them have been dropped.
+    """The units of a run by place, and those that have been dropped.
 
-    `places` are those with a unit in them; None for all. `angles_deg` is where the axes stand, by role, as far as it is
-    known, and `mount` how the units are fixed; the engine keeps both up to date.
+    `places` are those with a unit in them; None for all. `angles_deg` are the known angles of the axes, by
+    role, and `mount` is the present mount; the engine updates both.
     """
 
     def __init__(self, bench: BenchFile, places: Collection[str] | None = None) -> None:
@@ -76,7 +76,7 @@ class Units:
         return not places or any(place in self.left for place in places)
 
     def members(self, name: str) -> list[str]:
-        """What a name of the sequence stands for, less that which is for units that are not in."""
+        """Members of a name in the sequence, without those of absent units."""
         return [member for member in self._bench.members(name) if self.is_needed(member)]
 
     def alone_at(self, name: str) -> str | None:
@@ -85,7 +85,7 @@ class Units:
         return places[0] if self.several and len(places) == 1 else None
 
     def silence(self, place: str, heard: Heard, on_since_s: float, now_s: float, late_s: float) -> str:
-        """What says that a unit under power has fallen silent; empty when nothing does.
+        """Evidence that a unit under power has become silent; empty if there is none.
 
         `late_s` is how late frames may be known. Counts that stand still say so only where the input axis is far enough
         from level: there any unit pulses. Of a unit whose converter a source feeds they say nothing, and of one
@@ -102,7 +102,7 @@ class Units:
         return ""
 
     def _standing_since_s(self, now_s: float) -> float:
-        """Since when the table has stood where it stands, as far as looks at it tell."""
+        """Since when the table has been at its present angle, as far as polls show."""
         angles_deg = tuple(self.angles_deg.get(role) for role in self._bench.axes)
         if angles_deg != self._stood[0]:
             self._stood = (angles_deg, now_s)
@@ -119,5 +119,5 @@ class Units:
 
 @lru_cache(maxsize=64)
 def _input_g(turns: tuple[tuple[Vector, float], ...], x: Vector, z: Vector, mount: Mount, own_deg: float) -> float:
-    """Gravity along the input axis, asked for again and again while a table stands."""
+    """Gravity along the input axis, cached because it is queried repeatedly while a table is at rest."""
     return float(turned_axes(turns, x, z, mount, own_deg)[0, 2])

@@ -1,7 +1,7 @@
-"""Steps that wait for readings: until a condition holds, until a unit is as warm as its chamber.
+"""Steps that wait for readings: until a condition holds, or until a unit has reached the temperature of its chamber.
 
-Where one name stands for the thermometers of several units, all that are still in are waited for. A unit that keeps the
-others waiting until a step gives up is dropped, and they go on.
+For a group of the thermometers of several units, the step waits for all remaining ones. A unit that has not
+arrived when the step gives up is dropped, and the others go on.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def _condition(step: WaitUntil) -> str:
 
 
 async def soak(step: Soak, monitor: Monitor) -> Mapping[str, Any]:
-    """At least so long, then until the reading is stable; StepError when that takes too long."""
+    """Wait for the minimum time, then until the reading is stable; StepError if that takes too long."""
     loop = asyncio.get_running_loop()
     began_s = loop.time()
     await asyncio.sleep(step.at_least_s)

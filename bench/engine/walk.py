@@ -40,10 +40,10 @@ Doing = Coroutine[Any, Any, bool | None]
 
 
 class Walk:
-    """Does the steps of a plan.
+    """Executes the steps of a plan.
 
-    What fails is raised as StepError unless the sequence says to go on; a step that is begun again, by a retry or by
-    the operator, has `~2`, `~3`, … after its id.
+    A failure is raised as StepError unless the sequence continues after it; a step repeated by a retry or by the
+    operator has the suffix `~2`, `~3`, … in its id.
     """
 
     def __init__(
@@ -55,17 +55,17 @@ class Walk:
         self._stepper = Stepper(plan, bench, control, watcher, self._indices)
         self._visits: Counter[str] = Counter()
         self._last: PlannedStep | None = None
-        self._teardowns: set[asyncio.Task[None]] = set()  # of groups, those that are under way
+        self._teardowns: set[asyncio.Task[None]] = set()  # of groups, those that are running
 
     def abort(self) -> None:
-        """No teardown begins any more, and those of groups that are under way end."""
+        """No further teardown begins, and running ones of groups end."""
         self._control.aborting = True
         for teardown in self._teardowns:
             teardown.cancel("aborted")
 
     @property
     def in_a_teardown(self) -> bool:
-        """Whether the teardown of a group is under way."""
+        """Whether the teardown of a group is running."""
         return bool(self._teardowns)
 
     async def nodes(self, nodes: Nodes) -> None:
@@ -203,7 +203,7 @@ class Walk:
             self._last = planned
 
     async def _may_begin(self, planned: PlannedStep) -> None:
-        """Where a pause holds, and a stop after the step under way takes effect; in a teardown only an abort."""
+        """Point at which a pause, or a stop after the current step, takes effect; in a teardown only an abort."""
         if self._control.aborting:
             raise Stopped
         if planned.phase == "teardown":
@@ -216,7 +216,10 @@ class Walk:
             raise Stopped
 
     async def _failing(self, on_failure: OnFailure | None, step_id: str, doing: Doing) -> bool:
-        """Awaits what may fail; whether it is to be done again. Raises what the sequence does not say to pass over."""
+        """Await a step that may fail; return whether to repeat it.
+
+        Raises failures that the sequence does not ignore.
+        """
         try:
             return bool(await doing)
         except (DriverError, BenchError) as problem:

@@ -115,7 +115,7 @@ class TerminalProgress:
         self.notice(f"\a{question.text}{picture}\nAnswer with 'bench answer RUN ANSWER': {question.expected}")
 
     def held(self, by: str) -> None:
-        """No step begins while `by` holds the run; nobody does when it is empty."""
+        """No step begins while `by` holds the run; an empty `by` means no hold."""
         self._held_by = by
 
     def notice(self, text: str) -> None:

@@ -64,7 +64,7 @@ class ForEach(StrictModel):
 
 
 class Repeat(StrictModel):
-    """Does steps again and again, so many times."""
+    """Repeats steps a given number of times."""
 
     count: Any = Field(alias="repeat")
     steps: Steps = Field(description="done each time")
@@ -99,13 +99,13 @@ class While(StrictModel):
 
 
 class Parallel(StrictModel):
-    """Does branches at the same time, each with devices of its own; it ends when all have ended."""
+    """Runs branches in parallel, each with its own devices; it ends when all have ended."""
 
     branches: Annotated[Mapping[Name, Steps], NOT_EMPTY] = Field(alias="parallel")
 
 
 class Call(StrictModel):
-    """Does what another sequence beside this one says, with parameters given to it; its results are not taken over."""
+    """Runs another sequence from a file beside this one, with its parameters; its results are ignored."""
 
     file: Annotated[str, TextLike(r"[a-z][a-z0-9_]*\.yaml", "the name of a sequence file beside this one")] = Field(
         alias="call"
@@ -122,7 +122,7 @@ def _code(code: str) -> str:
 
 
 class Retry(StrictModel):
-    """Does steps again when one of them fails, so many attempts in all; by default after any error of a device."""
+    """Repeats steps when one of them fails, up to a number of attempts; by default after any error of a device."""
 
     attempts: Annotated[WholeNumber, Field(ge=2, le=100)] = Field(alias="retry")
     delay_s: Seconds = Field(0.0, alias="delay", description="the time between two attempts")

@@ -1,4 +1,4 @@
-"""The conversation about one axis with an Acutrol3000: looks, commands, interlock and lock-outs."""
+"""Queries and commands for one axis of an Acutrol3000: state, motion, interlock and lock-outs."""
 
 from __future__ import annotations
 
@@ -117,23 +117,23 @@ class AclAxis:
             await self._set(*wire.lock_out(False))
 
     async def prepare(self, mode: Mode, rate_dps: float, acceleration_dps2: float) -> None:
-        """Tells the limits of a mode."""
+        """Set the limits of a mode."""
         await self._set(*wire.limit(_OWN_MODES[mode], self._number, rate_dps, acceleration_dps2))
 
     async def demand_here(self, mode: Mode, angle_deg: float) -> None:
-        """Makes the last demand of a mode the angle where the axis stands, or rate zero."""
+        """Set the last demand of a mode to the present angle, or to rate zero."""
         at_rest = wire.demand_rate(self._number, 0.0)
         await self._set(at_rest if mode is Mode.RATE else self._demand_position(angle_deg))
 
     async def demand_sine(self, amplitude_deg: float, frequency_hz: float, run_up_s: float) -> None:
-        """Tells how SYNTHESIS is to swing."""
+        """Set the sine of SYNTHESIS."""
         await self._set(
             wire.configure_sine(self._number, amplitude_deg / run_up_s, frequency_hz / run_up_s),
             wire.demand_sine(self._number, amplitude_deg, frequency_hz),
         )
 
     async def enter(self, mode: Mode) -> None:
-        """Lets the servo follow the demand of a mode."""
+        """Make the servo follow the demand of a mode."""
         await self._order(wire.enter(_OWN_MODES[mode], self._number))
 
     async def go(self, angle_deg: float) -> None:
@@ -145,18 +145,18 @@ class AclAxis:
         await self._order(wire.demand_rate(self._number, rate_dps))
 
     async def stop(self) -> None:
-        """Lets the servo hold rate zero."""
+        """Make the servo hold rate zero."""
         await self._order(wire.enter(wire.Mode.OFF, self._number))
 
     def stop_at_once(self) -> None:
-        """Holds rate zero, before anything else that is to be said; raises LinkLost."""
+        """Hold rate zero, ahead of any queued message; raises LinkLost."""
         self._dialogue.line.cut_in(wire.enter(wire.Mode.OFF, self._number).encode())
 
     def _demand_position(self, angle_deg: float) -> str:
         return wire.demand_position(self._number, round(angle_deg, 6) % TURN_DEG if self._endless else angle_deg)
 
     async def _set(self, *commands: str) -> None:
-        """Sends what moves nothing by itself; raises Refused, and NoAnswer when nobody knows whether it holds."""
+        """Send a setting that moves nothing; raises Refused, or NoAnswer if its effect is unknown."""
         for command in commands:
             await self._accepted(command, await self._dialogue.ask_once(command.encode(), self._read_reply))
 
@@ -205,9 +205,9 @@ class AclAxis:
         return found
 
 
-@lru_cache(maxsize=64)  # an axis at rest says the same again and again
+@lru_cache(maxsize=64)  # an axis at rest keeps the same state
 def _read_state(text: str) -> State:
-    """What the driver reads of what the controller tells, whose words are its mode; ValueError."""
+    """The state from the controller's answer, whose words name its mode; ValueError."""
     told = wire.read_state(text)
     mode = _MODES.get(told.mode, Mode.OTHER)
     return State(

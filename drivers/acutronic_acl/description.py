@@ -1,4 +1,4 @@
-"""What a bench file says of a rate table on an Acutrol3000."""
+"""Bench file keys of a rate table on an Acutrol3000."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from drivers.table.driver import Table
 class AcutronicAcl(Table):
     """A Positioner and a RateTable.
 
-    It locks out the front panel while it uses the table, and gives it back when it leaves.
+    It locks out the front panel while it uses the table, and releases it at the end.
     """
 
     def __init__(self, setup: Setup[AclOptions, TableLimits, Nothing]) -> None:

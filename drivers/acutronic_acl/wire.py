@@ -20,7 +20,7 @@ ASK_IDENTITY = "*IDN?"
 NO_ERROR = 0
 PREFIX_BYTES = 8
 TEXT_LIMIT_BYTES = 32_768
-NOT_TOLD = "0"  # IEEE 488.2 10.14.3: what an instrument says that does not know its serial number
+NOT_TOLD = "0"  # IEEE 488.2 10.14.3: reported by an instrument that does not know its serial number
 
 
 class Mode(Enum):
@@ -101,7 +101,7 @@ class Reply(NamedTuple):
 
 
 class State(NamedTuple):
-    """One look at an axis, out of one servo frame: °, °/s, and what it is doing."""
+    """State of an axis, from one servo frame: °, °/s, and its motion."""
 
     angle_deg: float
     rate_dps: float
@@ -115,7 +115,7 @@ class State(NamedTuple):
 
 
 def enter(mode: Mode, axis: int) -> str:
-    """Lets the servo follow the demand of a mode; OFF is the controlled stop: the servo holds rate zero."""
+    """Make the servo follow the demand of a mode; OFF is the controlled stop: the servo holds rate zero."""
     return f":MODE:{mode.value.upper()} {axis}"
 
 
@@ -152,7 +152,7 @@ def energise(axis: int) -> str:
 
 
 def lock_out(locked: bool) -> tuple[str, str]:
-    """Takes control from the front panel and from other interfaces, or gives it back."""
+    """Takes control from the front panel and from other interfaces, or releases it."""
     word = "ON" if locked else "OFF"
     return f":UTIL:LOCKOUT {word}", f":UTIL:REMOTELOCKOUT {word}"
 
@@ -163,7 +163,7 @@ def ask_state(axis: int) -> str:
 
 
 def ask_faults(axis: int) -> str:
-    """The registers that say why an interlock has a fault."""
+    """Queries of the registers with the cause of an interlock fault."""
     return f":STAT:CSR? A{axis}SWFAULT;CSR? A{axis}INTLK"
 
 
@@ -183,7 +183,7 @@ def whole_answer(received: bytes | bytearray, order: ByteOrder) -> tuple[int, in
 
 
 def read_reply(answer: bytes, order: ByteOrder) -> Reply:
-    """An answer taken apart; ValueError when its length is not what it says."""
+    """The parts of an answer; ValueError if its length differs from the stated one."""
     text = answer[PREFIX_BYTES:]
     if len(text) != (stated := _text_length(answer, order)):
         raise ValueError(f"its prefix says {stated} bytes, {len(text)} came; is byte_order of the bench file right?")
@@ -194,7 +194,7 @@ def read_reply(answer: bytes, order: ByteOrder) -> Reply:
 def read_identity(text: str) -> Identity:
     """Who answers: `Acutronic R&D USA,Acutrol3000,0,A8800-…`; ValueError when it is no Acutrol.
 
-    The serial number is unverified where the controller says 0, that it does not know it.
+    The serial number is unverified if the controller reports 0, that is, unknown.
     """
     found = scpi.identity(text.encode("ascii"))
     if not found.model.lower().startswith("acutrol"):
@@ -232,7 +232,7 @@ def spelled(text: str, words: type[E]) -> E:
     raise ValueError(f"'{text}' is none of {', '.join(word.value for word in words)}")
 
 
-# What a simulator says
+# Messages of the simulator
 
 
 def render(reply: Reply, order: ByteOrder) -> bytes:

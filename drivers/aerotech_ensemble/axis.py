@@ -52,7 +52,7 @@ class EnsembleAxis:
         self._dialogue.close()
 
     async def identify(self) -> Identity:
-        """The names as the bench file states them, since the wire tells none; the fingerprint is what it does tell.
+        """The names stated in the bench file, because the controller has none, and the fingerprint that it reports.
 
         Raises WrongIdentity when the fingerprint has changed.
         """
@@ -89,7 +89,7 @@ class EnsembleAxis:
             )  # fmt: skip
 
     async def enable(self) -> None:
-        """Energises the motor; raises Refused unless the status says so afterwards."""
+        """Energise the motor; raises Refused unless the status confirms it."""
         command = wire.enable(self._name)
         await self._order(command)
         if not (await READ_BACK.until(self.state, lambda state: state.enabled)).enabled:
@@ -99,7 +99,7 @@ class EnsembleAxis:
             )  # fmt: skip
 
     async def prepare(self, rate_dps: float) -> None:
-        """Nothing: the rate is told with each move."""
+        """Nothing: the rate is sent with each move."""
 
     async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
         """Sends the axis to an angle, once.
@@ -110,11 +110,11 @@ class EnsembleAxis:
         await self._order(wire.move_absolute(self._name, angle_deg, rate_dps), answer_s=answer_s)
 
     async def abort(self) -> None:
-        """Lets the axis decelerate and hold."""
+        """Make the axis decelerate and hold."""
         await self._order(wire.abort(self._name))
 
     def abort_at_once(self) -> None:
-        """As `abort`, before anything else that is to be said; raises LinkLost."""
+        """As `abort`, ahead of any queued message; raises LinkLost."""
         self._dialogue.line.cut_in(wire.abort(self._name).encode())
 
     async def _do_not_wait(self) -> None:
@@ -137,7 +137,7 @@ class EnsembleAxis:
         return answer
 
     async def _order(self, command: str, *, answer_s: float = ANSWER_S) -> None:
-        """Sends a command once; raises InstrumentFault or Refused when the answer says that it was not carried out."""
+        """Send a command once; raises InstrumentFault or Refused if the answer shows that it was not executed."""
         reply = await self._dialogue.order(command.encode(), wire.read_reply, answer_s=answer_s)
         # A controller may stop waiting for a move ($) that goes on.
         if reply is not None and reply.outcome not in (Outcome.DONE, Outcome.TIMEOUT):
@@ -156,7 +156,7 @@ class EnsembleAxis:
         )  # fmt: skip
 
     def _recognise(self, line: bytes) -> None:
-        """Compares the fingerprint with that of the first time; a controller may refuse to tell it."""
+        """Compare the fingerprint with the first one; a controller may refuse to report it."""
         reply = wire.read_reply(line)
         if reply.outcome is Outcome.DONE and reply.data:
             found = reply.data

@@ -1,4 +1,4 @@
-"""What a bench file says of an indexing head on an Aerotech Ensemble."""
+"""Bench file keys of an indexing head on an Aerotech Ensemble."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from drivers.head.recognition import HEAD_STARTER
 from drivers.recognition import Found, Language, Port, Recognition, text_of
 from drivers.values import Identity
 
-AXIS = "X"  # what an axis is called that nobody gave a name
+AXIS = "X"  # the default name of an axis
 
 
 async def ask(port: Port) -> Found:

@@ -1,6 +1,6 @@
 """Aerotech Ensemble ASCII lines in both directions, without their line ends.
 
-A command is a line; its answer is one character that says how it went, and data. Wire facts are those that drivers of
+A command is a line; its answer is one status character, and data. Wire facts are those that drivers of
 others agree on (the Tango server tiagocoutinho/aerotech, ESRF's BLISS, EPICS motorAerotech): no maker's manual was
 read. `PFBK X` and `PFBK(X)` are the same question; the first is what we send.
 """
@@ -163,7 +163,7 @@ def _decimal(value: float) -> str:
     return f"{whole}.{digits.rstrip('0') or '0'}"
 
 
-# What a simulator reads and says
+# Parsing and messages of the simulator
 
 
 class Command(NamedTuple):

@@ -1,4 +1,4 @@
-"""What a bench file says of an Agilent 34970A or 34972A."""
+"""Bench file keys of an Agilent 34970A or 34972A."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An Agilent 34970A or 34972A as thermometers: a scan of all sensors at every look."""
+"""An Agilent 34970A or 34972A as thermometers: a scan of all sensors at every poll."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _SCAN_S, _CHANNEL_S = 3.0, 0.6  # what a scan may take: its answer, and each sen
 
 
 class Agilent34970A:
-    """One scanner. Every look reads what is scanned, then scans once.
+    """One scanner. Every poll reads the scan list, then scans once.
 
-    Another scan list, another sensor, another unit or somebody's scan under way is a fault, not set right in silence. A
-    sensor that is open or overloaded has no reading then.
+    A changed scan list, sensor or unit, or a running scan of another master, is a fault; it is not corrected silently.
+    A sensor that is open or overloaded has no reading then.
 
-    Concurrency: looks queue.
+    Concurrency: polls are queued.
     """
 
     def __init__(self, setup: Setup[ScannerOptions, Nothing, Nothing]) -> None:
@@ -54,7 +54,7 @@ class Agilent34970A:
     async def identify(self) -> Identity:
         """Who is there, with the cards in its slots as fingerprint; raises WrongIdentity.
 
-        A 34970A does not tell its serial number: it is then the one that the bench file states, not verified.
+        A 34970A does not report its serial number: it is then the one stated in the bench file, unverified.
         """
         found = await self._link.identify()
         cards = [await self._link.ask(f":SYST:CTYP? {slot}".encode(), wire.read_card) for slot in wire.SLOTS]
@@ -111,7 +111,7 @@ class Agilent34970A:
 
     async def _scan_once(self) -> list[wire.Sample]:
         patience_s = _SCAN_S + _CHANNEL_S * len(self._sensors)
-        self._begun_s = asyncio.get_running_loop().time()  # its readings tell their time from here
+        self._begun_s = asyncio.get_running_loop().time()  # its readings are timed from here
         return await self._link.ask_once(wire.SCAN_ONCE, self._read_scan, answer_s=patience_s)
 
     async def _scanned(self) -> list[wire.Sample]:

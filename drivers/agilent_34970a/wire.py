@@ -68,7 +68,7 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What is scanned, and whether somebody's scan is running."""
+    """The scan list, and whether a scan is running."""
 
     channels: tuple[int, ...]
     kinds: tuple[str, ...]
@@ -155,7 +155,7 @@ def _sample(reading: str, since: str, channel: str) -> Sample:
 
 
 def read_identity(line: bytes) -> Identity:
-    """The answer to *IDN?; a 34970A tells 0 for its serial number, which it does not know. ValueError."""
+    """The answer to *IDN?; a 34970A reports 0 for its unknown serial number. ValueError."""
     found = scpi.identity(line)
     return replace(found, serial="", verified=False) if found.serial == "0" else found
 

@@ -30,9 +30,9 @@ from drivers.values import Identity
 
 
 class _Controller:
-    """What MB1 and MB2 have in common; a Controller but for what decides the temperature.
+    """The common part of MB1 and MB2; a Controller except for the temperature set point.
 
-    The wire tells no names and no limits: the controller is known by temperatures where this one has them.
+    The controller reports no names and no limits: the controller is known by temperatures where this one has them.
     """
 
     can_start = True
@@ -47,7 +47,7 @@ class _Controller:
         self._registers = ProvedRegisters(link, self._identify, note)
 
     async def connect(self) -> None:
-        """Connects anew and identifies."""
+        """Reconnect and identify."""
         await self._registers.connect()
 
     def close(self) -> None:
@@ -55,7 +55,7 @@ class _Controller:
         self._link.close()
 
     async def identify(self) -> Identity:
-        """The names as the bench file states them; the fingerprint is what the wire tells."""
+        """The names stated in the bench file; the fingerprint is what the controller reports."""
         await self._registers.identify()
         fingerprint = f"temperatures in the registers of an {self.model}"
         return as_stated(self._pin, fingerprint, maker="Binder", model=self.model)
@@ -65,7 +65,7 @@ class _Controller:
         return value_c(words(temperature_c))
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
-        """Nobody asks for it: outside a program these controllers do not ramp."""
+        """Never called: outside a program these controllers do not ramp."""
         raise NotImplementedError
 
     async def _set(self, temperature_c: float) -> None:
@@ -122,14 +122,14 @@ class Mb1(_Controller):
         )  # fmt: skip
 
     async def command(self, temperature_c: float) -> None:
-        """Writes the set point and reads it back; where its mode is in force, that is told again, after it."""
+        """Write the set point and read it back; if its mode is in force, the mode is written again after it."""
         await self._set(temperature_c)
         mode = mode_of(self._options.set_point)
         if await self._registers.read(MODE, 1) == (mode,):
             await self._registers.set(MODE, (mode,), "mode", hexadecimal)
 
     async def take_control(self) -> None:
-        """Puts the mode of the set point in force; InstrumentFault while an alarm stands."""
+        """Activate the mode of the set point; InstrumentFault during an alarm."""
         (alarm,) = await self._registers.read(ALARM, 1)
         if alarm:
             raise InstrumentFault(
@@ -153,7 +153,7 @@ class Mb2(_Controller):
     model = "MB2"
 
     async def look(self, commanded_c: float | None) -> Look:
-        """Temperatures and operation lines; a program shows by a set point in force that is another."""
+        """Temperatures and operation lines; a running program is recognised by a different active set point."""
         (lines,) = await self._registers.read(LINES, 1)
         process_value_c = await self._temperature(self._at.process_value)
         target_c = await self._temperature(self._at.set_point)
@@ -178,7 +178,7 @@ class Mb2(_Controller):
         if lines & IDLE_LINE:
             await self._registers.set(LINES, (lines & ~IDLE_LINE,), "state of the operation lines", hexadecimal)
         elif abs(await self._temperature(self._at.set_point_in_force) - target_c) > ARRIVED_WITHIN_C:
-            with suppress(NoAnswer, LinkLost):  # the set point in force will tell whether it was carried out
+            with suppress(NoAnswer, LinkLost):  # the active set point will show whether it was executed
                 await self._link.write(PROGRAM_STOP, (1,))
         if abs(await self._followed(target_c) - target_c) > ARRIVED_WITHIN_C:
             raise InstrumentFault(

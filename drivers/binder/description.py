@@ -1,4 +1,4 @@
-"""What a bench file says of a Binder chamber."""
+"""Bench file keys of a Binder chamber."""
 
 from __future__ import annotations
 

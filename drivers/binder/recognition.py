@@ -32,7 +32,7 @@ async def _is(port: Port, kind: Kind) -> None:
     at = registers_of(kind, "manual", swapped=False)
     for address in (at.process_value, at.set_point):
         words = await port.registers(address, 2)
-        if value_c(words) == 0:  # as registers are that nobody uses
+        if value_c(words) == 0:  # as unused registers are
             raise ValueError("0 °C to the last bit")
     (besides,) = await port.registers(_BESIDES[kind], 1)
     if kind == "mb1" and besides not in list(Mode):

@@ -1,4 +1,4 @@
-"""From what a bench file says of a counter, and the DBC that it names, to the format of its frames."""
+"""The frame format of a counter, from its bench file entry and the DBC named there."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a bench file says of a pulse counter on CAN."""
+"""Bench file keys of a pulse counter on CAN."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from drivers.wording import problem_at
 
 
 class LatchOptions(StrictModel):
-    """The frame that says when the counters were latched."""
+    """The frame with the time at which the counters were latched."""
 
     tick: SignalName = Field(description="the time of the latch")
     tick_period: PositiveSeconds = Field(description="what one count of the tick lasts")
@@ -100,7 +100,7 @@ class CounterOptions(StrictModel):
                 yield problem_at(("channels", channel, "negative"), problem)
 
     def _ambiguous(self) -> Iterator[InitErrorDetails]:
-        """Counters that may come round between two latches, so that their difference tells nothing: methods.md 1.7."""
+        """Counters that may wrap around between two latches, so that their difference is ambiguous."""
         bits_of, pulses = lengths_bits(text_of(self.dbc)), self.period * self.max_rate
         for channel, signals in self.channels.items():
             for key in ("positive", "negative"):
@@ -114,7 +114,7 @@ class CounterOptions(StrictModel):
 
 
 def bus_bits_per_latch(options: CounterOptions) -> int:
-    """What the frames that come with every latch take on the bus at most, as far as the DBC tells it."""
+    """Maximum bus load of the frames of a latch, as far as the DBC defines it."""
     signals = [options.latch.tick, options.latch.sequence]
     signals += [name for channel in options.channels.values() for _, name in channel]
     signals += [name for each in options.positions.values() for name in (each.position, each.sequence)]

@@ -30,8 +30,8 @@ FIRST_FRAME_S = 3.0
 class CanCounter(FrameDriver[CounterOptions]):
     """Counters that run freely; nothing is ever sent to them.
 
-    Lifetime: a task of its own takes frames in from entry to exit. What it finds wrong is raised by the next `poll`
-    and by the acquisition under way.
+    Lifetime: a task of its own takes frames in from entry to exit. A problem is raised by the next `poll`
+    and by a running acquisition.
     """
 
     def __init__(self, setup: Setup[CounterOptions, Nothing, Nothing]) -> None:
@@ -71,7 +71,7 @@ class CanCounter(FrameDriver[CounterOptions]):
         self._heard = dict.fromkeys(self._options.channels, Heard(loop.time(), loop.time()))
 
     def _no_latch(self, heard: Collection[int]) -> NoAnswer:
-        """Says which frames came instead of a latch."""
+        """Lists the frames received instead of a latch."""
         latch = self._format.sequence.message
         problem = (
             f"no {latch.name} frame (0x{latch.id & ~EXTENDED:x}) within {FIRST_FRAME_S:g} s on {self._setup.address}"
@@ -107,7 +107,7 @@ class CanCounter(FrameDriver[CounterOptions]):
             )  # fmt: skip
 
     def _listen(self, block: FrameBlock) -> None:
-        """Notes what each channel has said."""
+        """Store the newest value of each channel."""
         for channel, (at_s, counts) in wire.newest_counts(self._format, block).items():
             pulse_s = self._heard[channel].pulse_s if self._newest.get(channel) == counts else at_s
             self._heard[channel], self._newest[channel] = Heard(at_s, pulse_s), counts

@@ -99,7 +99,7 @@ def counter_format(
 
 
 def unbroken(form: CounterFormat) -> Unbroken:
-    """A quick look at the frames of an acquisition: whether every latch has come, with the counts of each channel."""
+    """Quick check of the frames of an acquisition: whether every latch arrived, with the counts of each channel."""
     return Unbroken.of(form.sequence, form.tick, [pair.sequence for pair in form.channels.values()])
 
 

@@ -1,4 +1,4 @@
-"""From what a bench file says of telemetry, and the DBC that it names, to the formats of its frames."""
+"""The frame formats of telemetry, from its bench file entry and the DBC named there."""
 
 from __future__ import annotations
 

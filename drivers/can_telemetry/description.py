@@ -1,4 +1,4 @@
-"""What a bench file says of the telemetry of units under test on CAN."""
+"""Bench file keys of the telemetry of units under test on CAN."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ class TelemetryOptions(StrictModel):
 
 
 def _alike(said: str, wanted: str) -> bool:
-    """Whether what a DBC says is the same unit in other letters."""
+    """Whether the unit in a DBC is the same in another spelling."""
     try:
         return parse_unit(said) == parse_unit(wanted)
     except QuantityError:
@@ -140,7 +140,7 @@ def _alike(said: str, wanted: str) -> bool:
 
 
 def bus_bits_per_s(options: TelemetryOptions) -> float:
-    """What the samples take on the bus at most, as far as the DBC tells it."""
+    """Maximum bus load of the samples, as far as the DBC defines it."""
     bits = frames_bits(text_of(options.dbc))
     period_s = {sample.value.partition(".")[0]: sample.period for sample in options.channels.values()}
     for encoder in options.positions.values():

@@ -1,4 +1,4 @@
-"""The telemetry of units under test: takes in frames, watches them while somebody acquires, hands out blocks."""
+"""The telemetry of units under test: takes in frames, checks them during acquisitions, hands out blocks."""
 
 from __future__ import annotations
 
@@ -31,11 +31,10 @@ from drivers.values import Heard
 
 
 class CanTelemetry(FrameDriver[TelemetryOptions]):
-    """What units send of their own output; nothing is ever sent to them.
+    """Output sent by the units themselves; nothing is ever sent to them.
 
-    A unit without power sends nothing, so that silence is no fault until somebody acquires. Lifetime: a task of its own
-    takes frames in from entry to exit. What it finds wrong is raised by the next `poll` and by the acquisition under
-    way.
+    A unit without power sends nothing, so that silence is a fault only during an acquisition. Lifetime: a task of its
+    own takes frames in from entry to exit. A problem is raised by the next `poll` and by a running acquisition.
     """
 
     def __init__(self, setup: Setup[TelemetryOptions, Nothing, Nothing]) -> None:
@@ -78,7 +77,7 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
         self._check_silence()
 
     def _listen(self, channel: str, numbers: Integers, codes: Integers, at_s: np.ndarray) -> None:
-        """Notes what a channel has said; raises when it says the same sample again and again."""
+        """Store the newest value of a channel; raises if it repeats the same sample."""
         if not len(numbers):
             return
         changed = np.flatnonzero(np.diff(codes, prepend=self._codes.get(channel, ~int(codes[0]))))
@@ -93,7 +92,7 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
             )  # fmt: skip
 
     def _check_silence(self) -> None:
-        """Raises when somebody acquires and no channel says anything."""
+        """Raises if all channels are silent during an acquisition."""
         since_s = self._intake.acquiring_since_s
         if since_s is None:
             return

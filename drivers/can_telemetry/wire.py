@@ -88,7 +88,7 @@ def _sample_format(dbc: Dbc, name: str, entry: Mapping[str, Any]) -> SampleForma
 
 
 def unbroken(forms: Mapping[str, SampleFormat]) -> list[Unbroken]:
-    """A quick look at the frames of an acquisition, message by message: whether every sample has come."""
+    """Quick check of the frames of an acquisition, message by message: whether every sample arrived."""
     distinct = {(form.sequence.message.id, form.sequence.signal.name): form for form in forms.values()}
     return [Unbroken.of(form.sequence, form.tick) for form in distinct.values()]
 

@@ -1,1 +1,1 @@
-"""What all drivers of thermal chambers share: a dialect says how, these modules decide what."""
+"""Common logic of all thermal chambers: these modules decide what to do, a dialect how."""

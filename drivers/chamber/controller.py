@@ -20,10 +20,10 @@ class Control(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """One look at a controller, °C.
+    """State of a controller, °C.
 
-    `set_point_c` is in force now; `target_c` is what was commanded last, by whomever. `why` says what else controls,
-    in the controller's words.
+    `set_point_c` is in force now; `target_c` is the last command, from any master. `why` states what else is in
+    control, in the controller's words.
     """
 
     process_value_c: float
@@ -36,7 +36,7 @@ class Look:
 class Controller(Protocol):
     """One dialect on one wire. Nothing here decides; every method is a few exchanges.
 
-    `limits_c` are the controller's own, once it is identified. `can_start` tells whether a command may switch it on.
+    `limits_c` are the controller's own, once it is identified. `can_start`: whether a command may switch it on.
     Concurrency: one caller at a time.
     """
 
@@ -44,7 +44,7 @@ class Controller(Protocol):
     can_start: bool
 
     async def connect(self) -> None:
-        """Connects anew and identifies; raises CannotConnect, WrongIdentity."""
+        """Reconnect and identify; raises CannotConnect, WrongIdentity."""
 
     def close(self) -> None:
         """Closes the wire; closing twice is harmless."""
@@ -53,13 +53,13 @@ class Controller(Protocol):
         """Who is there, the same as before; raises WrongIdentity, and closes the wire when it is not."""
 
     async def look(self, commanded_c: float | None) -> Look:
-        """One look; `commanded_c` is the set point that should be there, where one is known."""
+        """Read the state; `commanded_c` is the expected set point, if known."""
 
     async def command(self, temperature_c: float) -> None:
         """Writes the set point once and reads it back; Refused when something else was kept."""
 
     def kept(self, temperature_c: float) -> float:
-        """What the controller holds when it was told this set point: rounded as the wire rounds."""
+        """The set point as the controller stores it, rounded as in its messages."""
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
         """Makes the next set point one that is gone to at this rate; asked of controllers that ramp by themselves."""
@@ -69,7 +69,7 @@ class Controller(Protocol):
 
 
 def as_stated(pin: IdentityPin, fingerprint: str, *, maker: str, model: str, firmware: str = "") -> Identity:
-    """Who is there, where the wire tells no names: those of the bench file, or else these, not verified."""
+    """Identity of a controller that reports no names: those of the bench file, otherwise these, unverified."""
     return Identity(
         maker=pin.maker or maker, model=pin.model or model, serial=pin.serial or "",
         firmware=firmware or pin.firmware or "", verified=False, fingerprint=fingerprint,

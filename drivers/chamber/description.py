@@ -1,4 +1,4 @@
-"""What a bench file says of any thermal chamber."""
+"""Bench file keys of every thermal chamber."""
 
 from __future__ import annotations
 

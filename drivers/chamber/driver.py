@@ -22,9 +22,9 @@ MAKE_SAFE_WITHIN_S = 8.0
 class Chamber:
     """A ThermalChamber on the controller of one dialect.
 
-    Every look compares the set point with the one last commanded: another master is a fault, not a discussion.
+    Every poll compares the set point with the last command: another master is a fault and is not overridden.
 
-    Concurrency: commands and looks take turns, so no look falls between a write and its read-back.
+    Concurrency: commands and polls alternate, so no poll falls between a write and its read-back.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class Chamber:
             await asyncio.sleep(climb.pause_s(loop.time(), look.set_point_c, self._poll_s))
 
     async def state(self) -> ChamberState:
-        """One look at the chamber.
+        """State of the chamber.
 
         Raises InstrumentFault when the set point is not the one last commanded or does not control, once there was a
         command; when the process value stands still while the set point moves; and when the air does not follow as the
@@ -137,7 +137,7 @@ class Chamber:
             ) from late  # fmt: skip
 
     async def _begin(self, temperature_c: float, rate_c_per_min: float) -> Climb:
-        """Tells the controller the ramp, then the first set point, and makes it count."""
+        """Send the ramp, then the first set point, and activate it."""
         look = await self._controller.look(None)
         self._check_control(look, may_be_off=self._controller.can_start)
         start_c = look.set_point_c if look.control is Control.SET_POINT else look.process_value_c
@@ -170,7 +170,7 @@ class Chamber:
         try:
             await self._command(self._safe_c)
         except (NoAnswer, LinkLost):
-            # Perhaps it was carried out, perhaps not: what the controller says over a new connection decides.
+            # It may have been executed or not: the state read over a new connection decides.
             safe_c = self._controller.kept(self._safe_c)
             if (await self._controller.look(None)).target_c != safe_c:
                 await self._command(self._safe_c)

@@ -16,7 +16,7 @@ ROOM_C = (15.0, 30.0)  # towards a room the air goes by itself too: past an open
 
 
 class FollowWatch:
-    """Looks at a process value and the set point in force, both °C; the looks may come at any intervals.
+    """Monitors a process value and the active set point, both °C, at any polling intervals.
 
     What it says is that of one look: the caller ends what it does by it. Looks farther apart than `over` begin anew.
     """
@@ -25,18 +25,18 @@ class FollowWatch:
         self._is, self._limits = options, limits
         self._looked_s = -math.inf
         self._set_point_c = math.nan
-        self._impossible = 0  # looks in a row
+        self._impossible = 0  # polls in a row
         self._from: tuple[float, float, bool] | None = None  # when and where it last had come nearer, and from below
         self._due_s = math.inf  # by when the air has to have settled
         self._inside_since_s: float | None = None
 
     def problem(self, at_s: float, air_c: float, set_point_c: float, *, commanded: bool) -> str:
-        """Takes one look, at the loop time `at_s`; what is wrong with the chamber, in words, or "".
+        """Take the values of one poll, at the loop time `at_s`; return the problem of the chamber, or "".
 
         Until this program has `commanded` a set point, the air need not be near any.
         """
         if not self.is_possible(air_c):
-            self._impossible += 1  # one look may be a bad answer
+            self._impossible += 1  # one poll may be a bad answer
             return f"the process value is far beyond {self.limits}" if self._impossible > 1 else ""
         self._impossible = 0
         if not commanded or at_s - self._looked_s > self._is.over:

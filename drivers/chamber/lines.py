@@ -41,7 +41,7 @@ class ProvedLine:
         self._busy_until_s = -math.inf
 
     async def connect(self) -> None:
-        """Connects anew and identifies; raises CannotConnect and what `identify` raises."""
+        """Reconnect and identify; raises CannotConnect and what `identify` raises."""
         await self._dialogue.open()
 
     def close(self) -> None:

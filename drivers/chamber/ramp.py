@@ -26,7 +26,7 @@ class Climb:
         return abs(self.target_c - self.start_c) / self.rate_c_per_s
 
     def set_point_c(self, at_s: float) -> float:
-        """What should be commanded at a loop time: the end of the step that is under way, at last the target."""
+        """The set point at a loop time: the end of the current step of the stair, finally the target."""
         if self.step_s is None:
             return self.target_c
         steps = math.floor((at_s - self.began_s) / self.step_s) + 1
@@ -34,7 +34,7 @@ class Climb:
         return self.start_c + math.copysign(min(steps * self.step_s * self.rate_c_per_s, abs(way_c)), way_c)
 
     def pause_s(self, at_s: float, set_point_c: float, poll_s: float) -> float:
-        """How long until the next look, when the set point in force is `set_point_c`."""
+        """Time until the next poll, if the active set point is `set_point_c`."""
         if self.step_s is not None:
             return self.step_s - (at_s - self.began_s) % self.step_s
         left_s = abs(self.target_c - set_point_c) / self.rate_c_per_s
@@ -43,7 +43,7 @@ class Climb:
 
 @dataclass(frozen=True, slots=True)
 class OwnRamp:
-    """A ramp that a controller makes by itself and tells little of: where its set point should be, by the clock."""
+    """A ramp made by the controller itself, with little feedback: the expected set point over time."""
 
     start_c: float
     target_c: float
@@ -57,6 +57,6 @@ class OwnRamp:
         return self.target_c if done_c >= abs(way_c) else self.start_c + math.copysign(done_c, way_c)
 
     def is_at(self, set_point_c: float, at_s: float) -> bool:
-        """Whether a set point that a controller tells may be the one in force, within 1 °C and half a minute."""
+        """Whether a reported set point may be the expected one, within 1 °C and half a minute."""
         off_c = abs(set_point_c - self.set_point_c(at_s))
         return off_c <= OWN_RAMP_WITHIN_C + self.rate_c_per_s * OWN_RAMP_WITHIN_S

@@ -1,4 +1,4 @@
-"""What a chamber that a scan has found may do, until somebody says more."""
+"""Conservative limits of a chamber found by a scan."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a controller answers when it does not do what it was told."""
+"""Refusals of a controller."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """An answer that says no: as it came, and what it means where that is known."""
+    """A refusal as received, with its meaning if known."""
 
     answer: str
     meaning: str = ""

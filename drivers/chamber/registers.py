@@ -35,7 +35,7 @@ class ProvedRegisters:
         self._identify, self._note, self._read_back = identify, note, read_back
 
     async def connect(self) -> None:
-        """Connects anew and identifies, once more when there is no answer.
+        """Reconnect and identify, once more when there is no answer.
 
         Raises CannotConnect and what `identify` raises.
         """

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 STANDSTILL_S = 600.0
-SET_POINT_STANDS_S = 60.0  # a set point that nobody saw move for so long does not move
+SET_POINT_STANDS_S = 60.0  # a set point without a change for so long is at rest
 
 
 class StandstillWatch:
-    """Looks at a process value and the set point that it should follow; the looks may come at any intervals.
+    """Monitors a process value and the set point that it should follow, at any polling intervals.
 
-    A value at rest is nobody's fault while the set point rests too, or while nobody looks.
+    A constant value is no fault while the set point is constant too, or while it is not polled.
     """
 
     def __init__(self) -> None:
@@ -19,7 +19,7 @@ class StandstillWatch:
         self._same_since_s = self._moved_at_s = -math.inf
 
     def frozen(self, at_s: float, process_value: float, set_point: float) -> bool:
-        """Takes one look, at the loop time `at_s`; whether the process value is frozen."""
+        """Take the values of one poll, at the loop time `at_s`; return whether the process value is frozen."""
         if process_value != self._process_value or at_s - self._moved_at_s > SET_POINT_STANDS_S:
             self._same_since_s = at_s
         if set_point != self._set_point:

@@ -30,8 +30,8 @@ READ_BACK = ReadBack()
 class CtsController:
     """A Controller; it ramps by itself, in tenths of a degree per minute, from where its set point is.
 
-    It tells no limits and no names but its versions; where those are not asked for, any CTS chamber is the right one.
-    A program that runs is seen by its set points alone.
+    It reports no limits, and its versions instead of names; where those are not asked for, any CTS chamber is the right
+    one. A program that runs is seen by its set points alone.
     """
 
     can_start = True
@@ -49,7 +49,7 @@ class CtsController:
         )  # fmt: skip
 
     async def connect(self) -> None:
-        """Connects anew and identifies."""
+        """Reconnect and identify."""
         await self._line.connect()
 
     def close(self) -> None:
@@ -62,7 +62,7 @@ class CtsController:
         return self._identity or Identity()
 
     async def look(self, commanded_c: float | None) -> Look:
-        """Temperatures, where a ramp ends, and what the chamber does."""
+        """Temperatures, end of the ramp, and state of the chamber."""
         process_value_c, set_point_c, ramp = await self._temperatures()
         control, why = await self._control()
         return Look(process_value_c, set_point_c, ramp.target_c, control, why)
@@ -139,8 +139,8 @@ class CtsController:
     async def _temperatures(self) -> tuple[float, float, Ramp]:
         """Process value and set point in force, °C, and the ramp.
 
-        During a ramp the chamber tells as its set point where the ramp is or, perhaps, where it ends: then where it is
-        follows from its rate and the clock.
+        During a ramp the chamber reports as its set point the present value of the ramp or, possibly, its end: then the
+        present value follows from the rate and the clock.
         """
         temperatures = await self._ask(wire.TEMPERATURE_QUERY, wire.read_temperatures)
         ramp = await self._ask_ramp()

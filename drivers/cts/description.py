@@ -1,4 +1,4 @@
-"""What a bench file says of a CTS chamber."""
+"""Bench file keys of a CTS chamber."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ def read_ramp(text: str) -> Ramp:
 
 
 def read_status(text: str) -> Status:
-    """`S101000000`: running, error, not paused, five more that say nothing here, the number of the error."""
+    """`S101000000`: running, error, not paused, five unused ones, the number of the error."""
     running, error, not_paused, number = _groups(_STATUS, text, "a status")
     return Status(running == "1", not_paused == "0", number if error == "1" else "")
 

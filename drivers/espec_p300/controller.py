@@ -32,7 +32,7 @@ _CONTROL: Mapping[str, Control] = {
 class P300:
     """A Controller; it has one set point and no ramp.
 
-    It tells its kind and the version of its programs, and no serial number.
+    It reports its kind and firmware version, but no serial number.
     """
 
     can_start = True
@@ -48,7 +48,7 @@ class P300:
         self._line = ProvedLine(setup, proof, self._identify, pace, end=wire.END, order_gap_s=SETTING_GAP_S)
 
     async def connect(self) -> None:
-        """Connects anew and identifies."""
+        """Reconnect and identify."""
         await self._line.connect()
 
     def close(self) -> None:
@@ -61,7 +61,10 @@ class P300:
         return self._identity or Identity()
 
     async def look(self, commanded_c: float | None) -> Look:
-        """Temperatures, then what the chamber does; BadAnswer when the two answers disagree of the process value."""
+        """Temperatures, then the state of the chamber.
+
+        BadAnswer if the two answers disagree about the process value.
+        """
         temperatures = await self._temperatures()
         monitor = await self._monitor()
         set_point_c = temperatures.set_point_c
@@ -101,7 +104,7 @@ class P300:
         return wire.kept(temperature_c)
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
-        """Nothing: it has no ramp, and the driver gives it one set point after the other."""
+        """Nothing: it has no ramp; the driver sends one set point after the other."""
 
     async def take_control(self) -> None:
         """Switches it on and to constant operation, which ends a program, and sends the set point again.

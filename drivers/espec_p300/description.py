@@ -1,4 +1,4 @@
-"""What a bench file says of a chamber with an ESPEC P300 or SCP-220."""
+"""Bench file keys of a chamber with an ESPEC P300 or SCP-220."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from drivers.fields import WholeNumber
 
 
 class P300Options(StairOptions):
-    """How the controller is spoken to, and how it is ramped."""
+    """Protocol settings, and how it is ramped."""
 
     address: Annotated[WholeNumber, Field(ge=1, le=16)] | None = Field(
         None, description="its address on an RS-485 line; without one on RS-232 and TCP"

@@ -23,7 +23,7 @@ POWER_ON, CONSTANT_MODE = "POWER,ON", "MODE,CONSTANT"
 OFF, STANDBY, CONSTANT = "OFF", "STANDBY", "CONSTANT"
 
 TENTHS = 10
-STEADY_WITHIN_C = 0.25  # what the air of a chamber may do from one answer to the next: two steps of what is told
+STEADY_WITHIN_C = 0.25  # what the air of a chamber may do from one answer to the next: two steps of its resolution
 REFUSALS: Mapping[str, str] = {
     "ADDR ERR": "wrong address",
     "CHB NOT READY": "the chamber cannot do that now",

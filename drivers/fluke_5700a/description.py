@@ -1,4 +1,4 @@
-"""What a bench file says of a Fluke 5700A, 5720A or 5730A that is used as a current source."""
+"""Bench file keys of a Fluke 5700A, 5720A or 5730A that is used as a current source."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading, SourceReading
 
 SETTLE_LOOK_S = 1.0  # how often a setting is looked at until it has settled, and how long after it for the first time
-READ_BACK = ReadBack()  # relays take their time between a command and the status that tells it
+READ_BACK = ReadBack()  # relays delay the status after a command
 MINUTE_S = 60.0
 _DISTORTING = {
     Status.BOOST: "an amplifier is on",
@@ -32,8 +32,8 @@ _DISTORTING = {
 class Fluke5700A:
     """One calibrator; a Source of amperes.
 
-    Every command is sent once and what it did is read back. Every look compares the settings with those last made: a
-    second master, or a person who takes the calibrator to local, is a fault, not a discussion.
+    Every command is sent once and what it did is read back. Every poll compares the settings with the last ones sent: a
+    second master, or local control, is a fault and is not overridden.
 
     Concurrency: a new `set` and `make_safe` end the `set` under way, which then raises Refused.
     """
@@ -46,7 +46,7 @@ class Fluke5700A:
         self._order = 0  # counts settings, so that one under way knows when it is no longer wanted
         self._made: Setting | None = None  # the setting that was made and read back
         self._range_chosen = False  # by this driver, and locked since
-        self._first_min: int | None = None  # what ETIME? told when it was first known to be on
+        self._first_min: int | None = None  # the answer to ETIME? when it was first known to be on
 
     async def __aenter__(self) -> Self:
         """Connects and identifies; raises CannotConnect, WrongIdentity, or BadAnswer from a terminal mode."""
@@ -120,7 +120,7 @@ class Fluke5700A:
             self._keep(order, OFF)
 
     async def _reach(self, order: int, wanted: Setting) -> None:
-        """Sends one command after the other until the calibrator says that it is set as wanted.
+        """Send one command after the other until the calibrator reports the wanted settings.
 
         Each is sent once and given some time; a fault in the queue ends the way to anything but OFF.
         """
@@ -141,7 +141,10 @@ class Fluke5700A:
             now = await self._state_after(order, step, wanted)
 
     async def _state_after(self, order: int, step: str, wanted: Setting) -> State:
-        """The state as soon as it tells that a step was carried out, or at last; at once when nobody waits for it."""
+        """The state once it shows that a step was executed, or at the time limit.
+
+        At once if there is nothing to wait for.
+        """
         return await READ_BACK.until(
             self._state, lambda state: order != self._order or wire.next_step(state, wanted, self._band_a) != step
         )
@@ -175,9 +178,9 @@ class Fluke5700A:
         return await self._link.ask(wire.MINUTES_QUERY, wire.read_integer)
 
     async def _events(self, state: State) -> Event:
-        """What has happened since it was last asked, which is told only once.
+        """Events since the last query, which are reported only once.
 
-        When the answer is missing, all that may have been in it: errors, and a power failure unless the calibrator is
+        If the answer is missing, all that may have been in it: errors, and a power failure unless the calibrator is
         still as only this driver sets it.
         """
         try:
@@ -188,7 +191,7 @@ class Fluke5700A:
             return wire.ERRORS if still_set else wire.ERRORS | Event.POWER_ON
 
     async def _on_time_s(self, state: State) -> float:
-        """For how long the power is known to be on, at least: since it was first asked, or last switched on.
+        """Minimum time for which the power has been on: since the first query, or since it was last switched on.
 
         ETIME? counts the minutes of the calibrator's whole life, so that two answers give a time, less one minute
         for what is left of each. The event that tells a power failure begins it anew.
@@ -216,7 +219,7 @@ class Fluke5700A:
             )  # fmt: skip
 
     def _check_ours(self, now: State, made: Setting | None) -> None:
-        """Raises when somebody took control, or has changed what a level means."""
+        """Raises if another master took control, or changed the meaning of a level."""
         found = [words for bit, words in _DISTORTING.items() if bit in now.status]
         if made is not None and Status.REMOTE not in now.status:
             found.append("somebody has taken it to local, or it was switched off")
@@ -243,7 +246,7 @@ class Fluke5700A:
         )
 
     def _new_order(self) -> int:
-        """Ends what is under way: it finds itself no longer wanted."""
+        """Invalidates the running order."""
         self._order += 1
         self._made = None
         return self._order

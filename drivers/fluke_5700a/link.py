@@ -90,7 +90,7 @@ class FlukeLink:
     async def faults(self) -> list[str]:
         """Every fault in the queue, with what it means; the queue is empty after it.
 
-        NoAnswer when one of them may have been told and not heard: it is told only once.
+        NoAnswer if one of them may have been lost: each is reported only once.
         """
         return await self._faults_from(await self.ask_once(wire.FAULT_QUERY, wire.read_integer))
 

@@ -72,7 +72,7 @@ OFF = Setting(0.0, False)
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What a calibrator is set to, and what it says of itself; `level_a` is None when that is no DC current."""
+    """Settings and status of a calibrator; `level_a` is None when that is no DC current."""
 
     status: Status
     level_a: float | None

@@ -28,7 +28,7 @@ class _FramedAxis:
         self._controller = controller
 
     async def open(self) -> None:
-        """Connects, and looks who is there; raises CannotConnect, NoAnswer, WrongIdentity."""
+        """Connect and identify; raises CannotConnect, NoAnswer, WrongIdentity."""
         await self._controller.line.open()
 
     async def reopen(self) -> None:
@@ -81,22 +81,22 @@ class FramedHeadAxis(_FramedAxis):
             )  # fmt: skip
 
     async def enable(self) -> None:
-        """Energises the motor; raises Refused unless the status says so afterwards."""
+        """Energise the motor; raises Refused unless the status confirms it."""
         await self._controller.enable()
 
     async def prepare(self, rate_dps: float) -> None:
-        """Nothing: the rate is told with each move."""
+        """Nothing: the rate is sent with each move."""
 
     async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
         """Sends the axis to an angle, once; returns when the status after it was read. Raises Refused."""
         await self._controller.order("move", angle=angle_deg, rate=rate_dps, acceleration=self._acceleration_dps2)
 
     async def abort(self) -> None:
-        """Lets the axis decelerate and hold."""
+        """Make the axis decelerate and hold."""
         await self._controller.order("stop")
 
     def abort_at_once(self) -> None:
-        """As `abort`, before anything else that is to be said; raises LinkLost."""
+        """As `abort`, ahead of any queued message; raises LinkLost."""
         self._at_once()
 
 

@@ -55,14 +55,14 @@ class FramedController:
             raise self.fault(", ".join(status.faults), sent, str(status))
 
     def fault(self, names: str, sent: str, received: str) -> InstrumentFault:
-        """The error of a fault that the controller tells of."""
+        """The error of a fault that the controller reports."""
         return InstrumentFault(
             self.device, f"the controller tells of a fault: {names}", sent=sent, received=received,
             remedy="Remove the cause, clear the fault at the controller, then run again.",
         )  # fmt: skip
 
     async def enable(self) -> Status:
-        """Energises the motor, where that is a command; Refused unless the status says so afterwards."""
+        """Energise the motor, if there is a command for it; Refused unless the status confirms it."""
         if self.profile.commands.enable is not None:
             await self.line.order("enable")
         status = await READ_BACK.until(self.look, lambda status: status.enabled or status.faults)
@@ -92,7 +92,7 @@ class FramedController:
         self._check_taken(name, told[echo[0]], echo[1], before, after)
 
     def _check_limits(self, values: Mapping[str, float]) -> None:
-        """Raises BeyondLimit when a motion is more than the profile says that the controller bears."""
+        """Raises BeyondLimit if a motion exceeds the controller's limits in the profile."""
         allowed, rate_dps, angle_deg = self.profile.limits, values.get("rate"), values.get("angle")
         problem = ""
         if allowed.rate is not None and rate_dps is not None and abs(rate_dps) > allowed.rate.max:
@@ -124,7 +124,7 @@ class FramedController:
     def _check_taken(
         self, name: str, told: tuple[NumberFormat, Raw], key: str, before: Status, after: Status
     ) -> None:  # fmt: skip
-        """Raises Refused when the controller is to do something else than what it was told, or was to do before."""
+        """Raises Refused if the controller's order is neither the one sent nor the previous one."""
         number: Number | None = getattr(self.profile.status, key)
         if number is None:
             return

@@ -1,4 +1,4 @@
-"""What a bench file says of a head or a rate table whose frames a profile describes."""
+"""Bench file keys of a head or a rate table whose frames a profile describes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The line to a controller that speaks in frames, over its life: a status that is fresh, commands that are sent once.
+"""The line to a controller with a frame protocol: fresh status frames, commands that are sent once.
 
 A status that is read after a command tells of what came after it: until the `reaction` of the profile has passed, what
 comes is not looked at. After a silence in which a late answer may still come, and after a status that nobody asked for,
@@ -64,7 +64,7 @@ class FramedLine:
         self._told = (0, 0)
 
     async def open(self) -> None:
-        """Connects, and looks who is there; raises CannotConnect, NoAnswer, and what `check` raises."""
+        """Connect and identify; raises CannotConnect, NoAnswer, and what `check` raises."""
         async with self._turn:
             await once_more(self._connect, self._note)
 
@@ -98,7 +98,7 @@ class FramedLine:
             return await once_more(lambda: self._look(stream), self._note)
 
     async def order(self, name: str, numbers: Numbers = ()) -> None:
-        """Sends a command, once; what became of it the status tells. Raises LinkLost, and Refused if it was not sent.
+        """Send a command once; its effect is in the status. Raises LinkLost, and Refused if it was not sent.
 
         Where commands are answered it returns after the answer, or when that is missing.
         """
@@ -251,7 +251,7 @@ class FramedLine:
             raise LinkLost(self._device, "is not connected")
         return self._stream
 
-    # What is told
+    # What is sent
 
     def _silence(self, stream: StatusStream, sent: str, dropped: int, repeated: int) -> NoAnswer:
         problem, received = f"no status within {self._answer_s:g} s", ""

@@ -106,7 +106,7 @@ class Place(StrictModel):
 
     @property
     def shares(self) -> bool:
-        """Whether others may stand in the same byte."""
+        """Whether others may share the byte."""
         return False
 
 
@@ -138,7 +138,7 @@ class Count(Place):
 
 
 class Code(Count):
-    """A number that stands for what the servo follows; one that is not listed is something else."""
+    """A number for the servo mode; an unlisted one is another mode."""
 
     off: WholeNumber = Field(description="it holds")
     position: WholeNumber = Field(description="an angle")
@@ -154,7 +154,7 @@ class Code(Count):
 
 
 class Number(Place):
-    """A number with a unit; it is what stands there times `scale`, plus `offset`."""
+    """A number with a unit: the raw value times `scale`, plus `offset`."""
 
     type: NumberType = Field(description="how it is written: unsigned, signed or floating, and its bits")
     byte_order: ByteOrder | None = Field(None, description="where it is not that of the profile")
@@ -213,7 +213,7 @@ class FrequencyNumber(Number):
 
 
 class Bit(Place):
-    """One bit that tells of a state."""
+    """One bit of a state."""
 
     bit: Annotated[WholeNumber, Field(ge=0, le=7)] = Field(description="of the byte; 0 is the lowest")
     is_: Literal[0, 1] = Field(1, alias="is", description="what it is while the state is there")
@@ -229,7 +229,7 @@ class Bit(Place):
 
 
 class Fault(Place):
-    """A bit that tells of a fault, or a byte with its code."""
+    """A bit that reports a fault, or a byte with its code."""
 
     means: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="what it is, such as 'overspeed'")
     bit: Annotated[WholeNumber, Field(ge=0, le=7)] | None = Field(

@@ -1,4 +1,4 @@
-"""The file that describes the frames of a table or a head: what stands where, and what its numbers mean."""
+"""The file that describes the frames of a table or a head: their layout, and the meaning of their numbers."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Where = tuple[str | int, ...]
 
 
 class FrameShape(StrictModel):
-    """What every kind of frame has; bytes that nothing is said of are sent as 0, and not looked at."""
+    """Common keys of all frames; undescribed bytes are sent as 0, and ignored on reception."""
 
     length: Annotated[WholeNumber, Field(ge=3, le=256)] = Field(description="in bytes, with header and checksum")
     header: HexBytes | None = Field(None, description="where it is not that of the profile")
@@ -45,7 +45,7 @@ class FrameShape(StrictModel):
     counter: Count | None = Field(None, description="goes up by one from frame to frame")
 
     def parts(self) -> Iterator[tuple[Where, Place]]:
-        """What stands in it, with its place in the file."""
+        """Its parts, with their places in the file."""
         for name in type(self).model_fields:
             found = getattr(self, name)
             if isinstance(found, Place):
@@ -73,14 +73,14 @@ class RateFrame(FrameShape):
 
 
 class SineFrame(FrameShape):
-    """Swings about the angle where it stands."""
+    """Swings about the present angle."""
 
     amplitude: AmplitudeNumber
     frequency: FrequencyNumber
 
 
 class Commands(StrictModel):
-    """What the controller is told. The driver never sends `home`, `clear_fault` and `disable`; others may."""
+    """Commands to the controller. The driver never sends `home`, `clear_fault` and `disable`; others may."""
 
     stop: FrameShape = Field(description="slows down and holds")
     move: MoveFrame
@@ -93,7 +93,7 @@ class Commands(StrictModel):
 
 
 class States(StrictModel):
-    """Bits that tell what the axis does."""
+    """Bits with the state of the axis."""
 
     moving: Bit = Field(description="it is on its way: going, turning, swinging or slowing down")
     enabled: Bit | None = Field(None, description="the motor is energised; without it, it always is")
@@ -105,7 +105,7 @@ class States(StrictModel):
 
 
 class StatusFrame(FrameShape):
-    """What the controller tells of itself."""
+    """Status of the controller."""
 
     angle: AngleNumber
     rate: RateNumber | None = Field(None, description="needed of a rate table")
@@ -183,7 +183,7 @@ class FrameProfile(StrictModel):
         return [name for name in Commands.model_fields if getattr(self.commands, name) is not None]
 
     def fingerprint(self) -> str:
-        """What tells its frames apart from those of others, as far as the profile says."""
+        """The features that distinguish its frames from others, as far as the profile describes them."""
         status = self.format("status")
         fixed = ", ".join(f"{data.hex(' ').upper()} at {at}" for at, data in status.fixed)
         return f"frames of {status.length} bytes with {fixed}, {self.checksum.kind}"
@@ -218,7 +218,7 @@ class FrameProfile(StrictModel):
             yield problem_at(("commands", "sine"), "needs status.states.at_sine: where its effect is seen")
 
     def _misplaced(self) -> Iterator[InitErrorDetails]:
-        """What stands where something else does, or beyond the end of its frame."""
+        """Parts that overlap, or extend beyond the end of their frame."""
         for name, shape in self._shapes.items():
             at: Where = (name,) if name in ("status", "request") else ("commands", name)
             form = self.format(name)
@@ -231,7 +231,7 @@ class FrameProfile(StrictModel):
                 yield from _settle(holders, (*at, *where), part, end)
 
     def _alike(self) -> Iterator[InitErrorDetails]:
-        """Frames that are sent to the controller and that nothing tells apart."""
+        """Command frames that cannot be distinguished."""
         told: dict[tuple[int, frozenset[tuple[int, int]]], str] = {}
         for name in (each for each in self._shapes if each != "status"):
             form = self.format(name)

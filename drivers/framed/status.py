@@ -1,4 +1,4 @@
-"""What a status frame says, in the units of the bench."""
+"""Content of a status frame, in the units of the bench."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _MODES = ("off", "position", "rate", "sine")
 
 
 class Status(NamedTuple):
-    """One status: °, °/s; None where the profile does not say where it stands. Targets are as they are on the wire.
+    """One status: °, °/s; None where the profile does not describe it. Targets are as they are on the wire.
 
     `mode` is a key of the profile's mode, or the number of one that it does not list; "" where it tells none.
     """
@@ -61,11 +61,11 @@ class StatusReader:
         return None if self._counter is None else self._counter.read(frame)
 
     def answers(self, frame: bytes) -> Raw | None:
-        """The counter of the request that a status answers, where it tells."""
+        """The request counter in a status, if it has one."""
         return None if self._answers is None else self._answers.read(frame)
 
     def read(self, frame: bytes) -> Status:
-        """What a frame says; ValueError for a number that is not finite."""
+        """Content of a frame; ValueError for a number that is not finite."""
         states = self._states
         pressed = states.emergency_stop is not None and states.emergency_stop.read(frame)
         faults = [told for fault in self._faults if (told := fault.told(frame))]
@@ -91,7 +91,7 @@ class StatusReader:
 
 
 def _holds(bit: Bit | None, frame: bytes) -> bool:
-    """A state that always holds where no bit tells of it."""
+    """A state that is always true if no bit reports it."""
     return bit is None or bit.read(frame)
 
 

@@ -1,4 +1,4 @@
-"""One connection over which a controller tells its status in frames."""
+"""One connection over which a controller sends its status in frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a bench file says of an indexing head, whatever controller it has."""
+"""Bench file keys of an indexing head, whatever controller it has."""
 
 from __future__ import annotations
 

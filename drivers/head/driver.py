@@ -81,7 +81,7 @@ class Head:
         return await self._agreed_angle(0.0 if self._standing_at_deg is not None else self._limits.rate.max)
 
     async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
-        """Goes to `angle_deg` and stands there; the angle read back after `settle_s` more.
+        """Move to `angle_deg` and settle; return the angle read back after a further `settle_s`.
 
         `from_below` and `from_above` begin at least `approach_distance` on that side, also when the axis stands at
         the angle already, so that every visit is approached alike. Raises BeyondLimit before anything is sent;
@@ -158,7 +158,7 @@ class Head:
         await self._axis.prepare(self._options.rate)
 
     async def _go(self, order: int, target_deg: float, *, hold_s: float) -> None:
-        """Sends the axis to an angle, once, and returns when it has stood there for `hold_s`."""
+        """Send the axis to an angle once, and return when it has been there for `hold_s`."""
         options = self._options
         start_deg = (await self._axis.angle()).value
         travel_s = abs(target_deg - start_deg) / options.rate + options.rate / options.acceleration
@@ -200,7 +200,7 @@ class Head:
             await asyncio.sleep(self._options.poll)
 
     def _new_order(self) -> int:
-        """Ends what is under way: it finds itself no longer wanted."""
+        """Invalidates the running order."""
         self._order += 1
         self._standing_at_deg = None
         return self._order

@@ -1,4 +1,4 @@
-"""What a bench file says of a Keithley 6220 or 6221."""
+"""Bench file keys of a Keithley 6220 or 6221."""
 
 from __future__ import annotations
 

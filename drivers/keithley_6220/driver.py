@@ -34,7 +34,7 @@ DIALECT = Dialect(wire.COMMANDS, wire.STATE_QUERY, wire.read_state, wire.next_st
 
 
 class Keithley6220(ScpiSource[State]):
-    """One source; it measures neither current nor voltage, and tells when the load does not take the current."""
+    """One source; it measures neither current nor voltage, and reports a load that does not take the current."""
 
     def __init__(self, setup: Setup[KeithleyOptions, SourceLimits, Nothing]) -> None:
         options = setup.options

@@ -1,4 +1,4 @@
-"""What a bench file says of a Keysight 3458A that measures a current."""
+"""Bench file keys of a Keysight 3458A that measures a current."""
 
 from __future__ import annotations
 

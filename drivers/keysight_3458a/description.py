@@ -1,4 +1,4 @@
-"""What a bench file says of a Keysight 3458A."""
+"""Bench file keys of a Keysight 3458A."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ class ProfiledController:
         self._registers = ProvedRegisters(link, self._identify, note)
 
     async def connect(self) -> None:
-        """Connects anew and identifies."""
+        """Reconnect and identify."""
         await self._registers.connect()
 
     def close(self) -> None:
@@ -103,7 +103,7 @@ class ProfiledController:
         await self._switch(mode, mode.start, "mode")
 
     async def _control(self) -> tuple[Control, str]:
-        """Who decides the temperature, and what to say of it."""
+        """The master of the temperature, with a message."""
         if alarm := await self._alarm():
             return Control.OTHER, alarm
         mode = self._profile.mode

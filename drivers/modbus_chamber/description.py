@@ -1,4 +1,4 @@
-"""What a bench file says of a chamber whose controller a profile describes."""
+"""Bench file keys of a chamber whose controller a profile describes."""
 
 from __future__ import annotations
 

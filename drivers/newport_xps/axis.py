@@ -124,7 +124,7 @@ class XpsAxis:
             )  # fmt: skip
 
     async def enable(self) -> None:
-        """Energises the motor; raises Refused unless the status says so afterwards."""
+        """Energise the motor; raises Refused unless the status confirms it."""
         call = wire.enable(self._group)
         await self._moving.reopen()
         await self._order(self._moving, call)

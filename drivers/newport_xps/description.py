@@ -1,4 +1,4 @@
-"""What a bench file says of an indexing head on a Newport XPS."""
+"""Bench file keys of an indexing head on a Newport XPS."""
 
 from __future__ import annotations
 

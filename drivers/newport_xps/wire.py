@@ -191,7 +191,7 @@ def _decimal(value: float) -> str:
     return f"{whole}.{digits.rstrip('0') or '0'}"
 
 
-# What a simulator reads and says
+# Parsing and messages of the simulator
 
 
 class Call(NamedTuple):

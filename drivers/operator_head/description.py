@@ -1,4 +1,4 @@
-"""What a bench file says of an indexing head that is turned by hand."""
+"""Bench file keys of an indexing head that is turned by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a bench file says of a laboratory power supply."""
+"""Bench file keys of a laboratory power supply."""
 
 from __future__ import annotations
 

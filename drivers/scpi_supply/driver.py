@@ -23,7 +23,7 @@ READ_BACK = ReadBack()
 class ScpiSupply:
     """One output; a Source of volts.
 
-    Every command is sent once and what it did is read back. Every look compares the settings with those last made:
+    Every command is sent once and what it did is read back. Every poll compares the settings with the last ones sent:
     a second master is a fault, not a discussion.
 
     Concurrency: a new `set` and `make_safe` end the `set` under way, which then raises Refused.
@@ -173,7 +173,7 @@ class ScpiSupply:
             )  # fmt: skip
 
     def _new_order(self) -> int:
-        """Ends what is under way: it finds itself no longer wanted."""
+        """Invalidates the running order."""
         self._order += 1
         self._made = None
         return self._order

@@ -54,7 +54,7 @@ class Simpac:
         )  # fmt: skip
 
     async def connect(self) -> None:
-        """Connects anew and identifies."""
+        """Reconnect and identify."""
         await self._line.connect()
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What a bench file says of a Weiss or Vötsch chamber."""
+"""Bench file keys of a Weiss or Vötsch chamber."""
 
 from __future__ import annotations
 

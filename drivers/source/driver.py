@@ -59,7 +59,7 @@ class Bounds:
 class ScpiSource(Generic[StateT]):
     """One source; a Source of amperes.
 
-    Every command is sent once and what it did is read back. Every look compares the settings with those last made:
+    Every command is sent once and what it did is read back. Every poll compares the settings with the last ones sent:
     a second master is a fault, not a discussion.
 
     Concurrency: a new `set` and `make_safe` end the `set` under way, which then raises Refused.
@@ -146,7 +146,10 @@ class ScpiSource(Generic[StateT]):
         return now
 
     async def _state_after(self, order: int, step: str, wanted: Setting) -> StateT:
-        """The state as soon as it tells that a step was carried out, or at last; at once when nobody waits for it."""
+        """The state once it shows that a step was executed, or at the time limit.
+
+        At once if there is nothing to wait for.
+        """
         return await self._dialect.read_back.until(
             self._state, lambda state: order != self._order or self._dialect.next_step(state, wanted) != step
         )
@@ -191,7 +194,7 @@ class ScpiSource(Generic[StateT]):
             )  # fmt: skip
 
     def _new_order(self) -> int:
-        """Ends what is under way: it finds itself no longer wanted."""
+        """Invalidates the running order."""
         self._order += 1
         self._made = None
         return self._order

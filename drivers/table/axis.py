@@ -97,7 +97,7 @@ class TableAxis(Protocol):
         """Tells how SYNTHESIS is to swing, growing for `run_up_s`; moves nothing."""
 
     async def enter(self, mode: Mode) -> None:
-        """Lets the servo follow the demand of a mode, once; raises Refused, InstrumentFault."""
+        """Make the servo follow the demand of a mode, once; raises Refused, InstrumentFault."""
 
     async def go(self, angle_deg: float) -> None:
         """Sends the axis to an angle, once, in POSITION; raises Refused, InstrumentFault."""

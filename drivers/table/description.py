@@ -1,4 +1,4 @@
-"""What a bench file says of a rate table, whatever controller it has."""
+"""Bench file keys of a rate table, whatever controller it has."""
 
 from __future__ import annotations
 

@@ -60,11 +60,11 @@ class Table:
             self._axis.close()
 
     async def identify(self) -> Identity:
-        """What the controller says of itself; raises WrongIdentity when that has changed."""
+        """Identity of the controller; raises WrongIdentity if it has changed."""
         return await self._axis.identify()
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """Angle and rate; InstrumentFault when the table is not what it was told to be, or has a fault."""
+        """Angle and rate; InstrumentFault if the state differs from the command, or the table has a fault."""
         state = await self._axis.look()
         await self._axis.check_fault(state)
         if problem := self._departure(state):
@@ -83,7 +83,7 @@ class Table:
         return self._rate(await self._axis.look())
 
     async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
-        """Goes to `angle_deg` and stands there; the angle read back after `settle_s` more.
+        """Move to `angle_deg` and settle; return the angle read back after a further `settle_s`.
 
         `from_below` and `from_above` begin at least `approach_distance` on that side, also when the axis stands at
         the angle already, so that every visit is approached alike. Raises BeyondLimit before anything is sent;
@@ -181,14 +181,14 @@ class Table:
         return await self._follow(order, mode)
 
     async def _follow(self, order: int, mode: Mode) -> State:
-        """Lets the servo follow the demand of a mode; what the axis does when it tells that mode, or at last."""
+        """Make the servo follow the demand of a mode; what the axis does when it tells that mode, or at last."""
         self._check_wanted(order)
         await self._axis.enter(mode)
         await READ_BACK.until(self._axis.look, lambda state: order != self._order or state.mode is mode or state.stale)
         return await self._watch(order, mode)
 
     async def _go(self, order: int, target_deg: float, *, hold_s: float) -> None:
-        """Goes to an angle, and returns when the axis has stood there for `hold_s`.
+        """Move to an angle, and return when the axis has been there for `hold_s`.
 
         A controller that takes the shorter way goes a long one in legs.
         """
@@ -200,7 +200,7 @@ class Table:
         await self._leg(order, target_deg, way_deg / max(legs, 1), hold_s)
 
     async def _leg(self, order: int, target_deg: float, way_deg: float, hold_s: float) -> None:
-        """Sends the axis to an angle, once, and returns when it has stood there for `hold_s`."""
+        """Send the axis to an angle once, and return when it has been there for `hold_s`."""
         since_s: float | None = None
 
         def stands(state: State) -> bool:
@@ -232,7 +232,7 @@ class Table:
             await asyncio.sleep(pause_s(self._options.poll, near_s - _now_s()))
 
     async def _watch(self, order: int, mode: Mode) -> State:
-        """One look at a motion; raises Refused when it is no longer wanted, InstrumentFault when it cannot go on."""
+        """Poll a motion; raises Refused if it has been superseded, InstrumentFault if it cannot continue."""
         state = await self._axis.look()
         self._check_wanted(order)
         await self._axis.check_fault(state)
@@ -244,7 +244,7 @@ class Table:
         return state
 
     async def _come_to_rest(self) -> State:
-        """What the axis does when nothing turns it any more; NotSettled. A tripped one may tell of before for ever."""
+        """State of the axis after it has come to rest; NotSettled. A tripped one may tell of before for ever."""
         deadline = Deadline(STOP_WITHIN_S + self._options.settle.give_up)
         while True:
             state = await self._axis.look()
@@ -259,7 +259,7 @@ class Table:
             await asyncio.sleep(self._options.poll)
 
     def _departure(self, state: State) -> str:
-        """How the table is not what it was told to be; "" when it is."""
+        """How the state of the table differs from the command; "" if it does not."""
         if self._steady is None:
             return ""
         mode, value = self._steady
@@ -284,7 +284,7 @@ class Table:
         return self._options.rate_band + RATE_RIPPLE * abs(rate_dps)
 
     def _new_order(self) -> int:
-        """Ends what is under way: it finds itself no longer wanted."""
+        """Invalidates the running order."""
         self._order += 1
         self._steady = None
         return self._order

@@ -1,4 +1,4 @@
-"""Angles over whole turns, from a controller that tells them within one."""
+"""Angles over whole turns, from a controller that reports them within one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LONGEST_LEG_DEG = 120.0  # well below half a turn, so that there is no doubt whi
 
 
 class TurnCounter:
-    """Counts turns from one look at an axis to the next.
+    """Counts turns from one poll of an axis to the next.
 
     An axis with ends stands within the turn that its ends lie in the middle of. One without is from -180° to 180° when
     it is looked at first; from then on it has gone by the mean of two rates times the time between them, give or take

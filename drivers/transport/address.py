@@ -73,7 +73,7 @@ class Address:
 
     @classmethod
     def parse(cls, text: str) -> Address:
-        """The address that `text` spells; AddressError says what is wrong with it."""
+        """The address that `text` spells; AddressError states the problem."""
         scheme, colon, rest = text.removeprefix(_SIMULATED).partition(":")
         if not colon or scheme not in SCHEMES:
             examples = " or ".join(SCHEMES[known].example for known in ("tcp", "serial"))
@@ -105,7 +105,7 @@ class Address:
 
     @property
     def is_person(self) -> bool:
-        """Whether there is no wire, but somebody who is asked."""
+        """Whether the connection is a person."""
         return self.scheme == "person"
 
     @property

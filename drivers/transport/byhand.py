@@ -1,4 +1,4 @@
-"""Wires on which somebody else may speak between the exchanges of a driver: a person at a console."""
+"""Connections on which a console may send between the exchanges of a driver."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ P = TypeVar("P", bound=asyncio.Protocol)
 
 
 class SharedLine(Tap):
-    """A driver's connection; while somebody else speaks, what arrives is his."""
+    """A driver's connection; while the console uses it, received data are the console's."""
 
     def __init__(self, inner: asyncio.Protocol) -> None:
         super().__init__(inner)
@@ -34,7 +34,7 @@ class SharedLine(Tap):
             self._listener = None
 
     def received(self, data: bytes) -> None:
-        """Bytes for whoever speaks."""
+        """Bytes for the present user."""
         if self._listener is not None:
             self._listener.data_received(data)
         else:
@@ -75,5 +75,5 @@ class SharedWires:
         return made[-1]
 
     async def frames(self, device: str, address: Address) -> FrameLink:
-        """An open CAN channel, on which nothing is said."""
+        """An open CAN channel; nothing is sent on it."""
         return await self._wires.frames(device, address)

@@ -26,7 +26,7 @@ from drivers.transport.text_frames import TextFrames
 
 P = TypeVar("P", bound=asyncio.Protocol)
 LOG_LIMIT_BYTES = 2**30
-COLLECT_LIMIT_FRAMES = 2_000_000  # a minute of a full bus, should nobody take what arrives
+COLLECT_LIMIT_FRAMES = 2_000_000  # a minute of a full bus, if frames are not taken
 _ANSWER_S = 1.0
 
 

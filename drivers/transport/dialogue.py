@@ -24,9 +24,9 @@ SAFE_LIMIT_S = 5.0
 
 
 async def once_more(ask: Callable[[], Awaitable[T]], note: Callable[[str], object]) -> T:
-    """What `ask` gives, which only reads; done once more when there is no answer, which `note` is told.
+    """Result of the query `ask`; repeated once if there is no answer, with a note.
 
-    When there is none then either, raises NoAnswer of the first time.
+    If there is none again, raises the first NoAnswer.
     """
     try:
         return await ask()
@@ -145,7 +145,7 @@ class Dialogue:
                 await self._revive()
 
     async def _revive(self) -> None:
-        """Connects again, unless somebody else just has, or it is not time yet."""
+        """Reconnect, unless another task just has, or the pause is not over."""
         wait_s = self._pauses.left_s()
         if self.line.lost and wait_s > 0:
             raise LinkLost(self._device, f"is not connected; the next attempt is in {wait_s:.1f} s")

@@ -1,4 +1,4 @@
-"""Question and answer over a line of text: one at a time, with a deadline, and fenced after a surprise.
+"""Question and answer over a line of text: one at a time, with a deadline, and resynchronised after an error.
 
 A timeout is a data-integrity event: a late answer would be taken for the answer to the next question. After a timeout,
 an answer that is not understood, bytes that nobody asked for, or a broken exchange, the channel is not trusted: it is
@@ -183,7 +183,7 @@ class LineExchange(asyncio.Protocol):
         return value
 
     async def _listen_for_strays(self) -> None:
-        """Waits until the line has been silent for the gap; raises BadAnswer when something was said unasked."""
+        """Wait until the line has been silent for the gap; raises BadAnswer for unsolicited data."""
         if self._pace.gap_s:
             silent_s = asyncio.get_running_loop().time() - self._heard_at_s
             if silent_s < self._pace.gap_s:
@@ -196,7 +196,7 @@ class LineExchange(asyncio.Protocol):
             )  # fmt: skip
 
     async def _prove(self) -> None:
-        """Drains the channel and proves that questions and answers match again.
+        """Drain the channel and verify that queries and answers match again.
 
         Without an answer the wire is closed, if it `gives_up`: nobody may be at its other end any more.
         """
@@ -287,7 +287,7 @@ class LineExchange(asyncio.Protocol):
             self._waiter.set_result(None)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The wire is closed; whoever waits learns it now."""
+        """The connection is closed; notify waiting tasks."""
         self._lost = self._lost or f"the connection was closed ({exc or 'by the other end'})"
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_exception(LinkLost(self.device, self._lost))

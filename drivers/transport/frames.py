@@ -10,7 +10,7 @@ DURABLE_BLOCK_S = 1.0  # what is not with the run store yet when the power fails
 
 
 class FrameLink(Protocol):
-    """An open CAN channel that collects what arrives until somebody takes it."""
+    """An open CAN channel that buffers received frames until they are taken."""
 
     @property
     def block_s(self) -> float:

@@ -17,7 +17,7 @@ BITS_PER_BYTE = 10  # start, eight data bits, stop
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """What a wire does to bytes: how long they travel there and back again, and how long each takes to send.
+    """Delays of a connection: round trip, and time to send each byte.
 
     All of the latency is put on the way back, which nobody can tell from a question that travels as long as its answer.
     """
@@ -68,7 +68,7 @@ class MemoryTransport(asyncio.Transport):
             self._send(bytes(data))
 
     def write_eof(self) -> None:
-        """Tells the other end that nothing more will come."""
+        """Signal the end of the data to the other end."""
         self._send(None)
 
     def _send(self, data: bytes | None) -> None:

@@ -51,7 +51,7 @@ class ModbusLink:
         self._frames: Frames = frames_of(self.framing, unit_id)
 
     async def open(self) -> None:
-        """Connects, anew if need be; raises CannotConnect, and BadAnswer for a line that is never quiet."""
+        """Connect or reconnect; raises CannotConnect, and BadAnswer for a line that is never quiet."""
         self.close()
         try:
             async with patience(self._answer_s) as limit:
@@ -146,7 +146,7 @@ class ModbusLink:
         return answer
 
     async def _drain(self, stream: _Stream) -> None:
-        """Throws away what a serial line still says to somebody who asked before."""
+        """Discard late answers on a serial line."""
         for _ in range(DRAINS):
             await asyncio.sleep(QUIET_S)
             if stream.silent_s >= QUIET_S:
@@ -191,7 +191,7 @@ class _Stream(asyncio.Protocol):
 
     @property
     def silent_s(self) -> float:
-        """For how long nothing was heard."""
+        """Time since the last received byte."""
         return asyncio.get_running_loop().time() - self._heard_at_s
 
     def write(self, data: bytes) -> None:
@@ -200,7 +200,7 @@ class _Stream(asyncio.Protocol):
             self._transport.write(data)
 
     def let_arrive(self, before_s: float) -> bool:
-        """Lets what a simulator in this process says arrive, if that is what happens next; whether it has."""
+        """Deliver data of a simulator in this process, if that is the next event; return whether it was."""
         return let_arrive(self._transport, before_s)
 
     async def more(self) -> None:

@@ -138,7 +138,7 @@ def _body_bytes(function: int, first: int, asked: int) -> int:
 
 
 def _decoded(body: bytes, asked: int) -> Pdu:
-    """What an answer of function and data says; ValueError unless it is as long as its function tells."""
+    """Decoded answer of function and data; ValueError unless its length fits the function."""
     if len(body) < 2 or len(body) != _body_bytes(body[0], body[1], asked):
         raise ValueError(f"{len(body)} bytes, which function {asked} does not answer")
     answer = _DECODER.decode(body)

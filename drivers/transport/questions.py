@@ -1,4 +1,4 @@
-"""A connection to nobody knows whom: questions in any language, answers as they come."""
+"""A connection to an unknown instrument: queries in any protocol, raw answers."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Listener(asyncio.Protocol):
         self.transport = transport
 
     def data_received(self, data: bytes) -> None:
-        """Bytes from whoever is there."""
+        """Received bytes."""
         self.received += data
         self._news.set()
 
@@ -63,7 +63,7 @@ class Listener(asyncio.Protocol):
 class QuestionPort:
     """A Port of drivers.recognition on a connection of its own.
 
-    Lifetime: an async context manager; entering raises CannotConnect. `said` is all that was answered so far.
+    Lifetime: an async context manager; entering raises CannotConnect. `said` holds all answers so far.
     """
 
     def __init__(self, wires: Wires, address: Address, unit_id: int) -> None:
@@ -74,7 +74,7 @@ class QuestionPort:
         self._no_modbus = False
 
     async def __aenter__(self) -> QuestionPort:
-        """Connects; what is said unasked until the line is quiet is dropped."""
+        """Connect, and drop unsolicited data until the line is quiet."""
         self._listener = await self._wires.stream("scan", self._address, Listener)
         await self._listener.until_quiet(QUIET_S)
         return self
@@ -106,7 +106,7 @@ class QuestionPort:
         return await listener.until_quiet(ANSWER_S)
 
     async def registers(self, address: int, count: int, function: Literal[3, 4] = 3) -> Sequence[int]:
-        """See Port; whoever did not answer the first request is not asked for other registers."""
+        """See Port; without an answer to the first request no other registers are read."""
         if self._no_modbus:
             raise ValueError("no answer")
         frames = frames_of("rtu" if self.is_serial_line else "tcp", self.unit_id)

@@ -61,7 +61,7 @@ async def open_serial(device: str, address: Address, factory: Callable[[], P]) -
     speaks at a time: most adapters turn the line round by themselves (rs485: adapter), others want RTS for it (rts).
     """
     flow = address.options.get("flow", "none")
-    await asyncio.sleep(0)  # a port that was just closed lets go of its lock in the next turn of the loop
+    await asyncio.sleep(0)  # a port just closed releases its lock in the next iteration of the loop
     try:
         port = serial.Serial(
             address.path,
@@ -156,12 +156,12 @@ class DeviceTransport(asyncio.Transport):
         self._ended = False
 
     def begin(self, reader: asyncio.ReadTransport, writer: asyncio.WriteTransport) -> None:
-        """Takes both directions, and tells the protocol; part of `join_device`."""
+        """Connect both directions, and notify the protocol; part of `join_device`."""
         self._reader, self._writer = reader, writer
         self.protocol.connection_made(self)
 
     def end(self, exc: Exception | None) -> None:
-        """One direction is gone: closes the other, and tells the protocol once."""
+        """One direction is lost: close the other, and notify the protocol once."""
         self.close()
         if not self._ended:
             self._ended = True

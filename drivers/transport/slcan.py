@@ -59,7 +59,7 @@ def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:
 
 
 def answer(data: bytes) -> tuple[bool | None, bytes]:
-    """What an adapter says to a command among the frames that it may be sending, and what is left of a line.
+    """The answer of an adapter to a command, among the frames that it may be sending, and the rest of a line.
 
     True is an empty line, it agrees; False is BEL, it refuses; None is nothing yet.
     """

@@ -1,4 +1,4 @@
-"""What enters a result is asked twice, where nothing else sees to it that what arrives is what was said."""
+"""Readings that enter a result are taken twice if the connection has no checksum."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Takes:
         self._orders = 0
 
     def ordered(self) -> None:
-        """A command goes out: what the instrument says may change by it."""
+        """A command was sent, which may change the readings."""
         self._orders += 1
 
     async def agreed(

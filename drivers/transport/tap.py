@@ -1,4 +1,4 @@
-"""A place between a connection and whoever talks over it, where bytes can be seen and changed."""
+"""A tap between a connection and its user, where bytes can be recorded and changed."""
 
 from __future__ import annotations
 
@@ -79,9 +79,9 @@ class TappedTransport(asyncio.Transport):
         return self._tap.line.get_write_buffer_size()
 
     def pause_reading(self) -> None:
-        """Lets nothing arrive until `resume_reading`."""
+        """Deliver nothing until `resume_reading`."""
         self._tap.line.pause_reading()
 
     def resume_reading(self) -> None:
-        """Lets bytes arrive again."""
+        """Deliver bytes again."""
         self._tap.line.resume_reading()

@@ -60,7 +60,7 @@ def spelled(data: bytes) -> str:
 
 
 def read_trace(lines: Iterable[str]) -> Iterator[Passed]:
-    """What a trace says, in order; ValueError with the number of the line that is none."""
+    """The lines of a trace, in order; ValueError with the number of an invalid one."""
     for number, line in enumerate(lines, 1):
         if number == 1 and line.strip() != HEAD:
             raise ValueError(f"line 1 is {line.strip()[:40]!r}, a trace begins with {HEAD!r}")
@@ -78,7 +78,7 @@ def read_trace(lines: Iterable[str]) -> Iterator[Passed]:
 
 
 class TracedWires:
-    """Wires on which everything that passes is told to `keep`, line by line."""
+    """Connections that pass all data to `keep`, line by line."""
 
     def __init__(self, wires: Wires, keep: Callable[[Passed], object]) -> None:
         self._wires, self._keep = wires, keep

@@ -52,7 +52,7 @@ class F4Channel:
         self._registers = ProvedRegisters(link, self._identify, note)
 
     async def connect(self) -> None:
-        """Connects anew and identifies."""
+        """Reconnect and identify."""
         await self._registers.connect()
 
     def close(self) -> None:
@@ -60,7 +60,7 @@ class F4Channel:
         self._link.close()
 
     async def identify(self) -> Identity:
-        """The names as the bench file states them; the fingerprint is what the wire tells."""
+        """The names stated in the bench file; the fingerprint is what the controller reports."""
         await self._registers.identify()
         names, _, decimals = self._known or ((0,) * 5, (), 0)
         low_c, high_c = self.limits_c or (0.0, 0.0)
@@ -71,7 +71,7 @@ class F4Channel:
         )  # fmt: skip
 
     async def look(self, commanded_c: float | None) -> Look:
-        """Process value, status and set points; InstrumentFault when the controller does not trust its sensor."""
+        """Process value, status and set points; InstrumentFault if the controller reports a sensor fault."""
         found = self._form.measured(await self._registers.read(MEASURED_FIRST, MEASURED_COUNT))
         if found.input_error:
             raise InstrumentFault(
@@ -101,7 +101,7 @@ class F4Channel:
             return temperature_c
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
-        """Nobody asks for it: this controller cannot ramp a set point."""
+        """Never called: this controller cannot ramp a set point."""
         raise NotImplementedError
 
     async def take_control(self) -> None:
@@ -120,7 +120,7 @@ class F4Channel:
             await self._registers.set(self._power, (1,), self._power_name, hexadecimal)
 
     async def _end_profile(self) -> None:
-        """Terminates it once; whether it was, its status tells."""
+        """Terminate it once; the status shows whether it ended."""
         with suppress(NoAnswer, LinkLost):
             await self._link.write(Register.TERMINATE, (1,))
         await asyncio.sleep(TERMINATING_S)
@@ -135,7 +135,7 @@ class F4Channel:
             )  # fmt: skip
 
     async def _control(self, alarm: str, status: int, target_c: float) -> tuple[Control, str]:
-        """Who decides the temperature, and what to say of it."""
+        """The master of the temperature, with a message."""
         if alarm:
             return Control.OTHER, alarm
         if status in _PROFILE:

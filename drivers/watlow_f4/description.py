@@ -1,4 +1,4 @@
-"""What a bench file says of a chamber with a Watlow F4 S or D."""
+"""Bench file keys of a chamber with a Watlow F4 S or D."""
 
 from __future__ import annotations
 

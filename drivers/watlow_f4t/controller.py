@@ -35,7 +35,7 @@ NARROWEST_C = 1.0  # set-point limits closer than this are words in the wrong or
 class F4TLoop:
     """A Controller; it ramps by itself, and a person switches its loop to auto.
 
-    The wire tells no names: the controller is known by its set-point limits.
+    The controller reports no names: it is identified by its set-point limits.
     """
 
     can_start = False
@@ -48,7 +48,7 @@ class F4TLoop:
         self._registers = ProvedRegisters(link, self._identify, note)
 
     async def connect(self) -> None:
-        """Connects anew and identifies."""
+        """Reconnect and identify."""
         await self._registers.connect()
 
     def close(self) -> None:
@@ -56,7 +56,7 @@ class F4TLoop:
         self._link.close()
 
     async def identify(self) -> Identity:
-        """The names as the bench file states them; the fingerprint is what the wire tells."""
+        """The names stated in the bench file; the fingerprint is what the controller reports."""
         await self._registers.identify()
         low_c, high_c = self.limits_c or (0.0, 0.0)
         fingerprint = f"display unit °C, set point {low_c:g} to {high_c:g} °C"
@@ -88,7 +88,7 @@ class F4TLoop:
         await self._set(LoopRegister.RAMP_ACTION, (RampAction.SET_POINT,))
 
     async def take_control(self) -> None:
-        """Raises InstrumentFault: a loop that is not in auto is somebody's business."""
+        """Raises InstrumentFault: a loop that is not in auto needs the operator."""
         mode = (await self._registers.read(self._form.address(LoopRegister.CONTROL_MODE_IN_FORCE), 1))[0]
         raise InstrumentFault(
             self._link.device, f"control loop {self._form.loop} is not in auto", received=f"mode {mode_name(mode)}",

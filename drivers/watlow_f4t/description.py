@@ -1,4 +1,4 @@
-"""What a bench file says of a chamber with a Watlow F4T."""
+"""Bench file keys of a chamber with a Watlow F4T."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a bench file says of a Yokogawa GS200."""
+"""Bench file keys of a Yokogawa GS200."""
 
 from __future__ import annotations
 

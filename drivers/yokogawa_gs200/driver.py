@@ -14,7 +14,7 @@ from drivers.yokogawa_gs200.wire import State
 
 
 def _faults(state: State) -> Sequence[Fault]:
-    """Volts at its output, where a coil expects a current, and what the condition register tells."""
+    """Volts at its output, where a coil expects a current, and the content of the condition register."""
     received = f"condition {int(state.condition)}"
     found = []
     if state.function != "CURR" and state.setting.output:
@@ -32,7 +32,7 @@ DIALECT = Dialect(wire.COMMANDS, wire.STATE_QUERY, wire.read_state, wire.next_st
 
 
 class YokogawaGS200(ScpiSource[State]):
-    """One source; it measures neither current nor voltage, and tells when the load does not take the current."""
+    """One source; it measures neither current nor voltage, and reports a load that does not take the current."""
 
     def __init__(self, setup: Setup[GS200Options, SourceLimits, Nothing]) -> None:
         range_a = setup.options.range

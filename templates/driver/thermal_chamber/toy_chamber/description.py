@@ -1,4 +1,4 @@
-"""What a bench file says of the chamber."""
+"""Bench file keys of the chamber."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a bench file says of the thermometer."""
+"""Bench file keys of the thermometer."""
 
 from __future__ import annotations
 
