@@ -22,7 +22,7 @@ class SettleOptions(StrictModel):
     band: Annotated[float, InUnit("arcsec", above=0)] = Field(description="how far from the target it may be")
     hold: PositiveSeconds = Field(description="how long it must have been no farther away")
     give_up: PositiveSeconds = Field(
-        30.0, description="so long after it should stand or turn as it was told, it is an error that it does not"
+        30.0, description="time after the expected end of a motion at which an unfinished motion is an error"
     )
 
 

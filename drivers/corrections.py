@@ -34,8 +34,8 @@ class TemperatureCorrection(StrictModel):
 class CurrentCorrection(StrictModel):
     """A row of the table of a current source, or of an ammeter."""
 
-    at: Annotated[float, InUnit("A")] = Field(description="the current that it says it gives, or reads")
-    add: Annotated[float, InUnit("A")] = Field(description="what must be added to be what it gives, or measures")
+    at: Annotated[float, InUnit("A")] = Field(description="the current that it is set to, or reads")
+    add: Annotated[float, InUnit("A")] = Field(description="the correction to add to obtain the true current")
 
 
 def _angles(rows: tuple[AngleCorrection, ...]) -> tuple[AngleCorrection, ...]:
@@ -78,9 +78,7 @@ class AxisCorrections(StrictModel):
 class ClockCorrections(StrictModel):
     """What a certificate states of a counter's clock besides its uncertainty."""
 
-    time_base: Annotated[Ratio, InUnit("")] = Field(
-        0.0, description="by so much of itself a time is longer than the clock says, such as 0.4 ppm"
-    )
+    time_base: Annotated[Ratio, InUnit("")] = Field(0.0, description="relative correction of times, such as 0.4 ppm")
 
 
 class VoltageCorrections(StrictModel):

@@ -41,7 +41,7 @@ class IdentityPin(StrictModel):
 
     maker: Spelled | None = Field(None, description="as it answers")
     model: Spelled | None = Field(None, description="as it answers")
-    serial: Spelled | None = Field(None, description="serial number; not compared where the wire cannot tell it")
+    serial: Spelled | None = Field(None, description="serial number; not compared if the instrument does not report it")
     firmware: Spelled | None = Field(None, description="version, as it answers")
 
 

@@ -23,21 +23,21 @@ def _as_text(raw: Any) -> Any:
 class Deed(StrictModel):
     """What the technician really does, whatever he was asked for; nothing when it is empty."""
 
-    mount: Name | None = Field(None, description="the mount of the fixture that he fixes the units in")
+    mount: Name | None = Field(None, description="the mount in which he fixes the units")
     input: Literal["accelerometer", "source"] | None = Field(None, description="what he plugs into the converters")
-    turn: Degrees | None = Field(None, description="where he turns the head that asks")
+    turn: Degrees | None = Field(None, description="the angle to which he turns the head")
 
 
 class ScriptedAnswer(StrictModel):
     """An answer to the question of one step, or of a head that is turned by hand."""
 
     answer: Annotated[str, BeforeValidator(_as_text)] | None = Field(
-        None, description="what he answers; by default the first of the choices, or the angle that he was asked for"
+        None, description="the answer; default: the first choice, or the requested angle"
     )
     after: Seconds | None = Field(
-        None, description="how long he takes; by default a minute, or the turn_time of a head"
+        None, description="the time until the answer; default: one minute, or the turn_time of a head"
     )
-    does: Deed | None = Field(None, description="what he does instead of what is expected; {} for nothing")
+    does: Deed | None = Field(None, description="what he does instead of the requested action; {} for nothing")
     by: str = Field(SCRIPTED, description="his name in the record", min_length=1, max_length=100)
 
 
@@ -48,5 +48,5 @@ class AnswersFile(StrictModel):
     more, and `head` are all that have no answer of their own.
     """
 
-    schema_: Literal["itb-answers/1"] = Field(alias="schema", description="what the file is")
-    answers: Mapping[str, ScriptedAnswer] = Field(description="by the id of the step, or by the device, that asks")
+    schema_: Literal["itb-answers/1"] = Field(alias="schema", description="version of the file format")
+    answers: Mapping[str, ScriptedAnswer] = Field(description="by the id of the asking step or device")

@@ -45,7 +45,7 @@ class Calibration(StrictModel):
     k: CoverageFactor = Field(2.0, description="coverage factor of all in U")
     U: Any = Field(default_factory=dict, description="expanded uncertainties; its keys are the driver's")
     corrections: Any = Field(
-        default_factory=dict, description="what must be added to readings; its keys are the driver's"
+        default_factory=dict, description="corrections added to readings; its keys are the driver's"
     )
 
     @model_validator(mode="after")

@@ -61,14 +61,16 @@ class InterlockBase(StrictModel):
     After a hold and a pause the run goes on by itself when the condition has been good for `good_for`.
     """
 
-    for_s: Seconds = Field(0.0, alias="for", description="how long it must be so before it trips")
-    then: Action = Field(description="what happens when it trips")
+    for_s: Seconds = Field(0.0, alias="for", description="how long the condition must hold before it trips")
+    then: Action = Field(description="the action when it trips")
     good_for_s: Seconds = Field(
-        0.0, alias="good_for", description="how long it must be good before the run goes on after a hold or a pause"
+        0.0,
+        alias="good_for",
+        description="how long the reading must be in range before the run resumes after a hold or a pause",
     )
 
     give_up_after_s: PositiveSeconds = Field(
-        14_400.0, alias="give_up_after", description="when a hold or a pause that does not get good again stops the run"
+        14_400.0, alias="give_up_after", description="time after which a hold or a pause without recovery stops the run"
     )
 
     @model_validator(mode="after")
@@ -126,8 +128,8 @@ class DifferenceInterlock(InterlockBase):
     rest_s: Seconds = Field(
         0.0,
         alias="once_at_rest_for",
-        description="only judged while the second of them has kept within half of that for so long, such as the air "
-        "that a unit follows",
+        description="judged only after the second of them, such as the air that a unit follows, has stayed within "
+        "half of the limit for this time",
     )
 
 

@@ -65,7 +65,7 @@ class Site(StrictModel):
     time_zone: Annotated[str, AfterValidator(_zone)] = Field(
         "UTC", description="of the times in reports, such as Europe/Berlin"
     )
-    ambient: tuple[Name, ...] = Field((), description="the readings that tell what the room is like, for reports")
+    ambient: tuple[Name, ...] = Field((), description="the readings of the room's conditions, for reports")
     host_clock: HostClock | None = None
 
 
@@ -82,7 +82,7 @@ class ThermometerUncertainty(StrictModel):
     offset: Annotated[float, InUnit("°C", at_least=0)] = Field(0.0, description="the same at every temperature")
     gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the temperature in °C, such as 0.2 %")
     drift: Annotated[float, InUnit("°C", at_least=0)] | None = Field(
-        None, description="change of the offset from the begin to the end of a run; a fifth of the offset if not said"
+        None, description="change of the offset from the beginning to the end of a run; default: a fifth of the offset"
     )
 
 
@@ -100,14 +100,14 @@ class ReadingEntry(StrictModel):
         alias="from", description="the device above, and what its driver calls the reading"
     )
     limits: TemperatureWindow | None = None
-    stale_after: PositiveSeconds = Field(10.0, description="an older value is not believed")
+    stale_after: PositiveSeconds = Field(10.0, description="an older value is invalid")
     steepest: CelsiusPerMinute | None = Field(
-        None, description="a temperature that changes faster, by more than 5 °C, is not believed; 60 °C/min if not said"
+        None, description="a temperature that changes faster, by more than 5 °C, is rejected; default 60 °C/min"
     )
     changes_within: PositiveSeconds | None = Field(
         None,
-        description="one value for longer is a fault, however often it is read; if not said 1 h, of a temperature that "
-        "is told in steps of 0.02 °C or finer",
+        description="a constant value for longer is a fault, however often it is read; default 1 h for a "
+        "temperature with a resolution of 0.02 °C or finer",
     )
     calibration: ThermometerCalibration | None = None
 
@@ -126,7 +126,7 @@ class Monitor(StrictModel):
     """How often devices are asked, the whole run long: those behind named readings, and all others."""
 
     period: PositiveSeconds = Field(
-        1.0, description="of the devices behind named readings; what sends frames is looked at as they come"
+        1.0, description="of the devices with named readings; devices that send frames are read as these arrive"
     )
     devices: PositiveSeconds = Field(10.0, description="of all other devices")
 
@@ -134,8 +134,8 @@ class Monitor(StrictModel):
 class BenchFile(StrictModel):
     """One `config/*.yaml`: a bench."""
 
-    schema_: Literal["itb-bench/1"] = Field(alias="schema", description="what the file is")
-    title: Text = Field(description="what the report calls the bench")
+    schema_: Literal["itb-bench/1"] = Field(alias="schema", description="version of the file format")
+    title: Text = Field(description="the name of the bench in reports")
     site: Site
     devices: Annotated[Mapping[Name, DeviceEntry], NOT_EMPTY]
     readings: Mapping[Name, ReadingEntry] = {}

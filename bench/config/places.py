@@ -46,24 +46,22 @@ class Nominal(StrictModel):
     """
 
     K1: Annotated[float, InUnit("A/g", not_zero=True)] | None = Field(
-        None, description="scale factor; only a unit that sends its `output` may do without"
+        None, description="scale factor; optional only for a unit that sends its `output`"
     )
     S: Annotated[float, InUnit("Hz/A", not_zero=True)] | None = Field(None, description="scale of its converter")
     resistor: Annotated[float, InUnit("Ω", above=0)] | None = Field(
         None, description="what its current flows through, for a voltmeter"
     )
-    output: AnyQuantity | None = Field(
-        None, description="what 1 g changes the output by that a unit sends, such as 8192 code/g"
-    )
-    max_current: Annotated[float, InUnit("A", above=0)] | None = Field(None, description="the most it may be fed")
+    output: AnyQuantity | None = Field(None, description="the change of a sent output with 1 g, such as 8192 code/g")
+    max_current: Annotated[float, InUnit("A", above=0)] | None = Field(None, description="its maximum input current")
     load: Annotated[float, InUnit("Ω", at_least=0)] | None = Field(
-        None, description="what its input resists; a source's compliance must do for it"
+        None, description="resistance of its input, for which the compliance of a source must suffice"
     )
     time_constants: Annotated[tuple[PositiveSeconds, ...], NOT_EMPTY] = Field(
-        (180.0, 60.0), description="with which it follows the air, one behind the other: case, sensor"
+        (180.0, 60.0), description="time constants of its thermal lag, in series: case, sensor"
     )
     self_heating: Annotated[float, InUnit("°C", at_least=0)] = Field(
-        0.0, description="how much warmer than the air it becomes while its supply is on"
+        0.0, description="its self-heating above the air temperature while its supply is on"
     )
     converter_time_constant: PositiveSeconds = Field(
         120.0, description="with which its converter follows the air, where that is in the chamber"
@@ -133,7 +131,7 @@ class PlaceEntry(StrictModel):
         None, min_length=1, description="the channel of the telemetry on which it sends its output itself"
     )
     type: Text = Field("accelerometer channel", description="what the unit is, for the report")
-    mount_angle: Degrees = Field(0.0, description="how it is turned in the fixture; added to the head angle")
+    mount_angle: Degrees = Field(0.0, description="its angle in the fixture; added to the head angle")
     temperature: Name = Field(description="the reading of the thermometer at the unit")
     gyro_temperature: Name | None = Field(
         None, description="the reading of the thermometer at the gyros of an inertial unit; as temperature unless given"

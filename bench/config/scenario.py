@@ -30,6 +30,6 @@ class ScriptedFault(FaultSimulation):
 class ScenarioFile(StrictModel):
     """One file of faults, for the instruments of one kind of bench."""
 
-    schema_: Literal["itb-scenario/1"] = Field(alias="schema", description="what the file is")
+    schema_: Literal["itb-scenario/1"] = Field(alias="schema", description="version of the file format")
     title: Text = Field(description="what it is about")
     faults: Annotated[tuple[ScriptedFault, ...], NOT_EMPTY] = Field(description="in any order")

@@ -48,7 +48,7 @@ class ChamberSimulation(StrictModel):
     limit_cycle: Annotated[float, InUnit("°C", at_least=0)] = Field(
         0.2, description="root mean square of how the air swings at rest"
     )
-    limit_cycle_period: PositiveSeconds = Field(90.0, description="how long one such swing takes")
+    limit_cycle_period: PositiveSeconds = Field(90.0, description="period of that swing")
 
 
 class HeadSimulation(StrictModel):
@@ -68,7 +68,7 @@ class TableSimulation(StrictModel):
     torque: Annotated[float, InUnit("N·m", above=0)] = Field(640.0, description="the most that its motor gives")
     inertia: Annotated[float, InUnit("kg·m²", above=0)] = Field(0.3, description="of the table and its load")
     rate: Annotated[Ratio, InUnit("", at_least=0)] = Field(
-        1e-4, description="standard deviation of how far its rate is from what it is told, the same at every rate"
+        1e-4, description="standard deviation of its relative rate error, the same at every rate"
     )
     ripple: Annotated[Ratio, InUnit("", at_least=0)] = Field(
         1e-4, description="of its rate, over a turn: once, twice, and twice for each pair of poles"
@@ -107,8 +107,10 @@ class SourceSimulation(StrictModel):
     gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the current")
     offset: Annotated[float, InUnit("A", at_least=0)] = Field(0.0, description="the same at every current")
     drift: Annotated[float, InUnit("1/h", at_least=0)] = Field(0.0, description="of the current in an hour")
-    warm_up: PositiveSeconds = Field(7200.0, description="how long it drifts faster after its power came on")
-    fresh: Annotated[Ratio, InUnit("", at_least=1)] = Field(5.0, description="how many times as fast until then")
+    warm_up: PositiveSeconds = Field(7200.0, description="time after power-on in which it drifts faster")
+    fresh: Annotated[Ratio, InUnit("", at_least=1)] = Field(
+        5.0, description="factor by which it drifts faster until then"
+    )
 
 
 class FaultSimulation(StrictModel):
@@ -157,7 +159,7 @@ class Simulation(StrictModel):
     thermometer: ThermometerSimulation = ThermometerSimulation()
     remount: Arcseconds = Field(
         0.0,
-        description="standard deviation of how askew a unit lies each time that it is fixed by hand",
+        description="standard deviation of the mounting angle each time a unit is fixed by hand",
     )
     voltmeters: Mapping[Name, VoltmeterSimulation] = Field({}, description="what each voltmeter is connected to")
     sources: Mapping[Name, SourceSimulation] = Field({}, description="how each current source errs")

@@ -86,8 +86,8 @@ class If(StrictModel):
     """Does steps when a condition is true, others when it is not."""
 
     condition: Any = Field(alias="if")
-    then: Steps = Field(description="done when it is true")
-    otherwise: tuple[AnyBlock, ...] = Field((), alias="else", description="done when it is not")
+    then: Steps = Field(description="run if it is true")
+    otherwise: tuple[AnyBlock, ...] = Field((), alias="else", description="run if it is false")
 
 
 class While(StrictModel):
@@ -95,7 +95,7 @@ class While(StrictModel):
 
     condition: Any = Field(alias="while")
     at_most: Any = Field(description="how many passes at most")
-    steps: Steps = Field(description="done in each pass")
+    steps: Steps = Field(description="run in each pass")
 
 
 class Parallel(StrictModel):
@@ -127,9 +127,9 @@ class Retry(StrictModel):
     attempts: Annotated[WholeNumber, Field(ge=2, le=100)] = Field(alias="retry")
     delay_s: Seconds = Field(0.0, alias="delay", description="the time between two attempts")
     on: Annotated[tuple[Annotated[str, AfterValidator(_code)], ...], NOT_EMPTY] = Field(
-        DEVICE_CODES, description="the codes of errors after which it is tried again; all of a device unless given"
+        DEVICE_CODES, description="the error codes after which it is repeated; default: all errors of a device"
     )
-    steps: Steps = Field(description="done in each attempt")
+    steps: Steps = Field(description="run in each attempt")
 
 
 Block = ForEach | Repeat | Group | If | While | Parallel | Call | Retry

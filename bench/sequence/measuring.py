@@ -17,10 +17,12 @@ from drivers.wording import telling
 class Stable(StrictModel):
     """When an output is stable: its means over 10 s, and how much they drift, in g by what the units are made to be."""
 
-    sd_g: Annotated[float, InUnit("g", above=0)] = Field(alias="sd", description="the most that the means scatter by")
-    slope_g_per_s: Annotated[float, InUnit("g/s", above=0)] = Field(alias="slope", description="the most they drift by")
+    sd_g: Annotated[float, InUnit("g", above=0)] = Field(alias="sd", description="maximum scatter of the means")
+    slope_g_per_s: Annotated[float, InUnit("g/s", above=0)] = Field(
+        alias="slope", description="maximum drift of the means"
+    )
     over_s: Annotated[float, InUnit("s", at_least=30, at_most=3600)] = Field(
-        60.0, alias="over", description="the time that is looked at, and read"
+        60.0, alias="over", description="the time over which they are judged"
     )
 
 
@@ -38,13 +40,13 @@ class Acquire(StepBase):
     duration_s: PositiveSeconds | None = Field(None, alias="for", description="how long")
     turns: Annotated[float, InUnit("", above=0)] | None = Field(None, description="how many turns of the table")
     of: Name | None = Field(None, description="the table whose turns are counted")
-    during: Steps | None = Field(None, description="these steps are done meanwhile")
+    during: Steps | None = Field(None, description="these steps run meanwhile")
     until_stable: Stable | None = None
     give_up_after_s: PositiveSeconds | None = Field(
-        None, alias="give_up_after", description="the longest time until it is stable"
+        None, alias="give_up_after", description="the longest wait for stability"
     )
-    label: Name = Field(description="under which a result finds the counts")
-    resolution: AnyQuantity | None = Field(None, description="what the counting alone must resolve")
+    label: Name = Field(description="by which a result refers to the data")
+    resolution: AnyQuantity | None = Field(None, description="the resolution that the counting must reach")
 
     @property
     def least_s(self) -> float:
@@ -84,7 +86,7 @@ class Measure(StepBase):
         None, alias="for", description="the time of the mean; the newest value without it"
     )
     name: Name | None = Field(None, alias="as", description="the name of the value in later expressions")
-    net: Flag = Field(False, description="take off what the last tare found")
+    net: Flag = Field(False, description="subtract the value of the last tare")
     limits: LimitEntry | None = None
 
     @property

@@ -138,8 +138,8 @@ class ResultEntry(StrictModel):
 class Outline(StrictModel):
     """Everything in a sequence file except its steps."""
 
-    schema_: Literal["itb-sequence/1"] = Field(alias="schema", description="what the file is")
-    title: Text = Field(description="what the report calls it")
+    schema_: Literal["itb-sequence/1"] = Field(alias="schema", description="version of the file format")
+    title: Text = Field(description="the title in the report")
     needs: Mapping[Name, Annotated[str, AfterValidator(_kind), WithJsonSchema({"enum": list(KINDS)})]] = Field(
         description="what the steps act on, called as on the bench"
     )

@@ -124,7 +124,7 @@ class Orient(StepBase):
         alias="orient", description="where the axes point: up, down, north, south, east, west"
     )
     approach: Approach = Field("direct", description="the side from which each axis reaches its angle")
-    settle_s: Seconds = Field(0.0, alias="settle", description="rest after all axes stand there")
+    settle_s: Seconds = Field(0.0, alias="settle", description="rest after all axes have settled")
 
     @property
     def least_s(self) -> float:

@@ -46,10 +46,10 @@ class Move(StepBase):
 
     role: Name = Field(alias="move")
     to_deg: Degrees | None = Field(None, alias="to", description="as the encoder counts it")
-    by_deg: Degrees | None = Field(None, alias="by", description="from where the last move went")
-    way: Way = Field("as_written", description="how an angle modulo a turn is reached")
+    by_deg: Degrees | None = Field(None, alias="by", description="relative to the target of the last move")
+    way: Way = Field("as_written", description="direction for an angle modulo a turn")
     approach: Approach = Field("direct", description="the side from which the angle is reached")
-    settle_s: Seconds = Field(0.0, alias="settle", description="rest after it stands there")
+    settle_s: Seconds = Field(0.0, alias="settle", description="rest after it has settled")
 
     @property
     def least_s(self) -> float:
@@ -87,7 +87,7 @@ class Rotate(StepBase):
     )
     turns: Annotated[float, InUnit("", above=0)] | None = Field(None, description="how many turns at the rate")
     duration_s: PositiveSeconds | None = Field(None, alias="for", description="how long at the rate")
-    during: Steps | None = Field(None, description="these steps are done meanwhile")
+    during: Steps | None = Field(None, description="these steps run meanwhile")
 
     @property
     def least_s(self) -> float:
@@ -125,7 +125,7 @@ class Oscillate(StepBase):
     frequency_hz: Hertz | None = Field(None, alias="frequency", description="one frequency all the time")
     sweep: Sweep | None = None
     duration_s: PositiveSeconds | None = Field(None, alias="for", description="how long")
-    during: Steps | None = Field(None, description="these steps are done meanwhile")
+    during: Steps | None = Field(None, description="these steps run meanwhile")
 
     @property
     def least_s(self) -> float:
@@ -166,17 +166,15 @@ class SetOutput(StepBase):
     role: Name = Field(alias="set")
     voltage_v: Volts | None = Field(None, alias="voltage", description="of a supply")
     current_limit_a: PositiveAmperes | None = Field(
-        None, alias="current_limit", description="of a supply: the most it gives"
+        None, alias="current_limit", description="of a supply: the current limit"
     )
     current_a: Amperes | None = Field(None, alias="current", description="of a current source")
     acceleration_g: Annotated[float, InUnit("g")] | None = Field(
-        None, alias="acceleration", description="of a current source: the current that stands for it"
+        None, alias="acceleration", description="of a current source: the equivalent acceleration"
     )
     place: Name | None = Field(None, description="whose K1 makes the acceleration a current")
-    compliance_v: Volts | None = Field(
-        None, alias="compliance", description="of a current source: the most voltage it gives"
-    )
-    output: Literal["on", "off"] = Field(description="whether it gives anything")
+    compliance_v: Volts | None = Field(None, alias="compliance", description="of a current source: the maximum voltage")
+    output: Literal["on", "off"] = Field(description="whether the output is on")
 
     @model_validator(mode="after")
     def _complete(self) -> SetOutput:
@@ -201,5 +199,5 @@ class Ramp(StepBase):
     """Takes the chamber's set point to a temperature; ends when the set point in force has arrived."""
 
     role: Name = Field(alias="ramp")
-    temperature_c: Celsius = Field(alias="to", description="where the set point goes")
-    rate_c_per_min: CelsiusPerMinute = Field(alias="at", description="how fast it goes there")
+    temperature_c: Celsius = Field(alias="to", description="target of the set point")
+    rate_c_per_min: CelsiusPerMinute = Field(alias="at", description="rate of the set point")

@@ -40,9 +40,9 @@ def _unit(text: str) -> str:
 class TypedInput(StrictModel):
     """A quantity that a person types, in `unit`, within a range; without a unit it is a text."""
 
-    unit: Annotated[str, AfterValidator(_unit)] | None = Field(None, description="without it a text is typed")
-    min: AnyQuantity | None = Field(None, description="the lowest that is taken")
-    max: AnyQuantity | None = Field(None, description="the highest that is taken")
+    unit: Annotated[str, AfterValidator(_unit)] | None = Field(None, description="without it the answer is a text")
+    min: AnyQuantity | None = Field(None, description="the lowest value accepted")
+    max: AnyQuantity | None = Field(None, description="the highest value accepted")
 
     @model_validator(mode="after")
     def _goes_together(self) -> Self:
@@ -75,8 +75,8 @@ class PhysicalChange(StrictModel):
     mount: Name | None = Field(None, description="the mount of the fixture that the unit is put on")
     input: Literal["accelerometer", "source"] | None = Field(
         None,
-        description="what is plugged into the converter: its accelerometer, with which a run begins, or the cable of "
-        "the current source in its place",
+        description="the input of the converter: its accelerometer (at the beginning of a run), "
+        "or the cable of the current source",
     )
 
     @model_validator(mode="after")
@@ -102,7 +102,7 @@ class Prompt(StepBase):
     name: Name | None = Field(None, alias="as", description="the name of the answer in later expressions")
     expect: PhysicalChange | None = None
     give_up_after_s: PositiveSeconds = Field(
-        A_DAY_S, alias="give_up_after", description="not answered by then is an error"
+        A_DAY_S, alias="give_up_after", description="after this time a missing answer is an error"
     )
 
     @model_validator(mode="before")

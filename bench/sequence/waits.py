@@ -110,7 +110,7 @@ class Soak(StepBase):
     at_least_s: Seconds = Field(alias="at_least", description="the shortest time")
     until_stable: Stable | None = None
     give_up_after_s: PositiveSeconds | None = Field(
-        None, alias="give_up_after", description="not stable by then is an error"
+        None, alias="give_up_after", description="after this time an unstable reading is an error"
     )
 
     @property

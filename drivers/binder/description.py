@@ -17,7 +17,9 @@ class BinderOptions(StairOptions):
     """How the controller is spoken to."""
 
     controller: Kind = Field(description="which one it is: mb1 or mb2")
-    range: TemperatureRange = Field(description="of set points, from the chamber's manual; the wire does not tell")
+    range: TemperatureRange = Field(
+        description="of set points, from the chamber's manual; the controller does not report them"
+    )
     unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="its Modbus address")
     set_point: SetPointName = Field("manual", description="of an mb1: the mode in which it is used")
     swapped: Flag = Field(False, description="of an mb1: true where the registers of basic and manual are exchanged")

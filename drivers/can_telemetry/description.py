@@ -48,7 +48,7 @@ class SampleOptions(StrictModel):
     tick: SignalName = Field(description="when it was taken, by the unit's own clock; it wraps")
     tick_period: PositiveSeconds = Field(description="what one count of the tick lasts")
     sequence: SignalName = Field(description="the number of the sample; it wraps")
-    status: SignalName | None = Field(None, description="what the unit says of the sample, in bits")
+    status: SignalName | None = Field(None, description="status bits of the sample")
     invalid_bits: Annotated[WholeNumber, Field(ge=1, le=ALL_BITS)] = Field(
         ALL_BITS, description="the bits of the status any of which marks a sample that is not to be used"
     )
@@ -59,7 +59,7 @@ class SampleOptions(StrictModel):
         "taken as they come, and their unit is code",
     )
     stuck_after: Annotated[WholeNumber, Field(ge=2)] | None = Field(
-        None, description="so many samples with one and the same value mean that the unit does not measure any more"
+        None, description="this many consecutive samples with the same value mean that the unit no longer measures"
     )
     sample: Literal["mean", "instant"] = Field(
         "mean",

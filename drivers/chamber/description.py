@@ -16,13 +16,13 @@ class FollowOptions(StrictModel):
 
     band: PositiveCelsius = Field(3.0, description="how near to a set point at rest it stays once it has settled")
     gain: PositiveCelsius = Field(
-        1.0, description="how much nearer it comes in every such time as `over`, while it is not"
+        1.0, description="by how much it must approach in every `over` while it is outside the band"
     )
     over: Annotated[float, InUnit("s", at_least=60, at_most=7200)] = Field(
-        600.0, description="the time in which it comes nearer by `gain`"
+        600.0, description="the time in which it must approach by `gain`"
     )
     settle: PositiveSeconds = Field(
-        3600.0, description="how long after the set point has come to rest, or a disturbance began, it settles at last"
+        3600.0, description="the longest settling time after the set point has become constant, or after a disturbance"
     )
 
 
@@ -40,7 +40,7 @@ class StairOptions(ChamberOptions):
     """As well, for controllers that the driver ramps by many set points, one after the other."""
 
     step: Annotated[float, InUnit("s", at_least=10, at_most=120)] = Field(
-        15.0, description="how long a set point stands during a ramp; a controller's memory wears out"
+        15.0, description="time between set points during a ramp; frequent writes wear out the controller's memory"
     )
 
 

@@ -32,10 +32,11 @@ class FlukeOptions(StrictModel):
         description="the one range for all levels: 220 µA, 2.2 mA, 22 mA, 220 mA or 2.2 A"
     )
     compliance: Annotated[float, InUnit("V", above=0)] = Field(
-        description="what its data sheet says that it gives at most; it cannot be set, so a sequence must ask for this"
+        description="its maximum compliance from the data sheet; it cannot be set, so a sequence must request "
+        "exactly this value"
     )
     settle_within: PositiveSeconds = Field(
-        15.0, description="so long after a setting it is an error that the output has not settled"
+        15.0, description="time after a setting at which an unsettled output is an error"
     )
     terminator: Terminator = "crlf"
 

@@ -74,7 +74,7 @@ class ChecksumSettings(StrictModel):
     byte_order: ByteOrder | None = Field(None, description="where it is not that of the profile")
     polynomial: Word | None = Field(None, description="of crc16, such as 0x1021")
     initial: Word = Field(0, description="of crc16, such as 0xFFFF")
-    reflected: Flag = Field(False, description="of crc16: the lowest bit of a byte comes first")
+    reflected: Flag = Field(False, description="of crc16: least significant bit of a byte first")
     xor_out: Word = Field(0, description="of crc16: what the result is XORed with")
 
     @model_validator(mode="after")
@@ -181,35 +181,35 @@ class AngleNumber(Number):
     """An angle."""
 
     scale: Annotated[float, InUnit("°")] = Field(description="what one count means; below 0 it counts the other way")
-    offset: Annotated[float, InUnit("°")] = Field(0.0, description="the angle where 0 stands")
+    offset: Annotated[float, InUnit("°")] = Field(0.0, description="the angle at raw value 0")
 
 
 class AmplitudeNumber(Number):
     """The amplitude of a sine."""
 
     scale: Annotated[float, InUnit("°", above=0)] = Field(description="what one count means")
-    offset: Annotated[float, InUnit("°")] = Field(0.0, description="the amplitude where 0 stands")
+    offset: Annotated[float, InUnit("°")] = Field(0.0, description="the amplitude at raw value 0")
 
 
 class RateNumber(Number):
     """A rate."""
 
     scale: Annotated[float, InUnit("°/s")] = Field(description="what one count means; below 0 it counts the other way")
-    offset: Annotated[float, InUnit("°/s")] = Field(0.0, description="the rate where 0 stands")
+    offset: Annotated[float, InUnit("°/s")] = Field(0.0, description="the rate at raw value 0")
 
 
 class AccelerationNumber(Number):
     """An acceleration."""
 
     scale: Annotated[float, InUnit("°/s²", above=0)] = Field(description="what one count means")
-    offset: Annotated[float, InUnit("°/s²")] = Field(0.0, description="the acceleration where 0 stands")
+    offset: Annotated[float, InUnit("°/s²")] = Field(0.0, description="the acceleration at raw value 0")
 
 
 class FrequencyNumber(Number):
     """A frequency."""
 
     scale: Annotated[float, InUnit("Hz", above=0)] = Field(description="what one count means")
-    offset: Annotated[float, InUnit("Hz")] = Field(0.0, description="the frequency where 0 stands")
+    offset: Annotated[float, InUnit("Hz")] = Field(0.0, description="the frequency at raw value 0")
 
 
 class Bit(Place):

@@ -98,7 +98,7 @@ class States(StrictModel):
     moving: Bit = Field(description="it is on its way: going, turning, swinging or slowing down")
     enabled: Bit | None = Field(None, description="the motor is energised; without it, it always is")
     homed: Bit | None = Field(None, description="angles mean something; without it, they always do")
-    in_position: Bit | None = Field(None, description="it stands where it was sent")
+    in_position: Bit | None = Field(None, description="it is at its target")
     at_sine: Bit | None = Field(None, description="a sine has its full amplitude")
     remote: Bit | None = Field(None, description="commands over this line are obeyed; without it, they always are")
     emergency_stop: Bit | None = Field(None, description="the emergency stop is pressed")
@@ -128,7 +128,7 @@ class Cycle(StrictModel):
 class ControllerLimits(StrictModel):
     """What the axis and its controller bear; those of the bench file hold as well."""
 
-    angle: AngleRange | None = Field(None, description="of moves, as their frame tells them")
+    angle: AngleRange | None = Field(None, description="of moves, as encoded in their frame")
     rate: RateRange | None = Field(None, description="of moves and of turning")
 
 
@@ -139,7 +139,7 @@ class FrameProfile(StrictModel):
     maker: Meaning = Field(description="who makes the controller")
     model: Meaning = Field(description="its name")
     source: Meaning = Field(description="where these numbers are from: a document and its edition, or who tried them")
-    line: LineSettings = Field(LineSettings(), description="of a serial line, where the address does not say otherwise")
+    line: LineSettings = Field(LineSettings(), description="of a serial line, unless given in the address")
     byte_order: ByteOrder = Field(description="of numbers of more than one byte")
     header: HexBytes = Field(description="the bytes that every frame begins with")
     trailer: HexBytes = Field(b"", description="the bytes after every checksum")
@@ -151,7 +151,7 @@ class FrameProfile(StrictModel):
         0.0, description="what the controller needs between two frames that it is sent"
     )
     reaction: Annotated[float, InUnit("s", at_least=0, at_most=2)] = Field(
-        description="so long after a command a status may still be that of before"
+        description="time after a command in which a status may still be an earlier one"
     )
     angle_wraps: Flag = Field(
         False, description="angles begin again after a turn, and moves take the shorter way; for rate tables only"

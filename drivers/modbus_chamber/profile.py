@@ -82,7 +82,7 @@ class Expectation(CodeRegister):
     """A register that tells whether this is the controller that the profile describes, set as it must be."""
 
     is_: Word = Field(alias="is", description="what it must hold")
-    means: Meaning = Field(description="what that says, such as 'the display unit is °C'")
+    means: Meaning = Field(description="its meaning, such as 'the display unit is °C'")
 
 
 class LimitRegisters(StrictModel):
@@ -150,8 +150,8 @@ class ChamberProfile(StrictModel):
     process_value: ValueRegister
     set_point: WrittenRegister
     set_point_in_force: ValueRegister | None = Field(None, description="where it is not the set point: on a ramp")
-    range: TemperatureRange | None = Field(None, description="of set points, where no registers tell it")
-    limits: LimitRegisters | None = Field(None, description="the registers that tell it")
+    range: TemperatureRange | None = Field(None, description="of set points, if no registers hold it")
+    limits: LimitRegisters | None = Field(None, description="the registers that hold it")
     mode: ModeRegister | None = Field(None, description="where the controller can do something else")
     ramp: RampRegisters | None = Field(None, description="where it ramps by itself; else it gets many set points")
     alarms: list[AlarmRegister] = Field([], description="looked at with every poll")

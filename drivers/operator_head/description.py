@@ -28,7 +28,7 @@ class OperatorHeadOptions(StrictModel):
         0.01, description="how far from what was asked the angle may be that is typed"
     )
     turn_time: PositiveSeconds = Field(120.0, description="how long a person takes to turn it, read it, and answer")
-    give_up_after: PositiveSeconds = Field(86400.0, description="not answered by then is an error")
+    give_up_after: PositiveSeconds = Field(86400.0, description="after this time a missing answer is an error")
 
     @model_validator(mode="after")
     def _whole_steps_in_a_turn(self) -> Self:

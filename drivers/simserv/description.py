@@ -13,7 +13,8 @@ class SimservOptions(ChamberOptions):
     """How the controller is spoken to."""
 
     set_point_reads: Reads = Field(
-        "target", description="what it tells as its set point during a ramp: where the ramp ends, or where it is"
+        "target",
+        description="what it reports as its set point during a ramp: the end of the ramp, or its present value",
     )
 
 

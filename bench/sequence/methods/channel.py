@@ -23,28 +23,30 @@ class ChannelSettings(StrictModel):
         "claim", description="what source runs are compared with: up_1g, or src_1g, which itself is with up_1g"
     )
     reference_temperature_c: Celsius = Field(
-        25.0, alias="reference_temperature", description="of the converter, at which the rate is told"
+        25.0, alias="reference_temperature", description="of the converter, to which the rates refer"
     )
     current_from: Literal["source", "meter"] = Field(
         "source",
-        description="who says what the currents are: the source, or the ammeter in its cable (places.*.ammeter)",
+        description="the instrument that measures the currents: the source, or the ammeter in its cable "
+        "(places.*.ammeter)",
     )
     gate_s: PositiveSeconds = Field(10.0, alias="gate", description="the time between two read-outs of the counters")
     accelerometer_c: Celsius | None = Field(
-        None, alias="accelerometer", description="where its thermostat holds it; without it that is not looked at"
+        None, alias="accelerometer", description="the temperature of its thermostat; without it this is not checked"
     )
     accelerometer_tolerance_c: PositiveCelsius = Field(
         0.2, alias="accelerometer_tolerance", description="a gate with the accelerometer farther from there is left out"
     )
     accelerometer_drift_u: Annotated[float, InUnit("1/°C", at_least=0)] = Field(
         60e-6,  # of a quartz flexure accelerometer at 1 g: 58 ppm/°C of its scale factor and 10 µg/°C of its bias
-        description="standard uncertainty of what the rate changes with the temperature of the accelerometer itself",
+        description="standard uncertainty of the temperature coefficient of the rate with the temperature of the "
+        "accelerometer itself",
     )
     max_ramp_c_per_h: Annotated[float, InUnit("°C/h", above=0)] = Field(
         30.0, alias="max_ramp", description="a faster ramp is flagged"
     )
     min_span_c: PositiveCelsius = Field(
-        5.0, alias="min_span", description="over a smaller range of temperature nothing is decided"
+        5.0, alias="min_span", description="below this temperature span no decision is made"
     )
     drift_limit: Annotated[Ratio, InUnit("", above=0)] = Field(
         10e-6, description="a run whose input drifted more between opening and closing point is marginal"

@@ -35,10 +35,11 @@ class ImuCalibrationSettings(BiasPerDegree, ScalePerDegree):
     attitude_tolerance_g: Annotated[float, InUnit("g", above=0)] = Field(
         0.05,
         alias="attitude_tolerance",
-        description="how far a reading may be from the others of its kind; beyond it the unit stood otherwise",
+        description="maximum deviation of a reading from the others of its kind; beyond it the unit was in another "
+        "attitude",
     )
     rate_tolerance: Annotated[Ratio, InUnit("", above=0, at_most=1)] = Field(
-        0.1, description="how far from the rate that was asked for the table may have turned"
+        0.1, description="maximum deviation of the table from the commanded rate"
     )
     closure_limit_g: Annotated[float, InUnit("g", above=0)] = Field(
         100e-6,

@@ -23,13 +23,15 @@ class IndexingStaticSettings(BiasPerDegree, ScalePerDegree):
     scale_tolerance: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the scale factor")
     k: Annotated[Number, Field(ge=0)] = Field(2.0, description="standard uncertainties of the difference of both ends")
     output_limit_g: Annotated[float, InUnit("g", above=0)] | None = Field(
-        None, alias="output_limit", description="an output beyond it, by what the unit is made to be, is never fitted"
+        None, alias="output_limit", description="an output beyond it, by the nominal scale factor, is never fitted"
     )
     outlier_k: Annotated[Number, Field(gt=0)] = Field(
         6.0, description="robust standard deviations beyond which a reading is left out"
     )
     platform_rad: Annotated[float, InUnit("rad")] | None = Field(
-        None, alias="platform", description="by how much the platform raises the input axis, from a coordinate machine"
+        None,
+        alias="platform",
+        description="the angle by which the platform raises the input axis, from a coordinate measuring machine",
     )
     platform_u_rad: Annotated[float, InUnit("rad", at_least=0)] = Field(
         0.0, alias="platform_u", description="its standard uncertainty"

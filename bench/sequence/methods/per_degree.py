@@ -15,8 +15,8 @@ class ScalePerDegree(StrictModel):
     scale_per_c_u: Annotated[float, InUnit("1/°C", at_least=0)] = Field(
         6e-5,
         alias="scale_per_degree_u",
-        description="standard uncertainty of what a scale factor changes by with 1 °C, relative, where the run does "
-        "not tell it; nothing is corrected for that",
+        description="standard uncertainty of the relative change of a scale factor with 1 °C, if the run "
+        "does not determine it; no correction is applied",
     )
 
 

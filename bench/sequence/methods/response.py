@@ -80,14 +80,14 @@ class RangeSettings(StrictModel):
     """How errors over a range are judged."""
 
     linearity_basis: Basis = Field("reading", description="what errors are relative to")
-    rate_tolerance: Tolerance = Field(1e-3, description="how far the table may be from its rate, relative")
+    rate_tolerance: Tolerance = Field(1e-3, description="maximum relative deviation of the table from its rate")
 
 
 class GyroRangeSettings(GyroScale, ScalePerDegree, RangeSettings):
     """Settings of the range of a gyro."""
 
     full_scale_dps: PositiveRate = Field(alias="full_scale", description="the end of the range")
-    clip_dps: PositiveRate = Field(alias="clip", description="where the output stays when the rate goes on")
+    clip_dps: PositiveRate = Field(alias="clip", description="the output at which it saturates")
 
 
 class AccelerometerRangeSettings(AccelerometerScale, RangeSettings):
@@ -95,7 +95,7 @@ class AccelerometerRangeSettings(AccelerometerScale, RangeSettings):
 
     linearity_basis: Basis = Field("full_scale", description="what errors are relative to")
     full_scale_g: PositiveG = Field(alias="full_scale", description="the end of the range")
-    clip_g: PositiveG = Field(alias="clip", description="where the output stays when the acceleration goes on")
+    clip_g: PositiveG = Field(alias="clip", description="the output at which it saturates")
     radius_up_to_g: PositiveG = Field(
         1.0, alias="radius_up_to", description="the radius is found at rates that give no more than this"
     )
@@ -105,7 +105,7 @@ class ResponseSettings(StrictModel):
     """How counts of a swing are read."""
 
     play_pulses: Annotated[float, InUnit("pulse", at_least=0)] = Field(
-        1.0, alias="play", description="what a converter must go back at a reversal beyond what it goes for a pulse"
+        1.0, alias="play", description="charge that a converter needs at a reversal, beyond that of a pulse"
     )
 
 
@@ -120,7 +120,11 @@ class GyroResponseSettings(GyroScale, ResponseSettings):
 class AccelerometerResponseSettings(AccelerometerScale, ResponseSettings):
     """Settings of the frequency response of an accelerometer."""
 
-    lever_hz: Hertz = Field(0.5, alias="lever_frequency", description="at which the arms are found; gains are over it")
+    lever_hz: Hertz = Field(
+        0.5,
+        alias="lever_frequency",
+        description="of the swing that determines the lever arms; gains are relative to it",
+    )
 
 
 OF_A_GYRO = (
