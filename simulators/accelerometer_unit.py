@@ -44,7 +44,7 @@ class UnitState(NamedTuple):
 
 
 class SimulatedUnit:
-    """One unit in its place: what its converter counts, and what the thermometer at it says."""
+    """One unit in its place: the counts of its converter, and the reading of its thermometer."""
 
     def __init__(self, place: str, file: UnitFile, index: int, settings: WorldSettings, world: World) -> None:
         self.place = place
@@ -116,7 +116,7 @@ class SimulatedUnit:
             self._turned_on_g = self.truth.turn_on_g * float(self._turn_on.standard_normal())
 
     def fixed_anew(self, at_s: float) -> None:
-        """Somebody has fixed it by hand: how askew it lies now is drawn anew."""
+        """Mounted anew by hand: draw its mounting angles again."""
         if sd_deg := self._world.settings.remount_deg:
             draw = stream(self._world.settings.seed, "remount", self.place, str(len(self.seats_deg)))
             self.seats_deg.append((at_s, sd_deg * float(draw.standard_normal())))
@@ -203,7 +203,7 @@ class SimulatedUnit:
         return float(self.truth.volts(current_a.mean(), load_ohm, board_c))
 
     def own_noise(self, name: str) -> Noise:
-        """Its noise as somebody else sees it, so that what others find does not depend on how often he looks."""
+        """An independent copy of its noise, so that the readings of one observer do not affect those of another."""
         return noise_of(self.truth, self._world.settings.seed, f"{self.place}/{name}")
 
     def _state(self, true_s: float, hysteresis_g: float) -> UnitState:

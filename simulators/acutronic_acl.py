@@ -57,7 +57,7 @@ class Limits:
 
 
 class SimulatedAcutrol:
-    """A controller with one axis without ends, which is the axis of the world; de-energised until it is told.
+    """A controller with one axis without ends, which is the axis of the world; initially de-energised.
 
     A fault drops the drive and latches, with the status as it was, until it is reset. A mode other than OFF is entered
     at rest only, and a sine is set up before it is entered; jerk is not limited. Angles are told from -180° to 180°.
@@ -130,14 +130,14 @@ class SimulatedAcutrol:
         return AclSession(self)
 
     def trip(self, fault: SoftwareFault, inputs: InterlockInput) -> None:
-        """A fault comes up: the drive drops out, the table slows down, the status stays as it was."""
+        """Raise a fault: the drive drops out, the table slows down, the status is unchanged."""
         self._tripped, self._inputs = self._tripped | fault, self._inputs | inputs
         self._latched = self._dynamics()
         self.interlock = Interlock.FAULT
         self._leave(BRAKE_DPS2)
 
     def at_panel(self, message: str) -> Reply:
-        """Carries out what somebody asks at the front panel, unless it is locked out."""
+        """Execute a front-panel command, unless it is locked out."""
         if Supervisor.LOCKOUT in self.supervisor:
             return Reply(LOCKED, "front panel locked")
         return self.execute(message)
@@ -271,7 +271,7 @@ class SimulatedAcutrol:
         scpi.number(words[1])
 
     def _format(self, words: Sequence[str]) -> None:
-        """Of no effect: numbers are told as decimals, which programs of other people ask for by F."""
+        """No effect: numbers are always sent as decimals, which other programs request by F."""
         if not words[0].upper().startswith("F"):
             raise Refusal(BAD_ARGUMENT, "only decimal numbers are simulated")
 
@@ -321,13 +321,13 @@ class SimulatedAcutrol:
     # Readings
 
     def _angle_deg(self) -> float:
-        """The angle as it is told."""
+        """The reported angle."""
         if not self.faults.active("frozen"):
             self._seen_deg = math.remainder(self._driven.encoder_deg(self._world.now()), TURN_DEG)
         return self._seen_deg
 
     def _rate_dps(self) -> float:
-        """The rate as it is told."""
+        """The reported rate."""
         if not self.faults.active("frozen"):
             self._seen_dps = self._driven.rate_dps(self._world.now())
         return self._seen_dps

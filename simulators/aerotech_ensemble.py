@@ -96,7 +96,7 @@ class SimulatedEnsemble:
         return EnsembleSession(self)
 
     def trip(self, fault: AxisFault) -> None:
-        """A fault comes up: it latches, the axis stops and is disabled."""
+        """Raise a latching fault: the axis stops and is disabled."""
         self._latched |= fault
         self.enabled = False
         self._world.stop(self._role)
@@ -130,7 +130,7 @@ class SimulatedEnsemble:
         return re.sub(rf"\b(?:{self._axis})?F\s*(?=[.\d])", "F", text).split()
 
     def left_s(self) -> float:
-        """How long the motion under way still takes (s)."""
+        """Remaining time of the current motion (s)."""
         return self._driven.left_s(self._world.now())
 
     @property
@@ -139,7 +139,7 @@ class SimulatedEnsemble:
         return bool(self._latched)
 
     def _of_the_controller(self, said: str) -> Reply:
-        """What is said to no axis."""
+        """Commands without an axis."""
         if said == "ACKNOWLEDGEALL":
             self._latched = AxisFault(0)
         if said in ("ABSOLUTE", "INCREMENTAL"):
@@ -259,7 +259,7 @@ class EnsembleSession:
         self._homes = False
 
     def answer_by(self, later: Later) -> None:
-        """How the end of a HOME is said; without it, it never is."""
+        """Set the callback that reports the end of a HOME; without it, it is never reported."""
         self._later = later
 
     def feed(self, data: bytes) -> bytes:

@@ -74,7 +74,7 @@ class SimulatedScanner:
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it; with a serial number it is the later model, which tells it."""
+        """As a bench file has it; with a serial number it is the later model, which reports it."""
         identity = IDENTITY
         if setup.model == "34972A":
             identity = f"Agilent Technologies,34972A,{setup.serial or 'SIM-34972A-01'},1.16-1.12-02-02"
@@ -94,7 +94,7 @@ class SimulatedScanner:
         return self._interpreter.joined(answers)
 
     def open_sensors(self) -> None:
-        """The plug with all sensors comes off."""
+        """Disconnect all sensors."""
         self.open.update(self._names)
 
     def close_sensors(self) -> None:
@@ -107,7 +107,7 @@ class SimulatedScanner:
         self._interpreter.power_on()
 
     def begin_scan(self, *, kept: bool = True) -> float | None:
-        """Begins a scan; how long it takes (s), None when nothing is to be scanned or a scan is under way."""
+        """Begin a scan; return its duration (s), or None if there is nothing to scan or a scan is running."""
         return self._noting(lambda: self._scans.begin(self.scan, kept=kept))
 
     def begin_measurement(self, argument: str, *, volts: bool) -> float | None:
@@ -127,7 +127,7 @@ class SimulatedScanner:
             return None
 
     def left_s(self) -> float:
-        """How long the scan under way still takes (s), 0 without one."""
+        """Remaining time of the running scan (s), 0 without one."""
         return self._scans.left_s()
 
     def end_scan(self) -> str:
@@ -176,7 +176,7 @@ class SimulatedScanner:
     def _reading_c(self, channel: int, at_s: float) -> float | None:
         """What a sensor reads at a true time, None when it is open."""
         if channel in self.volts:
-            return 0.0  # nothing gives a voltage there
+            return 0.0  # no voltage source there
         name = self._names.get(channel, "")
         unit = self._world.counted.get(name)
         if channel in self.open or (unit is not None and unit.faults.active("open_thermometer")):

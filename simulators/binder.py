@@ -33,7 +33,7 @@ from simulators.world import World
 
 ANSWER_AFTER_S = 0.25
 AFTER_RESTART_C = 25.0  # the set point of a controller that was switched off and on
-PROGRAM_C = 40.0  # where the program goes that somebody starts
+PROGRAM_C = 40.0  # set point of a program started at the panel
 _LINES_READ = 0x1292
 
 
@@ -94,7 +94,7 @@ class SimulatedBinder(SimulatedChamber):
             raise RegisterError(ExceptionCode.ILLEGAL_ADDRESS)
 
     def open_door(self) -> None:
-        """The contact at the door tells it."""
+        """The door contact reports it."""
         super().open_door()
         self.door = 1
 
@@ -104,7 +104,7 @@ class SimulatedBinder(SimulatedChamber):
         self.door = 0
 
     def raise_alarm(self) -> None:
-        """An alarm comes up."""
+        """Raise an alarm."""
         self.alarm = 1
 
     def clear_alarm(self) -> None:
@@ -112,7 +112,7 @@ class SimulatedBinder(SimulatedChamber):
         self.alarm = 0
 
     def start_program(self) -> None:
-        """What somebody does at the front panel."""
+        """Start a program at the front panel."""
         self.program_runs, self._mode = True, Mode.PROGRAM
         self._world.ramp(PROGRAM_C, 1 / 60)
 
@@ -174,7 +174,7 @@ class SimulatedBinder(SimulatedChamber):
             self._world.ramp(value_c(self._set_points[at.set_point]), math.inf)
 
     def _restart_once(self) -> None:
-        """A controller that lost its power for a moment begins anew."""
+        """Restart after a short power failure."""
         if self.faults.times("restart") > self._restarts:
             self._restarts, self.program_runs, self._mode = self._restarts + 1, False, Mode.MANUAL
             self._set_points = dict.fromkeys(self._set_points, words(AFTER_RESTART_C))

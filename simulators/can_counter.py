@@ -93,7 +93,7 @@ class SimulatedCounter(CanNode):
             [draws.uniform(0, 1), draws.integers(0, 1 << 20), draws.integers(0, 99)] for _ in settings.form.channels
         ]
         self._converters = self._made(np.array(began, np.float64).reshape(-1, 3))
-        self._owed = dict.fromkeys(self._units, 0.0)  # pulses of the latch under way, from before a stimulus changed
+        self._owed = dict.fromkeys(self._units, 0.0)  # pulses of the current latch, from before a change of stimulus
         self._warmth_latches = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
         self.may_swap = frozenset(channel.sequence.message.id for channel in settings.form.channels.values())
         self._held: dict[str, int] = {}  # where counts have got stuck

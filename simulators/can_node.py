@@ -1,4 +1,4 @@
-"""What all simulated CAN nodes are: they are worked out lazily, and have sent what was due when somebody takes it."""
+"""What all simulated CAN nodes are: computed lazily, when frames are taken."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PROTOCOL_ERROR = 0x008
 class CanNode(ABC):
     """A node on the bus; a frame link whose frames are those it has sent.
 
-    A block of frames comes into being when somebody takes it, or just before a stimulus changes.
+    A block of frames is computed when it is taken, or just before a stimulus changes.
     """
 
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
@@ -76,7 +76,7 @@ class CanNode(ABC):
         return frames
 
     def close(self) -> None:  # noqa: B027  nothing is to be done
-        """Nobody listens any more; the node does not care."""
+        """The client has left; no effect on the node."""
 
     def _heard(self, frames: FrameBlock) -> FrameBlock:
         """Frames without those that were sent while it was silent."""

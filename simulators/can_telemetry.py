@@ -88,7 +88,7 @@ class TelemetrySettings:
 class SimulatedTelemetry(CanNode):
     """The units of the world that send their output.
 
-    At every power-on a unit begins anew: its clock, its numbers and its samples.
+    At every power-on a unit restarts its clock, its numbers and its samples.
     """
 
     def __init__(self, world: World, settings: TelemetrySettings, faults: FaultPlan) -> None:
@@ -153,7 +153,7 @@ class SimulatedTelemetry(CanNode):
         return said
 
     def _warmth(self, place: str, at_s: Array) -> FrameBlock:
-        """What the thermometers in a unit say, once a second."""
+        """Readings of the thermometers in a unit, once a second."""
         fields, host_s = self._thermometers[place], self._world.host_time(at_s)
         return temperature_frames(self._settings.dbc, fields, lambda name: self._celsius(name, at_s), host_s)
 
@@ -180,7 +180,7 @@ class _Stream:
         """Its clock and its numbers begin at 0."""
         self._origin_s = self.integrated_s = at_s
         self._number = 0
-        self._owed = 0.0  # of the sample under way, codes times seconds from before a stimulus changed
+        self._owed = 0.0  # of the current sample, codes times seconds from before a change of stimulus
 
     def integrate(self, until_s: float) -> None:
         """Takes in what has come since the last sample."""
@@ -216,7 +216,7 @@ class _Stream:
         return numbers, at_s, codes
 
     def values(self, numbers: Integers, codes: Integers) -> Mapping[str, Integers]:
-        """What its frames say, by signal; the status is that of a good sample."""
+        """Values of its frames, by signal; the status is that of a good sample."""
         form = self.settings.form
         ticks = np.rint(numbers * (self.settings.period_s / self.settings.tick_period_s)).astype(np.int64)
         said = ((form.value, codes), (form.tick, ticks), (form.sequence, numbers))

@@ -32,10 +32,10 @@ def earth_dps(latitude_deg: float) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class TableErrors:
-    """What a table does that it is not told.
+    """Errors of a table.
 
-    It turns faster than it is told by the part `rate`. Its base is tilted by `across_deg` about east, beside the level
-    about south, and its axis by `wobble_deg` more about south, which comes and goes once a turn.
+    It turns faster than commanded by the relative error `rate`. Its base is tilted by `across_deg` about east, beside
+    the level about south, and its axis by `wobble_deg` more about south, which comes and goes once a turn.
     """
 
     loop: Loop | None = None
@@ -79,7 +79,7 @@ class Carried:
         self._sweep: tuple[Stands, Array] = (), np.empty((3, 3, 3))
 
     def stands(self, at_s: float) -> Stands:
-        """Where each axis really stands."""
+        """True angle of each axis."""
         return tuple(axis.still_deg(at_s) for axis in self._axes)
 
     def at_rest(self, at_s: Array) -> bool:
@@ -123,7 +123,7 @@ class Carried:
         return self._fixture.turning(angles_deg, [rate for rate, _ in rates], [change for _, change in rates])
 
     def sweeps(self, still_deg: Stands) -> bool:
-        """Whether one axis turns alone, and nothing comes and goes with it but its angle."""
+        """Whether only one axis turns, and only its angle changes."""
         return still_deg.count(None) == 1 and not self._table.wobble_deg
 
     def sweep(self, still_deg: Stands, at_s: float) -> Array:

@@ -26,7 +26,7 @@ class SimulatedChamber:
         self._air_c = world.thermal.air_c
 
     def measured_c(self) -> float:
-        """What the sensor of the controller says; the world is worked out up to now."""
+        """Reading of the controller's sensor; the world is computed up to now."""
         if self.faults.active("open_sensor"):
             return OPEN_C
         if self.faults.active("detached_sensor"):
@@ -36,11 +36,11 @@ class SimulatedChamber:
         return self._air_c
 
     def open_door(self) -> None:
-        """Somebody opens the door."""
+        """Open the door."""
         self._world.door(is_open=True)
 
     def close_door(self) -> None:
-        """Somebody closes it again."""
+        """Close the door."""
         self._world.door(is_open=False)
 
     def break_down(self, failure: Failure | None) -> None:

@@ -28,6 +28,6 @@ def lacking_deg(angle_deg: Array, table: Table) -> Array:
 
 
 def given_by(told: float, table: Table) -> float:
-    """What a source gives that tells so much; without a table it is what it tells."""
+    """True current of a source that reports this much; without a table they are equal."""
     told_at, to_add = table
     return told + float(np.interp(told, told_at, to_add)) if told_at else told

@@ -26,9 +26,9 @@ _SWITCH = re.compile(r"s([1-9:;]) ([01])")
 
 
 class SimulatedCts(SimulatedChamber):
-    """A chamber at one address; it says nothing to what is not for it, broken, or not known.
+    """A chamber at one address; it does not answer messages that are for others, broken or unknown.
 
-    `set_point_reads` is what it tells as its set point during a ramp. `error` is the number of one that stops it.
+    `set_point_reads` is what it reports as its set point during a ramp. `error` is the number of one that stops it.
     `stuck`: settings are accepted and not carried out. `frozen`: the air reads as it was.
     """
 
@@ -78,7 +78,7 @@ class SimulatedCts(SimulatedChamber):
 
     @property
     def _not_now(self) -> bool:
-        """Whether a setting is acknowledged before anybody looks at it."""
+        """Whether a setting is acknowledged before it is processed."""
         return self.faults.active("stuck") or self.faults.active("lag")
 
     def fail(self, number: str) -> None:
@@ -86,18 +86,18 @@ class SimulatedCts(SimulatedChamber):
         self.error, self.running = number, False
 
     def acknowledge(self) -> None:
-        """Somebody sees to the error and acknowledges it; the chamber stays off."""
+        """Clear and acknowledge the error; the chamber stays off."""
         self.error = ""
 
     def start_program(self) -> None:
-        """Somebody starts a program at the front panel."""
+        """Start a program at the front panel."""
         self._world.look()
         self.running = self.program = True
         self.set_point_c = PROGRAM_C
         self._world.ramp(PROGRAM_C, PROGRAM_C_PER_MIN / 60)
 
     def restart(self) -> None:
-        """The mains fail for a moment: it comes back switched off."""
+        """Short power failure: it restarts switched off."""
         self.running = self.paused = self.program = False
 
     def _set(self, match: re.Match[str]) -> bool:
@@ -126,7 +126,7 @@ class SimulatedCts(SimulatedChamber):
         return True
 
     def _follow(self) -> None:
-        """The set point in force starts for the set point at its rate, or stands."""
+        """The active set point ramps to the set point at its rate, or holds."""
         now_c = self._world.thermal.set_point_c
         if not self.running or self.paused:
             self._world.ramp(now_c, math.inf)

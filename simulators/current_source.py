@@ -1,4 +1,4 @@
-"""What a precision source really gives: the current it is set to, with the errors of its gain, offset and drift."""
+"""True current of a precision source: the set current with the errors of its gain, offset and drift."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class CurrentSource(Protocol):
 
     @property
     def feeds_a(self) -> float | None:
-        """What it is set to give, without its errors; None while its output is off."""
+        """The set current, without errors; None while its output is off."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -99,12 +99,12 @@ class SimulatedP300(SimulatedChamber):
             return f"NA:{refusal}"
 
     def alarm(self, code: int) -> None:
-        """An alarm comes up, which stops the chamber; it goes with its cause, `alarms.clear()`."""
+        """Raise an alarm, which stops the chamber; `alarms.clear()` removes it."""
         self.alarms.append(code)
         self.mode = STANDBY
 
     def start_program(self) -> None:
-        """Somebody starts a program at the front panel."""
+        """Start a program at the front panel."""
         if self.mode != OFF:
             self._run(1)
 
@@ -114,7 +114,7 @@ class SimulatedP300(SimulatedChamber):
             self._enter(CONSTANT)
 
     def protect(self) -> None:
-        """Somebody protects the settings at the front panel."""
+        """Protect the settings at the front panel."""
         self.protected = True
 
     def unprotect(self) -> None:
@@ -125,7 +125,7 @@ class SimulatedP300(SimulatedChamber):
         self.protected = match[1].upper() == "ON"
 
     def restart(self) -> None:
-        """The mains fail for a moment: it comes back switched off."""
+        """Short power failure: it restarts switched off."""
         self.mode = OFF
 
     def _carry_out(self, line: str) -> str:
@@ -152,7 +152,7 @@ class SimulatedP300(SimulatedChamber):
             self._world.ramp(self.set_point_c, math.inf)
 
     def _set_humidity(self, _match: re.Match[str]) -> None:
-        """Accepted where there is humidity, which stands still all the same."""
+        """Accepted if there is humidity, which does not change."""
         if self._humidity_percent is None:
             raise Refusal("CONT NOT READY-1")
 

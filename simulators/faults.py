@@ -36,7 +36,7 @@ LAG_S = 0.7  # between what an instrument acknowledges and what it does, where i
 
 
 def nothing(_instrument: Any) -> None:
-    """Nothing is done: the simulator looks for itself whether the fault is there."""
+    """No action: the simulator checks for the fault itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,9 +130,9 @@ class FaultPlan:
             spans_s[index] = (spans_s[index][0], self._now_s())
 
     def carry_out(self, setting: Callable[[], object], *refusals: type[Exception]) -> None:
-        """Does what an instrument was told: at once, a moment later where it lags, never where it is stuck.
+        """Execute a command of an instrument: at once, delayed with `lag`, never with `stuck`.
 
-        What it finds out later that it refuses, by raising one of `refusals`, nobody is told.
+        A delayed refusal (one of `refusals`) is not reported.
         """
         if not self.active("stuck"):
             self.do(setting, *refusals)

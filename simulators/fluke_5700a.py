@@ -25,7 +25,7 @@ _EXPLAINED = {
 QUEUE_LENGTH = 16
 _EVENT_SUMMARY, _REGISTER_MOST = 1 << 5, 255
 _EVENTS = {UNKNOWN_COMMAND: Event.COMMAND_ERROR, BAD_PARAMETER: Event.COMMAND_ERROR, OVERLOAD: Event.DEVICE_ERROR}
-_NO_EFFECT = {  # what is told that changes nothing here: with which arguments
+_NO_EFFECT = {  # commands without effect here: their arguments
     "*WAI": "", "*OPC": "", "EXTGUARD": "ON|OFF", "EXTSENSE": "ON|OFF", "CUR_POST": "NORMAL|AUX|IB5725",
     "LIMIT": "[^,]+,[^,]+",
 }  # fmt: skip
@@ -35,7 +35,7 @@ _EITHER_END = bytes.maketrans(b"\r", b"\n")
 
 
 class SimulatedFluke:
-    """A calibrator in front of `load_ohm`; it is heard only in remote, and answers questions always.
+    """A calibrator in front of `load_ohm`; it accepts commands only in remote, and always answers queries.
 
     A load that needs more than `compliance_v` trips it to standby. The status follows an operate or standby after
     `relay_s`, and tells that the output has settled `settle_s` after a change. `busy` leaves what comes in its input
@@ -94,7 +94,7 @@ class SimulatedFluke:
 
     @property
     def feeds_a(self) -> float | None:
-        """What flows out of its terminals, without a look at what they take; None in standby."""
+        """Current at its terminals, whatever the load; None in standby."""
         return self.level if self.output and self._is_dc_current else None
 
     @property
@@ -109,12 +109,12 @@ class SimulatedFluke:
         self._events = Event.POWER_ON
 
     def overload(self) -> None:
-        """The load needs more than it can give: it goes to standby, and says why."""
+        """Overload: it goes to standby, and reports why."""
         self._switch(False)
         self.fault(OVERLOAD)
 
     def local(self) -> None:
-        """Somebody presses the key at its front panel that takes it out of remote."""
+        """Press the front-panel key that ends remote control."""
         self.remote = False
 
     def execute(self, message: str) -> list[str]:
@@ -136,7 +136,7 @@ class SimulatedFluke:
         return answers
 
     def fault(self, code: int) -> None:
-        """Puts a fault into the queue; the last place of a full one says that there were more."""
+        """Add a fault to the queue; the last entry of a full queue reports an overflow."""
         self._events |= _EVENTS.get(code, Event.EXECUTION_ERROR)
         if len(self._queue) < QUEUE_LENGTH:
             self._queue.append(code if len(self._queue) < QUEUE_LENGTH - 1 else QUEUE_OVERFLOW)
@@ -168,7 +168,7 @@ class SimulatedFluke:
                 self.fault(UNKNOWN_COMMAND)
 
     def _command_output(self, header: str, arguments: list[str]) -> None:
-        """What is heard in remote only."""
+        """Commands accepted in remote only."""
         if not self.remote:
             return
         match header, arguments:
@@ -253,7 +253,7 @@ class FlukeSession:
         self._paused = False
 
     def feed(self, data: bytes) -> bytes:
-        """Takes bytes in any portions; what is said to them at once."""
+        """Take bytes in any portions; return the immediate answer."""
         source = self._instrument
         said = data if source.terminal else b""
         if source.busy:

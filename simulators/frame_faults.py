@@ -25,10 +25,10 @@ class FrameFault(StrEnum):
     """What happens to frames on their way."""
 
     LOST = "lost_frames"  # now and then one does not come
-    BURST = "lost_bursts"  # for a while none comes
-    DOUBLED = "doubled_frames"  # one comes twice
-    LATE = "late_frames"  # one comes after others that were sent after it
-    FOREIGN = "foreign_frames"  # somebody else sends on this bus
+    BURST = "lost_bursts"  # no frames for a while
+    DOUBLED = "doubled_frames"  # a frame arrives twice
+    LATE = "late_frames"  # a frame arrives after later ones
+    FOREIGN = "foreign_frames"  # another node sends on this bus
     SHORT = "short_frames"  # one has another length
     SWAPPED = "swapped_frames"  # two neighbours have each other's identifiers
 
@@ -48,7 +48,7 @@ class Carried:
 def carry(
     fault: FrameFault, block: FrameBlock, draws: np.random.Generator, share: float, swapped: Collection[int] = ()
 ) -> Carried:
-    """What comes of frames (N,) of which a `share` suffers; only frames with ids in `swapped` swap theirs."""
+    """Apply a fault to a `share` of frames (N,); only frames with ids in `swapped` exchange theirs."""
     hit = draws.random(len(block)) < share
     rows = np.arange(len(block))
     untouched = np.zeros(len(block), dtype=bool)

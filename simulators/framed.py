@@ -1,6 +1,6 @@
-"""A head or a rate table that speaks in frames as a profile describes them, in front of an axis of the world.
+"""A head or a rate table with the frame protocol of a profile, driving an axis of the world.
 
-It does what the profile says, so a profile can be rehearsed; whether the controller does the same is another question.
+It follows the profile, so that a profile can be rehearsed; this does not show that the real controller does the same.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from simulators.world import World
 
 TURN_DEG = 360.0
 SERIAL_NUMBER, FIRMWARE = 1001, 12
-RATE_DPS, ACCELERATION_DPS2 = 10.0, 40.0  # of a controller whose commands do not tell them
+RATE_DPS, ACCELERATION_DPS2 = 10.0, 40.0  # of a controller whose commands do not contain them
 STOP_DPS2 = 4000.0  # how it slows down
 HOMING_DPS = 10.0
 RUN_UP_S = 2.0  # in which a sine grows
 
 
 class SimulatedFrames:
-    """One axis: energised by `enable` where there is such a command, else always; homed unless it is told not to be.
+    """One axis: energised by `enable` where there is such a command, else always; homed by default.
 
     A fault drops the motor and stays until `clear_fault`; so does a pressed emergency stop until it is released, and
     nothing is energised before. Commands that it does not take leave everything as it was: it has no other way to say
@@ -75,12 +75,12 @@ class SimulatedFrames:
         return FramesSession(self)
 
     def trip(self, index: int = 0) -> None:
-        """A fault of the profile comes up: the motor drops out."""
+        """Raise a fault of the profile: the motor drops out."""
         self._latched.add(index)
         self._drop()
 
     def press_emergency_stop(self, pressed: bool = True) -> None:
-        """Somebody presses the emergency stop, or releases it."""
+        """Press or release the emergency stop."""
         self.emergency_stop = pressed
         if pressed:
             self._drop()
@@ -152,7 +152,7 @@ class SimulatedFrames:
         return int(self.profile.number(counter).read(request)) if counter is not None and request else 0
 
     def _read(self) -> tuple[float, float]:
-        """Angle and rate as they are told, ° and °/s."""
+        """Reported angle and rate, ° and °/s."""
         if not self.faults.active("frozen"):
             now = self._world.now()
             self._seen = self._axis.encoder_deg(now), self._axis.rate_dps(now)
@@ -232,7 +232,7 @@ class FramesSession:
         self._splitter = Splitter([profile.format(name) for name in [*profile.command_names(), *asks]])
 
     def answer_by(self, later: Later) -> None:
-        """How the status is said that nobody asks for."""
+        """Set the callback for unsolicited status frames."""
         cycle = self._controller.profile.cyclic
         if cycle is None:
             return

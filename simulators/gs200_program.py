@@ -56,7 +56,7 @@ class Program:
         }
 
     def add(self, level: float) -> None:
-        """A level that is told while it is edited."""
+        """Add a level while the program is edited."""
         self._steps.append(level)
 
     def end(self) -> None:
@@ -65,7 +65,7 @@ class Program:
 
     @property
     def level(self) -> float | None:
-        """What it gives now, None when it does not run; one that is not repeated stays at its last level."""
+        """Its present level, None if it does not run; one that is not repeated stays at its last level."""
         since_s = self._now_s() - self._begun_s
         if math.isnan(since_s):
             return None
@@ -79,7 +79,7 @@ class Program:
         return before + passed * (self._steps[step % len(self._steps)] - before)
 
     def take_events(self) -> Event:
-        """What has happened since the last time that somebody asked."""
+        """Events since the last query."""
         since_s = self._now_s() - self._begun_s
         steps = 0 if math.isnan(since_s) else math.floor(since_s / float(self._kept[_INTERVAL_S]))
         happened = Event.END_OF_STEP if steps else Event(0)

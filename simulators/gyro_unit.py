@@ -1,4 +1,4 @@
-"""A unit with one gyro in its place: its file, what it gives out, and what the thermometer at it says."""
+"""A unit with one gyro in its place: its file, its output, and the reading of its thermometer."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class SimulatedGyro:
         return self.truth.codes(self._mean_pps(edges_s))
 
     def own_noise(self, name: str) -> Noise:
-        """Its noise as somebody else sees it, so that what others find does not depend on how often he looks."""
+        """An independent copy of its noise, so that the readings of one observer do not affect those of another."""
         return noise_of_gyro(self.truth, self._world.settings.seed, f"{self.place}/{name}")
 
     def mean_volts(self, begin_s: float, end_s: float, noise: Noise, load_ohm: float) -> float:

@@ -1,6 +1,6 @@
-"""An inertial unit in its place: what its six channels count or send, and what its two thermometers say.
+"""An inertial unit in its place: the counts or codes of its six channels, and the readings of its two thermometers.
 
-Its three accelerometers are worked out together, and so are its gyros: their constants are columns, (3, 1), and what
+Its three accelerometers are computed together, and so are its gyros: their constants are columns, (3, 1), and what
 acts on them has a row for each axis. The accelerometers are taken to be where the axes of the table meet.
 """
 

@@ -81,7 +81,7 @@ class ImuGyro(GyroModel):
 
 
 class Gyros(StrictModel):
-    """Three gyros, which give pulses themselves."""
+    """Three gyros with pulse outputs."""
 
     x: ImuGyro
     y: ImuGyro
@@ -90,7 +90,7 @@ class Gyros(StrictModel):
 
 
 class GyroCodes(CodesModel):
-    """What a gyro sends in place of pulses: S times as many codes as it would give pulses a second."""
+    """Codes of a gyro instead of pulses: S times its pulse rate."""
 
     S: Annotated[Draw, DrawIn("code/(pulse/s)")]
 

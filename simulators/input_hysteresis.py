@@ -1,4 +1,4 @@
-"""Hysteresis of an accelerometer in its input: a bias that depends on how it came to the specific force it senses.
+"""Hysteresis of an accelerometer in its input: a bias that depends on the history of the sensed specific force.
 
 h = amplitude · Σ(A - y) / Σ r over the thresholds r, with the play operator y ← max(A - r, min(A + r, y)), y = A at the
 start (Prandtl-Ishlinskii). It depends on the turning points of A and not on the rate: after excursions of many
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class Play:
-    """Play operators on one quantity, and what their sum gives."""
+    """Play operators on one quantity, and their sum."""
 
     def __init__(self, amplitude: float, thresholds: Sequence[float]) -> None:
         self._thresholds = np.array(thresholds, np.float64)
@@ -24,7 +24,7 @@ class Play:
         self._play: Array | None = None
 
     def follow(self, values: Array) -> Array:
-        """What it gives after each of the values (n,), which come one after the other."""
+        """Output after each of the consecutive values (n,)."""
         lags = np.empty(len(values))
         play = np.full(len(self._thresholds), values[0]) if self._play is None else self._play
         for number, value in enumerate(values.tolist()):
@@ -66,7 +66,7 @@ class InputHysteresis:
         self._bias_g.append(self._play.follow(np.concatenate([moving, still])))
 
     def before_change(self, now_s: float) -> None:
-        """Follows the input up to now, after which it goes on otherwise; nobody asks for what was before the last."""
+        """Follow the input up to now, before it changes; earlier history is no longer needed."""
         self.follow(now_s)
         self._times_s, self._bias_g = self._times_s[self._last_change :], self._bias_g[self._last_change :]
         self._last_change, self._still = len(self._times_s), False

@@ -38,7 +38,7 @@ def _spelled(value: float) -> str:
 
 
 def _endless(most: float) -> Kept:
-    """A duration: a number or INF, which is told as SCPI tells infinity."""
+    """A duration: a number, or INF, reported as SCPI infinity."""
     number = kept_number(most, 1e-7, most, _spelled)
     infinity = _spelled(scpi.NOT_A_NUMBER)
     return Kept(infinity, lambda argument: infinity if argument.upper().startswith("INF") else number.told(argument))
@@ -86,7 +86,7 @@ class Waves:
 
     @property
     def events(self) -> Operation:
-        """What has happened since somebody last asked."""
+        """Events since the last query."""
         self._end_when_over()
         return self._events
 

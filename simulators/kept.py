@@ -1,4 +1,4 @@
-"""Settings of simulated SCPI instruments that change nothing of what is simulated: they are kept, and told again."""
+"""Settings of simulated SCPI instruments without effect on the simulation: they are stored and reported."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from simulators.scpi import ILLEGAL_VALUE, Handler, Refusal, setting, switch
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """A setting: what it is out of the box, and how an argument is told again; that raises Refusal."""
+    """A setting: its default, and the format of its value, which raises Refusal."""
 
     first: str
     told: Callable[[str], str]
@@ -22,12 +22,12 @@ def kept_number(first: float, low: float, high: float, spell: Callable[[float], 
 
 
 def kept_switch(first: str) -> Kept:
-    """On or off, which is told as 1 or 0."""
+    """On or off, reported as 1 or 0."""
     return Kept(first, lambda argument: str(int(switch(argument))))
 
 
 def kept_word(first: str, *words: str) -> Kept:
-    """One of some words as manuals spell them, `GUARd`; the short form is told."""
+    """One of some words as manuals spell them, `GUARd`; reported in short form."""
     short = {word.upper(): "".join(letter for letter in word if not letter.islower()) for word in words}
     found = short | {word: word for word in short.values()}
 
@@ -40,7 +40,7 @@ def kept_word(first: str, *words: str) -> Kept:
 
 
 class KeptSettings:
-    """Settings by their headers, as they were told last."""
+    """Settings by their headers, as last set."""
 
     def __init__(self, settings: Mapping[str, Kept]) -> None:
         self._settings = settings

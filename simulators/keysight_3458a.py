@@ -281,7 +281,7 @@ class VoltmeterSession:
         self._unread: deque[bytes] = deque()
 
     def answer_by(self, later: Later) -> None:
-        """How a reading is said when it is there; without it, it never is."""
+        """Set the callback that sends a reading when it is ready; without it, none is sent."""
         self._later = later
 
     def feed(self, data: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""A bad line between an instrument and whoever asks it: answers that do not come, come late, twice, cut or altered.
+"""A bad line between an instrument and its client: answers that are lost, late, doubled, truncated or altered.
 
 It stands where a server has its instrument, in the same process or in front of a real address (`simulators.proxy`).
 Which answer suffers what follows from a seed, so that every failure can be played again.
@@ -20,17 +20,17 @@ from drivers.transport.tap import Tap
 class LineFault(StrEnum):
     """What happens to one answer."""
 
-    SILENCE = "silence"  # it never comes
-    DELAY = "delay"  # it takes its time, but comes while it is waited for
-    LATE = "late"  # it comes when nobody waits for it any more
-    DUPLICATE = "duplicate"  # it comes twice
+    SILENCE = "silence"  # it is lost
+    DELAY = "delay"  # it is delayed, within the timeout
+    LATE = "late"  # it arrives after the timeout
+    DUPLICATE = "duplicate"  # it arrives twice
     GARBAGE = "garbage"  # other bytes come before it
-    CUT = "cut"  # only its beginning comes
-    SPLIT = "split"  # it comes byte by byte
+    CUT = "cut"  # it is truncated
+    SPLIT = "split"  # it arrives byte by byte
     FLIP = "flip"  # one bit is turned
-    ECHO = "echo"  # the question comes back before it
+    ECHO = "echo"  # the query is echoed before it
     RESET = "reset"  # the connection is cut in its place
-    HALF_OPEN = "half_open"  # from here on nothing comes on this connection, and nobody closes it
+    HALF_OPEN = "half_open"  # no more data on this connection, which stays open
     SLOW_CLOSE = "slow_close"  # it does not come, and the connection is closed a while later
 
 
@@ -43,7 +43,7 @@ HARMLESS = frozenset({LineFault.DELAY, LineFault.SPLIT})
 
 @dataclass(frozen=True, slots=True)
 class Injected:
-    """A fault as it was played: the how-manieth answer, what was said and what was made of it."""
+    """An injected fault: the number of the answer, the original answer and the altered one."""
 
     number: int
     fault: LineFault
@@ -53,9 +53,9 @@ class Injected:
 
 @dataclass
 class BadLine:
-    """Decides about every answer on a line, and remembers what it did.
+    """Applies faults to the answers on a line, and records them.
 
-    `patience_s` is how long the client waits for an answer. `heard` is what it said, as it arrived. One object may
+    `patience_s` is how long the client waits for an answer. `heard` holds its data as received. One object may
     stand in front of several connections, one after the other: numbers go on.
     """
 

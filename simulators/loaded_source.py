@@ -35,7 +35,7 @@ class LoadedSource:
         return self.current_a if self.output else None
 
     def take_load_off(self) -> None:
-        """A wire comes off: next to nothing flows."""
+        """Disconnect the load: almost no current flows."""
         self._world.before_change()
         self.load_ohm *= WITHOUT_WIRE
 

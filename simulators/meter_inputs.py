@@ -32,7 +32,7 @@ class MeterInput(Protocol):
         """What is there in the mean, between true times."""
 
     def read(self, mean: float, at_s: float) -> float:
-        """What a reading says of that, but for its noise."""
+        """The reading of that, without noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +51,10 @@ class VoltmeterSettings:
 
 
 class PassingNoise(Protocol):
-    """The noise of a unit as one who looks at it now and then sees it."""
+    """The noise of a unit for an observer that reads it occasionally."""
 
     def pass_over(self, passed_s: float) -> None:
-        """Lets time pass in which nobody looks."""
+        """Advance the time without a reading."""
 
 
 N = TypeVar("N", bound=PassingNoise)
@@ -64,7 +64,7 @@ class AnalogueUnit(Protocol[N]):
     """A unit whose output is a current."""
 
     def own_noise(self, name: str) -> N:
-        """Its noise as somebody sees it."""
+        """Its noise for one observer."""
 
     def mean_volts(self, begin_s: float, end_s: float, noise: N, load_ohm: float) -> float:
         """What its current makes of a load, as a mean."""
@@ -97,7 +97,7 @@ class VoltsOnLoad:
         self._unit_noise, self._looked_s = self._unit.own_noise(name), 0.0
 
     def mean(self, begin_s: float, end_s: float) -> float:
-        """The mean voltage; between two looks the bias of the unit wanders on."""
+        """The mean voltage; the bias of the unit drifts between readings."""
         if begin_s > self._looked_s:
             self._unit_noise.pass_over(begin_s - self._looked_s)
         self._looked_s = end_s

@@ -99,7 +99,7 @@ class ModbusServer:
 
 
 class ModbusTcpSession:
-    """One connection to a server; it says nothing to requests for another unit, or to bytes that are no request."""
+    """One connection to a server; it does not answer requests for another unit, or invalid bytes."""
 
     def __init__(self, server: ModbusServer) -> None:
         self._server = server
@@ -128,7 +128,7 @@ class ModbusTcpSession:
 class ModbusRtuSession:
     """A serial line to a server, or one behind a TCP serial server.
 
-    It says nothing to a frame with a wrong checksum or for another unit; what stands still for a twentieth of a second
+    It does not answer a frame with a wrong checksum or for another unit; what stands still for a twentieth of a second
     is no longer part of a frame.
     """
 
@@ -139,7 +139,7 @@ class ModbusRtuSession:
         self._later: Later | None = None
 
     def answer_by(self, later: Later) -> None:
-        """Tells how to answer later."""
+        """Set the callback for later answers."""
         self._later = later
 
     def feed(self, data: bytes) -> bytes:

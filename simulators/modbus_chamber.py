@@ -1,6 +1,6 @@
 """Any chamber whose controller a profile describes: the registers of the profile in front of the world's chamber.
 
-It does what the profile says, so a profile can be rehearsed; whether the controller does the same is another question.
+It follows the profile, so that a profile can be rehearsed; this does not show that the real controller does the same.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class SimulatedProfile(SimulatedChamber):
             raise RegisterError(ExceptionCode.ILLEGAL_ADDRESS)
 
     def take_over(self, mode: int) -> None:
-        """What somebody does at the front panel: another mode, in which the air goes elsewhere."""
+        """Take control at the front panel: another mode, with another target of the air."""
         self.mode = mode
         self._world.ramp(ELSEWHERE_C, 1 / 60)
 
@@ -170,7 +170,7 @@ class SimulatedProfile(SimulatedChamber):
         return [] if mode is None else [*mode.follows, *mode.off, *mode.other.values()]
 
     def _restart_once(self) -> None:
-        """A controller that lost its power for a moment begins anew."""
+        """Restart after a short power failure."""
         if self.faults.times("restart") > self._restarts:
             self._restarts, self._ramp_on = self._restarts + 1, 0
             self._set_point = self._words(self.profile.set_point, AFTER_RESTART_C)
@@ -198,7 +198,7 @@ class SimulatedProfile(SimulatedChamber):
 
 @dataclass(frozen=True, slots=True)
 class _Inputs:
-    """The input registers of a controller, which nobody writes."""
+    """The read-only input registers of a controller."""
 
     of: SimulatedProfile
 

@@ -1,4 +1,4 @@
-"""One axis of a head or a table: what it is told to do, where its encoder says it is, and where it really is."""
+"""One axis of a head or a table: its command, its encoder reading, and its true angle."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class AxisErrors:
 class Axis:
     """An axis that moves, turns and swings; times are true seconds of the world.
 
-    Moves and swings begin from rest: one commanded while the axis is under way starts from where it then is.
+    Moves and swings begin from rest: one commanded during a motion starts from the present angle.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Axis:
         self._profile: Profile = Move(0.0, 0.0, 0.0, 1.0, acceleration_dps2)
         self._from_above = False
         self._scatter_deg = 0.0
-        self._rest_deg: float | None = None  # where it truly stands at rest, once somebody asked
+        self._rest_deg: float | None = None  # its true angle at rest, cached after the first query
 
     def start(self, at_s: float, target_deg: float, rate_dps: float, acceleration_dps2: float | None = None) -> None:
         """Begins a move to `target_deg`; the world has caught up to `at_s` before."""
@@ -72,7 +72,7 @@ class Axis:
             self._come_to_rest_anew(from_above=target_deg < origin)
 
     def place(self, at_s: float, angle_deg: float, *, from_above: bool) -> None:
-        """Stands at an angle from now on; how it came there is nobody's business."""
+        """Place it at an angle, without a motion."""
         self._begin(Move(at_s, angle_deg, 0.0, 1.0, self._acceleration))
         self._come_to_rest_anew(from_above=from_above)
 
@@ -93,15 +93,15 @@ class Axis:
         self._begin(Swing(at_s, centre_deg, amplitude_deg, frequency_hz, phase_deg, self._loop))
 
     def stop(self, at_s: float) -> None:
-        """Stands still where it is now."""
+        """Stop at the present angle."""
         self._begin(Move(at_s, self._profile.angle_at(at_s), 0.0, 1.0, self._acceleration))
 
     def done(self, at_s: float) -> bool:
-        """Whether the axis has come to what it was told to do."""
+        """Whether the axis has completed its command."""
         return at_s >= self._profile.start_s + self._profile.duration_s
 
     def left_s(self, at_s: float) -> float:
-        """How long it takes yet to come to that."""
+        """Remaining time of its command."""
         return max(0.0, self._profile.start_s + self._profile.duration_s - at_s)
 
     def rests_in_s(self, at_s: float) -> float:
@@ -133,7 +133,7 @@ class Axis:
         return self._profile.angle_at(self._profile.start_s + self._profile.duration_s)
 
     def still_deg(self, at_s: float) -> float | None:
-        """Where the axis really stands; None while it moves."""
+        """The true angle of the axis; None while it moves."""
         if self.moving(at_s):
             return None
         if self._rest_deg is None:
@@ -150,7 +150,7 @@ class Axis:
         return angle + self._error_deg(angle)
 
     def lasting_deg(self, angle_deg: Angles) -> Angles:
-        """Where it stands, as often as it comes from below to where it reports these angles, but for scatter."""
+        """The true angle for these reported angles when approached from below, without scatter."""
         return angle_deg + self._errors.with_map(np.full_like(angle_deg, self._errors.zero_deg), angle_deg)
 
     def true_rates(self, at_s: Angles) -> tuple[Angles, Angles]:

@@ -77,7 +77,7 @@ class SimulatedXps:
         self._status = _HOMED if homed else _NOT_INITIALISED
         self._error = 0
         self._angle_deg = self._driven.encoder_deg(world.now())
-        self._waiting: XpsSession | None = None  # for the end of the motion under way
+        self._waiting: XpsSession | None = None  # for the end of the current motion
         self._functions: dict[str, Callable[[Sequence[str]], str]] = {
             "FirmwareVersionGet": lambda _: self.firmware,
             "Login": self._login,
@@ -263,7 +263,7 @@ class SimulatedXps:
 
 
 class XpsSession:
-    """One connection: a call ends with its parenthesis; while one is under way, the next is refused."""
+    """One connection: a call ends with its parenthesis; during one call, the next is refused."""
 
     def __init__(self, controller: SimulatedXps) -> None:
         self._controller = controller
@@ -273,7 +273,7 @@ class XpsSession:
         self._motions = 0
 
     def answer_by(self, later: Later) -> None:
-        """How the answer to a move is said when it ends; without it, it never is."""
+        """Set the callback that answers a move when it ends; without it, there is no answer."""
         self._later = later
 
     def feed(self, data: bytes) -> bytes:

@@ -23,7 +23,7 @@ class Wander:
         self._value = sd * float(draws.standard_normal())
 
     def passed(self, step_s: float, steps: int) -> list[float]:
-        """What it is now, and what it comes to after each of so many steps."""
+        """Its present value, and its values after each of a number of steps."""
         keep = math.exp(-step_s / INSTABILITY_S)
         spread, value = math.sqrt(1 - keep * keep) * self._sd, self._value
         found = [value]
@@ -66,7 +66,7 @@ class Noise:
         return np.asarray(mean_noise([self], interval_s)[0])
 
     def pass_over(self, passed_s: float) -> None:
-        """Lets time pass in which nobody looks; the zero wanders on meanwhile."""
+        """Advance the time without a reading; the zero drifts meanwhile."""
         self.wander.passed(passed_s, 1)
 
 

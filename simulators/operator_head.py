@@ -13,9 +13,9 @@ from simulators.world import World
 
 
 class HandTurnedHead:
-    """A head of the world, that of a `role` where there are several; it stands where somebody has put it.
+    """A head of the world, that of a `role` where there are several; it stays at the angle set by hand.
 
-    `silent`: there is nobody. `stuck`: it does not turn, and whoever turned it does not notice.
+    `silent`: no operator. `stuck`: it does not turn, and the operator does not notice.
     """
 
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {"stuck": LOOKED_FOR}
@@ -26,7 +26,7 @@ class HandTurnedHead:
 
     @property
     def attended(self) -> bool:
-        """Whether somebody is there."""
+        """Whether an operator is present."""
         return not self.faults.active("silent")
 
     @property
@@ -35,7 +35,7 @@ class HandTurnedHead:
         return self._world.axis_of(self._role).encoder_deg(self._world.now())
 
     def turn(self, turn: Turn) -> None:
-        """Somebody has turned it, and it stands there now."""
+        """Turn it by hand to an angle."""
         if self.faults.active("stuck"):
             return
         from_above = turn.approach == "from_above"
@@ -44,6 +44,6 @@ class HandTurnedHead:
         self._world.place(turn.angle_deg, from_above=from_above, role=self._role)
 
     def turn_to_dial(self, typed_deg: float, asked: Turn) -> None:
-        """Somebody has turned it to an angle on its dial, which counts one turn, when he was asked for another."""
+        """Turn it by hand to an angle on its dial, which covers one turn, instead of the requested one."""
         angle_deg = asked.angle_deg + math.remainder(typed_deg - asked.angle_deg, TURN_DEG)
         self.turn(Turn(angle_deg, asked.approach))

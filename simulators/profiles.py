@@ -1,6 +1,6 @@
-"""What an axis can be told to do: to go somewhere, to turn, to swing, each an exact function of time.
+"""Commands of an axis: move, turn, swing, each an exact function of time.
 
-A table makes of it what it can (`simulators/table.py`): it turns a little unevenly, and lags behind a sine.
+A table follows imperfectly (`simulators/table.py`): it turns a little unevenly, and lags behind a sine.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ Angles = NDArray[np.float64]
 
 
 class Profile(Protocol):
-    """What an axis was told to do: its angle and rate as exact functions of time."""
+    """The command of an axis: its angle and rate as exact functions of time."""
 
     @property
     def start_s(self) -> float:
-        """When it was told."""
+        """Time of the command."""
 
     @property
     def duration_s(self) -> float:

@@ -1,4 +1,4 @@
-"""A Prologix GPIB-ETHERNET gateway in front of one instrument: what it does itself, on lines that begin with `++`.
+"""A Prologix GPIB-ETHERNET gateway in front of one instrument: its own commands, on lines that begin with `++`.
 
 After its user manual (version 1.6.6): settings are told when they are asked without a value, commands are answered by
 nothing, and what it does not know by `Unrecognized command`.
@@ -32,7 +32,7 @@ class Gateway:
 
     @property
     def reaches_the_instrument(self) -> bool:
-        """Whether what is said goes to the instrument, and not to another address or nowhere."""
+        """Whether data go to the instrument, and not to another address or nowhere."""
         return self._settings["mode"] == 1 and self._settings["addr"] == ADDRESS
 
     def execute(self, line: str, status: str) -> str:

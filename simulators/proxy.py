@@ -1,4 +1,4 @@
-"""A bad line in front of a TCP address, as a process of its own.
+"""A bad line in front of a TCP address, as a separate process.
 
     python -m simulators.proxy --listen 127.0.0.1:1602 --to 127.0.0.1:1502 --seed 7 --share 0.05 --faults flip,late
 

@@ -43,6 +43,6 @@ def _link(path: Path, terminal: str) -> None:
 
 
 def _unlink(path: Path, terminal: str) -> None:
-    """Removes our link, not one that somebody else has put in its place."""
+    """Remove our link, but not another one in its place."""
     if path.is_symlink() and os.readlink(path) == terminal:
         path.unlink()

@@ -1,4 +1,4 @@
-"""An instrument that says again what a trace has recorded of it."""
+"""An instrument that replays its part of a trace."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class ReplayedSession:
         self._later: Later | None = None
 
     def answer_by(self, later: Later) -> None:
-        """Tells how to answer later."""
+        """Set the callback for later answers."""
         self._later = later
 
     def feed(self, data: bytes) -> bytes:
@@ -67,7 +67,7 @@ class ReplayedSession:
         return at_once
 
     def _answers(self, asked_s: float) -> bytes:
-        """What came at once after a request; what came later is sent later."""
+        """The immediate answers to a request; later ones are sent later."""
         at_once = b""
         while self._lines and self._lines[0].sign == RECEIVED:
             answer = self._lines.pop(0)

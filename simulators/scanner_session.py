@@ -55,7 +55,7 @@ class ScannerSession:
         self._waits = False
 
     def answer_by(self, later: Later) -> None:
-        """How is said what is waited for; without it, it never is."""
+        """Set the callback for delayed answers; without it, they are never sent."""
         self._later = later
 
     def feed(self, data: bytes) -> bytes:
@@ -123,4 +123,4 @@ class _Line:
     def __init__(self, text: str) -> None:
         self.commands = deque(scpi.commands(text))
         self.answers: list[str] = []
-        self.reads = False  # the scan of the READ? or MEAS? at its front is under way
+        self.reads = False  # the scan of the READ? or MEAS? at its front is running

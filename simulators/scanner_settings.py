@@ -26,7 +26,7 @@ KEPT: Mapping[str, Kept] = {
 
 
 class ChannelSettings:
-    """The settings of every channel, as they were told last."""
+    """The settings of every channel, as last set."""
 
     def __init__(self, channels: Channels) -> None:
         self._channels = channels

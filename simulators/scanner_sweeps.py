@@ -102,7 +102,7 @@ class Scans:
         }
 
     def begin(self, channels: tuple[int, ...], *, kept: bool) -> float:
-        """Begins a scan; how long it takes (s). Raises Refusal when nothing is to be scanned or a scan is under way."""
+        """Begin a scan; return its duration (s). Raises Refusal if there is nothing to scan or a scan is running."""
         if not channels or self.left_s():
             raise Refusal(SETTINGS_CONFLICT)
         every_s = self._timer_s if self._source == "TIM" else 0.0
@@ -112,7 +112,7 @@ class Scans:
         return self.left_s()
 
     def left_s(self) -> float:
-        """How long the scan under way still takes (s), 0 without one."""
+        """Remaining time of the running scan (s), 0 without one."""
         return 0.0 if self._sweeps is None else self._sweeps.left_s(self._world.now())
 
     def end(self) -> list[Taken]:
@@ -128,7 +128,7 @@ class Scans:
         return readings
 
     def abort(self) -> None:
-        """Ends the scan under way; what was read stays."""
+        """End the running scan; its readings are kept."""
         self.taken()
         self._sweeps = None
 
@@ -160,5 +160,5 @@ class Scans:
 
 
 def exponential(value: float) -> str:
-    """A number as these instruments tell it."""
+    """A number in the format of these instruments."""
     return f"{value:+.8E}"

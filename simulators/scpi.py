@@ -109,7 +109,7 @@ class Interpreter:
         self._errors.clear()
 
     def power_on(self) -> None:
-        """The instrument has just been switched on: no errors, and the event that says so."""
+        """Power-on: no errors, and the power-on event."""
         self._errors.clear()
         self._events = POWER_ON
         self._enabled = dict.fromkeys(self._enabled, 0)
@@ -151,7 +151,7 @@ class Interpreter:
 
 
 class LineSession:
-    """One connection to an instrument that is spoken to in lines.
+    """One connection to an instrument with a line protocol.
 
     A line ends at `end`; spaces and other line ends around it are dropped. Answers end with `answer_end`.
     """

@@ -30,7 +30,7 @@ _NOTHING_HAPPENS = (
     "SYSTem:REMote", "SYSTem:LOCal", "SYSTem:RWLock", "SYSTem:BEEPer[:IMMediate]", "DISPlay[:STATe]",
     "DISPlay:TEXT[:DATA]", "DISPlay:TEXT:CLEar",
 )  # fmt: skip
-_KEPT = {  # levels at which others have it trip; here it does when somebody says so
+_KEPT = {  # levels at which others trip; here it trips on request
     "[SOURce:]VOLTage:PROTection[:LEVel]": kept_number(35.2, 0.0, 35.2, lambda value: f"{value:.3f}"),
     "[SOURce:]VOLTage:PROTection:STATe": kept_switch("1"),
     "[SOURce:]CURRent:PROTection[:LEVel]": kept_number(3.3, 0.0, 3.3, lambda value: f"{value:.4f}"),
@@ -95,7 +95,7 @@ class SimulatedSupply:
         return LineSession(self._interpreter.execute)
 
     def trip(self, protection: str = "") -> None:
-        """The output goes off by itself; where a `protection` did it, it stays off until somebody clears that."""
+        """The output switches off by itself; after a `protection` it stays off until that is cleared."""
         self.output = False
         if protection:
             self._tripped.add(protection)

@@ -13,7 +13,7 @@ class Session(Protocol):
     """One connection to an instrument: it keeps what has not made a whole request yet."""
 
     def feed(self, data: bytes) -> bytes:
-        """Takes bytes as they arrive, in any portions; what the instrument says to them at once, or b""."""
+        """Take bytes as they arrive, in any portions; return the immediate answer, or b""."""
 
 
 Later = Callable[[float, Callable[[], bytes]], None]
@@ -25,11 +25,11 @@ class PatientSession(Session, Protocol):
     """A connection to an instrument that takes its time for some answers."""
 
     def answer_by(self, later: Later) -> None:
-        """Tells, before anything else, how to answer later."""
+        """Set, before anything else, the callback for later answers."""
 
 
 class Instrument(Protocol):
-    """A simulated instrument: model and responder. Nothing in it waits; it looks at the world when it is asked."""
+    """A simulated instrument: model and responder. Nothing in it waits; it reads the world on request."""
 
     faults: FaultPlan
 
@@ -61,7 +61,7 @@ class InstrumentProtocol(asyncio.Protocol):
         self._say(self._session.feed(data))
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The client is gone: what was to be said later is not said."""
+        """The client has left: later answers are dropped."""
         self._transport = None
 
     def _say(self, answer: bytes) -> None:
@@ -75,7 +75,7 @@ class InstrumentProtocol(asyncio.Protocol):
         if self._transport is not None:
             self._instrument.faults.catch_up()
             said = answer()
-            if not self._transport.get_write_buffer_size():  # what nobody reads is not kept for whoever comes
+            if not self._transport.get_write_buffer_size():  # unread data are not kept for the next client
                 self._say(said)
 
 

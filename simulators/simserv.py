@@ -40,7 +40,7 @@ class Refusal(Exception):
 class SimulatedSimserv(SimulatedChamber):
     """A chamber with one control variable, its temperature.
 
-    `set_point_reads` is what it tells as its set point during a ramp. `error` stops it with a message that is active
+    `set_point_reads` is what it reports as its set point during a ramp. `error` stops it with a message that is active
     until errors are cleared and its cause is gone. `stuck`: settings are accepted and not carried out. `frozen`: the
     air reads as it was.
     """
@@ -127,12 +127,12 @@ class SimulatedSimserv(SimulatedChamber):
         self.active.discard(1)
 
     def start_program(self) -> None:
-        """Somebody starts a program at the front panel, where the chamber lets him."""
+        """Start a program at the front panel, if the chamber allows it."""
         if not self.active:
             self._run("1", "1")
 
     def restart(self) -> None:
-        """The mains fail for a moment: it comes back switched off."""
+        """Short power failure: it restarts switched off."""
         self.outputs.clear()
         self.program = 0
 
@@ -233,7 +233,7 @@ class SimulatedSimserv(SimulatedChamber):
 
 
 def _called(function: Callable[..., object], count: int, arguments: list[str]) -> object:
-    """Calls with as many arguments as are needed; further ones, as the name of a user, say nothing."""
+    """Calls with as many arguments as are needed; further ones, such as a user name, are ignored."""
     if len(arguments) < count:
         raise Refusal(WRONG_ARGUMENTS)
     try:

@@ -11,7 +11,7 @@ from drivers.transport import slcan
 from simulators.can_node import CanNode
 
 SEND_EVERY_S = 0.02
-UNREAD_LIMIT_BYTES = 65_536  # of frames that the other end does not take; what comes then is lost, as on an adapter
+UNREAD_LIMIT_BYTES = 65_536  # of frames that the other end does not take; later ones are lost, as on an adapter
 
 
 class SimulatedAdapter(asyncio.Protocol):
@@ -71,6 +71,6 @@ class SimulatedAdapter(asyncio.Protocol):
 
 
 def _without_errors(block: FrameBlock) -> FrameBlock:
-    """What an adapter tells: its language has no error frames."""
+    """Frames that an adapter sends: its protocol has no error frames."""
     rows = np.flatnonzero((block.ids & np.uint32(ERROR)) == 0)
     return FrameBlock(block.ids[rows], block.at_s[rows], block.dlc[rows], block.payloads(rows))

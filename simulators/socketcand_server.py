@@ -10,7 +10,7 @@ from drivers.transport.socketcand import HI, OK, RAW_MODE, open_text, render
 from simulators.can_node import CanNode
 
 SEND_EVERY_S = 0.02
-UNREAD_LIMIT_BYTES = 65_536  # of frames that the other end does not take; what comes then is lost
+UNREAD_LIMIT_BYTES = 65_536  # of frames that the other end does not take; later ones are lost
 _TEXT = re.compile(rb"<[^<>]*>")
 
 
@@ -57,7 +57,7 @@ class SimulatedServer(asyncio.Protocol):
             self._sending = asyncio.get_running_loop().create_task(self._send(transport))
         elif text == b"< echo >":
             transport.write(text)
-        elif not text.startswith(b"< send "):  # nobody on a simulated bus listens
+        elif not text.startswith(b"< send "):  # no other node on a simulated bus
             transport.write(b"< error unknown command >")
 
     async def _send(self, transport: asyncio.Transport) -> None:

@@ -1,4 +1,4 @@
-"""What a rate table makes of what it is told: a control loop that lags behind a sine, a motor that turns unevenly."""
+"""Response of a rate table to commands: a control loop that lags behind a sine, a motor that turns unevenly."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 class Loop:
     """A control loop of second order, and the most that the motor can accelerate the table and its load.
 
-    It matters for sines. At a constant rate a loop lags by a constant angle, which nobody sees: the encoder tells where
-    the table is, not where it should be.
+    It matters for sines. At a constant rate a loop lags by a constant angle, which has no effect: the encoder reports
+    the true angle, not where it should be.
     """
 
     natural_hz: float
@@ -24,7 +24,7 @@ class Loop:
     most_dps2: float = math.inf
 
     def follows(self, amplitude_deg: Array, frequency_hz: Array) -> tuple[Array, Array]:
-        """Gain and phase in rad of the table against the sine it was told, of these amplitudes and frequencies."""
+        """Gain and phase in rad of the table relative to the commanded sine, at these amplitudes and frequencies."""
         x = frequency_hz / self.natural_hz
         response = 1 / (1 - x**2 + 2j * self.damping * x)
         asked_dps2 = amplitude_deg * np.abs(response) * (2 * np.pi * frequency_hz) ** 2

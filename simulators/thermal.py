@@ -220,7 +220,7 @@ def _power(doublings: list[Matrix], ticks: int) -> Matrix:
 
 @lru_cache(maxsize=32)
 def _one_step(chamber: ChamberPhysics, units: tuple[UnitPhysics, ...]) -> Matrix:
-    """What takes a state over one step; nobody writes into it."""
+    """Transition matrix of one step; read-only."""
     step = np.asarray(expm(_system(chamber, units) / _STEPS_PER_S), np.float64)
     step.setflags(write=False)
     return step
@@ -228,7 +228,7 @@ def _one_step(chamber: ChamberPhysics, units: tuple[UnitPhysics, ...]) -> Matrix
 
 @lru_cache(maxsize=32)
 def _bending(chamber: ChamberPhysics, units: tuple[UnitPhysics, ...]) -> Matrix:
-    """What gives the second derivatives of all sensors and boards from a state."""
+    """Matrix that gives the second derivatives of all sensors and boards from a state."""
     system = _system(chamber, units)
     rows = [*range(_FIRST_UNIT + 1, _FIRST_UNIT + _PER_UNIT * len(units), _PER_UNIT), *_boards(units).values()]
     return np.asarray((system @ system)[rows])

@@ -1,4 +1,4 @@
-"""What a perfect bench would have found: the channel's true constants, for the file that no reduction reads.
+"""Truth of a channel: the constants that a perfect bench would find, for the file that no reduction reads.
 
 They are defined as the results are: the model equation of the tumble put through the noiseless channel at the positions
 that the sequence visits. So K1 contains K3, K2 the converter's asymmetry, and K0 the converter's zero
@@ -40,7 +40,7 @@ class Lies:
 
 @dataclass(frozen=True, slots=True)
 class DwellAsMeasured:
-    """What the results say of a dwell: host time of its middle, indicated temperature, how it lay at each reading.
+    """A dwell as in the results: host time of its middle, indicated temperature, attitude at each reading.
 
     `each_s` are the host times of the middles of the readings; without them the input has no history.
     """
@@ -122,7 +122,7 @@ def _seats(world: World) -> dict[str, Any]:
 
 
 def _table(world: World) -> dict[str, Any]:
-    """What a rate table does that it is not told, and the arms of the units on it; nothing without one.
+    """Errors of a rate table, and the arms of the units on it; nothing without one.
 
     `warm_c` is how warm a unit in the room is that has been on for long.
     """
@@ -202,13 +202,13 @@ def _axis_deg(world: World, place: str, lies: Lies) -> float:
 
 
 def _force_g(world: World, reading: LegAsMeasured) -> list[float]:
-    """Specific force along the input, output and pendulous axes, lying as the bench says."""
+    """Specific force along the input, output and pendulous axes, in the attitude stated by the bench."""
     forces: list[float] = gravity_in_unit(world, world.units[reading.place], reading.lies).tolist()
     return forces
 
 
 def _output(world: World, reading: LegAsMeasured) -> float:
-    """What the noiseless channel put out in the middle of a reading, lying as the bench says."""
+    """Output of the noiseless channel in the middle of a reading, in the attitude stated by the bench."""
     unit = world.units[reading.place]
     true_s = world.true_time((reading.begin_s + reading.end_s) / 2)
     history = np.array(unit.history)

@@ -78,7 +78,7 @@ def _level(world: World, level: LevelAsMeasured) -> dict[str, Any]:
 
 
 def _accelerometer_a(world: World, unit: SimulatedUnit, lies: Lies, sensor_c: Array, drifted_g: Array) -> float:
-    """What the accelerometer gave in the mean, its axes lying as the bench file says."""
+    """Mean current of the accelerometer, with the attitude stated in the bench file."""
     along, output, pendulous = gravity_in_unit(world, unit, lies)
     force = tuple(np.full_like(sensor_c, g) for g in (along, pendulous, output))
     return float(np.mean(unit.truth.current_a((force[0], force[1], force[2]), sensor_c, drifted_g)))

@@ -1,4 +1,4 @@
-"""What is true of ladders of small steps: where the reference positions stood, and how wide the dead band is.
+"""Truth of ladders of small steps: the reference positions, and the width of the dead band.
 
 In g of input: the noiseless rate without the dead band over the channel's own scale factor there. A step of the input
 is followed once it has left the dead band, so that these tell the true threshold.

@@ -180,7 +180,7 @@ class ResistorModel(StrictModel):
 
 
 class CodesModel(StrictModel):
-    """What is sent as codes of so many bits: a zero, and white noise on each sample."""
+    """Codes with a number of bits: a zero, and white noise on each sample."""
 
     zero: Annotated[Draw, DrawIn("code")] = Draw(0)
     noise: Annotated[Draw, DrawIn("code")] = Draw(0)

@@ -152,7 +152,7 @@ class UnitTruth:
 
 
 def coded(codes: Array, bits: int) -> Array:
-    """Codes within what so many bits hold."""
+    """Codes limited to the range of a number of bits."""
     largest = 2.0 ** (bits - 1)
     return np.clip(codes, -largest, largest - 1)
 

@@ -162,7 +162,7 @@ class SimulatedF4(SimulatedChamber):
                 self._follow_set_point()
 
     def raise_alarm(self) -> None:
-        """An alarm comes up."""
+        """Raise an alarm."""
         self.alarm = 1
 
     def open_sensor(self) -> None:
@@ -174,7 +174,7 @@ class SimulatedF4(SimulatedChamber):
         self.alarm = self.sensor_error = 0
 
     def start_profile(self) -> None:
-        """What somebody does at the front panel."""
+        """Start a program at the front panel."""
         self._status = Status.PROFILE_RUNS
         self._world.ramp(PROFILE_C, 1 / 60)
 
@@ -186,7 +186,7 @@ class SimulatedF4(SimulatedChamber):
             self._follow_set_point()
 
     def _restart_once(self) -> None:
-        """A controller that lost its power for a moment begins anew."""
+        """Restart after a short power failure."""
         if self.faults.times("restart") > self._restarts:
             self._restarts, self._status = self._restarts + 1, Status.STATIC
             self._settings[Register.SET_POINT] = self._form.word(AFTER_RESTART_C)

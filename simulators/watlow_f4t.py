@@ -110,7 +110,7 @@ class SimulatedF4T(SimulatedChamber):
         return ModbusTcpSession(self._server)
 
     def switch_off(self) -> None:
-        """What somebody does at the front panel."""
+        """Start a program at the front panel."""
         self._enter(ControlMode.OFF)
 
     def switch_on(self) -> None:
