@@ -78,12 +78,15 @@ def list_runs(
 
 
 @group.command()
-def digest(run: Run, runs: Runs = RUNS) -> None:
+def digest(run: Run, damaged: Damaged = False, runs: Runs = RUNS) -> None:
     """Print the digest of a run's data: equal for equal runs."""
-    from bench.store.reader import digest_of
+    from bench.report.stored import open_run
     from bench.store.runs import find_run
 
-    sys.stdout.write(digest_of(find_run(run, runs)) + "\n")
+    with open_run(find_run(run, runs), damaged=damaged) as stored:
+        if stored.damage:
+            sys.stderr.write("the run is damaged: this is the digest of what is left of it\n")
+        sys.stdout.write(stored.reader.digest() + "\n")
 
 
 @group.command()

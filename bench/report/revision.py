@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -23,6 +25,7 @@ from bench.store.kept_json import TEXT, WHOLE, an_object, every, named, one_of, 
 from bench.store.manifest_form import instant
 from bench.store.runs import json_text
 from bench.store.seal import file_hash
+from drivers.bounded import UnfitFileError, expect_bounded
 
 REVISIONS = "report_revisions.json"
 SCHEMA = "itb-reports/1"
@@ -75,9 +78,20 @@ def changed_reports(folder: Path) -> Iterator[str]:
         yield str(problem)
         return
     for name, expected in files.items():
-        report = folder / name
-        if not report.is_file() or file_hash(report) != expected:
-            yield f"{report}: has changed since it was written; 'bench report {folder.name}' writes it again"
+        if problem := _problem_of(folder / name, expected):
+            yield f"{folder / name}: {problem} 'bench report {folder.name}' writes it again"
+
+
+def _problem_of(report: Path, expected: str) -> str:
+    """Why a report is not as it was written; empty where it is."""
+    try:
+        expect_bounded(report, sys.maxsize)
+        return "" if file_hash(report) == expected else "has changed since it was written;"
+    except UnfitFileError as problem:
+        remove = "remove it, then" if os.path.lexists(report) else "but"
+        return f"{problem}; {remove}"
+    except OSError as problem:
+        return f"cannot be read ({problem}); with the right to write it,"
 
 
 @dataclass(frozen=True)

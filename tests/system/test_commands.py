@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bench.report.verify import verify
 from bench.store.reader import RunReader
 from tests.support.runs import ROOT, run_short
 
@@ -224,3 +228,33 @@ def test_what_cannot_be_done_is_told_with_exit_code_2(tmp_path, bench_command, a
     assert done.returncode == 2
     assert expected in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_the_digest_of_a_damaged_run_is_refused_or_marked(smoke_run, tmp_path, bench_command):
+    folder = shutil.copytree(smoke_run.path, tmp_path / smoke_run.path.name)
+    text = (folder / "results.json").read_text("utf-8")
+    (folder / "results.json").write_text(text.replace("PASS", "FAIL"), "utf-8")
+    refused = bench_command("runs", "digest", folder)
+    assert (refused.returncode, refused.stdout) == (3, "")
+    assert "--damaged" in refused.stderr
+    marked = bench_command("runs", "digest", folder, "--damaged")
+    assert (marked.returncode, len(marked.stdout.strip())) == (0, 64)
+    assert "damaged" in marked.stderr
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (os.mkfifo, "is not a regular file; remove it, then"),
+        (Path.mkdir, "is a folder; remove it, then"),
+        (lambda path: path.symlink_to("/dev/zero"), "is not a regular file; remove it, then"),
+        (lambda path: None, "there is no such file; but"),
+        (lambda path: path.write_text("PASS", "utf-8"), "has changed since it was written;"),
+    ],
+)
+def test_what_is_in_the_place_of_a_report_is_said(smoke_run, tmp_path, make, told):
+    folder = shutil.copytree(smoke_run.path, tmp_path / smoke_run.path.name)
+    (folder / "report.html").unlink()
+    make(folder / "report.html")
+    (problem,) = verify(folder)
+    assert problem == f"{folder / 'report.html'}: {told} 'bench report {folder.name}' writes it again"
