@@ -78,8 +78,8 @@ def changed_reports(folder: Path) -> Iterator[str]:
         yield str(problem)
         return
     for name, expected in files.items():
-        if problem := _problem_of(folder / name, expected):
-            yield f"{folder / name}: {problem} 'bench report {folder.name}' writes it again"
+        if told := _problem_of(folder / name, expected):
+            yield f"{folder / name}: {told} 'bench report {folder.name}' writes it again"
 
 
 def _problem_of(report: Path, expected: str) -> str:

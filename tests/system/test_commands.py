@@ -97,7 +97,7 @@ def test_a_file_that_is_no_case_is_no_run_either(tmp_path, bench_command):
         file.truncate(2**40)
     done = bench_command("reduce", tmp_path / "big.csv")
     assert done.returncode == 2
-    assert "big.csv: is a file, and no case" in done.stderr
+    assert "big.csv: is neither a case nor a run" in done.stderr
 
 
 def test_the_status_of_a_run_is_text_for_people_and_json_for_programs(smoke_run, bench_command):
