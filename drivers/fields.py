@@ -393,9 +393,7 @@ def _with_suggestions(error: ValidationError, model: type[BaseModel]) -> Validat
             continue
         if item["loc"] in unknown and unknown[item["loc"]] in parted:
             meant_number = f"{whole}.{unknown[item['loc']]}"
-            plain["type"] = telling(
-                f"a comma ends a value between braces; decimals stand behind a point: {meant_number}"
-            )
+            plain["type"] = telling(f"a comma ends a value between braces; use a decimal point: {meant_number}")
         elif item["loc"] in unknown:
             plain["type"] = telling(f"unknown key{did_you_mean(unknown[item['loc']], keys)}")
         details.append(plain)

@@ -60,7 +60,7 @@ class _Nobody:
 
     async def ask(self, errand: Errand) -> Typed:
         raise CannotConnect(
-            errand.device, f"there is nobody to be asked: {errand.text}", remedy="Only a run asks people for anything."
+            errand.device, f"no operator is available: {errand.text}", remedy="Only a run asks people for anything."
         )
 
 

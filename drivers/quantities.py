@@ -199,13 +199,13 @@ def _hint(text: str) -> str:
     """What was likely meant by a text that is no quantity, as the tail of a message."""
     if (letters := _LETTERS.match(text)) is not None:
         digits = letters[0].translate(_DIGITS_LIKE)
-        return f"; a letter stands for a digit: write {digits}{text[letters.end() :]}"
+        return f"; a letter is used for a digit: write {digits}{text[letters.end() :]}"
     if _DECIMAL_COMMA.match(text):
-        return f"; decimals stand behind a point: write {text.replace(',', '.', 1)}"
+        return f"; use a decimal point: write {text.replace(',', '.', 1)}"
     if _PARTED.match(text):
         return "; write 1500 or 1.5, nothing between the digits"
     if _DASH.match(text):
-        return f"; a dash stands for the minus sign: write {_DASH.sub('-', text, count=1)}"
+        return f"; a dash is used as minus sign: write {_DASH.sub('-', text, count=1)}"
     if (points := _TWO_POINTS.fullmatch(text)) is not None:
         number = points[1].rstrip(".")
         return f"; a number has one decimal point: write it like {f'{number} {points[2]}'.strip()}"

@@ -81,7 +81,7 @@ class AclAxis:
             return
         reasons = await self._ask(wire.ask_faults(self._number), wire.read_faults)
         raise InstrumentFault(
-            self._device, f"axis {self._number} has an interlock fault: {reasons or 'no reason told'}", sent=sent,
+            self._device, f"axis {self._number} has an interlock fault: {reasons or 'no reason reported'}", sent=sent,
             remedy="Remove the cause, reset the interlock at the controller (INTERLOCK:RESET), then run again.",
         )  # fmt: skip
 

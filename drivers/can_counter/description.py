@@ -107,7 +107,7 @@ class CounterOptions(StrictModel):
                 name = getattr(signals, key)
                 if name in bits_of and pulses >= 2 ** bits_of[name]:
                     problem = (
-                        f"'{name}' has {bits_of[name]} bits and comes round after {2 ** bits_of[name]} pulses; "
+                        f"'{name}' has {bits_of[name]} bits and wraps around after {2 ** bits_of[name]} pulses; "
                         f"max_rate gives up to {pulses:.6g} in a period: shorten the period, or use a longer signal"
                     )
                     yield problem_at(("channels", channel, key), problem)

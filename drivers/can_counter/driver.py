@@ -102,7 +102,7 @@ class CanCounter(FrameDriver[CounterOptions]):
             )  # fmt: skip
         if len(self._last_numbers) == STANDING_FRAMES and len(set(self._last_numbers)) == 1:
             raise InstrumentFault(
-                self.name, f"the counter stands still: its latches have the sequence number {self._last_numbers[0]}",
+                self.name, f"the counter is frozen: its latches have the sequence number {self._last_numbers[0]}",
                 remedy="Restart the converter; its frames repeat old counts.",
             )  # fmt: skip
 

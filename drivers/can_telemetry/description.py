@@ -125,7 +125,7 @@ class TelemetryOptions(StrictModel):
             round_s, told_s = 2 ** bits[sample.tick] * sample.tick_period, 2 ** bits[sample.sequence] * sample.period
             if round_s <= told_s / 2:
                 problem = (
-                    f"'{sample.tick}' comes round after {round_s:g} s; the numbers of the samples tell gaps of up to "
+                    f"'{sample.tick}' wraps around after {round_s:g} s; the sample numbers detect gaps of up to "
                     f"{told_s / 2:g} s: use a longer signal, or a shorter one for the numbers"
                 )
                 yield problem_at(("channels", channel, "tick"), problem)

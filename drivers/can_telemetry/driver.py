@@ -87,7 +87,7 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
         self._numbers[channel] = last
         if len(last) == STANDING_FRAMES and not np.diff(last).any():
             raise InstrumentFault(
-                self.name, f"channel '{channel}' stands still: its samples have the sequence number {last[0]}",
+                self.name, f"channel '{channel}' is frozen: its samples have the sequence number {last[0]}",
                 remedy="Switch the unit off and on; it repeats an old sample.",
             )  # fmt: skip
 

@@ -203,7 +203,7 @@ class Chamber:
         if look.control is Control.OTHER or (look.control is Control.NOBODY and not may_be_off):
             raise InstrumentFault(
                 self.name, "the chamber does not follow its set point", received=look.why,
-                remedy="Look at the controller what it does, and who told it to.",
+                remedy="Check at the controller what it is doing, and who commanded it.",
             )  # fmt: skip
 
     def _check_movement(self, look: Look) -> None:
@@ -235,5 +235,5 @@ class Chamber:
         return NotSettled(
             self.name, f"the ramp to {temperature_c:g} °C {why}",
             received=f"set point in force {look.set_point_c:g} °C, process value {look.process_value_c:g} °C",
-            remedy="Look at the controller whether a profile runs or the ramp is paused.",
+            remedy="Check at the controller whether a profile runs or the ramp is paused.",
         )  # fmt: skip

@@ -86,7 +86,8 @@ class ProvedLine:
         if isinstance(answer, Refusal):
             raise Refused(
                 self._device, "the controller refused a command", sent=sent, received=str(answer),
-                remedy="Look at the controller what it does, who else uses it, and whether its settings are protected.",
+                remedy="Check at the controller what it is doing, who else uses it, and whether its settings are "
+                "protected.",
             )  # fmt: skip
         return answer
 

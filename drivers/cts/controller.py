@@ -165,7 +165,7 @@ class CtsController:
             return await self._line.ask_once(wire.VERSIONS_QUERY, wire.of_address(self._address, wire.read_versions))
         except NoAnswer as silent:
             raise NoAnswer(
-                self._device, "the chamber does not tell its versions", sent=wire.VERSIONS_QUERY,
+                self._device, "the chamber does not report its versions", sent=wire.VERSIONS_QUERY,
                 remedy="If it never does, set options.versions to false in the bench file.",
             ) from silent  # fmt: skip
 

@@ -70,7 +70,7 @@ class P300:
         set_point_c = temperatures.set_point_c
         if abs(temperatures.process_value_c - monitor.process_value_c) > SAME_WITHIN_C:
             raise BadAnswer(
-                self._device, "the process value is told twice, and not the same",
+                self._device, "the process value was reported twice, with different values",
                 sent=f"{wire.TEMPERATURE_QUERY} and {wire.MONITOR_QUERY}",
                 received=f"{temperatures.process_value_c:g} and {monitor.process_value_c:g} °C",
                 remedy="Check the serial line: its cable, its shield, its baud rate.",

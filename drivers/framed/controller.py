@@ -57,7 +57,7 @@ class FramedController:
     def fault(self, names: str, sent: str, received: str) -> InstrumentFault:
         """The error of a fault that the controller reports."""
         return InstrumentFault(
-            self.device, f"the controller tells of a fault: {names}", sent=sent, received=received,
+            self.device, f"the controller reports a fault: {names}", sent=sent, received=received,
             remedy="Remove the cause, clear the fault at the controller, then run again.",
         )  # fmt: skip
 
@@ -132,7 +132,7 @@ class FramedController:
         wanted, kept = form.raw(sent_form.value(sent)), getattr(after, key)
         if kept not in (wanted, getattr(before, key)):
             raise Refused(
-                self.device, f"the controller took another {key.replace('_', ' ')} than it was told",
+                self.device, f"the controller took another {key.replace('_', ' ')} than commanded",
                 sent=f"{name} {sent_form.value(sent):g} ({wanted})", received=f"{form.value(kept):g} ({kept})",
                 remedy="Look for a limit of the controller, or for who else commands it.",
             )  # fmt: skip

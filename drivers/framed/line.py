@@ -170,7 +170,7 @@ class FramedLine:
         except TimeoutError:
             self._silences += 1
             if self._silences >= SILENCES and not self._at_a_port:
-                stream.close("nobody answered any more")
+                stream.close("no more answers")
             raise self._silence(stream, sent, dropped, repeated) from None
         except ConnectionError as problem:
             raise LinkLost(self._device, str(problem), sent=sent) from problem
@@ -258,7 +258,7 @@ class FramedLine:
         remedy = "Check that the controller is on, the cable, and the settings of the line."
         if stream.repeated > repeated:
             problem = f"only the same status again and again for {self._answer_s:g} s"
-            remedy = "Look at the controller: what sends its status stands still."
+            remedy = "Check the controller: its status is not updated."
         elif stream.dropped > dropped:
             received = f"{stream.dropped - dropped} bytes that belong to no frame, {printable_hex(stream.last_dropped)}"
             remedy = "Check the settings of the line, and header, length and checksum in the profile."

@@ -149,7 +149,7 @@ class Code(Count):
     def _numbers_mean_one_thing(self) -> Self:
         listed = [each for each in (self.off, self.position, self.rate, self.sine) if each is not None]
         if len(set(listed)) < len(listed):
-            raise telling("one number stands for two modes")
+            raise telling("one number is used for two modes")
         return self
 
 

@@ -238,7 +238,7 @@ class FrameProfile(StrictModel):
             bytes_at = frozenset((at + index, byte) for at, data in form.fixed for index, byte in enumerate(data))
             if before := told.get((form.length, bytes_at)):
                 at = ("request",) if name == "request" else ("commands", name)
-                yield problem_at(at, f"nothing tells it apart from {before}: give it constants")
+                yield problem_at(at, f"it cannot be distinguished from {before}: give it constants")
             told[form.length, bytes_at] = name
 
 

@@ -157,7 +157,7 @@ class ProfiledController:
                                   f"read 1 register at {each.address}")  # fmt: skip
         limits_c = await self._read_limits()
         if self.limits_c not in (None, limits_c):
-            raise self._other("not the controller that was there before, or somebody changed its set-point limits",
+            raise self._other("another controller than before, or its set-point limits were changed",
                               f"set points from {limits_c[0]:g} to {limits_c[1]:g} °C")  # fmt: skip
         at = self._profile.process_value
         process_value_c = self._number(at, await self._link.read(at.address, at.count, function=at.read))

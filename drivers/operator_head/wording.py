@@ -23,14 +23,14 @@ def to_turn(device: str, from_deg: float | None, to_deg: float, approach: Approa
     else:
         way = f", from {spelled(from_deg)} {'up' if to_deg > from_deg else 'down'} by {spelled(abs(to_deg - from_deg))}"
     return (
-        f"Turn {device} by hand to {spelled(to_deg)}{way}{_COMING[approach]}. When it stands there, locked, "
-        "type the angle that it shows, in ° or deg."
+        f"Turn {device} by hand to {spelled(to_deg)}{way}{_COMING[approach]}. When it is there and "
+        "locked, type the angle that it shows, in ° or deg."
     )
 
 
 def to_look(device: str) -> str:
     """What he is to do where nobody knows how the head stands."""
-    return f"Leave {device} as it stands, and type the angle that it shows, in ° or deg."
+    return f"Leave {device} as it is, and type the angle that it shows, in ° or deg."
 
 
 def not_taken(typed_deg: float, asked_deg: float | None, why: str, told: str) -> str:

@@ -60,7 +60,7 @@ class ScpiSupply:
         self._compare(state.setting)
         for take in before:
             if not wire.steady(take, state):
-                self._note(f"{_measured(take)} were told, then {_measured(state)}: no reading")
+                self._note(f"{_measured(take)} were reported, then {_measured(state)}: no reading")
                 return {"voltage": [], "current": []}
         now_s = asyncio.get_running_loop().time()
         return {"voltage": [Reading(now_s, state.voltage_v)], "current": [Reading(now_s, state.current_a)]}

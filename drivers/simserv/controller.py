@@ -138,7 +138,7 @@ class Simpac:
                 remedy="Look at the controller for a lock; options.set_point_reads in the bench file may be wrong.",
             )  # fmt: skip
         if not acknowledged:
-            raise NoAnswer(self._device, "nobody knows whether a new set point was taken", sent=command)
+            raise NoAnswer(self._device, "it is unknown whether a new set point was accepted", sent=command)
 
     def _may_be_on(self, ramp: OwnRamp, told_c: float) -> bool:
         """Whether a set point that is not the end of a ramp may be where the ramp is, as far as that is told."""

@@ -215,9 +215,7 @@ class Table:
         self._check_wanted(order)
         await self._axis.go(target_deg)
         travel_s = abs(way_deg) / self._options.rate + self._options.rate / self._options.acceleration
-        await self._until(
-            order, Mode.POSITION, stands, travel_s, f"the table does not stand at {target_deg:g}°", hold_s
-        )
+        await self._until(order, Mode.POSITION, stands, travel_s, f"the table is not at {target_deg:g}°", hold_s)
 
     async def _until(
         self, order: int, mode: Mode, arrived: Callable[[State], bool], expected_s: float, problem: str,
@@ -267,11 +265,11 @@ class Table:
             return problem
         match mode:
             case Mode.POSITION if abs(state.angle_deg - value) > ASTRAY_BANDS * self._band_deg:
-                return f"the table does not stand at {value:g}°, where it was sent"
+                return f"the table is not at {value:g}°, its target"
             case Mode.RATE if abs(state.rate_dps - value) > ASTRAY_BANDS * self._rate_band_dps(value):
-                return f"the table does not turn at {value:g} °/s, as it was told"
+                return f"the table does not turn at {value:g} °/s, as commanded"
             case Mode.SYNTHESIS if not state.swinging:
-                return f"the table does not swing by ±{value:g}°, as it was told"
+                return f"the table does not swing by ±{value:g}°, as commanded"
         return ""
 
     def _angle(self, state: State) -> Reading:
@@ -305,8 +303,8 @@ def _lost_control(state: State, mode: Mode) -> str:
     if state.drive is not Drive.ON:
         return "the drive of the table was switched off"
     if state.mode is not mode:
-        return f"the table is in mode {state.mode.value}, it was told {mode.value}"
-    return "" if state.ours else "somebody has taken control of the table"
+        return f"the table is in mode {state.mode.value}, commanded was {mode.value}"
+    return "" if state.ours else "another master has taken control of the table"
 
 
 def _now_s() -> float:

@@ -113,7 +113,8 @@ def read_log(device: str, path: Path) -> FrameBlock:
     except Exception as problem:  # the readers let errors of many kinds out
         raise CannotConnect(
             device, f"cannot read the log {path}: {str(problem) or type(problem).__name__}",
-            remedy="Check its path, which is from the folder of the bench file, and that its ending tells its format.",
+            remedy="Check its path, which is from the folder of the bench file, and that its file extension names "
+            "its format.",
         ) from problem  # fmt: skip
     if not kept:
         raise CannotConnect(device, f"the log {path} has no frame", remedy="Record it again.")

@@ -206,7 +206,7 @@ class LineExchange(asyncio.Protocol):
             await self._exchange(self._proof.question, self._proof.check)
         except NoAnswer:
             if self._gives_up:
-                self._lost = "nobody answered any more"
+                self._lost = "no more answers"
                 self.close()
             raise
         self._doubts -= doubts

@@ -22,8 +22,8 @@ from drivers.transport.address import Address
 P = TypeVar("P", bound=asyncio.Protocol)
 STABLE_NAMES = Path("/dev/serial/by-id")
 _REFUSED = {
-    errno.EACCES: "you may not use it; whoever administers this computer can add you to its group, mostly dialout",
-    errno.EPERM: "you may not use it; whoever administers this computer can add you to its group, mostly dialout",
+    errno.EACCES: "no permission; ask the administrator of this computer to add you to its group, mostly dialout",
+    errno.EPERM: "no permission; ask the administrator of this computer to add you to its group, mostly dialout",
     errno.EAGAIN: "another program has it",
     errno.EBUSY: "another program has it",
     errno.ENOENT: "there is no such port",

@@ -46,11 +46,11 @@ class Takes:
                 return second
             third = await again()
             if alike(first, third) or alike(second, third):
-                self._note(f"{what} was told as {spell(first)}, then as {spell(second)}; asked again: {spell(third)}")
+                self._note(f"{what} was reported as {spell(first)}, then as {spell(second)}; repeated: {spell(third)}")
                 return third
             if orders == self._orders:
                 raise BadAnswer(
-                    self._device, f"{what} was told three times, and no two are alike",
+                    self._device, f"{what} was reported three times, with no two equal",
                     received=f"{spell(first)}; {spell(second)}; {spell(third)}",
                     remedy="This line has no checksum: check its cable, its shield and its baud rate.",
                 )  # fmt: skip

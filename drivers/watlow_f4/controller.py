@@ -175,7 +175,7 @@ class F4Channel:
             )  # fmt: skip
         if self._known not in (None, (names, limits, decimals)):
             raise self._other(
-                "not the controller that was there before, or somebody changed its settings",
+                "another controller than before, or its settings were changed",
                 f"set points from {low_c:g} to {high_c:g} °C, {decimals} decimals, serial {names[1]} {names[2]}",
                 "Check the address in the bench file, then start again.",
             )  # fmt: skip

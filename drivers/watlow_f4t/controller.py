@@ -131,7 +131,7 @@ class F4TLoop:
         if self.limits_c not in (None, limits_c):
             raise WrongIdentity(
                 self._link.device,
-                "not the controller that was there before, or somebody changed its set-point limits",
+                "another controller than before, or its set-point limits were changed",
                 received=_range(limits_c), remedy="Check the network address in the bench file, then start again.",
             )  # fmt: skip
         self.limits_c = limits_c

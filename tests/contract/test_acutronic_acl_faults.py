@@ -63,7 +63,7 @@ def test_a_fault_during_a_motion_ends_it(motion: Motion) -> None:
 def test_a_fault_without_a_reason_is_a_fault() -> None:
     async def use(table: Table, driver: AcutronicAcl) -> None:
         table.controller.trip(SoftwareFault(0), NO_INPUTS)
-        with pytest.raises(InstrumentFault, match="has an interlock fault: no reason told"):
+        with pytest.raises(InstrumentFault, match="has an interlock fault: no reason reported"):
             await driver.poll()
 
     with_driver(use)
@@ -104,8 +104,8 @@ def test_a_drive_that_stays_off_is_refused() -> None:
     ("message", "problem"),
     [
         (":INTERLOCK:OPEN 1", "the drive of the table was switched off"),
-        (":MODE:OFF 1", "the table is in mode Off, it was told (Position|Rate|Synthesis)"),
-        (":UTIL:REMOTELOCKOUT OFF", "somebody has taken control of the table"),
+        (":MODE:OFF 1", "the table is in mode Off, commanded was (Position|Rate|Synthesis)"),
+        (":UTIL:REMOTELOCKOUT OFF", "another master has taken control of the table"),
     ],
 )
 @pytest.mark.parametrize("after_s", [1.3, 60])
@@ -132,18 +132,16 @@ def test_a_table_that_does_not_do_what_it_was_told_is_a_fault_within_one_poll() 
         await driver.poll()  # within ten bands
         table.demand_elsewhere(":DEM:RATE 1,51")
         await asyncio.sleep(1)
-        with pytest.raises(
-            InstrumentFault, match=r"does not turn at 50 °/s, as it was told; received .* 51\.00000 °/s"
-        ):
+        with pytest.raises(InstrumentFault, match=r"does not turn at 50 °/s, as commanded; received .* 51\.00000 °/s"):
             await driver.poll()
         await driver.move_to(0, approach="direct", settle_s=0)
         table.demand_elsewhere(":DEM:POS 1,0.1")
         await asyncio.sleep(5)
-        with pytest.raises(InstrumentFault, match=r"does not stand at 0°, where it was sent; received 0\.10000°"):
+        with pytest.raises(InstrumentFault, match=r"is not at 0°, its target; received 0\.10000°"):
             await driver.poll()
         await driver.oscillate(1, 1)
         table.wire.alter = lambda _request, answer: framed(answer[8:].replace(b";3072;", b";1024;"))
-        with pytest.raises(InstrumentFault, match="does not swing by ±1°, as it was told"):
+        with pytest.raises(InstrumentFault, match="does not swing by ±1°, as commanded"):
             await driver.poll()
         table.wire.alter = lambda _request, answer: answer
         await driver.stop()
@@ -206,7 +204,7 @@ def test_a_demand_that_never_arrived_is_not_repeated() -> None:
 @pytest.mark.parametrize(
     ("motion", "problem"),
     [
-        ("move", "does not stand at 100°"),
+        ("move", "is not at 100°"),
         ("rotate", "the rate of 50 °/s is not reached"),
         ("oscillate", r"the sine of ±10° at 0\.5 Hz is not reached"),
     ],

@@ -448,7 +448,7 @@ def test_a_counter_that_falls_silent() -> None:
 
 
 def test_a_counter_that_stands_still() -> None:
-    fails_with("frozen", InstrumentFault, r"counter: the counter stands still: its latches .* number \d+\. Restart")
+    fails_with("frozen", InstrumentFault, r"counter: the counter is frozen: its latches .* number \d+\. Restart")
 
 
 def test_a_connection_that_is_cut() -> None:

@@ -309,7 +309,7 @@ def test_through_a_serial_line_adapter_it_is_the_same() -> None:
         ({"value": "Housekeeping.Sensor", "tick": "Housekeeping.Board", "sequence": "Housekeeping.Board",
           "status": None, "unit": "g"}, "'Housekeeping.Sensor' is in '°C' in telemetry.dbc"),
         ({"unit": "furlong"}, "'furlong' is not a known unit"),
-        ({"tick_period": "100 ns"}, r"'AccX.Tick' comes round after 1.67772 s; .* gaps of up to 2.56 s"),
+        ({"tick_period": "100 ns"}, r"'AccX.Tick' wraps around after 1.67772 s; .* gaps of up to 2.56 s"),
         ({"invalid_bits": 0}, "at least 1"),
         ({"stuck_after": 1}, "at least 2"),
     ],

@@ -52,7 +52,11 @@ def test_it_tells_its_versions() -> None:
 def test_a_chamber_that_never_tells_its_versions_may_be_used_without() -> None:
     async def use(rig: Rig) -> None:
         rig.instrument.versions = ""
-        with pytest.raises(NoAnswer, match=r"does not tell its versions; sent C\. If it never does, set options\.vers"):
+        with pytest.raises(
+            NoAnswer,
+            match=r"does not report its versions; sent C\. If it never does, set "
+            r"options\.vers",
+        ):
             await rig.driver().__aenter__()
 
     async def use_without(rig: Rig) -> None:

@@ -136,7 +136,7 @@ def test_a_temperature_that_came_wrong_once_is_asked_again_and_noted() -> None:
             assert (await driver.state()).process_value_c == true_c
             assert rig.wire.count(b"TEMP?") - asked == 3
             (note,) = rig.notes
-            assert note.startswith("its temperature was told as 24.2 °C, set point 20 °C")
-            assert "; asked again: 20.2 °C, set point 20 °C" in note
+            assert note.startswith("its temperature was reported as 24.2 °C, set point 20 °C")
+            assert "; repeated: 20.2 °C, set point 20 °C" in note
 
     with_rig(SERIAL, use)

@@ -225,7 +225,7 @@ def test_a_controller_that_takes_another_target_than_it_was_told_is_refused() ->
             framed.controller.target_dps = min(framed.controller.target_dps, 30.0)
 
         framed.controller._handlers["rate"] = limited
-        words = r"took another target rate than it was told; sent rate 50 \(500000\); received 30 \(300000\)"
+        words = r"took another target rate than commanded; sent rate 50 \(500000\); received 30 \(300000\)"
         with pytest.raises(Refused, match=words):
             await driver.rotate_at(50, acceleration_dps2=None)
 
@@ -309,7 +309,7 @@ def test_a_latched_fault_is_named_and_never_cleared(motion: Motion) -> None:
     async def use(framed: Framed, driver: Any) -> None:
         await motion(driver)
         framed.controller.trip(1)
-        words = "tells of a fault: .*overspeed.*clear the fault at the controller"
+        words = "reports a fault: .*overspeed.*clear the fault at the controller"
         for attempt in (driver.poll, lambda: motion(driver), driver.stop):
             with pytest.raises(InstrumentFault, match=words):
                 await attempt()
@@ -334,8 +334,8 @@ def test_an_emergency_stop_ends_a_motion(motion: Motion) -> None:
 
 @pytest.mark.parametrize(
     ("attribute", "value", "problem"),
-    [("enabled", False, "was switched off"), ("mode", "off", "is in mode Off, it was told Rate"),
-     ("mode", "sine", "is in mode Synthesis, it was told Rate"), ("remote", False, "somebody has taken control")],
+    [("enabled", False, "was switched off"), ("mode", "off", "is in mode Off, commanded was Rate"),
+     ("mode", "sine", "is in mode Synthesis, commanded was Rate"), ("remote", False, "somebody has taken control")],
 )  # fmt: skip
 def test_what_others_do_to_it_is_a_fault_within_one_poll(attribute: str, value: Any, problem: str) -> None:
     async def use(framed: Framed, driver: Any) -> None:

@@ -127,7 +127,7 @@ def test_limits_that_changed_are_another_controller() -> None:
     async def use(rig: Rig) -> None:
         async with rig.driver() as driver:
             rig.instrument.limits_c = (-50.0, 120.0)
-            with pytest.raises(WrongIdentity, match="not the controller that was there before"):
+            with pytest.raises(WrongIdentity, match="another controller than before"):
                 await driver.identify()
 
     with_rig(HOURLY, use)

@@ -16,7 +16,7 @@ from drivers.values import Identity
 from tests.support.head import now_s
 from tests.support.person import ByHand, by_hand
 
-ASKED = "When it stands there, locked, type the angle that it shows, in ° or deg."
+ASKED = "When it is there and locked, type the angle that it shows, in ° or deg."
 
 
 def test_it_is_installed_and_opens_without_asking_anybody() -> None:
@@ -142,7 +142,7 @@ def test_where_nobody_knows_how_it_stands_somebody_looks() -> None:
         bench.world.place(17.0, from_above=False)
         bench.person.answers = [17.5]
         assert (await driver.angle()).value == 17
-        assert bench.person.told[0] == "Leave head as it stands, and type the angle that it shows, in ° or deg."
+        assert bench.person.told[0] == "Leave head as it is, and type the angle that it shows, in ° or deg."
         assert bench.person.told[1].startswith("17.5° was typed: it is between two teeth, which are 1° apart. Leave")
         assert (await driver.angle()).value == 17
         assert bench.heard() == 2
@@ -209,7 +209,7 @@ def test_leaving_the_bench_withdraws_what_is_asked() -> None:
 
 def test_outside_a_run_there_is_nobody_to_be_asked() -> None:
     async def use(bench: ByHand, driver: Any) -> None:
-        with pytest.raises(CannotConnect, match="head: there is nobody to be asked: Turn it"):
+        with pytest.raises(CannotConnect, match="head: no operator is available: Turn it"):
             await NOBODY.ask(Errand("head", "Turn it", "°", 60.0, 60.0))
 
     by_hand(use)

@@ -109,7 +109,7 @@ def test_where_only_the_ramp_is_told_a_set_point_without_an_acknowledgement_is_n
     async def use(rig: Rig) -> None:
         async with rig.driver() as driver:
             rig.wire.lose = SIMSERV.commands
-            with pytest.raises(NoAnswer, match="nobody knows whether a new set point was taken"):
+            with pytest.raises(NoAnswer, match="it is unknown whether a new set point was accepted"):
                 await driver.ramp_to(22.0, 1.0)
             assert len(rig.commands()) == 1
             rig.wire.lose = lambda _request: False

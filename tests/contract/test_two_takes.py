@@ -70,7 +70,7 @@ def test_an_angle_that_came_wrong_once_is_right_and_it_is_noted(dialect: Dialect
         await driver.move_to(30, approach="direct", settle_s=0)
         head.wire.garble_once(b"30", b"70", where=dialect.angle)
         assert (await driver.angle()).value == pytest.approx(30)
-        assert head.notes == ["the angle was told as 70.000000°, then as 30.000000°; asked again: 30.000000°"]
+        assert head.notes == ["the angle was reported as 70.000000°, then as 30.000000°; repeated: 30.000000°"]
 
     with_head(dialect, use)
 
@@ -121,8 +121,8 @@ def test_a_level_that_came_wrong_once_is_no_second_master() -> None:
         source.wire.garble_once(b"1.2", b"5.2", where=b"RANG?")
         assert (await driver.poll())["current"][0].value == pytest.approx(0.0012)
         (note,) = source.notes
-        assert note.startswith("what the source is set to was told as 0.0052 A in the 0.02 A range")
-        assert "; asked again: 0.0012 A in" in note
+        assert note.startswith("what the source is set to was reported as 0.0052 A in the 0.02 A range")
+        assert "; repeated: 0.0012 A in" in note
 
     with_source("serial:///dev/ttyUSB0?baud=19200", use)
 
@@ -143,7 +143,7 @@ def test_a_setting_of_a_supply_that_came_wrong_once_is_no_second_master() -> Non
         supply.wire.garble_once(b";1;15", b";1;35", where=b"MEAS")
         assert (await driver.poll())["voltage"][0].value == pytest.approx(15)
         (note,) = supply.notes
-        assert note.startswith("what the supply is set to was told as 35 V, limit 0.2 A, output on, then as 15 V")
+        assert note.startswith("what the supply is set to was reported as 35 V, limit 0.2 A, output on, then as 15 V")
 
     with_supply(use)
 
@@ -153,7 +153,7 @@ def test_what_a_supply_measures_is_no_reading_while_two_takes_differ_and_no_erro
         supply.wire.garble_once(b"15.0", b"11.0", where=b"MEAS")
         assert await driver.poll() == {"voltage": [], "current": []}
         (note,) = supply.notes
-        assert note.startswith("11 V and 0.06 A were told, then 15 V and 0.06 A: no reading")
+        assert note.startswith("11 V and 0.06 A were reported, then 15 V and 0.06 A: no reading")
         assert len((await driver.poll())["voltage"]) == 1
 
     with_supply(use)

@@ -300,7 +300,7 @@ def test_another_controller_behind_the_same_address_gets_no_command() -> None:
                 with pytest.raises((LinkLost, WrongIdentity)) as told:
                     await driver.poll()
             assert "set points from -40 to 180 °C" in str(told.value)
-            with pytest.raises(WrongIdentity, match="not the controller that was there before"):
+            with pytest.raises(WrongIdentity, match="another controller than before"):
                 await driver.make_safe()
             assert not [request for request in chamber.requests if request[7] in WRITES]
 

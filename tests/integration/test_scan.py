@@ -97,7 +97,7 @@ def test_a_port_without_permission_is_told(monkeypatch: pytest.MonkeyPatch) -> N
 
     monkeypatch.setattr(serial.serial, "Serial", refuse)
     (place,) = scan_here(["/dev/ttyUSB0"])
-    assert "you may not use it; whoever administers this computer can add you to its group" in place.words
+    assert "no permission; ask the administrator of this computer to add you to its group" in place.words
 
 
 def test_ports_go_by_the_names_that_stay_with_their_adapters(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

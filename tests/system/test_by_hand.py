@@ -24,7 +24,7 @@ POWER = "{set: supply, voltage: 15 V, current_limit: 120 mA, output: on}"
 OFF = "{set: supply, output: off}"
 UP, BACK = "{move: head, to: 90°}", "{move: head, to: 0°}"
 COUNT = "{measure: counter.x, for: 5 s, as: rate}"
-IN_WORDS = "When it stands there, locked, type the angle that it shows, in ° or deg."
+IN_WORDS = "When it is there and locked, type the angle that it shows, in ° or deg."
 
 
 def ran(tmp_path, *lines, answers=None, teardown=(OFF,), **wishes):
@@ -139,7 +139,7 @@ def test_an_attitude_is_not_asked_twice_for_and_an_unknown_angle_is_looked_at(tm
     assert [(step, answer) for step, answer, _ in said(result)] == [
         ("head#1", "0 °"), ("head#2", "90 °"), ("head#3", "180 °"),
     ]  # fmt: skip
-    assert events(result, "asked")[0].data["text"].startswith("Leave head as it stands, and type the angle")
+    assert events(result, "asked")[0].data["text"].startswith("Leave head as it is, and type the angle")
 
 
 @pytest.mark.parametrize(

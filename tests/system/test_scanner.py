@@ -96,8 +96,8 @@ def test_an_answer_that_was_altered_on_the_line_is_asked_again_and_not_recorded(
     temperatures_c, notes = temperatures_with_one_answer_altered(tmp_path, monkeypatch)
     assert temperatures_c == pytest.approx(20.0, abs=1.0)
     (note,) = notes
-    assert note.startswith("a scan was told as 101: 16.9")
-    assert "°C; asked again: 101: 19.9" in note
+    assert note.startswith("a scan was reported as 101: 16.9")
+    assert "°C; repeated: 101: 19.9" in note
 
 
 def test_by_one_take_it_would_be_recorded(tmp_path, monkeypatch):

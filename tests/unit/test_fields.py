@@ -95,7 +95,7 @@ def test_a_field_holds_the_number_in_its_own_unit(kind, raw, number):
         (
             Celsius,
             "–20 °C",
-            "'–20 °C' is not a quantity; a dash stands for the minus sign: write -20 °C; expected a quantity in °C",
+            "'–20 °C' is not a quantity; a dash is used as minus sign: write -20 °C; expected a quantity in °C",
         ),
         (Celsius, "20 °", "is in °, expected a quantity in °C; write 20 °C"),
         (Seconds, "5 V", "is in V, expected a quantity in s"),

@@ -166,7 +166,8 @@ def test_a_disk_too_small_for_the_run_is_told_before_it_begins(tmp_path, monkeyp
 @pytest.mark.parametrize(
     ("bits", "problem"),
     [
-        (14, "'AxisY.Negative' has 14 bits and comes round after 16384 pulses; max_rate gives up to 25600 in a period: "
+        (14, "'AxisY.Negative' has 14 bits and wraps around after 16384 pulses; max_rate gives up to 25600 in a "
+        "period: "
              "shorten the period, or use a longer signal"),
         (15, ""),
     ],

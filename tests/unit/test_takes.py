@@ -54,18 +54,18 @@ def test_two_that_are_alike_agree_and_the_last_one_counts() -> None:
 @pytest.mark.parametrize(("values", "value"), [((1.0, 9.0, 1.0), 1.0), ((9.0, 1.0, 1.0), 1.0)])
 def test_of_two_that_are_not_a_third_decides_and_it_is_noted(values: tuple[float, ...], value: float) -> None:
     first, second, _ = values
-    assert agreed(*values) == (value, [f"the voltage was told as {first}, then as {second}; asked again: {value}"])
+    assert agreed(*values) == (value, [f"the voltage was reported as {first}, then as {second}; repeated: {value}"])
 
 
 def test_what_moves_may_do_so_by_as_much_as_its_driver_says() -> None:
     found, notes = agreed(1.0, 9.0, 1.2, within=0.3)
     assert found == 1.2
-    assert notes == ["the voltage was told as 1.0 V, then as 9.0 V; asked again: 1.2 V"]
+    assert notes == ["the voltage was reported as 1.0 V, then as 9.0 V; repeated: 1.2 V"]
 
 
 def test_three_of_which_no_two_are_alike_are_no_reading() -> None:
     with pytest.raises(
-        BadAnswer, match=r"dvm: the voltage was told three times, and no two are alike; .*1\.0; 2\.0; 3\.0"
+        BadAnswer, match=r"dvm: the voltage was reported three times, with no two equal; .*1\.0; 2\.0; 3\.0"
     ):
         agreed(1.0, 2.0, 3.0)
 
