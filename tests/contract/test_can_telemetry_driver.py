@@ -267,7 +267,7 @@ def test_units_that_fall_silent() -> None:
 
 
 def test_a_unit_that_repeats_one_sample() -> None:
-    fails_with("frozen", InstrumentFault, r"telemetry: channel 'x' stands still: .* number \d+\. Switch the unit off")
+    fails_with("frozen", InstrumentFault, r"telemetry: channel 'x' is frozen: .* number \d+\. Switch the unit off")
 
 
 def test_a_connection_that_is_cut() -> None:

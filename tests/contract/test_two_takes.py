@@ -83,7 +83,7 @@ def test_an_angle_that_is_another_each_time_is_no_reading(dialect: Dialect) -> N
         head.wire.alter = lambda request, answer: (
             answer.replace(b"30", b"3" + bytes([next(digits)])) if dialect.angle in request else answer
         )
-        with pytest.raises(BadAnswer, match=r"told three times, .*31\.0+°; 32\.0+°; 33\.0+°.* no checksum"):
+        with pytest.raises(BadAnswer, match=r"reported three times, .*31\.0+°; 32\.0+°; 33\.0+°.* no checksum"):
             await driver.angle()
 
     with_head(dialect, use)
