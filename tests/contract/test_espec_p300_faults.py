@@ -120,7 +120,9 @@ def test_a_process_value_that_is_told_twice_differently_is_no_reading() -> None:
     async def use(rig: Rig) -> None:
         async with rig.driver() as driver:
             rig.wire.alter = lambda request, answer: b"2.0,,CONSTANT,0\r\n" if b"MON?" in request else answer
-            with pytest.raises(BadAnswer, match=r"with different values; sent TEMP\? and MON\?; received 20\.\d and 2 °C"):
+            with pytest.raises(
+                BadAnswer, match=r"with different values; sent TEMP\? and MON\?; received 20\.\d and 2 °C"
+            ):
                 await driver.poll()
 
     with_rig(SERIAL, use)

@@ -335,7 +335,8 @@ def test_an_emergency_stop_ends_a_motion(motion: Motion) -> None:
 @pytest.mark.parametrize(
     ("attribute", "value", "problem"),
     [("enabled", False, "was switched off"), ("mode", "off", "is in mode Off, commanded was Rate"),
-     ("mode", "sine", "is in mode Synthesis, commanded was Rate"), ("remote", False, "another master has taken control")],
+     ("mode", "sine", "is in mode Synthesis, commanded was Rate"),
+     ("remote", False, "another master has taken control")],
 )  # fmt: skip
 def test_what_others_do_to_it_is_a_fault_within_one_poll(attribute: str, value: Any, problem: str) -> None:
     async def use(framed: Framed, driver: Any) -> None:

@@ -20,7 +20,7 @@ def broken(tmp_path, faults, **wishes):
         ("{device: supply, kind: cut, at: 30 min}", "supply: the connection was closed"),
         ("{device: head, kind: silent, at: 30 min}", "head: no answer within 2 s"),
         ("{device: counter, kind: silent, at: 30 min}", "counter: counter frames have stopped"),
-        ("{device: counter, kind: frozen, at: 30 min}", "counter: the counter stands still"),
+        ("{device: counter, kind: frozen, at: 30 min}", "counter: the counter is frozen"),
         ("{device: head, kind: stuck, at: 30 min}", "step steps/temperature=20/position=0/move: head: "),
     ],
 )
