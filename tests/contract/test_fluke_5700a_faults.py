@@ -143,9 +143,9 @@ def test_a_person_who_takes_it_to_local_is_a_fault_and_keeps_it() -> None:
     async def use(source: Calibrator, driver: Fluke5700A) -> None:
         await driver.set(0.0012, limit=10, output=True)
         source.instrument.local()
-        with pytest.raises(InstrumentFault, match="taken it to local"):
+        with pytest.raises(InstrumentFault, match="switched to local control"):
             await driver.poll()
-        with pytest.raises(InstrumentFault, match="taken it to local"):
+        with pytest.raises(InstrumentFault, match="switched to local control"):
             await driver.set(0.0144, limit=10, output=True)
         assert source.instrument.current_a == 0.0012
         await driver.make_safe()  # which is for everybody's good

@@ -107,7 +107,7 @@ def test_frames_are_shown_decoded() -> None:
     assert 15 <= len(shown) <= 25
     assert re.fullmatch(r"100#[0-9A-F]{16} Latch: Tick \S+ us, Sequence \d+, Status 0, BootCount \d+", shown[0])
     assert "not sent: this language does not mark queries; --write allows it" in told
-    assert any(line.startswith(("Temperatures.Unit ", "nothing new yet; ")) for line in told)
+    assert any(line.startswith(("Temperatures.Unit ", "no new reading yet; ")) for line in told)
 
 
 def test_a_device_that_is_not_there_is_not_opened(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ def refusal(folder, sub, settings, row=None, columns=None):
         ("gyro_range", {}, "settings.commands_dps: is missing; settings.k_m: is missing"),
         ("gyro_range", GYRO | {"commands_dps": {}}, "settings.commands_dps: "),
         ("gyro_range", GYRO | {"commands_dps": {"walk1": 5}}, "settings.commands_dps: 'walk1' is not run1, run2, ..."),
-        ("gyro_range", GYRO | {"commands_dps": {"run1": 0}}, "settings.commands_dps: 'run1' is 0; the table at rest"),
+        ("gyro_range", GYRO | {"commands_dps": {"run1": 0}}, "settings.commands_dps: 'run1' is 0; the rate at rest"),
         ("gyro_range", GYRO | {"commands_dps": {"run1": "fast"}}, "settings.commands_dps.run1: is 'fast', expected"),
         ("gyro_range", GYRO | {"linearity_basis": "x"}, "settings.linearity_basis: is 'x', expected"),
         (
