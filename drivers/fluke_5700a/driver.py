@@ -222,7 +222,7 @@ class Fluke5700A:
         """Raises if another master took control, or changed the meaning of a level."""
         found = [words for bit, words in _DISTORTING.items() if bit in now.status]
         if made is not None and Status.REMOTE not in now.status:
-            found.append("it was switched to local control, or off")
+            found.append("it was switched to local control, or switched off")
         if found:
             raise InstrumentFault(
                 self.name, ", ".join(found), received=str(now),
