@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # findings are shown where no arithmetic is loaded
 CONFIDENCE = 0.95  # of an interval
 NEGLIGIBLE = 1e-4  # of the largest line of a budget: 1e-8 of its variance
 UNLIMITED_DOF = 1000  # more are reported as unlimited
+ROUNDING = 1e-9  # of the quotient of sums that gives degrees of freedom
 NOT_CLOSED = "not_closed"  # the flag of a finding of a unit or bench that changed over the run
 LOWER_BOUND = "more_than"  # the flag of a value of which is only known that it is more
 Verdict = Literal["PASS", "FAIL", "INVALID"]
@@ -94,11 +95,11 @@ class Finding:
 
     @property
     def dof(self) -> int | None:
-        """Effective degrees of freedom after Welch and Satterthwaite (JCGM 100, G.4); None for unlimited."""
+        """Effective degrees of freedom after Welch and Satterthwaite, truncated (JCGM 100, G.4.1); None for unlimited."""
         limited = math.fsum(line.u**4 / line.dof for line in self.budget if line.dof)
         if limited == 0:
             return None
-        dof = math.floor(self.u**4 / limited + 0.5)
+        dof = math.floor(self.u**4 / limited * (1 + ROUNDING))
         return dof if dof <= UNLIMITED_DOF else None
 
     @property

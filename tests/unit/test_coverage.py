@@ -29,7 +29,10 @@ def test_few_degrees_of_freedom_widen_the_expanded_uncertainty():
     many = found(BudgetLine("scatter", "A", 0.3), BudgetLine("certificate", "B", 0.4))
     few = found(BudgetLine("scatter", "A", 0.3, dof=2), BudgetLine("certificate", "B", 0.4))
     assert (many.u, many.k, many.expanded) == pytest.approx((0.5, 2.0, 1.0))
-    assert few.dof == 15  # 0.5^4 / (0.3^4 / 2)
+    assert few.dof == 15  # 0.5^4 / (0.3^4 / 2) = 15.4
+    more = found(BudgetLine("scatter", "A", 0.3, dof=2), BudgetLine("certificate", "B", 0.404))
+    assert more.dof == 15  # 15.8, truncated
+    assert found(BudgetLine("scatter", "A", 0.1, dof=3)).dof == 3
     assert few.k == pytest.approx(PRINTED[15], abs=0.005)
     assert few.expanded == pytest.approx(0.5 * few.k)
 
