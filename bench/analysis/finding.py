@@ -95,7 +95,7 @@ class Finding:
 
     @property
     def dof(self) -> int | None:
-        """Effective degrees of freedom after Welch and Satterthwaite, truncated (JCGM 100, G.4.1); None for unlimited."""
+        """Effective degrees of freedom (Welch-Satterthwaite, truncated: JCGM 100, G.4.1); None for unlimited."""
         limited = math.fsum(line.u**4 / line.dof for line in self.budget if line.dof)
         if limited == 0:
             return None
