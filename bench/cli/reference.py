@@ -26,10 +26,10 @@ def index_page() -> Blocks:
     rows = ((f"[{name}]({name}.md)", inspect.getdoc(page) or "") for name, page in PAGES.items() if name != INDEX)
     return [
         "# Reference",
-        "What may be written in files and on the command line, and what the program answers. These pages are made from "
-        "the program itself: `bench reference PAGE` prints one of them, with the plug-ins that are installed, and "
+        "Contents of files, options of the command line, and answers of the program. These pages are "
+        "generated from the program: `bench reference PAGE` prints one of them, including installed plug-ins, and "
         "`bench reference --out docs/reference` writes them again.",
-        table(("page", "tells"), rows),
+        table(("page", "contents"), rows),
     ]
 
 

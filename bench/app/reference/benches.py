@@ -13,35 +13,36 @@ from simulators.faults import mishaps_of
 
 
 def bench_page() -> Blocks:
-    """Every key of a bench file but those that belong to a driver."""
+    """Every key of a bench file except those of drivers."""
     return [
         "# Bench files",
         "A file in `config/`, like [the shipped one](../../config/simulated.yaml): the instruments of a bench, their "
-        "limits and certificates, and where the units are. `bench devices --bench FILE` checks it and asks every "
-        "instrument who it is. The `options`, `limits` and `safe` of a device and the `U` and `corrections` of its "
-        "calibration are its driver's: [drivers](drivers.md).",
-        "NAME is a name of your own. A key whose default is empty may be left out. How quantities and names are "
+        "limits and certificates, and the places of the units. `bench devices --bench FILE` checks it and "
+        "identifies every instrument. The `options`, `limits` and `safe` of a device and the `U` and `corrections` "
+        "of its "
+        "calibration are defined by its driver: [drivers](drivers.md).",
+        "NAME is chosen by you. A key with an empty default is optional. How quantities and names are "
         "written: [values](sequence.md#values).",
         *keys(BenchFile, 2),
     ]
 
 
 def drivers_page() -> Blocks:
-    """What each installed driver can do, how it is reached, and the keys that a device entry has for it."""
+    """Capabilities, connections and keys of each installed driver."""
     drivers = known_drivers()
     return [
         "# Drivers",
-        "The instruments that a [bench file](bench.md) may name, installed plug-ins among them.",
+        "Instruments available in a [bench file](bench.md), including installed plug-ins.",
         table(
             ("`driver`", "instrument"),
             ((f"[`{name}`](#{name})", drivers[name].title) for name in sorted(drivers)),
         ),
         "## Connections",
-        "`sim+` before an address puts the simulator at its other end. `tcp` is for an instrument that is on the "
-        "network itself. Over `serial`, and over `socket`, which is a serial line behind a server, nothing protects "
-        "an answer: where a dialect has no checksum, what enters a result is asked twice.",
+        "`sim+` before an address selects the simulator. `tcp` is for an instrument with a "
+        "network interface. `serial`, and `socket` (a serial line behind a server), do not protect answers: if "
+        "the protocol has no checksum, readings that enter a result are taken twice.",
         table(("scheme", "written like", "options after `?`"), map(_connection, SCHEMES)),
-        "The faults of a simulator are what a [scenario](../how-to/rehearse_a_bad_night.md) can do to it.",
+        "The faults of a simulator can be injected by a [scenario](../how-to/rehearse_a_bad_night.md).",
         *(block for name in sorted(drivers) for block in _driver(drivers[name])),
     ]
 

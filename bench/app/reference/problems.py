@@ -14,16 +14,17 @@ from drivers.errors import DriverError
 
 
 def rules_page() -> Blocks:
-    """What `bench check` looks for in a sequence as a whole."""
+    """Rules that `bench check` applies to a sequence as a whole."""
     rows = (
         (f"`{rule.name}`", rule.severity, f"{rule.title[:1].upper()}{rule.title[1:]}", inspect.getdoc(rule.find) or "")
         for rule in RULES
     )
     return [
         "# Rules",
-        "Once each step is right by itself, `bench check` and `bench run` hold the sequence as a whole against these. "
-        "A sequence with an error is not run, one with a warning is; `bench check --strict` takes it for an error.",
-        table(("rule", "severity", "what should hold", "what is told"), rows),
+        "When each single step is valid, `bench check` and `bench run` apply these rules to the whole sequence. "
+        "A sequence with an error is not run, one with a warning is; `bench check --strict` treats a warning as an "
+        "error.",
+        table(("rule", "severity", "requirement", "reported"), rows),
     ]
 
 
@@ -31,11 +32,11 @@ def errors_page() -> Blocks:
     """The stable codes of errors."""
     return [
         "# Errors",
-        "Every error has a code that stays the same, for programs and for the `on` of a retry.",
+        "Every error has a stable code, for programs and for the `on` of a retry.",
         "## Of the bench",
         _errors(bench.errors, BenchError),
         "## Of a device",
-        "The message names the device, what was sent, what came back, and what to do.",
+        "The message names the device, what was sent, what was received, and what to do.",
         _errors(drivers.errors, DriverError),
     ]
 

@@ -59,13 +59,13 @@ NAMES: dict[str, Value] = {
 
 
 def sequence_page() -> Blocks:
-    """Everything in a sequence file but the steps, and how values are written."""
+    """Everything in a sequence file except the steps, and how values are written."""
     return [
         "# Sequence files",
-        "A file in `sequences/`: what is done with a unit, and what is worked out of it. `bench new sequence NAME` "
-        "writes [one to start from](../../bench/sequence/starter.yaml), `bench check FILE` tells everything that is "
-        "wrong with it. What stands in `setup`, `steps` and `teardown`: [steps](steps.md).",
-        "NAME is a name of your own. A key whose default is empty may be left out.",
+        "A file in `sequences/`: the steps of a test, and its results. `bench new sequence NAME` "
+        "writes [one to start from](../../bench/sequence/starter.yaml), `bench check FILE` reports every problem. "
+        "For the contents of `setup`, `steps` and `teardown`, see [steps](steps.md).",
+        "NAME is chosen by you. A key with an empty default is optional.",
         *keys(SequenceFile, 2),
         "## Values",
         "* A *quantity* is a number and its unit: `20 °C`, `1 h 30 min`, `1.5 °/s`, `54°44'08\"`, `200 µg/°C`. Any "
@@ -97,11 +97,11 @@ def _written(value: Value) -> str:
 
 
 def methods_page() -> Blocks:
-    """What each installed method works out, its settings, and the results that limits may name."""
+    """What each installed method determines, its settings, and the results that can have limits."""
     methods = known_methods()
     return [
         "# Methods",
-        "What the `results` of a [sequence file](sequence.md) may ask for, installed plug-ins among them.",
+        "Methods available in the `results` of a [sequence file](sequence.md), including installed plug-ins.",
         *(block for name in sorted(methods) for block in _method(methods[name])),
     ]
 
@@ -127,9 +127,9 @@ def steps_page() -> Blocks:
     any_step = next(iter(STEPS.values()))
     return [
         "# Steps",
-        "What stands in the lists `setup`, `steps` and `teardown` of a [sequence file](sequence.md). The first key of "
-        "a step is its verb; what it acts on is called by its name in `needs`. A value may be an "
-        "[expression](sequence.md#expressions) `${…}`. A key whose default is empty may be left out.",
+        "Contents of the lists `setup`, `steps` and `teardown` of a [sequence file](sequence.md). The first key of "
+        "a step is its verb; its object is named as in `needs`. A value may be an "
+        "[expression](sequence.md#expressions) `${…}`. A key with an empty default is optional.",
         table(("", ""), (("steps", _links(STEPS)), ("steps with steps inside", _links(blocks)))),
         "## Keys of every step",
         *keys(any_step, 3, without=set(keys_of(any_step)) - common),
