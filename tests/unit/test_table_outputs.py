@@ -87,7 +87,7 @@ def test_lost_samples_are_left_out_and_the_steps_of_codes_are_in_the_budget():
 def test_a_swing_whose_output_has_another_clock_tells_nothing():
     unit = gyro(*(swing(hz, beside=True) for hz in SWEEP_HZ[:2]))
     assert unit.flags[:2] == ("steps/n=0/acquire: no_common_clock", "steps/n=1/acquire: no_common_clock")
-    assert "no clock in common" in flag_in_words(unit.flags[0])
+    assert "shares no clock" in flag_in_words(unit.flags[0])
     assert unit.left_out[-1] == "response"
 
 
