@@ -6,12 +6,15 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from scipy.stats import binom
+
 from tests.truth.campaign import Comparison
 from tests.truth.cells import Cell, Line
 from tests.truth.judge import rms_of
 
 RMS = (0.7, 1.35)  # of error/u, where errors follow the budget
 HELD = (0.90, 0.99)  # of the intervals of largest values
+BY_CHANCE = 0.05  # that intervals which hold in 99 % hold as often as they did: 40 of 40 are no proof of more
 COVERED = 0.95  # of the expanded uncertainties, where errors of the bench are foreign to the budget, chance apart
 BRACKETS = ("threshold", "resolution")  # between two steps of a ladder, which hold whatever the noise is
 
@@ -52,8 +55,8 @@ def _is_largest(values: Sequence[Comparison]) -> bool:
 
 def _problem(cell: Cell, quantity: str, values: int, rms: float, covered: float, held: float | None) -> str:
     if held is not None:
-        high = 1.0 if quantity in BRACKETS else HELD[1]
-        return "" if HELD[0] <= held <= high else f"{held:.1%} of the intervals hold the truth"
+        too_often = float(binom.sf(round(held * values) - 1, values, HELD[1])) < BY_CHANCE and quantity not in BRACKETS
+        return f"{held:.1%} of the intervals hold the truth" if held < HELD[0] or too_often else ""
     if cell.form != "normal":
         by_chance = 2 * math.sqrt(COVERED * (1 - COVERED) / values)
         return "" if covered >= COVERED - by_chance else f"U covers {covered:.1%}"

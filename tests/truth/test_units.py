@@ -151,6 +151,8 @@ def test_bars_tell_uncertainties_that_are_too_small_or_too_large():
     assert judged_of([0.0] * 36 + [2.1] * 4, form="rectangular") == []
     assert judged_of([0.0] * 360 + [2.1] * 40, form="rectangular") == ["K0: U covers 90.0%"]
     assert judged_of([0.0] * 40, (0.5, 1.0)) == ["K0: 0.0% of the intervals hold the truth"]
+    assert judged_of([0.0] * 40, (-1.0, 1.0)) == [], "40 of 40 may be 99 %"
+    assert judged_of([0.0] * 400, (-1.0, 1.0)) == ["K0: 100.0% of the intervals hold the truth"]
 
 
 def test_what_fails_by_chance_is_decided_by_fresh_seeds(tmp_path, monkeypatch):

@@ -209,7 +209,7 @@ def test_the_record_tells_the_errors_of_the_bench_and_the_unit_as_drawn() -> Non
     assert record["schema"] == "itb-truth/1"
     assert record["seed"] == 7
     assert record["bench"] == {
-        "gravity_mps2": 9.8, "host_clock": 2e-5, "device_clock": 1e-6, "level_deg": 0.006,
+        "gravity_mps2": 9.8, "host_clock": 2e-5, "device_clock": 1e-6, "level_deg": 0.006, "level_drift_deg": 0.0,
         "axes": {"head": {"zero_deg": 0.001, "cosines": [0.002], "sines": [0.003], "backlash_deg": 0.004,
                           "repeatability_deg": 0.005, "table": [[], []]}},
         "thermometers": {"a": {"offset_c": 0.3, "gain": 0.001, "drift_c": 0.0, "table": [[], []]}},
