@@ -98,7 +98,7 @@ def test_what_was_recorded_is_rescued_when_the_directory_is_removed(tmp_path):
     result = meddled(tmp_path / "runs", lambda folder: shutil.rmtree(folder.parent))
     is_kept(result, state_folder() / "rescued" / result.path.name)
     assert "was removed while the run went on" in result.problems[0]
-    assert f"kept in {result.path}" in result.problems[0]
+    assert f"recorded until then is in {result.path}" in result.problems[0]
 
 
 def test_another_file_in_the_place_of_the_database_is_not_taken_for_it(tmp_path):
