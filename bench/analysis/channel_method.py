@@ -29,6 +29,7 @@ from bench.analysis.channel_runs import levels_of
 from bench.analysis.channel_temperature import ABORT_SHARE
 from bench.analysis.finding import NOT_CLOSED, Finding, UnitResult
 from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.analysis.unlike_nominal import flags_of_scale
 
 LEFT_OUT = (
     "missing", "thermometer", "impossible_rate", "saturated", "stuck", "outlier", "ambiguous_gap",
@@ -146,6 +147,9 @@ def _flags_of_channel(of_levels: ChannelFindings, drift: ChannelDrift | None) ->
     yield from (f"{level.name}:out_of_proportion" for level, is_odd in zip(levels, odd, strict=True) if is_odd)
     if drift is not None and drift.misfit:
         yield "channel:drift_not_linear"
+    by_gravity = [level for level in levels if not level.is_source and level.data.level.level_g]
+    for level in by_gravity[:1]:
+        yield from flags_of_scale(level.run.rate_pps / level.data.level.level_g, 0.0, of_levels.unit)
 
 
 def _flags_of_accelerometer(levels: Mapping[str, Level], stated_u: float) -> Iterator[str]:

@@ -19,6 +19,7 @@ from bench.analysis.dwells import solve_dwells
 from bench.analysis.finding import CONFIDENCE, BudgetLine, Finding, Interval, UnitResult
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.tumble_unit import TumbleUnit
+from bench.analysis.unlike_nominal import flags_of_scale
 
 UNITS = {"K0": "g", "K1": "1", "misalignment": "rad"}
 NAMES = {"K0": "bias", "K1": "scale factor, relative", "misalignment": "misalignment of the input axis"}
@@ -55,6 +56,7 @@ def _reduced(data: RunData, unit: UnitUnderTest) -> UnitResult:
         flags.append("too_few_repetitions")
         return UnitResult(unit.place, unit.serial, (), (), solved.left_out, tuple(flags))
     of = _alike_left_out(TumbleUnit.of(data, unit, solved.dwells))
+    flags += flags_of_scale(float(np.mean([dwell.values["K1"] for dwell in of.dwells])), 0.0, unit)
     repeated = [_over(quantity, of) for quantity in UNITS]
     findings = [*(_deviation(each, of) for each in repeated), _closure(of)]
     return UnitResult(

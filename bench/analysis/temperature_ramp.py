@@ -22,7 +22,7 @@ from bench.analysis.ramp_reduced import ReducedRamp
 from bench.analysis.ramp_samples import RampLeg, cut_into_samples
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.temperature_dynamic import UG_PER_G, DynamicCharacteristic, RampLimits
-from bench.analysis.unlike_nominal import unlike_nominal
+from bench.analysis.unlike_nominal import flags_of_scale
 
 LEVEL_BELOW_G = 0.5  # of gravity along the input axis: the 0 g part; the others are the 1 g part
 SAME_ANGLE_RAD = 1e-4
@@ -70,7 +70,8 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
     lost = [leg.path for leg in level if (leg.cycle, leg.name) in incomplete]
     flags += [f"{path}: leg_incomplete" for path in lost]
     left_out = (*left_out, *lost)
-    flags += _unlike_nominal(ramp, unit, settings["misalignment_u_rad"])
+    k1 = float(ramp.scale.line.coefficients[0])
+    flags += flags_of_scale(k1, COVERAGE * abs(k1) * settings["misalignment_u_rad"], unit)
     findings = RampFindings(RampBudget(data, unit, ramp, settings["misalignment_u_rad"]))
     return UnitResult(
         place=unit.place,
@@ -105,14 +106,6 @@ def _is_level(leg: RampLeg) -> bool:
 def _at_first_angle(legs: Sequence[RampLeg]) -> list[RampLeg]:
     """The legs at the angle of the first: the method is of one position (methods.md 6.3)."""
     return [leg for leg in legs if np.isclose(leg.angle_rad, legs[0].angle_rad, rtol=0, atol=SAME_ANGLE_RAD)]
-
-
-def _unlike_nominal(ramp: ReducedRamp, unit: UnitUnderTest, misalignment_u_rad: float) -> Iterator[str]:
-    """The flag of a K1, which is no finding of a ramp, that is not what the bench file says of the unit."""
-    if unit.nominal_per_g:
-        ratio = float(ramp.scale.line.coefficients[0]) / unit.nominal_per_g
-        if flag := unlike_nominal(ratio, COVERAGE * abs(ratio) * misalignment_u_rad):
-            yield f"K1:{flag}"
 
 
 def _curves(found: DynamicCharacteristic) -> Iterator[LegCurve]:

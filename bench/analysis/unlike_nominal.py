@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from bench.analysis.finding import Finding
 from bench.analysis.rundata import UnitUnderTest
@@ -33,6 +33,13 @@ def _of_ratio(found: Finding, ratio: float, expanded: float) -> Finding:
     """The finding of a scale factor that is `ratio` times the stated one; not flagged where U does not tell it."""
     flag = unlike_nominal(ratio, expanded)
     return found.flagged(flag) if flag else found
+
+
+def flags_of_scale(per_g: float, expanded: float, unit: UnitUnderTest) -> Iterator[str]:
+    """The flag of a scale factor per g that is no finding, where the bench file states another sign or size."""
+    if unit.nominal_per_g:
+        flag = unlike_nominal(per_g / unit.nominal_per_g, expanded / abs(unit.nominal_per_g))
+        yield from (f"K1:{each}" for each in (flag,) if each)
 
 
 def unlike_nominal(ratio: float, expanded: float) -> str:

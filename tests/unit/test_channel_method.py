@@ -627,3 +627,12 @@ def test_a_ramp_on_which_the_converter_stays_at_one_temperature_tells_no_drift()
     at_s = np.arange(100.0)
     still = Gates(at_s, np.ones(100), at_s, 0 * at_s, np.full(100, 25.0), np.full(100, 65.0))
     assert np.isnan(Metered(at_s, np.full(100, 1e-3)).change_per_c(still)).all()
+
+
+@pytest.mark.parametrize(
+    ("factor", "flags"), [(1.1, []), (-1.0, ["K1:sign_unlike_nominal"]), (0.1, ["K1:size_unlike_nominal"])]
+)
+def test_a_channel_of_another_sign_or_size_than_the_bench_file_states_is_flagged(factor, flags):
+    stated = replace(UNIT, nominal_per_g=factor * rate(1.0, 25.0))
+    result = reduced(four_levels(), unit=stated)
+    assert [flag for flag in result.flags if flag.startswith("K1:")] == flags

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bench.analysis.acquired import Acquisition, Voltages
 from bench.analysis.bench_record import AxisRecord, BenchRecord
-from bench.analysis.finding import Finding
+from bench.analysis.finding import Finding, UnitResult
 from bench.analysis.repeatability import reduce
 from bench.analysis.rundata import RunData, UnitUnderTest
 
@@ -20,8 +22,8 @@ POSITIONS_DEG = (1.0, 91.0, 181.0, 271.0, 271.0, 181.0, 91.0, 1.0)
 REPETITIONS, GATE_S, NOISE_G = 6, 60.0, 1e-6
 
 
-def closure_with(warm_up_g: float) -> Finding:
-    """The closure of a unit whose readings scatter by 1 µg, and whose bias settles exponentially in each repetition."""
+def result_with(warm_up_g: float, unit: UnitUnderTest = UNIT) -> UnitResult:
+    """A unit whose readings scatter by 1 µg, and whose bias settles exponentially in each repetition."""
     rng = np.random.default_rng(7)
     dwells = []
     for number in range(REPETITIONS * len(POSITIONS_DEG)):
@@ -37,8 +39,12 @@ def closure_with(warm_up_g: float) -> Finding:
             voltages={"dvm": Voltages(at_s, np.full(len(at_s), volts))}, temperatures_c={"t": np.full(60, 25.0)},
             temperatures_at_s={"t": at_s},
         ))  # fmt: skip
-    (result,) = reduce(RunData("repeat", (UNIT,), tuple(dwells), BENCH), {})
-    (closure,) = (each for each in result.findings if each.quantity == "K0/closure")
+    (result,) = reduce(RunData("repeat", (unit,), tuple(dwells), BENCH), {})
+    return result
+
+
+def closure_with(warm_up_g: float) -> Finding:
+    (closure,) = (each for each in result_with(warm_up_g).findings if each.quantity == "K0/closure")
     return closure
 
 
@@ -48,3 +54,10 @@ def test_a_bend_that_every_repetition_has_is_no_scatter():
 
 def test_the_closure_is_as_uncertain_as_the_readings_make_it():
     assert closure_with(0.0).u == pytest.approx(np.sqrt(2 / len(POSITIONS_DEG)) * NOISE_G, rel=0.5)
+
+
+@pytest.mark.parametrize(
+    ("nominal", "flags"), [(2.1, ()), (-2.0, ("K1:sign_unlike_nominal",)), (0.2, ("K1:size_unlike_nominal",))]
+)
+def test_a_scale_factor_of_another_sign_or_size_than_stated_is_flagged(nominal, flags):
+    assert result_with(0.0, replace(UNIT, nominal_per_g=nominal)).flags == flags
