@@ -22,7 +22,7 @@ from bench.store.chain import Link
 from bench.store.reader import RunReader, digest_of
 from bench.store.runs import RunDirectory
 from bench.store.seal import close_record
-from bench.store.verify import examine
+from bench.store.verify import changed_files, examine
 
 RESULTS, TRUTH = "results.json", "truth.json"
 
@@ -52,6 +52,7 @@ class Finish:
         with ExitStack() as stack:
             try:
                 record["digest"] = record["digest"] or digest_of(path)
+                self._expect_unchanged()
                 stored = StoredRun(path, {**record, "state": outcome.how}, stack.enter_context(RunReader(path)))
                 results = stored.evaluate()
                 self._write_results(stored, results, laboratory)
@@ -66,6 +67,11 @@ class Finish:
                 stored.record = examine(path, thoroughly=False)
                 self._report(stored)
         return results
+
+    def _expect_unchanged(self) -> None:
+        """Raise StoreError where the files that the run was made of are not those that it wrote when it began."""
+        if changed := list(changed_files(self._directory.path, self._record["hashes"])):
+            raise StoreError(f"{'; '.join(changed)}. The run is not reduced, because that is not what was run")
 
     def _write_results(self, stored: StoredRun, results: Results, laboratory: Laboratory | None) -> None:
         contents = {} if laboratory is None else {TRUTH: truth_of(stored, laboratory)}

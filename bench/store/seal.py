@@ -38,7 +38,9 @@ class Seal:
 def close_record(directory: RunDirectory, manifest: Mapping[str, Any], end: Link, digest: str) -> None:
     """Seal a run with the manifest that it ends with, write that, and note the seal in the ledger.
 
-    Raises StoreError, and OSError when all is done but for the ledger.
+    A file whose hash the manifest has is sealed with that hash, not as it is now: one that somebody changed while the
+    run went on must not pass for what the run was made of. Raises StoreError, and OSError when all is done but for the
+    ledger.
     """
     folder = directory.path
     begun = beginning(folder / MANIFEST)
@@ -46,6 +48,7 @@ def close_record(directory: RunDirectory, manifest: Mapping[str, Any], end: Link
         files = {name: file_hash(folder / name) for name in sealable(folder) if name != MANIFEST}
     except OSError as problem:
         raise StoreError(f"{folder}: cannot be sealed ({problem})") from problem
+    files |= manifest["hashes"]
     files[MANIFEST] = _named(hashlib.sha256(json_text(manifest).encode()))
     content = {
         "schema": SEAL_SCHEMA,

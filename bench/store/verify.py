@@ -89,7 +89,7 @@ def _unreadable(found: RunSummary, problem: str) -> Record:
             known.append(f"the ledger has commit {last.number} with {last.rows} rows of this run, of {last.utc}")
         elif found.state == "interrupted":
             known.append("the ledger has no entry for this run: it may have been killed before its first commit")
-    return Record(folder, "unreadable", damage=tuple(dict.fromkeys((*_changed(folder, files), *known))))
+    return Record(folder, "unreadable", damage=tuple(dict.fromkeys((*changed_files(folder, files), *known))))
 
 
 def _why_unsealed(folder: Path) -> Iterator[str]:
@@ -109,7 +109,7 @@ def _sealed(found: RunSummary, *, thoroughly: bool) -> Record:
         seal = read_seal(folder)
     except StoreError as problem:
         return _with(_chained(found, "sealed"), str(problem))
-    damage = list(_changed(folder, seal.files))
+    damage = list(changed_files(folder, seal.files))
     links: tuple[Link, ...] = ()
     intact = (seal.commits, seal.rows, seal.head)
     if thoroughly or any(database.FILE_NAME in each for each in damage):
@@ -136,7 +136,7 @@ def _chained(found: RunSummary, kind: Kind) -> Record:
     is_first = found.state in ("running", "interrupted")  # another one is written at the end
     if is_first and walked.links and walked.links[0].head != beginning(folder / MANIFEST):
         damage.append(f"{folder / MANIFEST}: is not the one with which the run started")
-    damage += _changed(folder, _hashes(found))
+    damage += changed_files(folder, _hashes(found))
     of_log, may_be = ([], []) if kind == "running" else _unread(folder)
     told, remarks = _by_ledger(found, walked.links, _seal_bytes(folder))
     return Record(folder, kind, *_end(walked.intact), tuple(damage + of_log + told), tuple(may_be + remarks))
@@ -187,7 +187,7 @@ def _hashes(found: RunSummary) -> Mapping[str, str]:
     return hashes
 
 
-def _changed(folder: Path, hashes: Mapping[str, str]) -> Iterator[str]:
+def changed_files(folder: Path, hashes: Mapping[str, str]) -> Iterator[str]:
     """The files whose hashes are others."""
     for name, expected in hashes.items():
         path = folder / name
@@ -239,7 +239,7 @@ def _contradictions(ledger: Sequence[Noted], links: Sequence[Link]) -> Iterator[
 
 def _unchained(found: RunSummary) -> Record:
     """A record from before there were chains: by the hashes and the digest in its manifest, if it got one."""
-    damage = list(_changed(found.path, _hashes(found)))
+    damage = list(changed_files(found.path, _hashes(found)))
     if not found.manifest:
         damage.append(f"{found.path / MANIFEST}: cannot be read")
     try:

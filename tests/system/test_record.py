@@ -10,12 +10,12 @@ import pytest
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
 from bench.errors import StoreError
-from bench.report.verify import examined
+from bench.report.verify import examined, verify
 from bench.runner.quiet import Quiet
 from bench.store.reader import RunReader
 from bench.store.user_state import state_folder
 from bench.store.writer import RunWriter
-from tests.support.runs import ROOT, run_short
+from tests.support.runs import ROOT, read_json, run_short
 
 INPUTS = {"manifest.json", "sequence.yaml", "bench.yaml", "if_counter.dbc"}
 
@@ -99,6 +99,20 @@ def test_what_was_recorded_is_rescued_when_the_directory_is_removed(tmp_path):
     is_kept(result, state_folder() / "rescued" / result.path.name)
     assert "was removed while the run went on" in result.problems[0]
     assert f"recorded until then is in {result.path}" in result.problems[0]
+
+
+@pytest.mark.parametrize("name", ["sequence.yaml", "bench.yaml", "if_counter.dbc"])
+def test_an_input_that_is_edited_while_the_run_goes_on_does_not_pass_for_what_was_run(tmp_path, name):
+    def edit(folder):
+        with (folder / name).open("ab") as file:
+            file.write(b"\n")
+
+    result = meddled(tmp_path / "runs", edit)
+    changed = f"{result.path / name}: has changed since it was written"
+    assert any(changed in each for each in result.outcome.problems)
+    assert "The run is not reduced" in result.problems[0]
+    assert read_json(result, "manifest.json")["verdict"] == "ERROR"
+    assert changed in verify(result.path)
 
 
 def test_another_file_in_the_place_of_the_database_is_not_taken_for_it(tmp_path):
