@@ -18,8 +18,9 @@ import tests  # noqa: F401  which gives them a folder for states
 
 ROOT = Path(__file__).parents[1]
 # The same examples in every run, so that a change is judged by itself; HYPOTHESIS_PROFILE=explore looks for new ones.
-settings.register_profile("fixed", derandomize=True)
-settings.register_profile("explore", print_blob=True)
+# A busy machine is no failure, so no example has a deadline.
+settings.register_profile("fixed", derandomize=True, deadline=None)
+settings.register_profile("explore", print_blob=True, deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
 SLOW_FOLDERS = {"truth", "integration", "hostile", "can_faults", "line_faults", "swaps"}
 REQUIRED = os.environ.get("BENCH_REQUIRE_PEERS") == "1"
