@@ -19,7 +19,7 @@ from bench.store.encoded import encoded
 from bench.store.ledger import LEDGER
 from bench.store.reader import digest_of
 from bench.store.runs import MANIFEST, SEAL, RunDirectory
-from bench.store.seal import close_record
+from bench.store.seal import close_record, file_hash
 from bench.store.user_state import state_folder
 from bench.store.verify import examine
 
@@ -81,6 +81,8 @@ def sealed_anew(folder: Path) -> Path:
     (folder / SEAL).unlink(missing_ok=True)
     manifest = json.loads((folder / MANIFEST).read_text("utf-8"))
     if manifest["state"] != "running":
+        inputs = (name for name in manifest["hashes"] if (folder / name).exists())
+        manifest["hashes"] = {name: file_hash(folder / name) for name in inputs}
         digest = ""
         with suppress(StoreError):  # of data that cannot be read
             digest = digest_of(folder)
