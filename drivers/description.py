@@ -19,6 +19,7 @@ from drivers.errors import WrongIdentity
 from drivers.fields import Spelled, StrictModel
 from drivers.installed import Installed
 from drivers.person import NOBODY, Person
+from drivers.shipped import DRIVERS
 
 if TYPE_CHECKING:  # a bench file is checked without what only an opened device needs
     from drivers.recognition import Recognition
@@ -111,7 +112,7 @@ class Setup(Generic[OptionsT, LimitsT, SafeT]):
 @lru_cache(maxsize=1)
 def known_drivers() -> Mapping[str, DriverDescription]:
     """Every installed driver by name."""
-    return Installed(ENTRY_POINTS)
+    return Installed(ENTRY_POINTS, DRIVERS)
 
 
 def make_driver(description: DriverDescription, setup: Setup[OptionsT, LimitsT, SafeT]) -> Device:

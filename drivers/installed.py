@@ -1,11 +1,15 @@
-"""What installed packages offer under a group of entry points, by name; each is imported when it is asked for."""
+"""Objects by name: those that the program brings, and those that installed packages offer as entry points.
+
+Each is imported when it is asked for. The packages are searched when a name is none of the program's own, because that
+search takes longer than many checks do.
+"""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
-from importlib.metadata import EntryPoint, entry_points
+from functools import cached_property, lru_cache
+from importlib import import_module
 from typing import Any, Generic, TypeVar
 
 OfferedT = TypeVar("OfferedT")
@@ -14,27 +18,38 @@ OfferedT = TypeVar("OfferedT")
 @lru_cache(maxsize=1)
 def _points(_path: tuple[str, ...]) -> Any:
     """Every entry point on a search path: for a single group Python reads the files of all packages as well."""
+    from importlib.metadata import entry_points
+
     return entry_points()
 
 
 class Installed(Mapping[str, OfferedT], Generic[OfferedT]):
-    """The entry points of a group by name; an item is imported when it is asked for, not with the others."""
+    """The objects of a group of entry points by name; a plug-in cannot take the name of one that is shipped.
 
-    def __init__(self, group: str) -> None:
-        offered = _points(tuple(sys.path)).select(group=group)
-        self._points: dict[str, EntryPoint] = {point.name: point for point in offered}
+    `shipped` holds a "module:attribute" for each name.
+    """
+
+    def __init__(self, group: str, shipped: Mapping[str, str]) -> None:
+        self._group = group
+        self._shipped = shipped
         self._loaded: dict[str, OfferedT] = {}
+
+    @cached_property
+    def _offered(self) -> Mapping[str, str]:
+        points = _points(tuple(sys.path)).select(group=self._group)
+        return {point.name: point.value for point in points if point.name not in self._shipped}
 
     def __getitem__(self, name: str) -> OfferedT:
         if name not in self._loaded:
-            self._loaded[name] = self._points[name].load()
+            module, _, attribute = (self._shipped.get(name) or self._offered[name]).partition(":")
+            self._loaded[name] = getattr(import_module(module.strip()), attribute.strip())
         return self._loaded[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in self._points
+        return name in self._shipped or name in self._offered
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._points)
+        yield from sorted([*self._shipped, *self._offered])
 
     def __len__(self) -> int:
-        return len(self._points)
+        return len(self._shipped) + len(self._offered)

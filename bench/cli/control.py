@@ -3,81 +3,53 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from bench.cli.stored import RUNS, Run, Runs
+from bench.cli.commands import Command, argument, flag, option
+from bench.cli.stored import RUN, RUNS
 
 if TYPE_CHECKING:  # `bench --help` loads none of it
     from bench.store.runs import RunSummary
 
 
-def register(app: typer.Typer) -> None:
-    """Adds the commands."""
-    for command in (pause, resume, stop, abort, skip, repeat, answer, status):
-        app.command()(command)
-
-
-def pause(run: Run, runs: Runs = RUNS) -> None:
+def pause(run: str, runs: Path) -> None:
     """Pause a run before its next step; its devices stay as they are."""
     _tell(run, runs, "pause")
 
 
-def resume(run: Run, runs: Runs = RUNS) -> None:
+def resume(run: str, runs: Path) -> None:
     """Resume a paused run."""
     _tell(run, runs, "resume")
 
 
-def stop(
-    run: Run,
-    after_step: Annotated[bool, typer.Option("--after-step", help="Complete the current step first.")] = False,
-    runs: Runs = RUNS,
-) -> None:
+def stop(run: str, runs: Path, *, after_step: bool) -> None:
     """Stop a run: the current step is interrupted, then the teardown runs."""
     _tell(run, runs, "stop_after_step" if after_step else "stop")
 
 
-def abort(run: Run, runs: Runs = RUNS) -> None:
+def abort(run: str, runs: Path) -> None:
     """Abort a run at once: no teardown, all devices are made safe."""
     _tell(run, runs, "abort")
 
 
-def skip(run: Run, runs: Runs = RUNS) -> None:
+def skip(run: str, runs: Path) -> None:
     """Interrupt the current step and continue with the next; whatever is still moving is first brought to rest."""
     _tell(run, runs, "skip")
 
 
-def repeat(run: Run, runs: Runs = RUNS) -> None:
+def repeat(run: str, runs: Path) -> None:
     """Restart the current step or, while the run is paused, repeat the previous one."""
     _tell(run, runs, "repeat")
 
 
-def answer(
-    run: Run,
-    text: Annotated[str, typer.Argument(metavar="ANSWER", help="One of the choices, or the requested value.")],
-    step: Annotated[
-        str,
-        typer.Option(
-            metavar="ID",
-            help="The question to answer when several are open: a step id, or a device request such as head#3.",
-        ),
-    ] = "",
-    by: Annotated[str, typer.Option(metavar="NAME", help="Who answers.")] = "",
-    runs: Runs = RUNS,
-) -> None:
+def answer(run: str, runs: Path, text: str, step: str, by: str) -> None:
     """Answer the question that a run asks."""
-    _tell(run, runs, "answer", answer=text, step=step, by=by or os.environ.get("USER", ""))
+    _tell(run, runs, "answer", answer=text, step=step, by=by)
 
 
-def status(
-    run: Run,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the status as JSON.")] = False,
-    runs: Runs = RUNS,
-) -> None:
+def status(run: str, runs: Path, *, as_json: bool) -> None:
     """Print what a run is doing and has measured or, if it has ended, how it ended."""
     from bench.report.status_text import status_lines
     from bench.store.runs import find_run, summary
@@ -119,3 +91,25 @@ def _tell(run: str, runs: Path, command: str, **arguments: str) -> None:
 
     path = find_run(run, runs)
     sys.stdout.write(f"{path.name}: {tell(path, command, **arguments)}\n")
+
+
+COMMANDS = (
+    Command("pause", pause, (RUN, RUNS)),
+    Command("resume", resume, (RUN, RUNS)),
+    Command("skip", skip, (RUN, RUNS)),
+    Command("repeat", repeat, (RUN, RUNS)),
+    Command("abort", abort, (RUN, RUNS)),
+    Command("stop", stop, (RUN, RUNS, flag("--after-step", "Complete the current step first."))),
+    Command("answer", answer, (
+        RUN,
+        argument("ANSWER", "One of the choices, or the requested value.", to="text"),
+        RUNS,
+        option(
+            "--step ID",
+            "The question to answer when several are open: a step id, or a device request such as head#3.",
+            default="",
+        ),
+        option("--by NAME", "Who answers; default: $USER.", variable="USER", default=""),
+    )),
+    Command("status", status, (RUN, RUNS, flag("--json", "Print the status as JSON.", to="as_json"))),
+)  # fmt: skip

@@ -2,98 +2,113 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import traceback
-from copy import copy
-from typing import Annotated
-
-import typer
-from typer.models import CommandInfo
+from collections.abc import Iterator, Sequence
 
 from bench.cli import authoring, control, devices, offline, rehearsing, running, stored
+from bench.cli.commands import Command
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR
-from bench.cli.once import each_option_once
 from bench.errors import BenchError, InputError
 from drivers.errors import DriverError
 
-INTERRUPTED = 130  # what typer makes of Ctrl-C
-
-
-def _print_version(asked: bool) -> None:
-    if asked:
-        from importlib.metadata import version
-
-        sys.stdout.write(f"inertial-test-bench {version('inertial-test-bench')}\n")
-        raise typer.Exit
-
-
-app = typer.Typer(
-    name="bench",
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-)
-
-
-@app.callback()
-def program(
-    version: Annotated[
-        bool, typer.Option("--version", help="Print the version, and exit.", is_eager=True, callback=_print_version)
-    ] = False,
-) -> None:
-    """Runs inertial-sensor test benches: sequences in, calibrated models with uncertainties out."""
-
-
-running.register(app)
-rehearsing.register(app)
-stored.register(app)
-devices.register(app)
-offline.register(app)
-authoring.register(app)
-control.register(app)
-each_option_once(app)
+PURPOSE = "Runs inertial-sensor test benches: sequences in, calibrated models with uncertainties out."
+ALL = (
+    *running.COMMANDS, *rehearsing.COMMANDS, *stored.COMMANDS, *devices.COMMANDS, *offline.COMMANDS,
+    *authoring.COMMANDS, *control.COMMANDS,
+)  # fmt: skip
+COMMANDS = {command.words: command for command in ALL}
+GROUPS = {
+    "runs": "List or verify runs.",
+    "devices": "List the instruments of a bench, or find new ones.",
+    "schema": "Print the JSON Schema of a kind of file.",
+    "new": "Write a starter file.",
+}
 
 
 def run() -> None:
     """Entry point; the exit codes are those of `bench.cli.exits`."""
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # searching all packages for some takes a while
+    code = main(sys.argv[1:])
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
+        signal.signal(number, signal.SIG_IGN)  # how it ended is decided
+    sys.exit(code)
+
+
+def main(words: Sequence[str]) -> int:
+    """Carry out what the words of a command line ask for; its exit code, and every problem on stderr."""
     try:
-        _asked_for(sys.argv[1:2])()
-    except SystemExit as ending:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
-            signal.signal(number, signal.SIG_IGN)  # how it ended is decided
-        sys.exit(ABORTED if ending.code == INTERRUPTED else ending.code)
+        code = _done(words)
+        sys.stdout.flush()
+        return code
+    except SystemExit as ending:  # after --help
+        return ending.code if isinstance(ending.code, int) else 0
     except InputError as problem:
         _say(str(problem))
-        sys.exit(INPUT_ERROR)
+        return INPUT_ERROR
     except (BenchError, DriverError) as problem:
         _say(str(problem))
-        sys.exit(BENCH_ERROR)
+        return BENCH_ERROR
     except KeyboardInterrupt:
         _say("interrupted")
-        sys.exit(ABORTED)
+        return ABORTED
     except BrokenPipeError:
         sys.stderr.close()  # whoever read us has enough
-        sys.exit(BENCH_ERROR)
+        return BENCH_ERROR
     except Exception:  # noqa: BLE001  Python would exit with 1, which says that the unit failed
         _say("an internal error of this program:\n" + traceback.format_exc())
-        sys.exit(BENCH_ERROR)
+        return BENCH_ERROR
 
 
-def _asked_for(first: list[str]) -> typer.Typer:
-    """The program with the command alone that the first argument names, or whole where it names none.
+def _done(words: Sequence[str]) -> int:
+    first, *others = words or ["--help"]
+    if first in ("--help", "-h"):
+        sys.stdout.write(f"Usage: bench COMMAND ...\n\n{PURPOSE}\n\n{_listed('')}\n'bench COMMAND --help' has more.\n")
+        return 0 if words else INPUT_ERROR
+    if first == "--version":
+        from importlib.metadata import version
 
-    Typer reads the signatures of all commands that a program has, which takes longer than some commands do.
-    """
-    short = copy(app)
-    short.registered_commands = [each for each in app.registered_commands if _name_of(each) in first]
-    short.registered_groups = [each for each in app.registered_groups if each.name in first]
-    return short if short.registered_commands or short.registered_groups else app
+        sys.stdout.write(f"inertial-test-bench {version('inertial-test-bench')}\n")
+        return 0
+    if first not in GROUPS:
+        return _command(first, COMMANDS).called(others)
+    if not others or others[0].startswith("-"):
+        return _of_group(first, others)
+    return _command(f"{first} {others[0]}", COMMANDS).called(others[1:])
 
 
-def _name_of(command: CommandInfo) -> str:
-    return command.name or (command.callback.__name__ if command.callback is not None else "")
+def _command(name: str, known: dict[str, Command]) -> Command:
+    """The command of that name; InputError."""
+    if name not in known:
+        from drivers.suggest import did_you_mean
+
+        raise InputError(f"there is no command 'bench {name}'{did_you_mean(name, [*known, *GROUPS])}")
+    return known[name]
+
+
+def _of_group(group: str, options: Sequence[str]) -> int:
+    """The command that a group is without a further word, if it is one; else the list of its commands."""
+    if group in COMMANDS:
+        return COMMANDS[group].called(options, _listed(f"{group} "))
+    sys.stdout.write(f"Usage: bench {group} COMMAND ...\n\n{GROUPS[group]}\n\n{_listed(f'{group} ')}")
+    return 0 if options in (["--help"], ["-h"]) else INPUT_ERROR
+
+
+def _listed(group: str) -> str:
+    """A line for each command of a group, or for each of the first words."""
+    rows = dict(_rows(group))
+    width = max(map(len, rows))
+    return "Commands:\n" + "".join(f"  {name:{width}}  {text}\n" for name, text in rows.items())
+
+
+def _rows(group: str) -> Iterator[tuple[str, str]]:
+    for words, command in COMMANDS.items():
+        if not words.startswith(group) or words == group.strip():
+            continue
+        first = words.removeprefix(group).partition(" ")[0]
+        yield first, command.help.partition("\n")[0] if group or first not in GROUPS else GROUPS[first]
 
 
 def _say(text: str) -> None:

@@ -5,67 +5,30 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from bench.cli import exits
-from bench.cli.stored import RUNS, Damaged, Runs
+from bench.cli.commands import Command, argument, option
+from bench.cli.running import ONLY_RESULTS
+from bench.cli.stored import DAMAGED, RUNS
 
 
-def register(app: typer.Typer) -> None:
-    """Adds the commands."""
-    app.command()(reduce)
-    app.command()(compensate)
-
-
-def reduce(
-    what: Annotated[
-        str, typer.Argument(metavar="CASE.json|RUN", help="A case file with its CSV records beside it, or a run.")
-    ],
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Directory for the result.json of a case.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print only the results, as JSON, on stdout.")] = False,
-    damaged: Damaged = False,
-    runs: Runs = RUNS,
-) -> None:
+def reduce(what: str, out: Path | None, runs: Path, *, as_json: bool, damaged: bool) -> int:
     """Reduce a recorded case of the methods M0 to M4; or reduce a run again, and list the findings that changed.
 
     The exit code of a case is 0 if it is reduced or passes, 1 if it fails, and that of an incomplete run if a requested
     result could not be determined or its data are doubtful.
     """
     if what.endswith(".json"):
-        _reduce_case(Path(what), out, as_json=as_json)
-    else:
-        _reduce_run(what, runs, out, as_json=as_json, damaged=damaged)
+        return _reduce_case(Path(what), out, as_json=as_json)
+    _reduce_run(what, runs, out, as_json=as_json, damaged=damaged)
+    return exits.PASS
 
 
-def compensate(
-    calibration: Annotated[Path, typer.Argument(metavar="CAL.json", help="The calibration file of a unit.")],
-    data: Annotated[
-        Path,
-        typer.Argument(metavar="DATA.csv", help="CSV with columns T_C and output, and channel if there are several."),
-    ],
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Output file; default: standard output.")
-    ] = None,
-    beyond: Annotated[
-        str,
-        typer.Option(
-            "--beyond",
-            metavar="hold|reject",
-            help="Outside the calibrated temperatures: hold the end values, or reject.",
-        ),
-    ] = "hold",
-) -> None:
+def compensate(calibration: Path, data: Path, out: Path | None, beyond: str) -> None:
     """Convert the output of a calibrated unit to the measured quantity, compensated for its temperature."""
-    from bench.errors import InputError
     from bench.files import written_whole
     from bench.report.calibration import compensated, read_calibration
 
-    if beyond not in ("hold", "reject"):
-        raise InputError(f"--beyond {beyond}: expected hold or reject")
     known = read_calibration(calibration)
     for warning in known.warnings:
         sys.stderr.write(f"{calibration.name}: {warning}\n")
@@ -77,7 +40,7 @@ def compensate(
             draft.write_text(text, encoding="utf-8")
 
 
-def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> None:
+def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> int:
     from bench.errors import InputError
     from bench.files import written_whole
     from bench.report.case import reduce_case
@@ -98,7 +61,7 @@ def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> None:
     if found == "INCOMPLETE":
         why = ", ".join(lacking(result)) or "a result with a limit could not be determined; see its notes"
         sys.stderr.write(f"{case.name}: INCOMPLETE: {why}\n")
-    raise typer.Exit(exits.PASS if found == "REDUCED" else exits.OF_VERDICT[found])
+    return exits.PASS if found == "REDUCED" else exits.OF_VERDICT[found]
 
 
 def _reduce_run(name: str, runs: Path, out: Path | None, *, as_json: bool, damaged: bool) -> None:
@@ -120,3 +83,25 @@ def _reduce_run(name: str, runs: Path, out: Path | None, *, as_json: bool, damag
         sys.stdout.write(json.dumps(found.to_json(), ensure_ascii=False) + "\n")
         return
     sys.stdout.writelines(f"{line}\n" for line in found.in_words())
+
+
+COMMANDS = (
+    Command("reduce", reduce, (
+        argument("CASE.json|RUN", "A case file with its CSV records beside it, or a run.", to="what"),
+        option("--out DIR", "Directory for the result.json of a case.", read=Path),
+        ONLY_RESULTS,
+        DAMAGED,
+        RUNS,
+    )),
+    Command("compensate", compensate, (
+        argument("CAL.json", "The calibration file of a unit.", to="calibration", read=Path),
+        argument(
+            "DATA.csv", "CSV with columns T_C and output, and channel if there are several.", to="data", read=Path
+        ),
+        option("--out FILE", "Output file; default: standard output.", read=Path),
+        option(
+            "--beyond hold|reject", "Outside the calibrated temperatures: hold the end values, or reject.",
+            choices=("hold", "reject"), default="hold",
+        ),
+    )),
+)  # fmt: skip

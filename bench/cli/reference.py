@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
-
-import typer
 
 from bench.app.reference.benches import bench_page, drivers_page
 from bench.app.reference.keys import Blocks, table
 from bench.app.reference.problems import errors_page, rules_page
 from bench.app.reference.sequences import methods_page, sequence_page, steps_page
+from bench.cli.commands import Argument
 from bench.cli.exits import MEANINGS
 from bench.errors import InputError
 from bench.files import written_whole
@@ -35,39 +33,24 @@ def index_page() -> Blocks:
 
 def commands_page() -> Blocks:
     """Every command with its arguments and options, and the exit codes."""
-    from bench.cli.main import app
+    from bench.cli.main import COMMANDS  # which imports what imports this
 
     blocks = [
         "# Commands",
         "Exit codes, the same for `bench run`, `bench rehearse` and `bench reduce`; other commands use those below 5:",
         table(("exit code", "meaning"), ((str(code), meaning) for code, meaning in MEANINGS.items())),
     ]
-    for name, command in _commands(typer.main.get_command(app), "bench"):
-        blocks += [f"## {name}", command.help]
-        if command.params:
-            blocks.append(table(("argument or option", "default", "meaning"), map(_parameter, command.params)))
+    for command in COMMANDS.values():
+        blocks += [f"## bench {command.words}", command.help]
+        if command.arguments:
+            blocks.append(table(("argument or option", "default", "meaning"), map(_row, command.arguments)))
     return blocks
 
 
-def _commands(command: Any, name: str) -> Iterator[tuple[str, Any]]:
-    """The commands inside a command, at every depth, each with the words that call it."""
-    for word, inner in getattr(command, "commands", {}).items():
-        yield f"{name} {word}", inner
-        yield from _commands(inner, f"{name} {word}")
-
-
-def _parameter(parameter: Any) -> tuple[str, str, str]:
-    """How a parameter is written, what holds without it, and what it means."""
-    words = [] if parameter.param_type_name == "argument" else [*parameter.opts]
-    if not (words and parameter.is_flag):
-        words.append(parameter.metavar or parameter.name.strip("_").upper())
-    default = getattr(parameter.default, "value", parameter.default)
-    without = f"${parameter.envvar}" if parameter.envvar else "" if default in (None, False, "") else str(default)
-    return (
-        f"`{' '.join(words)}`",
-        "required" if parameter.required else f"`{without}`" if without else "",
-        parameter.help or "",
-    )
+def _row(each: Argument) -> tuple[str, str, str]:
+    """How an argument is written, what holds without it, and what it means."""
+    without = "required" if each.is_required else f"`{each.without}`" if each.without else ""
+    return f"`{each.words}`", without, each.help
 
 
 PAGES: Mapping[str, Callable[[], Blocks]] = {

@@ -4,23 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
-import typer
-
+from bench.cli.commands import Command, option
 from bench.cli.exits import BENCH_ERROR, NOT_SAFE, of_run
-from bench.cli.running import (
-    BenchOption,
-    Calibrations,
-    NotAfter,
-    Parameters,
-    Preset,
-    Scenario,
-    Sequence,
-    Settings,
-    warn,
-)
+from bench.cli.running import ANSWERS, NEW_RUNS, OF_A_PLAN, SCENARIO, SEED, UUT_MODEL, warn
 
 if TYPE_CHECKING:  # `bench --help` loads none of it
     from bench.app.rehearse import Compared, Rehearsal
@@ -34,30 +22,7 @@ ENDED = {
 STEPS_SHOWN = 8
 
 
-def register(app: typer.Typer) -> None:
-    """Adds the command."""
-    app.command()(rehearse)
-
-
-def rehearse(
-    sequence: Sequence,
-    bench: BenchOption = None,
-    preset: Preset = None,
-    params: Parameters = None,
-    set_: Settings = None,
-    not_after: NotAfter = None,
-    calibration: Calibrations = None,
-    answers: Annotated[Path | None, typer.Option(metavar="FILE", help="Scripted answers to prompts.")] = None,
-    uut_model: Annotated[Path | None, typer.Option(metavar="FILE", help="Truth of the simulated unit.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of the simulation.")] = None,
-    faults: Annotated[
-        int | None, typer.Option(metavar="SEED", help="Break one to three instruments, drawn by this seed.")
-    ] = None,
-    scenario: Scenario = None,
-    runs: Annotated[Path, typer.Option(metavar="DIR", help="Directory in which run directories are created.")] = Path(
-        "runs"
-    ),
-) -> None:
+def rehearse(*, faults: int | None, **wishes: Any) -> int:
     """Run a sequence on simulators of a bench's instruments, with all limits in force, and compare it with its plan.
 
     The exit code is that of the run.
@@ -70,11 +35,7 @@ def rehearse(
     from bench.runner.progress import TerminalProgress
     from bench.runner.signals import Signals
 
-    as_it_is = RunRequest(
-        sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), uut_model=uut_model,
-        seed=seed, runs=runs, operator="rehearsal", answers=answers, not_after=not_after,
-        past_due="mark", calibrations=tuple(calibration or ()), scenario=scenario,
-    )  # fmt: skip
+    as_it_is = RunRequest(operator="rehearsal", past_due="mark", **wishes)
     with lasting_output():
         checked = load_checked(as_it_is)
         warn(checked.plan, checked.warnings)
@@ -86,7 +47,7 @@ def rehearse(
             with signals.not_waiting():
                 for line in _told(rehearsal):
                     sys.stdout.write(line + "\n")
-    raise typer.Exit(_exit_code(rehearsal))
+    return _exit_code(rehearsal)
 
 
 def _exit_code(rehearsal: Rehearsal) -> int:
@@ -159,3 +120,16 @@ def _time(seconds: float) -> str:
     from bench.report.times_and_sizes import duration
 
     return f"{seconds:.1f} s" if seconds < 600 else duration(seconds)
+
+
+COMMANDS = (
+    Command("rehearse", rehearse, (
+        *OF_A_PLAN,
+        ANSWERS,
+        UUT_MODEL,
+        SEED,
+        option("--faults SEED", "Break one to three instruments, drawn by this seed.", read=int),
+        SCENARIO,
+        NEW_RUNS,
+    )),
+)  # fmt: skip

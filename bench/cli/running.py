@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import gc
 import json
-import os
 import sys
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from bench.cli.exits import INPUT_ERROR, of_run
+from bench.cli.commands import Command, argument, flag, option, options
+from bench.cli.exits import INPUT_ERROR, PASS, of_run
 from bench.errors import InputError
 
 if TYPE_CHECKING:  # `bench --help` loads none of it
@@ -22,65 +19,29 @@ if TYPE_CHECKING:  # `bench --help` loads none of it
     from bench.sequence.plan import Plan
     from bench.sequence.remarks import Remark
 
-Sequence = Annotated[
-    str, typer.Argument(metavar="SEQUENCE", help="A sequence file, or the name of a shipped one such as smoke.")
-]
-BenchOption = Annotated[
-    str | None,
-    typer.Option(
-        "--bench", metavar="FILE", envvar="BENCH_FILE", help="The bench file; default: the shipped simulated bench."
+BENCH = option(
+    "--bench FILE", "The bench file; default: $BENCH_FILE, or the shipped simulated bench.", variable="BENCH_FILE"
+)
+OF_A_PLAN = (
+    argument("SEQUENCE", "A sequence file, or the name of a shipped one such as smoke."),
+    BENCH,
+    option("--preset PRESET", "A preset of the sequence."),
+    option("--params FILE", "A YAML file of parameters, one NAME: VALUE on each line.", read=Path, to="parameters"),
+    options("--set NAME=VALUE", "A parameter of the sequence; repeatable.", to="settings"),
+    option("--not-after INSTANT", "Warn if the run would end later than this, such as 2026-01-31T07:00Z."),
+    options(
+        "--calibration [PLACE=]FILE",
+        "The released calibration to check the unit in a place against; one for each place.",
+        to="calibrations",
     ),
-]
-Preset = Annotated[str | None, typer.Option(help="A preset of the sequence.")]
-Parameters = Annotated[
-    Path | None,
-    typer.Option("--params", metavar="FILE", help="A YAML file of parameters, one NAME: VALUE on each line."),
-]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the sequence; repeatable."),
-]
-NotAfter = Annotated[
-    str | None,
-    typer.Option(
-        "--not-after", metavar="INSTANT", help="Warn if the run would end later than this, such as 2026-01-31T07:00Z."
-    ),
-]
-Calibrations = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--calibration", metavar="[PLACE=]FILE",
-        help="The released calibration to check the unit in a place against; one for each place.",
-    ),
-]  # fmt: skip
-Scenario = Annotated[
-    Path | None,
-    typer.Option("--scenario", metavar="FILE", help="Faults of the simulated instruments, and when they happen."),
-]
-Simulate = Annotated[bool, typer.Option("--simulate", help="Replace every instrument by its simulator.")]
-
-
-def register(app: typer.Typer) -> None:
-    """Adds the commands."""
-    app.command()(check)
-    app.command()(plan)
-    app.command()(run)
-
-
-class PastDue(StrEnum):
-    """What becomes of a run on an instrument whose calibration is not valid any more."""
-
-    REFUSE = "refuse"
-    MARK = "mark"
-
-
-class Format(StrEnum):
-    """Output format of the findings of a check."""
-
-    TEXT = "text"
-    JSON = "json"
-    SARIF = "sarif"
-    GITHUB = "github"
+)
+SCENARIO = option("--scenario FILE", "Faults of the simulated instruments, and when they happen.", read=Path)
+SIMULATE = flag("--simulate", "Replace every instrument by its simulator.")
+UUT_MODEL = option("--uut-model FILE", "Truth of the simulated unit.", read=Path)
+SEED = option("--seed SEED", "Seed of the simulation.", read=int)
+ANSWERS = option("--answers FILE", "Scripted answers to prompts, on a simulated bench.", read=Path)
+NEW_RUNS = option("--runs DIR", "Directory in which run directories are created.", read=Path, default=Path("runs"))
+ONLY_RESULTS = flag("--json", "Print only the results, as JSON, on stdout.", to="as_json")
 
 
 @contextmanager
@@ -90,38 +51,18 @@ def _uncollected() -> Iterator[None]:
     try:
         yield
     finally:
+        gc.freeze()  # or the next collection, at the latest that of the end, goes through all of it
         gc.enable()
 
 
 @_uncollected()
-def check(
-    sequence: Sequence,
-    bench: BenchOption = None,
-    preset: Preset = None,
-    params: Parameters = None,
-    set_: Settings = None,
-    not_after: NotAfter = None,
-    calibration: Calibrations = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Treat warnings as errors.")] = False,
-    format_: Annotated[
-        Format,
-        typer.Option(
-            "--format",
-            metavar="text|json|sarif|github",
-            help="text: warnings on stderr; other formats: only that format on stdout.",
-        ),
-    ] = Format.TEXT,
-) -> None:
+def check(*, strict: bool, form: str, **wishes: Any) -> int:
     """Check a sequence against a bench; nothing is opened."""
     from bench.app.request import RunRequest, load_checked
     from bench.report.remarks import RENDERERS, Shown
 
-    request = RunRequest(
-        sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), not_after=not_after,
-        calibrations=tuple(calibration or ()),
-    )  # fmt: skip
     try:
-        checked = load_checked(request)
+        checked = load_checked(RunRequest(**wishes))
         document, warnings = checked.plan.document, checked.warnings
         if strict and warnings:
             own = [warning for warning in warnings if warning.elsewhere is None]
@@ -131,18 +72,19 @@ def check(
                 *document.told((warning.place, warning.text) for warning in own),
             )
     except InputError as error:
-        if format_ is Format.TEXT:
+        if form == "text":
             raise
-        sys.stdout.write(RENDERERS[format_]([Shown.of_error(problem) for problem in error.problems]) + "\n")
-        raise typer.Exit(INPUT_ERROR) from None
-    if format_ is not Format.TEXT:
-        found = RENDERERS[format_]([Shown.of_remark(warning, document) for warning in warnings])
+        sys.stdout.write(RENDERERS[form]([Shown.of_error(problem) for problem in error.problems]) + "\n")
+        return INPUT_ERROR
+    if form != "text":
+        found = RENDERERS[form]([Shown.of_remark(warning, document) for warning in warnings])
         sys.stdout.write(f"{found}\n" if found else "")
-        return
+        return PASS
     warn(checked.plan, warnings)
     told = _counted(len(warnings), "warning") if warnings else "no problem"
     steps = _counted(len(checked.plan), "step")
     sys.stdout.write(f"{document.path}: {steps}, {told} on {checked.loaded.document.path}\n")
+    return PASS
 
 
 def _counted(count: int, what: str) -> str:
@@ -157,29 +99,13 @@ def warn(plan: Plan, warnings: Iterable[Remark]) -> None:
         sys.stderr.write(warning_line(warning, plan.document) + "\n")
 
 
-def plan(
-    sequence: Sequence,
-    bench: BenchOption = None,
-    preset: Preset = None,
-    params: Parameters = None,
-    set_: Settings = None,
-    not_after: NotAfter = None,
-    calibration: Calibrations = None,
-    picture: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the plan against time, as FILE.svg or FILE.html.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print only JSON on stdout.")] = False,
-) -> None:
+def plan(*, picture: Path | None, as_json: bool, **wishes: Any) -> None:
     """List the steps of a sequence: when each begins, how long it takes, the bench after it; nothing is opened."""
     from bench.app.request import RunRequest, load_checked
     from bench.report.timeline import plan_table, timeline_json, turned_by_hand
     from bench.report.times_and_sizes import duration, megabytes
 
-    request = RunRequest(
-        sequence, bench=bench, preset=preset, parameters=params, settings=tuple(set_ or ()), not_after=not_after,
-        calibrations=tuple(calibration or ()),
-    )  # fmt: skip
-    checked = load_checked(request)
+    checked = load_checked(RunRequest(**wishes))
     warn(checked.plan, checked.warnings)
     expected = checked.expected
     if picture is not None:
@@ -198,58 +124,7 @@ def plan(
     )
 
 
-def run(
-    sequence: Sequence,
-    bench: BenchOption = None,
-    simulate: Simulate = False,
-    speed: Annotated[
-        str | None,
-        typer.Option(metavar="max|N", help="Bench seconds per real second; default: max on a simulated bench, else 1."),
-    ] = None,
-    preset: Preset = None,
-    params: Parameters = None,
-    set_: Settings = None,
-    not_after: NotAfter = None,
-    uut_model: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Truth of the simulated unit."),
-    ] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of the simulation.")] = None,
-    uut: Annotated[
-        list[str] | None,
-        typer.Option(metavar="[PLACE=]SERIAL", help="Serial number of the unit under test; one for each place."),
-    ] = None,
-    calibration: Calibrations = None,
-    operator: Annotated[str, typer.Option(metavar="NAME", help="Who runs it.")] = "",
-    order: Annotated[
-        str, typer.Option(metavar="TEXT", help="The order that the run is for; shown in the report.")
-    ] = "",
-    procedure: Annotated[
-        str, typer.Option(metavar="TEXT", help="The test procedure and its revision; shown in the report.")
-    ] = "",
-    runs: Annotated[Path, typer.Option(metavar="DIR", help="Directory in which run directories are created.")] = Path(
-        "runs"
-    ),
-    attended: Annotated[
-        bool,
-        typer.Option("--attended", help="Confirm that somebody stays with the bench; required with real connections."),
-    ] = False,
-    answers: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Scripted answers to prompts, on a simulated bench.")
-    ] = None,
-    past_due: Annotated[
-        PastDue,
-        typer.Option(
-            metavar="refuse|mark", help="If a calibration is past due: refuse to run, or run and mark the results."
-        ),
-    ] = PastDue.REFUSE,
-    trace: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Record every byte on the connections of the bench in a new file."),
-    ] = None,
-    scenario: Scenario = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print only the results, as JSON, on stdout.")] = False,
-) -> None:
+def run(*, as_json: bool, **wishes: Any) -> int:
     """Run a sequence on a bench."""
     from bench.app.execute import execute
     from bench.app.request import RunRequest, prepare
@@ -258,24 +133,16 @@ def run(
     from bench.runner.signals import Signals
 
     with lasting_output():
-        if bench is None:
+        if wishes["bench"] is None:
             sys.stderr.write("No --bench given: running on the shipped simulated bench.\n")
-        prepared = prepare(
-            RunRequest(
-                sequence=sequence, bench=bench, simulate=simulate, speed=speed, preset=preset, parameters=params,
-                settings=tuple(set_ or ()), uut_model=uut_model, seed=seed, units=tuple(uut or ()), order=order,
-                procedure=procedure, operator=operator or os.environ.get("USER", ""), runs=runs, attended=attended,
-                answers=answers, not_after=not_after, past_due=past_due.value, calibrations=tuple(calibration or ()),
-                trace=trace, scenario=scenario,
-            )
-        )  # fmt: skip
+        prepared = prepare(RunRequest(**wishes))
         warn(prepared.plan, prepared.warnings)
         with Signals() as signals:
             with TerminalProgress(prepared.plan, prepared.loaded.bench, prepared.speed) as progress:
                 result = execute(prepared, progress, signals)
             with signals.not_waiting():
                 _show(result, progress.said, as_json=as_json)
-    raise typer.Exit(of_run(result))
+    return of_run(result)
 
 
 def _show(result: RunResult, said: Collection[str], *, as_json: bool) -> None:
@@ -296,3 +163,41 @@ def _show(result: RunResult, said: Collection[str], *, as_json: bool) -> None:
     )
     if result.report is not None:
         sys.stderr.write(f"report {result.report}\n")
+
+
+COMMANDS = (
+    Command("check", check, (
+        *OF_A_PLAN,
+        flag("--strict", "Treat warnings as errors."),
+        option(
+            "--format text|json|sarif|github", "text: warnings on stderr; other formats: only that format on stdout.",
+            to="form", choices=("text", "json", "sarif", "github"), default="text",
+        ),
+    )),
+    Command("plan", plan, (
+        *OF_A_PLAN,
+        option("--picture FILE", "Draw the plan against time, as FILE.svg or FILE.html.", read=Path),
+        flag("--json", "Print only JSON on stdout.", to="as_json"),
+    )),
+    Command("run", run, (
+        *OF_A_PLAN,
+        SIMULATE,
+        option("--speed max|N", "Bench seconds per real second; default: max on a simulated bench, else 1."),
+        UUT_MODEL,
+        SEED,
+        options("--uut [PLACE=]SERIAL", "Serial number of the unit under test; one for each place.", to="units"),
+        option("--operator NAME", "Who runs it; default: $USER.", variable="USER", default=""),
+        option("--order TEXT", "The order that the run is for; shown in the report.", default=""),
+        option("--procedure TEXT", "The test procedure and its revision; shown in the report.", default=""),
+        NEW_RUNS,
+        flag("--attended", "Confirm that somebody stays with the bench; required with real connections."),
+        ANSWERS,
+        option(
+            "--past-due refuse|mark", "If a calibration is past due: refuse to run, or run and mark the results.",
+            choices=("refuse", "mark"), default="refuse",
+        ),
+        option("--trace FILE", "Record every byte on the connections of the bench in a new file.", read=Path),
+        SCENARIO,
+        ONLY_RESULTS,
+    )),
+)  # fmt: skip

@@ -7,52 +7,20 @@ import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
 
-import typer
+from bench.cli.commands import Command, argument, flag, option, whole_number
+from bench.cli.exits import BENCH_ERROR, PASS
 
-from bench.cli.exits import BENCH_ERROR
-
-Run = Annotated[str, typer.Argument(metavar="RUN", help="A run directory, an id, its first characters, or last.")]
-Runs = Annotated[Path, typer.Option(metavar="DIR", help="Directory that holds the run directories.")]
-RUNS = Path("runs")
+RUN = argument("RUN", "A run directory, an id, its first characters, or last.")
+RUNS = option("--runs DIR", "Directory that holds the run directories.", read=Path, default=Path("runs"))
+DAMAGED = flag("--damaged", "Read the run even if it is damaged, and mark everything written from it.")
 _SEPARATORS = re.compile("[-_ ]+")  # between the words of a verdict, as a shell takes them without quotes
-State = Annotated[
-    str | None, typer.Option(metavar="STATE", help="Only runs in this state: running, completed, interrupted, …")
-]
-Verdict = Annotated[str | None, typer.Option(metavar="VERDICT", help="Only runs with this verdict: PASS, FAIL, …")]
-Unit = Annotated[str | None, typer.Option(metavar="SERIAL", help="Only runs of this unit.")]
-Last = Annotated[int | None, typer.Option(min=1, metavar="N", help="Only the newest N.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print the runs as JSON.")]
-
-Damaged = Annotated[
-    bool, typer.Option("--damaged", help="Read the run even if it is damaged, and mark everything written from it.")
-]
-
-group = typer.Typer(help="List or verify runs.", invoke_without_command=True, rich_markup_mode=None)
 
 
-def register(app: typer.Typer) -> None:
-    """Adds the commands."""
-    app.add_typer(group, name="runs")
-    app.command()(report)
-    app.command()(export)
-
-
-@group.callback()
-@group.command("list")
 def list_runs(
-    context: typer.Context,
-    runs: Runs = RUNS,
-    state: State = None,
-    verdict: Verdict = None,
-    uut: Unit = None,
-    last: Last = None,
-    as_json: AsJson = False,
+    runs: Path, state: str | None, verdict: str | None, uut: str | None, last: int | None, *, as_json: bool
 ) -> None:
     """List the runs, oldest first; a run must match every filter."""
-    if context.invoked_subcommand is not None:
-        return
     from bench.report.status_text import runs_table
     from bench.store.manifest_form import SHOWN_STATES, VERDICTS
     from bench.store.runs import list_runs as found
@@ -77,8 +45,7 @@ def list_runs(
         sys.stdout.write(line + "\n")
 
 
-@group.command()
-def digest(run: Run, damaged: Damaged = False, runs: Runs = RUNS) -> None:
+def digest(run: str, runs: Path, *, damaged: bool) -> None:
     """Print the digest of a run's data: equal for equal runs."""
     from bench.report.stored import open_run
     from bench.store.runs import find_run
@@ -89,8 +56,7 @@ def digest(run: Run, damaged: Damaged = False, runs: Runs = RUNS) -> None:
         sys.stdout.write(stored.reader.digest() + "\n")
 
 
-@group.command()
-def verify(run: Run, runs: Runs = RUNS) -> None:
+def verify(run: str, runs: Path) -> int:
     """Check a run against its chain, its seal and the ledger: sealed, intact up to a row, or damaged, and where."""
     from bench.report.verify import examined
     from bench.store.runs import find_run
@@ -99,22 +65,10 @@ def verify(run: Run, runs: Runs = RUNS) -> None:
     sys.stdout.write(f"{record.folder}: {record.in_words}\n")
     for line in (*record.damage, *record.remarks):
         sys.stdout.write(f"  {line}\n")
-    if record.damage:
-        raise typer.Exit(BENCH_ERROR)
+    return BENCH_ERROR if record.damage else PASS
 
 
-def report(
-    run: Run,
-    form: Annotated[
-        str,
-        typer.Option(
-            "--format", metavar="html|pdf|json|csv", help="html or pdf: the full report; json or csv: only the results."
-        ),
-    ] = "html",
-    lang: Annotated[str, typer.Option("--lang", metavar="en|zh", help="The language of the report.")] = "en",
-    damaged: Damaged = False,
-    runs: Runs = RUNS,
-) -> None:
+def report(run: str, runs: Path, form: str, lang: str, *, damaged: bool) -> None:
     """Write the report of a run, even of an interrupted one."""
     from bench.report.languages import LANGUAGES
     from bench.report.stored import open_run
@@ -127,15 +81,7 @@ def report(
         sys.stdout.write(f"{write_report(stored, form, lang)}\n")
 
 
-def export(
-    run: Run,
-    form: Annotated[
-        str, typer.Option("--format", metavar="csv|candump|parquet|matlab|hdf5", help="The file format.")
-    ] = "csv",
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Directory for the files.")] = Path(),
-    damaged: Damaged = False,
-    runs: Runs = RUNS,
-) -> None:
+def export(run: str, runs: Path, form: str, out: Path, *, damaged: bool) -> None:
     """Write a run's data as files that other programs read.
 
     The format candump has the frames of acquisitions, not the whole bus: frames between acquisitions are not recorded.
@@ -158,3 +104,36 @@ def _expect_one_of(option: str, known: Iterable[str], given: str) -> None:
     if given not in known:
         hint = f"; did you mean '{close}'?" if (close := nearest(given, known)) else ""
         raise InputError(f"{option} {given}: unknown, expected {', '.join(known)}{hint}")
+
+
+LIST = (
+    RUNS,
+    option("--state STATE", "Only runs in this state: running, completed, interrupted, …"),
+    option("--verdict VERDICT", "Only runs with this verdict: PASS, FAIL, …"),
+    option("--uut SERIAL", "Only runs of this unit."),
+    option("--last N", "Only the newest N.", read=whole_number(1)),
+    flag("--json", "Print the runs as JSON.", to="as_json"),
+)
+COMMANDS = (
+    Command("runs", list_runs, LIST),
+    Command("runs list", list_runs, LIST),
+    Command("runs digest", digest, (RUN, RUNS, DAMAGED)),
+    Command("runs verify", verify, (RUN, RUNS)),
+    Command("report", report, (
+        RUN,
+        RUNS,
+        option(
+            "--format html|pdf|json|csv", "html or pdf: the full report; json or csv: only the results.",
+            to="form", default="html",
+        ),
+        option("--lang en|zh", "The language of the report.", default="en"),
+        DAMAGED,
+    )),
+    Command("export", export, (
+        RUN,
+        RUNS,
+        option("--format csv|candump|parquet|matlab|hdf5", "The file format.", to="form", default="csv"),
+        option("--out DIR", "Directory for the files.", read=Path, default=Path()),
+        DAMAGED,
+    )),
+)  # fmt: skip

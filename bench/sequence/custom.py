@@ -18,6 +18,7 @@ from drivers.fields import Name
 from drivers.installed import Installed
 
 ENTRY_POINTS = "inertial_test_bench.steps"
+SHIPPED: Mapping[str, str] = {"compare_ends": "bench.sequence.methods.indexing:COMPARE_ENDS"}
 
 
 def _no_time(_: Any) -> float:
@@ -61,4 +62,4 @@ class Custom(StepBase):
 @lru_cache(maxsize=1)
 def known_steps() -> Mapping[str, StepDescription]:
     """Every installed plug-in's step by name."""
-    return Installed(ENTRY_POINTS)
+    return Installed(ENTRY_POINTS, SHIPPED)

@@ -7,16 +7,14 @@ from pathlib import Path
 
 import pytest
 import yaml
-from typer.testing import CliRunner
 
 from bench.app.scan import address_of, scan_here
-from bench.cli.main import app
-from bench.errors import InputError
 from bench.loop import run
 from bench.runner.held import holding
 from drivers.transport import serial
 from drivers.transport.address import Address
 from simulators.pty import serve_pty
+from tests.support.commands import invoked
 from tests.support.served import on_real_wires, simulating
 
 pytestmark = pytest.mark.integration
@@ -31,8 +29,8 @@ steps:
 
 
 def found_by(*arguments: str) -> tuple[str, str]:
-    done = CliRunner().invoke(app, ["devices", "scan", *arguments])
-    assert done.exit_code == 0, done.output
+    done = invoked("devices", "scan", *arguments)
+    assert done.exit_code == 0, done
     return done.stdout, done.stderr
 
 
@@ -53,23 +51,23 @@ def test_what_a_scan_proposes_is_a_bench_that_a_check_accepts_and_that_answers(t
         with bench.open("w", encoding="utf-8") as file:
             yaml.safe_dump(content, file)
         (tmp_path / "off.yaml").write_text(SEQUENCE, "utf-8")
-        checked = CliRunner().invoke(app, ["check", str(tmp_path / "off.yaml"), "--bench", str(bench)])
-        assert checked.exit_code == 0, checked.output
-        looked = CliRunner().invoke(app, ["devices", "--bench", str(bench)])
-        assert looked.exit_code == 0, looked.output
+        checked = invoked("check", str(tmp_path / "off.yaml"), "--bench", str(bench))
+        assert checked.exit_code == 0, checked
+        looked = invoked("devices", "--bench", str(bench))
+        assert looked.exit_code == 0, looked
         with holding([Address.parse(addresses[0])], "a run of smoke"):
             (place,) = scan_here([addresses[0]])
-            refused = CliRunner().invoke(
-                app, ["run", str(tmp_path / "off.yaml"), "--bench", str(bench), "--attended", "--uut", "A1",
-                      "--runs", str(tmp_path / "runs")],
+            refused = invoked(
+                "run", str(tmp_path / "off.yaml"), "--bench", str(bench), "--attended", "--uut", "A1",
+                "--runs", str(tmp_path / "runs"),
             )  # fmt: skip
             others = [
-                CliRunner().invoke(app, [*words, "--bench", str(bench)])
+                invoked(*words, "--bench", str(bench))
                 for words in (["devices"], ["trace", "--out", str(tmp_path / "t.trace")], ["console", "chamber"])
             ]
         assert re.match(r"tcp://\S+ is in use by a run of smoke, process \d+. Wait until it has ended", place.words)
-        assert str(refused.exception) == place.words
-        assert [" is in use by a run of smoke" in str(other.exception) for other in others] == [True] * 3
+        assert (refused.exit_code, refused.stderr.splitlines()[-1]) == (3, place.words)
+        assert [" is in use by a run of smoke" in other.stderr for other in others] == [True] * 3
         assert not (tmp_path / "runs").exists()
 
 
@@ -138,6 +136,6 @@ def test_an_address_may_be_short(text: str, address: str) -> None:
     ],
 )
 def test_what_cannot_be_scanned_is_refused(arguments: list[str], problem: str) -> None:
-    done = CliRunner().invoke(app, ["devices", "scan", *arguments])
-    assert isinstance(done.exception, InputError)
-    assert problem in str(done.exception)
+    done = invoked("devices", "scan", *arguments)
+    assert done.exit_code == 2
+    assert problem in done.stderr

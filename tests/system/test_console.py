@@ -9,15 +9,12 @@ import time
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from bench.app.byhand_lines import Unspoken, _parsed
-from bench.cli.main import app
-from bench.errors import InputError, InUseError
 from bench.runner.held import holding
-from drivers.errors import CannotConnect
 from drivers.recognition import scpi_asks
 from drivers.transport.address import Address
+from tests.support.commands import invoked
 from tests.support.runs import ROOT, copy_bench
 from tests.support.served import on_real_wires, simulating
 
@@ -26,9 +23,7 @@ pytestmark = pytest.mark.slow
 
 def console(*arguments: str, typed: str) -> tuple[int, list[str]]:
     """What a console of a simulated device says, without the times."""
-    done = CliRunner().invoke(app, ["console", *arguments], input=typed)
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        raise done.exception
+    done = invoked("console", *arguments, typed=typed)
     return done.exit_code, [re.sub(r"^ +\d+\.\d{3} ", "", line) for line in done.stdout.splitlines()]
 
 
@@ -111,16 +106,15 @@ def test_frames_are_shown_decoded() -> None:
 
 
 def test_a_device_that_is_not_there_is_not_opened(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="the bench has no device 'chambr'; did you mean 'chamber'"):
-        console("chambr", typed="")
-    bench = copy_bench(tmp_path, ("sim+tcp://127.0.0.1:5025", "tcp://127.0.0.1:9"))
-    with (
-        holding([Address.parse("tcp://127.0.0.1:9")], "a run of tumble_static"),
-        pytest.raises(InUseError, match=r"tcp://127\.0\.0\.1:9 is in use by a run of tumble_static, process \d+"),
-    ):
-        console("supply", "--bench", str(bench), typed=":read\n")
-    with pytest.raises(CannotConnect, match="supply: nobody answers"):
-        console("supply", "--bench", str(bench), typed=":read\n")
+    found = invoked("console", "chambr")
+    assert (found.exit_code, "the bench has no device 'chambr'; did you mean 'chamber'" in found.stderr) == (2, True)
+    bench = str(copy_bench(tmp_path, ("sim+tcp://127.0.0.1:5025", "tcp://127.0.0.1:9")))
+    with holding([Address.parse("tcp://127.0.0.1:9")], "a run of tumble_static"):
+        found = invoked("console", "supply", "--bench", bench, typed=":read\n")
+    assert found.exit_code == 3
+    assert re.match(r"tcp://127\.0\.0\.1:9 is in use by a run of tumble_static, process \d+", found.stderr)
+    found = invoked("console", "supply", "--bench", bench, typed=":read\n")
+    assert (found.exit_code, "supply: nobody answers" in found.stderr) == (3, True)
 
 
 @pytest.mark.parametrize(

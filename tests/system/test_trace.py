@@ -5,11 +5,9 @@ import re
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from bench.app.request import load_bench_named
 from bench.app.tracing import read_trace_file, trace_bench
-from bench.cli.main import app
 from bench.errors import InputError
 from bench.loop import AS_FAST_AS_POSSIBLE, BenchLoop, run
 from drivers.description import Setup, make_driver
@@ -19,6 +17,7 @@ from drivers.transport.trace import CLOSED, HEAD, OPENED, RECEIVED, SENT, Passed
 from drivers.transport.wires import RealWires
 from simulators.replay import ReplayedInstrument
 from simulators.serve import protocol_factory
+from tests.support.commands import invoked
 
 
 @pytest.fixture(scope="module")
@@ -117,16 +116,16 @@ def test_another_request_than_the_recorded_one_is_told_and_not_answered(trace: P
 
 def test_a_run_is_recorded(tmp_path: Path) -> None:
     path = tmp_path / "smoke.trace"
-    done = CliRunner().invoke(app, ["run", "smoke", "--runs", str(tmp_path), "--trace", str(path)])
-    assert done.exit_code == 0, done.output
+    done = invoked("run", "smoke", "--runs", str(tmp_path), "--trace", str(path))
+    assert done.exit_code == 0, done
     assert {each.sign for each in read_trace_file(path)} == {OPENED, CLOSED, SENT, RECEIVED}
-    again = CliRunner().invoke(app, ["run", "smoke", "--runs", str(tmp_path), "--trace", str(path)])
-    assert isinstance(again.exception, InputError)
-    assert "cannot be written: File exists" in str(again.exception)
+    again = invoked("run", "smoke", "--runs", str(tmp_path), "--trace", str(path))
+    assert again.exit_code == 2
+    assert "cannot be written: File exists" in again.stderr
 
 
 def test_a_bench_is_looked_at_and_recorded(tmp_path: Path) -> None:
     path = tmp_path / "look.trace"
-    done = CliRunner().invoke(app, ["trace", "--out", str(path), "--for", "3"])
+    done = invoked("trace", "--out", str(path), "--for", "3")
     assert done.exit_code == 0
-    assert f"lines in {path}" in done.output
+    assert f"lines in {path}" in done.stdout

@@ -1,53 +1,91 @@
-"""What is given twice on a command line is refused; the last would else take the place of the first without a word."""
+"""The command line: every command takes what its function needs, and what is given twice is refused."""
 
+import inspect
 import itertools
-from collections.abc import Iterator
-from typing import Any
+from dataclasses import fields
 
 import pytest
-from typer.main import get_command
-from typer.testing import CliRunner
 
-from bench.cli.main import app
+from bench.app.request import RunRequest
+from bench.cli.commands import Argument, Command
+from bench.cli.main import ALL, COMMANDS
+from tests.support.commands import invoked
 from tests.support.sequences import ROOT
 
 
-def commands(command: Any = None, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
-    command = command or get_command(app)
-    for name, each in getattr(command, "commands", {}).items():
-        yield from commands(each, (*path, name))
-    if not hasattr(command, "commands"):
-        yield path, command
+def given(argument: Argument) -> list[str]:
+    """An option with a value that it takes, or an argument."""
+    value = next(iter(argument.settings.get("choices") or ["1"]))
+    return [argument.name, value] if argument.name.startswith("-") else [value]
 
 
-def options() -> Iterator[tuple[Any, Any]]:
-    for _, command in commands():
-        yield from ((command, each) for each in command.params if each.param_type_name == "option")
+def test_every_command_gives_its_function_what_that_takes():
+    wishes = {field.name for field in fields(RunRequest)}
+    for command in ALL:
+        takes = inspect.signature(command.do).parameters
+        gives = {each.parameter for each in command.arguments}
+        if "wishes" in takes:
+            gives -= wishes
+        assert gives == set(takes) - {"wishes"}, command.words
+    assert len(COMMANDS) == len(ALL) > 30
 
 
-def invoked(*args: str) -> tuple[int, str]:
-    done = CliRunner().invoke(app, args)
-    return done.exit_code, " ".join(done.output.split()) + str(done.exception or "")
+@pytest.mark.parametrize("command", ALL, ids=lambda command: command.words)
+def test_every_option_with_one_value_is_refused_a_second_time(command: Command):
+    required = list(itertools.chain(*(given(each) for each in command.arguments if each.is_required)))
+    for option in command.arguments:
+        if option.once:
+            again = given(option) if option.is_required else 2 * given(option)
+            done = invoked(*command.words.split(), *required, *again)
+            assert done.exit_code == 2
+            assert f"{option.name} is given 2 times; only the last would count. Give it once." in done.stderr
 
 
-def test_every_option_with_one_value_is_refused_a_second_time():
-    tried = 0
-    for command, option in options():
-        if option.multiple or (option.is_flag and not option.secondary_opts):
-            continue
-        once = [option.opts[0]] if option.is_flag else [option.opts[0], "x"]
-        with pytest.raises(Exception, match="is given 2 times") as refused:
-            command.make_context(command.name, [*once, *once])
-        assert refused.value.exit_code == 2, (command.name, option.opts)
-        tried += 1
-    assert tried > 60
+def test_some_options_take_one_value_and_some_take_several():
+    every = [each for command in ALL for each in command.arguments if each.name.startswith("--")]
+    assert sum(each.once for each in every) > 60
+    assert {each.name for each in every if each.settings["action"] == "append" and not each.once} == {
+        "--set", "--calibration", "--uut", "--unit", "--driver",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("command", ALL, ids=lambda command: command.words)
+def test_every_command_has_help(command: Command):
+    done = invoked(*command.words.split(), "--help")
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert done.stdout.startswith(f"usage: bench {command.words} ")
+    for each in command.arguments:
+        assert each.words.rstrip(".") in " ".join(done.stdout.split())
 
 
 def test_flags_that_say_the_same_and_options_for_several_may_be_given_again():
     bench = str(ROOT / "config/indexing.yaml")
     wishes = ("--set", "step=0.1°", "--set", "largest=0.4°")
-    assert invoked("check", "indexing_static", "--bench", bench, "--strict", "--strict", *wishes)[0] == 0
-    assert any(option.multiple for _, option in options())
+    assert invoked("check", "indexing_static", "--bench", bench, "--strict", "--strict", *wishes).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("args", "bench"),
+    [
+        (("check", "--bench", "simulated", "smoke"), 0),
+        (("check", "smoke", "--bench=simulated"), 0),
+        (("check", "smoke", "--ben", "simulated"), 2),  # no option is abbreviated: a later one may begin likewise
+        (("--version",), 0),
+        (("schema", "--help"), 0),
+        (("schema",), 2),
+        ((), 2),
+    ],
+)
+def test_words_are_taken_in_any_order_and_whole(args, bench):
+    assert invoked(*args).exit_code == bench
+
+
+def test_the_environment_names_the_bench_where_no_option_does(monkeypatch):
+    monkeypatch.setenv("BENCH_FILE", "indexing")
+    assert "config/indexing.yaml" in invoked("check", "indexing_static").stdout
+    assert "config/simulated.yaml" in invoked("check", "smoke", "--bench", "simulated").stdout
+    monkeypatch.setenv("BENCH_FILE", "")
+    assert "config/simulated.yaml" in invoked("check", "smoke").stdout
 
 
 @pytest.mark.parametrize(
@@ -64,5 +102,4 @@ def test_flags_that_say_the_same_and_options_for_several_may_be_given_again():
 )  # fmt: skip
 def test_what_an_option_for_several_names_twice_is_refused(args, words, monkeypatch):
     monkeypatch.chdir(ROOT)
-    _, told = invoked(*args)
-    assert words in told
+    assert words in invoked(*args).stderr

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from importlib import import_module
+from importlib import import_module, metadata
 
 import pytest
 from pydantic import ValidationError
 
-from bench.sequence.methods import OUTPUT_UNITS, known_methods
+from bench.sequence.methods import OUTPUT_UNITS, SHIPPED, known_methods
 from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE
+from drivers.description import known_drivers
+from drivers.shipped import DRIVERS
 from drivers.units import parse_unit
-from tests.support.runs import SHORT, run_short
+from tests.support.runs import ROOT, SHORT, run_short
 from tests.support.sequences import plan_of, problems_of, steps
 
 
@@ -54,6 +56,28 @@ class Settings(StrictModel):
 
 NOISE = MethodDescription("noise", "Noise", "my_noise:reduce", Settings, {"density": "µg/Hz^0.5"})
 """
+
+
+def test_a_plug_in_cannot_take_the_name_of_a_shipped_method(plugin, monkeypatch):
+    (found,) = [each for each in known_methods() if each == "threshold"]
+    points = metadata.EntryPoints([metadata.EntryPoint("threshold", "my_noise:NOISE", "inertial_test_bench.methods")])
+    monkeypatch.setattr("drivers.installed._points", lambda _: points)
+    known_methods.cache_clear()
+    assert known_methods()[found].name == "threshold"
+    assert "noise" not in known_methods()
+    assert len(known_methods()) == len(list(known_methods())) == len(SHIPPED)
+
+
+def test_every_driver_package_is_in_the_table_of_shipped_ones():
+    packages = {
+        path.parent.name for path in (ROOT / "drivers").glob("*/*.py") if "DriverDescription(" in path.read_text()
+    }
+    assert packages == {target.split(".")[1] for target in DRIVERS.values()}
+
+
+def test_what_is_in_the_tables_is_there_under_its_name():
+    assert [known_drivers()[name].name for name in DRIVERS] == list(DRIVERS)
+    assert [known_methods()[name].name for name in SHIPPED] == list(SHIPPED)
 
 
 @pytest.fixture

@@ -119,7 +119,7 @@ def test_every_command_is_told():
     assert "## bench run\n" in page
     assert "## bench runs verify\n" in page
     assert "| `SEQUENCE` | required |" in page
-    assert "| `--bench FILE` | `$BENCH_FILE` |" in page
+    assert "| `--bench FILE` |  | The bench file; default: $BENCH_FILE, or the shipped simulated bench. |" in page
     assert "| `--strict` |  |" in page
     assert r"| `--format text\|json\|sarif\|github` | `text` |" in page
 

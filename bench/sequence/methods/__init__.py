@@ -16,6 +16,20 @@ from bench.config.places import UnitKind
 from drivers.installed import Installed
 
 ENTRY_POINTS = "inertial_test_bench.methods"
+SHIPPED: Mapping[str, str] = {
+    "imu_calibration": "bench.sequence.methods.imu:IMU_CALIBRATION",
+    "imu_start_up": "bench.sequence.methods.imu:IMU_START_UP",
+    "indexing_static": "bench.sequence.methods.indexing:INDEXING_STATIC",
+    "repeatability": "bench.sequence.methods.repeatability:REPEATABILITY",
+    "channel_temperature": "bench.sequence.methods.channel:CHANNEL_TEMPERATURE",
+    "accelerometer_range": "bench.sequence.methods.response:ACCELEROMETER_RANGE",
+    "accelerometer_response": "bench.sequence.methods.response:ACCELEROMETER_RESPONSE",
+    "gyro_range": "bench.sequence.methods.response:GYRO_RANGE",
+    "gyro_response": "bench.sequence.methods.response:GYRO_RESPONSE",
+    "temperature_ramp": "bench.sequence.methods.temperature:TEMPERATURE_RAMP",
+    "temperature_tumble": "bench.sequence.methods.temperature:TEMPERATURE_TUMBLE",
+    "threshold": "bench.sequence.methods.threshold:THRESHOLD",
+}
 OUTPUT = "output"  # in the unit of a quantity: stands for the unit of the units' output
 OUTPUT_UNITS = ("pulse/s", "V", "code")
 GYRO_OUTPUT = "gyro_output"  # likewise, of the gyros of an inertial unit
@@ -74,4 +88,4 @@ class MethodDescription:
 @lru_cache(maxsize=1)
 def known_methods() -> Mapping[str, MethodDescription]:
     """Every installed method by name."""
-    return Installed(ENTRY_POINTS)
+    return Installed(ENTRY_POINTS, SHIPPED)

@@ -1,0 +1,194 @@
+"""A command: the words that call it, its arguments, and the function that carries it out.
+
+Arguments are parsed by argparse. The parser of a command is made when it is called, so that it does not wait for those
+of all others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, NoReturn
+
+from bench.errors import InputError
+
+
+class Argument(NamedTuple):
+    """An argument, an option or a flag, and the parameter of the command's function that takes its value."""
+
+    parameter: str
+    words: str  # as they are typed, such as "--bench FILE"
+    help: str
+    settings: Mapping[str, Any]  # of add_argument
+    default: Any = None
+    variable: str = ""  # of the environment, which holds where the option is not given
+    is_required: bool = False
+    once: bool = False  # a second value is refused: it would take the place of the first
+
+    @property
+    def name(self) -> str:
+        """The option or flag without its value, such as "--bench"; of an argument its name in messages."""
+        return self.words.partition(" ")[0]
+
+    @property
+    def without(self) -> str:
+        """What holds without it, or ""."""
+        return "" if self.default in (None, False, "", ()) else str(self.default)
+
+    def add_to(self, parser: argparse.ArgumentParser) -> None:
+        """Add it to a parser."""
+        text = (f"{self.help} [default: {self.without}]" if self.without else self.help).replace("%", "%%")
+        if self.name.startswith("-"):
+            parser.add_argument(self.name, dest=self.parameter, help=text, **self.settings)
+        else:
+            parser.add_argument(self.parameter, metavar=self.words, help=text, **self.settings)
+
+    def value(self, found: Any) -> Any:
+        """The value that the function gets, from what the parser found; InputError if an option is given twice."""
+        if found is None or found == []:
+            return os.environ.get(self.variable) or self.default
+        if not self.once:
+            return tuple(found) if isinstance(found, list) else found
+        if len(found) > 1:
+            raise InputError(f"{self.name} is given {len(found)} times; only the last would count. Give it once.")
+        return found[0]
+
+
+def argument(word: str, help_: str, *, to: str = "", read: Callable[[str], Any] = str, **default: Any) -> Argument:
+    """An argument with its place; with a `default` it may be left out."""
+    settings = {"type": read, **({"nargs": "?"} if default else {})}
+    return Argument(to or word.lower(), word, help_, settings, is_required=not default, **default)
+
+
+def arguments(word: str, help_: str, *, to: str, least: int, read: Callable[[str], Any] = str) -> Argument:
+    """The arguments that remain, `least` (0 or 1) or more; a tuple."""
+    settings = {"type": read, "nargs": "+" if least else "*"}
+    return Argument(to, word, help_, settings, () if not least else None, is_required=bool(least))
+
+
+def option(
+    words: str,
+    help_: str,
+    *,
+    to: str = "",
+    read: Callable[[str], Any] = str,
+    choices: Sequence[str] | None = None,
+    default: Any = None,
+    variable: str = "",
+    is_required: bool = False,
+) -> Argument:
+    """An option with a value; `words` are "--name VALUE", `variable` that of the environment."""
+    name, _, metavar = words.partition(" ")
+    settings = {"action": "append", "type": read, "metavar": metavar, "choices": choices, "required": is_required}
+    return Argument(to or _parameter(name), words, help_, settings, default, variable, is_required, once=True)
+
+
+def options(words: str, help_: str, *, to: str, read: Callable[[str], Any] = str) -> Argument:
+    """An option that may be given several times; a tuple of values."""
+    settings = {"action": "append", "type": read, "metavar": words.partition(" ")[2]}
+    return Argument(to, words, help_, settings, ())
+
+
+def flag(name: str, help_: str, *, to: str = "") -> Argument:
+    """An option without a value: whether it is given."""
+    return Argument(to or _parameter(name), name, help_, {"action": "store_true"}, default=False)
+
+
+def _parameter(name: str) -> str:
+    return name.lstrip("-").replace("-", "_")
+
+
+def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
+    """A reader of whole numbers from `least` to `most`."""
+
+    def read(text: str) -> int:
+        number = int(text)
+        if number < least or (most is not None and number > most):
+            bounds = f"at least {least}" if most is None else f"from {least} to {most}"
+            raise argparse.ArgumentTypeError(f"{number} is not {bounds}")
+        return number
+
+    read.__name__ = "whole number"  # in the messages of argparse
+    return read
+
+
+class Command(NamedTuple):
+    """A command; its function returns the exit code, or None for 0."""
+
+    words: str
+    do: Callable[..., int | None]
+    arguments: Sequence[Argument] = ()
+
+    @property
+    def help(self) -> str:
+        """The text that its function has for a reader, in paragraphs."""
+        paragraphs = (self.do.__doc__ or "").split("\n\n")
+        return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs).strip()
+
+    def called(self, given: Sequence[str], below: str = "") -> int:
+        """Carry it out with the words that follow it; `below` is a list of the commands below it, for its help.
+
+        Raises InputError, and SystemExit after --help.
+        """
+        parser = Parser(self, below)
+        values = parser.values(given)
+        return self.do(**values) or 0
+
+
+class Parser(argparse.ArgumentParser):
+    """The parser of one command: no option is abbreviated, and errors are InputErrors."""
+
+    def __init__(self, command: Command, below: str = "") -> None:
+        super().__init__(
+            prog=f"bench {command.words}",
+            description=command.help,
+            formatter_class=argparse.RawDescriptionHelpFormatter if below else argparse.HelpFormatter,
+            epilog=below or None,
+            allow_abbrev=False,
+        )
+        self._command = command
+        for each in command.arguments:
+            each.add_to(self)
+
+    def values(self, given: Sequence[str]) -> dict[str, Any]:
+        """The values of the parameters of the command's function; InputError for words that are none of its own."""
+        self._expect_known(given)
+        of = self._command.arguments
+        # parse_args would take arguments that may be left out to be absent when an option comes before them
+        may_lack = any(each.settings.get("nargs") in ("?", "*") for each in of)
+        found = vars(self.parse_intermixed_args(given) if may_lack else self.parse_args(given))
+        try:
+            return {each.parameter: each.value(found[each.parameter]) for each in of}
+        except InputError as problem:
+            self.error(str(problem))
+
+    def _expect_known(self, given: Sequence[str]) -> None:
+        """Name an option that there is not before argparse names the argument that it takes for missing."""
+        known = ["-h", "--help", *(each.name for each in self._command.arguments)]
+        for word in given:
+            if word == "--":
+                return
+            if _is_option(word) and word.partition("=")[0] not in known:
+                from drivers.suggest import nearest
+
+                close = nearest(word.partition("=")[0], known)
+                self.error(
+                    f"there is no option {word}" + (f"; did you mean {close}?" if close else "")
+                    + ("" if close else "; a value that begins with - is written as --option=VALUE, or after --")
+                )  # fmt: skip
+
+    def error(self, message: str) -> NoReturn:
+        """Raise InputError with the command that the words were for."""
+        raise InputError(f"{self.prog}: {message}", f"'{self.prog} --help' lists its arguments and options")
+
+
+def _is_option(word: str) -> bool:
+    """True for words that argparse takes for options: negative numbers and words with blanks are none."""
+    if not word.startswith("-") or len(word) == 1 or " " in word:
+        return False
+    try:
+        float(word)
+    except ValueError:
+        return True
+    return False
