@@ -23,6 +23,16 @@ def write_whole(path: Path, data: bytes) -> None:
         raise StoreError(f"{path}: cannot be written ({problem})") from problem
 
 
+def write_both(first: Path, first_data: bytes, second: Path, second_data: bytes) -> None:
+    """Replace two files, `first` before `second`; none where one of them has no room on the disk. Raises StoreError."""
+    try:
+        with _replacing(second) as draft:
+            draft.write_bytes(second_data)
+            write_whole(first, first_data)
+    except OSError as problem:
+        raise StoreError(f"{second}: cannot be written ({problem})") from problem
+
+
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
     """A draft to write to, which takes the place of `path` when the block ends without an error.

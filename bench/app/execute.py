@@ -127,7 +127,7 @@ def _execute(prepared: PreparedRun, observer: RunObserver, signals: Signals, let
         if ran.clock_steps:
             record["clock_steps"] = ran.clock_steps
         finish = Finish(directory, record, ran.outcome, signals, watch)
-        results = finish.results(ran.laboratory, ran.end)
+        results = finish.results(ran.laboratory, ran.begun, ran.end)
         return RunResult(directory.path, ran.outcome, results, ran.bench_s, watch.elapsed_s(), finish.report)
     finally:
         directory.release()
@@ -140,7 +140,8 @@ class _Run:
     laboratory: Laboratory | None
     bench_s: float
     digest: str  # of the data; "" when they could not be written
-    end: Link
+    begun: bytes  # the head of the first link of its chain
+    end: Link  # the last one
     clock_steps: list[dict[str, float]]
     folder: Path  # where the record is; another one where the directory was moved or removed
 
@@ -178,7 +179,9 @@ async def _run(
     except StoreError as problem:
         outcome.failed(str(problem))
     instruments, bench_s = manifest.instruments(bench, identities), clock.monotonic() - began_s
-    return _Run(outcome, instruments, laboratory, bench_s, digest, writer.link, wall.steps, writer.folder)
+    return _Run(
+        outcome, instruments, laboratory, bench_s, digest, writer.beginning, writer.link, wall.steps, writer.folder
+    )
 
 
 async def _with_devices(

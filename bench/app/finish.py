@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from datetime import datetime, timedelta
@@ -18,13 +19,14 @@ from bench.report.findings import Results
 from bench.report.stored import StoredRun
 from bench.runner import manifest
 from bench.runner.signals import Dropped, Signals
-from bench.store.chain import Link
+from bench.store.chain import Link, beginning
 from bench.store.reader import RunReader, digest_of
-from bench.store.runs import RunDirectory
+from bench.store.runs import MANIFEST, RunDirectory
 from bench.store.seal import close_record
 from bench.store.verify import changed_files, examine
 
 RESULTS, TRUTH = "results.json", "truth.json"
+FOREIGN = ".found"  # after the name of a file that was in the way of one of the run
 
 
 class Finish:
@@ -43,8 +45,11 @@ class Finish:
         self.report: Path | None = None
         """The report, once it is written."""
 
-    def results(self, laboratory: Laboratory | None, end: Link) -> Results | None:
-        """Reduces the run and writes results, manifest and report; None where it cannot be reduced."""
+    def results(self, laboratory: Laboratory | None, begun: bytes, end: Link) -> Results | None:
+        """Reduce the run and write results, manifest and report; None where it cannot be reduced.
+
+        `begun` is the head of the first link of its chain, `end` the last link.
+        """
         outcome, record, path = self._outcome, self._record, self._directory.path
         with suppress(OSError):  # a full disk shows in the writes that follow
             self._directory.use_reserve()
@@ -61,12 +66,30 @@ class Finish:
                 outcome.failed(in_words(problem))
                 record["verdict"] = "ERROR"
                 results = None if results is None else replace(results, verdict="ERROR")
-            self._close(end)
+            if beginning(path / MANIFEST) != begun:
+                self._set_aside(MANIFEST)
+            self._close(begun, end)
             if stored is not None:
                 stored.manifest = {**stored.manifest, **record}
                 stored.record = examine(path, thoroughly=False)
                 self._report(stored)
+                if self.report is None:
+                    self._close(begun, end)  # with the reason
         return results
+
+    def _set_aside(self, name: str) -> None:
+        """Keep a file that is not the run's own, and whose name it needs, under another name; the manifest says so."""
+        path = self._directory.path / name
+        kept = path.with_name(f"{name}{FOREIGN}")
+        try:
+            shutil.copyfile(path, kept)
+            what_became = f"what was there is kept in {kept.name}, which is not under the seal"
+        except OSError as problem:
+            what_became = f"what was there could not be kept ({problem})"
+        self._outcome.problems.append(
+            f"{path}: somebody else wrote or removed this file while the run went on. The run wrote its own; "
+            f"{what_became}"
+        )
 
     def _expect_unchanged(self) -> None:
         """Raise StoreError where the files that the run was made of are not those that it wrote when it began."""
@@ -78,10 +101,12 @@ class Finish:
         contents[RESULTS] = results.to_json()
         contents |= dict(calibration_files(results.units, self._record, stored.bench))
         for name, content in contents.items():
+            if (self._directory.path / name).exists():
+                self._set_aside(name)
             self._directory.write_json(name, content)
             self._record["hashes"][name] = manifest.file_hash(self._directory.path / name)
 
-    def _close(self, end: Link) -> None:
+    def _close(self, begun: bytes, end: Link) -> None:
         """Write the final manifest and the seal; a failure is added to the outcome."""
         outcome, elapsed_s = self._outcome, self._watch.elapsed_s()
         ended = datetime.fromisoformat(self._record["started"]) + timedelta(seconds=elapsed_s)
@@ -96,13 +121,13 @@ class Finish:
             "sealed": True,
         }
         try:
-            close_record(self._directory, self._record, end, self._record["digest"])
+            close_record(self._directory, self._record, begun, end, self._record["digest"])
         except StoreError as problem:
             outcome.failed(str(problem))
         except OSError as problem:
-            outcome.problems.append(
-                f"the ledger of this computer cannot be written ({problem}); the run itself is sealed"
-            )
+            text = f"the ledger of this computer cannot be written ({problem}); the run itself is sealed"
+            if text not in outcome.problems:
+                outcome.problems.append(text)
 
     def _report(self, stored: StoredRun) -> None:
         """Write the report; a failure is added to the outcome and affects nothing else."""
@@ -113,6 +138,9 @@ class Finish:
 
                 self.report = write_report(stored)
         except Dropped:
-            self._outcome.problems.append(f"no report was written, because a signal arrived meanwhile; {again}")
+            came = self._signals.received[-1].number.name
+            self._outcome.problems.append(
+                f"no report was written, because a signal arrived meanwhile ({came}); {again}"
+            )
         except Exception as problem:  # noqa: BLE001  the run is over, and its results are on the disk
             self._outcome.problems.append(f"no report could be written ({problem}); {again}")

@@ -1,4 +1,4 @@
-"""The seal of a run that is over: the head of its chain, and the hash of every file that was there then.
+"""The seal of a run that is over: the head of its chain, and the hash of every file that the run wrote.
 
 Reports are made of what is sealed, may be written again, and are not under the seal. `seal.json` is written before the
 last manifest, whose hash it holds: after a power cut between them the run is an interrupted one.
@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from bench.errors import StoreError
-from bench.files import DRAFT
-from bench.store.chain import Link, beginning
+from bench.files import DRAFT, write_both
+from bench.store.chain import Link
+from bench.store.database import FILE_NAME
 from bench.store.kept_json import read_kept
 from bench.store.ledger import note
 from bench.store.manifest_form import SEAL_FORM, SEAL_SCHEMA
@@ -35,20 +36,19 @@ class Seal:
     files: Mapping[str, str]
 
 
-def close_record(directory: RunDirectory, manifest: Mapping[str, Any], end: Link, digest: str) -> None:
+def close_record(directory: RunDirectory, manifest: Mapping[str, Any], begun: bytes, end: Link, digest: str) -> None:
     """Seal a run with the manifest that it ends with, write that, and note the seal in the ledger.
 
-    A file whose hash the manifest has is sealed with that hash, not as it is now: one that somebody changed while the
-    run went on must not pass for what the run was made of. Raises StoreError, and OSError when all is done but for the
+    Sealed are the database and the files whose hashes the manifest has, with these hashes: what somebody changed or
+    added while the run went on must not pass for what the run wrote. `begun` is the head of link 0. A run that is
+    sealed may be sealed again with another manifest. Raises StoreError, and OSError when all is done but for the
     ledger.
     """
     folder = directory.path
-    begun = beginning(folder / MANIFEST)
     try:
-        files = {name: file_hash(folder / name) for name in sealable(folder) if name != MANIFEST}
+        files = {**manifest["hashes"], FILE_NAME: file_hash(folder / FILE_NAME)}
     except OSError as problem:
         raise StoreError(f"{folder}: cannot be sealed ({problem})") from problem
-    files |= manifest["hashes"]
     files[MANIFEST] = _named(hashlib.sha256(json_text(manifest).encode()))
     content = {
         "schema": SEAL_SCHEMA,
@@ -59,8 +59,7 @@ def close_record(directory: RunDirectory, manifest: Mapping[str, Any], end: Link
         "digest": digest,
         "files": files,
     }
-    directory.write_json(SEAL, content)
-    directory.write_json(MANIFEST, manifest)
+    write_both(folder / SEAL, json_text(content).encode(), folder / MANIFEST, json_text(manifest).encode())
     note(folder.name, begun, end, hashlib.sha256(json_text(content).encode()).hexdigest())
 
 
@@ -71,7 +70,7 @@ def read_seal(folder: Path) -> Seal:
 
 
 def sealable(folder: Path) -> Iterator[str]:
-    """The names of the files of a run that a seal is of, and others that lie there; in order."""
+    """The names of all files of a run directory that may not change once it is sealed; in order."""
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
         passing = name in _PASSING or name.startswith(DERIVED) or name.endswith(DRAFT)

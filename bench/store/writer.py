@@ -117,6 +117,11 @@ class RunWriter:
         self._raise_failure()
 
     @property
+    def beginning(self) -> bytes:
+        """The head of link 0: the hash of the manifest that was there when the run began."""
+        return self._beginning
+
+    @property
     def link(self) -> Link:
         """The last link of the chain; after `close`."""
         return self._link

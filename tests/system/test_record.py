@@ -149,3 +149,46 @@ def test_a_run_that_gives_nothing_is_told_when_its_directory_is_removed(tmp_path
     assert "was removed while the run went on" in failures[0]
     with pytest.raises(StoreError, match="was removed"):
         writer.close()
+
+
+def written(name, text):
+    """What puts a file into the directory of a run."""
+    return lambda folder: (folder / name).write_text(text, "utf-8")
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "another.dbc", "called/notes.txt"])
+def test_a_file_that_somebody_adds_while_the_run_goes_on_is_not_under_its_seal(tmp_path, name):
+    def add(folder):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text("looked at by A.")
+
+    result = meddled(tmp_path / "runs", add)
+    assert result.results.verdict == "PASS"
+    assert name not in read_json(result, "seal.json")["files"]
+    record = examined(result.path)
+    assert (record.kind, record.damage, record.remarks) == ("sealed", (), (f"not covered by the seal: {name}",))
+
+
+@pytest.mark.parametrize("edit", [written("manifest.json", "{}"), lambda folder: (folder / "manifest.json").unlink()])
+def test_a_manifest_that_is_edited_while_the_run_goes_on_is_on_record(tmp_path, edit):
+    result = meddled(tmp_path / "runs", edit)
+    told = f"{result.path / 'manifest.json'}: somebody else wrote or removed this file while the run went on"
+    assert result.problems[0].startswith(told)
+    manifest = read_json(result, "manifest.json")
+    assert (manifest["problems"], manifest["verdict"]) == (result.problems, "PASS")
+    assert examined(result.path).damage == ()
+
+
+def test_a_manifest_that_is_edited_while_the_run_goes_on_is_kept_beside(tmp_path):
+    result = meddled(tmp_path / "runs", written("manifest.json", "mine"))
+    assert (result.path / "manifest.json.found").read_text() == "mine"
+    assert examined(result.path).remarks == ("not covered by the seal: manifest.json.found",)
+
+
+@pytest.mark.parametrize("name", ["truth.json", "results.json"])
+def test_a_file_in_the_place_of_a_result_is_kept_beside_and_told(tmp_path, name):
+    result = meddled(tmp_path / "runs", written(name, "mine"))
+    assert (result.path / f"{name}.found").read_text() == "mine"
+    assert (read_json(result, "manifest.json")["problems"], len(result.problems)) == (result.problems, 1)
+    assert f"{name}: somebody else wrote" in result.problems[0]
+    assert examined(result.path).damage == ()

@@ -17,6 +17,7 @@ from bench.app.request import RunRequest, prepare
 from bench.cli.exits import of_run
 from bench.config.bench import load_bench
 from bench.engine import stepper
+from bench.report.verify import examined
 from bench.rig import OPEN_S
 from bench.runner import run as runner
 from bench.runner.quiet import Quiet
@@ -144,7 +145,22 @@ def test_a_signal_while_results_are_written_hides_nothing_and_drops_the_report(t
     assert read_json(result, "results.json")["verdict"] == "PASS"
     assert result.report is None
     assert not (result.path / "report.html").exists()
-    assert "no report was written, because a signal arrived meanwhile" in result.problems[0]
+    assert "no report was written, because a signal arrived meanwhile (SIGTERM)" in result.problems[0]
+    assert read_json(result, "manifest.json")["problems"] == result.problems
+    assert examined(result.path).damage == ()
+
+
+def test_a_signal_while_the_report_is_written_is_the_reason_in_the_manifest(tmp_path, monkeypatch):
+    def disturbed(_):
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr("bench.report.write.write_report", disturbed)
+    result = smoke(tmp_path, Quiet())
+    assert (of_run(result), *ended_by(result)) == (3, "completed", "PASS", None)
+    assert "no report was written, because a signal arrived meanwhile (SIGINT)" in result.problems[0]
+    assert read_json(result, "manifest.json")["problems"] == result.problems
+    assert examined(result.path).damage == ()
 
 
 def test_what_is_ignored_when_the_process_begins_stays_ignored(tmp_path):
@@ -257,14 +273,10 @@ def test_what_is_not_safe_is_in_two_places_also_when_the_store_fails(tmp_path, m
 
 
 def test_what_is_not_safe_is_recorded_elsewhere_where_the_directory_takes_nothing(tmp_path, monkeypatch):
-    write_json = finish.RunDirectory.write_json
+    def failing(*_):
+        raise finish.StoreError("manifest.json: cannot be written")
 
-    def failing(self, name, value):
-        if name == "manifest.json" and value["state"] != "running":
-            raise finish.StoreError(f"{name}: cannot be written")
-        write_json(self, name, value)
-
-    monkeypatch.setattr(finish.RunDirectory, "write_json", failing)
+    monkeypatch.setattr("bench.store.seal.write_both", failing)
     bench = copy_bench(tmp_path / "config", faults=SUPPLY_GONE)
     result = smoke(tmp_path, Quiet(), bench, settings=("soak=10 min",))
     assert of_run(result) == 6

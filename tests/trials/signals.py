@@ -83,7 +83,22 @@ def _signalled(phase: str, sent: tuple[signal.Signals, ...], bench: Wires, folde
     run = Process(bench.bench, folder, *arguments)
     wait(run)
     run.send(*sent)
-    return _ended(run, 0, None) if phase in AFTER else _ended(run, 4, BY[sent[0]])
+    return _completed(run) if phase in AFTER else _ended(run, 4, BY[sent[0]])
+
+
+def _completed(run: Process) -> str:
+    """What is wrong with how a run ended that a signal did not end: its report is there, or the manifest has why not.
+
+    A signal before the writing of results changes nothing.
+    """
+    if (code := run.code()) not in (0, 3):
+        return f"{code}; {run.told.read_text('utf-8')[-300:]}"
+    assert run.path is not None
+    reasons = [text for text in run.manifest()["problems"] if "no report was written, because a signal arrived" in text]
+    told, wanted = (bool(reasons), (run.path / "report.html").exists()), (code == 3, code == 0)
+    if told != wanted or not all(reason in run.told.read_text("utf-8") for reason in reasons):
+        return f"exit code {code}, problems {run.manifest()['problems']}; {run.told.read_text('utf-8')[-300:]}"
+    return _ended(run, code, None)
 
 
 def _ended(run: Process, code: int, by: str | None) -> str:
@@ -93,7 +108,7 @@ def _ended(run: Process, code: int, by: str | None) -> str:
         return f"{found} without a run; {run.told.read_text('utf-8')[-300:]}"
     manifest = run.manifest()
     told = (found, manifest["ended_by"], manifest["verdict"], manifest["unsafe"])
-    wanted = (code, by, "PASS" if code == 0 else "ABORTED", {})
+    wanted = (code, by, "PASS" if by is None else "ABORTED", {})
     return "" if told == wanted else f"{told} instead of {wanted}; {run.told.read_text('utf-8')[-300:]}"
 
 
