@@ -200,7 +200,7 @@ def _no_ramp(record: RampRecord, problem: NotDetermined) -> dict[str, Any]:
 
 def _tilt(case: Case) -> dict[str, Any]:
     settings = case.settings(TiltSettings)
-    table = case.record("tilt", "T_C,U_V")
+    table, copies = case.record("tilt", "T_C,U_V").without_copies()  # no time tells a copy from an equal reading
     found = compare_tilt(
         table.numbers("T_C"),
         table.numbers("U_V"),
@@ -214,8 +214,11 @@ def _tilt(case: Case) -> dict[str, Any]:
         "raw_mean_deg": found.raw_mean_deg,
         "comp_mean_deg": found.compensated_mean_deg,
         "flags": [flag for flag in found.flags if flag != "out_of_range"],
-        "notes": ["samples beyond ±90° are left out"] if "out_of_range" in found.flags else [],
-        "rejected": found.excluded,
+        "notes": [
+            *(["samples beyond ±90° are left out"] if "out_of_range" in found.flags else []),
+            *([f"rows left out because they are equal to another: {copies}"] if copies else []),
+        ],
+        "rejected": found.excluded | {"duplicate": copies},
         "doubts": [
             *plausibility.kelvin("T_C", table.numbers("T_C")),
             *case_doubts.tilts(len(table.columns["U_V"]) - found.excluded["missing"], found.excluded["out_of_range"]),

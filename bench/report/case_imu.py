@@ -7,7 +7,7 @@ Beside the published keys stand `u`, which repeats `table` and `ls24` with stand
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import astuple
 from typing import Any
 
@@ -69,7 +69,10 @@ def _imu(case: Case) -> dict[str, Any]:
         "repeatability": repeatability(found, tables, _calibrated),
         "model_check": {name: _model_check(name.split("_")[0], table) for name, table in tables.items()},
         "flags": [*found.flags, *(["ill_conditioned"] if fits and fits.notes else [])],
-        "notes": [*found.notes, *(fits.notes if fits else no_fits), *beyond, *_unknown_positions(at_rest)],
+        "notes": [
+            *found.notes, *(fits.notes if fits else no_fits), *beyond, *_copies(at_rest, turned),
+            *_unknown_positions(at_rest),
+        ],
         "rejected": found.excluded,
         "doubts": case_doubts.unit(
             np.concatenate([positions.dwell_s, rates.dwell_s]), rates.command_dps, rates.rate_dps,
@@ -133,6 +136,16 @@ def _unknown_positions(table: Table) -> list[str]:
     more = f" and {len(strangers) - NAMES_SHOWN} more" if len(strangers) > NAMES_SHOWN else ""
     rows = strangers.total()
     return [f"{table.file}: rows of unknown positions were ignored, {rows}: {named}{more}"] if rows else []
+
+
+def _copies(*tables: Table) -> Iterator[str]:
+    """Notes on rows that are there twice: of two visits of a set point, no row is equal in every cell."""
+    for table in tables:
+        if count := table.without_copies()[1]:
+            yield (
+                f"{table.file}: rows that are equal to an earlier one in every cell, {count}; they were not left out: "
+                "see whether a visit was pasted twice"
+            )
 
 
 def _which(table: Table, column: str, known: Sequence[str]) -> NDArray[np.int_]:

@@ -57,7 +57,7 @@ class IndexingSettings(Settings):
 def _static_calibration(case: Case) -> dict[str, Any]:
     settings = case.settings(IndexingSettings)
     table = case.record("sweep", "end,pass,seq,theta_deg,V_mean,stable", optional="T_C,approach")
-    clock = case.record("clock", "psi_deg,V") if case.has("clock") else None
+    clock, copies = case.record("clock", "psi_deg,V").without_copies() if case.has("clock") else (None, 0)
     with np.errstate(over="ignore", invalid="ignore"):  # of readings that are no voltages; what becomes of them is null
         record = _sweep(table)
         found = calibrate(record, _settings(settings), _clocking(clock))
@@ -69,7 +69,7 @@ def _static_calibration(case: Case) -> dict[str, Any]:
         "model": _model(found.model),
         "rejected": {reason: found.excluded[reason] for reason in REJECTED},
         "flags": found.flags,
-        "notes": found.notes,
+        "notes": [*found.notes, *([f"clock: rows left out because they are there twice: {copies}"] if copies else [])],
         "doubts": case_doubts.sweep(
             record.angle_deg, record.output_v, [end.fit.scale_v_per_g for end in found.ends.values() if end and end.fit]
         ),

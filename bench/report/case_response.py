@@ -243,6 +243,7 @@ def _response_point(point: ResponsePoint) -> dict[str, Any]:
 def _two_sample(case: Case) -> dict[str, Any]:
     settings = case.settings(TwoSampleSettings)
     table = case.record("increments", "dtheta1_rad,dtheta2_rad")
+    _, copies = table.without_copies()
     first_rad, second_rad = _usable(table.numbers("dtheta1_rad")), _usable(table.numbers("dtheta2_rad"))
     by_x_mps, by_y_mps = velocity_increments(
         first_rad, second_rad, total_s=settings.total_s, x_m=settings.x_m, y_m=settings.y_m
@@ -251,7 +252,7 @@ def _two_sample(case: Case) -> dict[str, Any]:
         "dvx_mps": by_x_mps,
         "dvy_mps": by_y_mps,
         "flags": (),
-        "notes": (),
+        "notes": [f"rows that are equal to an earlier one, and reduced as all others: {copies}"] if copies else [],
         "rejected": {"missing": int(np.sum(~np.isfinite(first_rad + second_rad)))},
         "doubts": _turned_far(np.concatenate([first_rad, second_rad])),
     }

@@ -24,11 +24,27 @@ TRUTHS = {"1": True, "1.0": True, "true": True, "0": False, "0.0": False, "false
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """The columns of one file as text; `text` is the whole of it, to find the line of a bad cell."""
+    """The columns of one file as text; `text` is the whole of it, to find the line of a bad cell.
+
+    `rows` are the numbers of its rows in the file, where some are left out.
+    """
 
     file: str
     columns: dict[str, tuple[str, ...]]
     text: str
+    rows: tuple[int, ...] | None = None
+
+    def without_copies(self) -> tuple[Table, int]:
+        """The table without rows that are equal to an earlier one in every column that is read, and their number.
+
+        A row of blanks is no copy.
+        """
+        first: dict[tuple[str, ...], int] = {}
+        cells = zip(*([text.strip() for text in column] for column in self.columns.values()), strict=True)
+        kept = [row for row, each in enumerate(cells) if first.setdefault(each, row) == row or not any(each)]
+        columns = {name: tuple(column[row] for row in kept) for name, column in self.columns.items()}
+        left_out = len(next(iter(self.columns.values()))) - len(kept)
+        return Table(self.file, columns, self.text, tuple(kept)), left_out
 
     def numbers(self, column: str) -> NDArray[np.float64]:
         """A column (n,) of numbers; NaN where there is none. Raises InputError at what is not a number."""
@@ -63,7 +79,7 @@ class Table:
 
     def lines(self, rows: NDArray[np.int_], most: int = 5) -> str:
         """The lines of the file on which `rows` (n,) stand, in words: "line 7", "lines 3, 5, 9 and 12 more"."""
-        named = ", ".join(str(_line_of_row(self.text, int(row))) for row in rows[:most])
+        named = ", ".join(str(self._line(int(row))) for row in rows[:most])
         more = f" and {len(rows) - most} more" if len(rows) > most else ""
         return f"line{'s' if len(rows) > 1 else ''} {named}{more}"
 
@@ -71,8 +87,12 @@ class Table:
         text = self.columns[column][row]
         comma = re.fullmatch(r"\s*([+-]?[0-9]*),([0-9]+)\s*", text[:40])
         advice = f"write {comma[1]}.{comma[2]}" if comma else "correct it, or leave the cell blank if it is missing"
-        line = _line_of_row(self.text, row)
-        raise InputError(f"{self.file}: line {line}, column {column}: '{text[:40]}' is not {expected}; {advice}")
+        raise InputError(
+            f"{self.file}: line {self._line(row)}, column {column}: '{text[:40]}' is not {expected}; {advice}"
+        )
+
+    def _line(self, row: int) -> int:
+        return _line_of_row(self.text, row if self.rows is None else self.rows[row])
 
 
 def read_table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> Table:

@@ -79,7 +79,8 @@ def test_a_unit_without_noise_is_found_exactly(tmp_path):
         for axis in AXES:
             assert point[axis] == pytest.approx(truth(unit, point["T_set_C"], axis), rel=1e-12, abs=1e-10)
     assert_least_squares(result, unit, abs=1e-12)
-    assert result["flags"] == result["notes"] == result["apply"] == []
+    assert result["flags"] == result["apply"] == []
+    assert [note.partition(":")[0] for note in result["notes"]] == ["positions.csv", "rates.csv"]  # equal without noise
     assert max(u for point in result["u"]["table"] for axis in AXES for u in point[axis].values()) < 1e-9
     assert result["rejected"] == {"missing": 0, "duplicate": 0, "rate": 0, "thermometer": 0}
     assert [(each["T_set_C"], each["visits"]) for each in result["repeatability"]] == [(25, 2)]
@@ -423,7 +424,7 @@ def test_more_visits_than_a_chamber_makes_are_refused(tmp_path):
     made.positions = [row for pair in zip(made.positions[:24], made.positions[24:], strict=True) for row in pair] * 30
     for row, pos in zip(made.positions, ["Ax1"] * 1440, strict=True):
         row["pos"] = pos
-    with pytest.raises(InputError, match=r"set points are visited 14\d\d times, more than 1000; rows of one visit"):
+    with pytest.raises(InputError, match=r"set points are visited 14\d\d times, more than 1000; keep the rows of one"):
         reduced(tmp_path, made)
 
 
@@ -625,7 +626,7 @@ def test_rows_of_unknown_positions_are_passed_over_and_named(tmp_path):
     made.positions += [made.positions[0] | {"pos": f"Q{i}"} for i in (*range(1, 8), 1)]
     result = reduced(tmp_path, made)
     assert result["notes"][-1] == (
-        "positions.csv: rows of unknown positions are passed over, 8: 'Q1', 'Q2', 'Q3', 'Q4', 'Q5' and 2 more"
+        "positions.csv: rows of unknown positions were ignored, 8: 'Q1', 'Q2', 'Q3', 'Q4', 'Q5' and 2 more"
     )
     assert result["rejected"] == clean["rejected"] | {"missing": 8}
     assert (result["table"], result["flags"]) == (clean["table"], clean["flags"])

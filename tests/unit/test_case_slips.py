@@ -44,3 +44,50 @@ def test_a_record_of_one_row_or_none_is_not_complete(tmp_path, kind):
 def test_hostile_cells_are_refused_or_left_out():
     rng = np.random.default_rng(7)
     assert [found for kind in KINDS for _ in range(2) if (found := no_cell_is_trusted(rng, *kind))] == []
+
+
+def pasted_twice(folder, *kind):
+    """The results of a good case, and of the same case with every row of its records there twice."""
+    once = reduce_case(good_case(*kind).write(folder))
+    case = good_case(*kind)
+    for record in case.records.values():
+        record.update({name: [*column, *column] for name, column in record.items()})
+    return once, reduce_case(case.write(folder))
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in {("M2", ""), ("M3", "two_sample")}])
+def test_a_record_that_is_pasted_twice_gives_the_same_result(tmp_path, kind):
+    once, twice = pasted_twice(tmp_path, *kind)
+    for result in (once, twice):
+        for key in ("notes", "rejected"):
+            result.pop(key)
+        for run in result.get("runs", {}).values():
+            run.pop("rejected")
+    assert twice == once
+
+
+def test_equal_rows_of_a_tilt_are_counted_and_left_out(tmp_path):
+    case = good_case("M4", "tilt")
+    rows = len(case["T_C"])
+    record = case.records["tilt"]
+    record.update({name: [*column, *column[: rows // 2]] for name, column in record.items()})
+    result = reduce_case(case.write(tmp_path))
+    assert result["raw_mean_deg"] == reduce_case(good_case("M4", "tilt").write(tmp_path))["raw_mean_deg"]
+    assert result["rejected"]["duplicate"] == rows // 2
+    assert f"rows left out because they are equal to another: {rows // 2}" in result["notes"]
+
+
+def test_equal_rows_of_an_inertial_unit_are_told(tmp_path):
+    once, twice = pasted_twice(tmp_path, "M2", "")
+    assert not any("pasted twice" in note for note in once["notes"])
+    rows = len(good_case("M2").records["positions"]["pos"])
+    told = f"positions.csv: rows that are equal to an earlier one in every cell, {rows}; they were not left out"
+    assert any(note.startswith(told) for note in twice["notes"])
+
+
+def test_equal_rows_of_two_samples_stay_in_their_places_and_are_told(tmp_path):
+    once, twice = pasted_twice(tmp_path, "M3", "two_sample")
+    assert twice["dvx_mps"] == [*once["dvx_mps"], *once["dvx_mps"]]
+    assert twice["notes"] == [
+        f"rows that are equal to an earlier one, and reduced as all others: {len(once['dvx_mps'])}"
+    ]
