@@ -34,9 +34,15 @@ def own_drift(levels: Mapping[str, Level]) -> OwnDrift | None:
     if up is None or source is None or not up.scatter.accelerometer_per_c:
         return None
     apart = up.run.relative_slope_per_c - source.run.relative_slope_per_c
-    u = float(np.hypot(_u_without(up), _u_without(source)))
+    drifted = _by_thermometer(up) - _by_thermometer(source)
+    u = float(np.linalg.norm([_u_without(up), _u_without(source), drifted]))
     follows = abs(up.scatter.accelerometer_per_c)
     return OwnDrift(apart / follows, u / follows) if np.isfinite([apart, u]).all() else None
+
+
+def _by_thermometer(level: Level) -> float:
+    """What a drift of one standard uncertainty of the thermometer makes of a relative slope, with its sign."""
+    return level.run.relative_slope_per_c * level.drifted_share
 
 
 def _u_without(level: Level) -> float:

@@ -13,13 +13,14 @@ from bench.analysis.channel_levels import ChannelDrift, Comparison, channel_drif
 from bench.analysis.channel_means import Means, reduce_means
 from bench.analysis.channel_meter import believes_meter, standard_of
 from bench.analysis.channel_runs import LevelData
-from bench.analysis.channel_scatter import LineScatter, line_scatter
+from bench.analysis.channel_scatter import LineScatter, line_gains, line_scatter
 from bench.analysis.channel_temperature import ChannelRules, ChannelRun, reduce_run
 from bench.analysis.coverage import COVERAGE
 from bench.analysis.finding import BudgetLine
 from bench.analysis.fit import NotDetermined
 from bench.analysis.instrument import STEPS
 from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.analysis.thermometer_drift import DriftInRun
 
 GRAVITY_REFERENCE, SOURCE_REFERENCE = "up_1g", "src_1g"
 GAP_GATES = 1.5  # a longer time between two read-outs was not recorded
@@ -41,7 +42,9 @@ def is_of_the_read_outs(line: BudgetLine) -> bool:
 class Level:
     """One input level: its line, what that is known by, how its input drifted, and the drift that a budget assumes.
 
-    `slope_lines` are the sources of uncertainty of its slope but for the thermometer, in pulse/s/°C.
+    `slope_lines` are the sources of uncertainty of its slope but for the thermometer, in pulse/s/°C. A drift of one
+    standard uncertainty of the thermometer within the run changes the temperature at which its rate is stated by
+    `drifted_c` (°C), and its slope by the part `drifted_share`.
     """
 
     data: LevelData
@@ -50,6 +53,8 @@ class Level:
     drift: InputDrift | None
     drift_u_per_h: float
     slope_lines: tuple[BudgetLine, ...]
+    drifted_c: float = 0.0
+    drifted_share: float = 0.0
 
     @property
     def name(self) -> str:
@@ -128,7 +133,11 @@ def lines_of_levels(
         if each.metered is not None and believes_meter(unit, settings):
             runs[name] = each.metered.without_drift(runs[name], settings["reference_temperature_c"])
     drifts = drifts_of_sources(
-        ramped, {name: input_drift(ramped[name].points, runs[name], scatters[name]) for name in ramped}
+        ramped,
+        {
+            name: input_drift(ramped[name].points, runs[name], scatters[name], DriftInRun(data, unit.converter))
+            for name in ramped
+        },
     )
     return {
         name: _level(data, unit, ramped[name], runs[name], scatters[name], drifts[name], settings) for name in ramped
@@ -169,7 +178,17 @@ def _level(
         followed = abs(scatter.accelerometer_per_c) * settings["accelerometer_drift_u"]
         own = f"{unit.place}.accelerometer"
         lines.append(BudgetLine(OWN_TEMPERATURE, "B", rate_pps * followed, None, own))
-    return Level(level, run, scatter, drift, drift_u_per_h, tuple(lines))
+    return Level(level, run, scatter, drift, drift_u_per_h, tuple(lines), *_drifted(data, unit, run, settings))
+
+
+def _drifted(data: RunData, unit: UnitUnderTest, run: ChannelRun, settings: Mapping[str, Any]) -> tuple[float, float]:
+    """What the drift of the thermometer does to a line: in °C at the reference, and relative to its slope."""
+    converter_c = run.gates.converter_c
+    if not len(converter_c) or not np.ptp(converter_c):
+        return 0.0, 0.0
+    slope_gain, rate_gain = line_gains(converter_c, settings["reference_temperature_c"])
+    error_c = DriftInRun(data, unit.converter).error_c(run.gates.time_s)
+    return float(rate_gain @ error_c), float(slope_gain @ error_c)
 
 
 def _scatter(run: ChannelRun, reference_c: float) -> LineScatter:

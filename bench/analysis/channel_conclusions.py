@@ -1,6 +1,7 @@
 """What the levels of a channel tell together: how their slopes compare, the channel's coefficients, and its models.
 
 A thermometer that errs by a gain does so at all levels alike: that moves slopes, and cancels where levels are compared.
+One that drifts moves the slopes of two levels the other way round if one was heated and the other cooled.
 Of drifts it is not known whether they go on alike from one ramp to the next, and the worse is assumed: apart where
 levels are compared, together in the coefficients of the channel.
 """
@@ -105,6 +106,7 @@ class ChannelConclusions:
             lines = [
                 *_named(ours, theirs, 1 / abs(per[0] * reference)),
                 *_named(theirs, ours, abs(value / (per[1] * reference**2))),
+                self.of_levels.drift_line(value / reference * (ours.drifted_share - theirs.drifted_share)),
             ]
             name = f"of the slope of {ours.name} from that of {theirs.name}"
             flags = ("marginal",) if compared.marginal else ()
@@ -119,7 +121,13 @@ class ChannelConclusions:
             ("tempco_scale", f"part of the slope in proportion to the {self.of_levels.output}", drift.scale_per_c,
              "1/°C"),
         ), strict=True):  # fmt: skip
-            lines = [*self._through(gain), self.of_levels.thermometer_gain(value)]
+            drifted = sum(
+                part * level.run.slope_pps_per_c * level.drifted_share
+                for part, level in zip(gain.tolist(), self._usable, strict=True)
+            )
+            lines = [
+                *self._through(gain), self.of_levels.thermometer_gain(value), self.of_levels.drift_line(drifted),
+            ]  # fmt: skip
             yield self.of_levels.finding(quantity, name, {}, value, unit, lines, steps)
 
     def _through(self, gain: Array) -> Iterator[BudgetLine]:

@@ -19,6 +19,7 @@ from bench.analysis.extremes import interval_of_largest
 from bench.analysis.finding import BudgetLine, Finding
 from bench.analysis.instrument import instrument_u, shared_as
 from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.analysis.thermometer_drift import DriftInRun
 
 HOUR_S, MA_PER_A = 3600.0, 1e3
 BEYOND_U = 3.0  # standard uncertainties that two certificates may be apart
@@ -64,6 +65,7 @@ class ChannelFindings:
             BudgetLine(f"{reading}: gain", "B", slope * gain_u * abs(self.reference_c), None, f"{reading}.gain"),
             *self._input_lines(level),
             *(line.times(self._away_c(level)) for line in level.input_lines),
+            self.drift_line(slope * level.drifted_c),
             LAG,
         ]
         return self._of_level("rate", name, level, run.rate_pps, self.unit.output_unit, lines)
@@ -108,14 +110,17 @@ class ChannelFindings:
     def slope(self, level: Level) -> Finding:
         """What the rate changes with the temperature of the converter."""
         slope = level.run.slope_pps_per_c
-        lines = [*level.slope_lines, self.thermometer_gain(slope), LAG]
+        lines = [*level.slope_lines, self.thermometer_gain(slope), self.drift_line(slope * level.drifted_share), LAG]
         unit = f"{self.unit.output_unit}/°C"
         return self._of_level("rate/temperature_coefficient", "slope", level, slope, unit, lines)
 
     def relative_slope(self, level: Level) -> Finding:
         """The same relative to the rate."""
         slope, rate_pps = level.run.relative_slope_per_c, abs(level.run.rate_pps)
-        lines = [*(line.times(1 / rate_pps) for line in level.slope_lines), self.thermometer_gain(slope), LAG]
+        lines = [
+            *(line.times(1 / rate_pps) for line in level.slope_lines), self.thermometer_gain(slope),
+            self.drift_line(slope * level.drifted_share), LAG,
+        ]  # fmt: skip
         name = f"slope relative to the {self.output}"
         return self._of_level("rate/relative_temperature_coefficient", name, level, slope, "1/°C", lines)
 
@@ -123,6 +128,10 @@ class ChannelFindings:
         """What the gain of the thermometer does to a slope, at all levels alike."""
         gain_u = self._thermometer[1]
         return BudgetLine(f"{self.unit.converter}: gain", "B", abs(slope) * gain_u, None, f"{self.unit.converter}.gain")
+
+    def drift_line(self, u: float) -> BudgetLine:
+        """What the drift of the thermometer within the run does."""
+        return DriftInRun(self.data, self.unit.converter).line(u)
 
     def _residual(self, level: Level) -> Iterator[Finding]:
         scatter, rate_pps = level.scatter, abs(level.run.rate_pps)
@@ -142,7 +151,7 @@ class ChannelFindings:
             return
         name = f"change between the first and the last point at rest, {drift.hours:.1f} h apart"
         what = "points: scatter and resolution of the count" if self.unit.is_counted else "points: scatter"
-        lines = [BudgetLine(what, "A", drift.u)]
+        lines = [BudgetLine(what, "A", drift.scatter_u), self.drift_line(drift.thermometer_u)]
         yield self._of_level("rate/drift", name, level, drift.change, "1", lines, steps=drift.steps)
 
     def _currents(self, level: Level) -> Iterator[Finding]:

@@ -66,9 +66,7 @@ def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
     count = len(gates.seconds)
     if count < LEAST_GATES or not np.ptp(gates.converter_c):
         raise NotDetermined(("scatter",), rank=count, of=LEAST_GATES, condition=np.inf)
-    centre_c = float(np.mean(gates.converter_c))
-    slope_gain = (gates.converter_c - centre_c) / np.sum((gates.converter_c - centre_c) ** 2)
-    rate_gain = 1 / count + (reference_c - centre_c) * slope_gain
+    slope_gain, rate_gain = line_gains(gates.converter_c, reference_c)
     smooth = fit_polynomial(gates.converter_c, gates.rate_pps, SMOOTH_DEGREE).residuals
     line = fit_polynomial(gates.converter_c, gates.rate_pps, 1).residuals
     own_pps = own_scatter_pps(smooth, gates)
@@ -88,6 +86,13 @@ def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
         accelerometer_per_c=float(slope_gain @ accelerometer_c),
         step_u_pps=None if gates.step_u is None else float(np.mean(gates.step_u)),
     )
+
+
+def line_gains(converter_c: Array, reference_c: float) -> tuple[Array, Array]:
+    """What each gate (n,) adds to the slope of a straight line through all, and to its value at the reference."""
+    centre_c = float(np.mean(converter_c))
+    slope_gain = (converter_c - centre_c) / np.sum((converter_c - centre_c) ** 2)
+    return slope_gain, 1 / len(converter_c) + (reference_c - centre_c) * slope_gain
 
 
 def own_scatter_pps(smooth_pps: Array, gates: Gates) -> float:

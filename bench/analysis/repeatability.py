@@ -38,9 +38,9 @@ class Repeated:
     interval: tuple[float, float]
 
 
-def reduce(data: RunData, _settings: Mapping[str, Any]) -> list[UnitResult]:
+def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
     """The standard deviations of every unit over its repetitions, and how far its bias has moved meanwhile."""
-    return [_reduced(data, unit) for unit in data.units]
+    return [_reduced(data, unit, settings["bias_per_c_u"]) for unit in data.units]
 
 
 def interval_of(sd: float, dof: int) -> tuple[float, float]:
@@ -49,7 +49,7 @@ def interval_of(sd: float, dof: int) -> tuple[float, float]:
     return sd * math.sqrt(dof / chdtri(dof, tail)), sd * math.sqrt(dof / chdtri(dof, 1 - tail))
 
 
-def _reduced(data: RunData, unit: UnitUnderTest) -> UnitResult:
+def _reduced(data: RunData, unit: UnitUnderTest, bias_per_c_u: float) -> UnitResult:
     solved = solve_dwells(data, unit)
     flags = list(solved.flags)
     if len(solved.dwells) < LEAST:
@@ -58,7 +58,7 @@ def _reduced(data: RunData, unit: UnitUnderTest) -> UnitResult:
     of = _alike_left_out(TumbleUnit.of(data, unit, solved.dwells))
     flags += flags_of_scale(float(np.mean([dwell.values["K1"] for dwell in of.dwells])), 0.0, unit)
     repeated = [_over(quantity, of) for quantity in UNITS]
-    findings = [*(_deviation(each, of) for each in repeated), _closure(of)]
+    findings = [*(_deviation(each, of) for each in repeated), _closure(of, bias_per_c_u)]
     return UnitResult(
         place=unit.place,
         uut=unit.serial,
@@ -110,10 +110,14 @@ def _deviation(found: Repeated, of: TumbleUnit) -> Finding:
     )  # fmt: skip
 
 
-def _closure(of: TumbleUnit) -> Finding:
-    """The bias of the last repetition less that of the first, which have in common all but what is new in a reading."""
+def _closure(of: TumbleUnit, bias_per_c_u: float) -> Finding:
+    """The bias of the last repetition less that of the first, each at the temperature that the thermometer showed.
+
+    They have in common all but what is new in a reading, and the drift of the thermometer between them.
+    """
     first, last = of.dwells[0], of.dwells[-1]
-    lines = of.own("K0", [(first, 1.0), (last, 1.0)])
+    first_c, last_c = of.drift.error_c(np.array([first.middle_s, last.middle_s]))
+    lines = [*of.own("K0", [(first, 1.0), (last, 1.0)]), of.drift.line(bias_per_c_u * (last_c - first_c))]
     value = last.values["K0"] - first.values["K0"]
     at = {
         "temperature_c": (first.temperature_c + last.temperature_c) / 2,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bench.analysis.acquired import Acquisition, Counts, Mount
-from bench.analysis.bench_record import BenchRecord, SourceRecord
+from bench.analysis.bench_record import BenchRecord, Drift, SourceRecord
 from bench.analysis.channel_method import reduce
 from bench.analysis.channel_scatter import STRETCHES
 from bench.analysis.rundata import RunData, UnitUnderTest
@@ -23,11 +23,13 @@ LOW_C, HIGH_C, REFERENCE_C, RAMP_S, POINT_S, LATCH_S = 10.0, 40.0, 25.0, 1500.0,
 S, A_PER_G, ZERO_PPS, ALPHA, BETA, CURVE = 1e7, 1.13e-3, 20.0, 2e-5, 0.1, 3e-8
 NOISE = 4e-6  # of the input, of a mean over 1 s
 OFFSET_U_C, GAIN_U, TIME_BASE_U, LEVEL_U_DEG = 0.3, 2e-3, 2e-6, 0.15
+DRIFT_U_C, RUN_S = 0.2, 8 * POINT_S + 3 * RAMP_S + 9 * LATCH_S  # of the thermometer within a run, and how long that is
 SOURCE = SourceRecord(gain_u=3e-6, offset_u_a=2e-9, drift_u_per_s=1e-6 / 3600)
 FOLLOWS, ITS_OWN_U = 5e-4, 70e-6  # the accelerometer the converter, by degrees; what its rate makes of a degree
 BENCH = BenchRecord(
     gravity_mps2=9.8, gravity_u_mps2=0.0, axes={}, x=(1.0, 0.0, 0.0), z=(0.0, 0.0, 1.0), level_deg=0.0,
     level_u_deg=LEVEL_U_DEG, time_base_u=TIME_BASE_U, thermometers_u={"board": (OFFSET_U_C, GAIN_U)},
+    thermometer_drifts={"board": Drift(DRIFT_U_C)},
     sources={"source": SOURCE},
 )  # fmt: skip
 UNIT = UnitUnderTest("a", "C-7", "x", 0.0, "unit", converter="board", source="source", scale_a_per_g=A_PER_G)
@@ -36,6 +38,7 @@ SETTINGS = CHANNEL_TEMPERATURE.settings.model_validate(
 ).model_dump()
 HOLDS = 0.9  # of the draws, that intervals have to hold the truth in; they claim 0.95
 LEVELS = (("gravity", 1.0), ("source", 1.0), ("source", 12.0))
+RAMPS = ((LOW_C, HIGH_C), (LOW_C, HIGH_C), (HIGH_C, LOW_C))  # one is cooled: a drift tilts its line the other way
 OF_A_LEVEL = {"up_1g": 1.0, "src_1g": 1.0, "src_12g": 12.0}
 
 
@@ -50,15 +53,16 @@ class Run:
     def __init__(self, rng):
         self._rng, draw = rng, rng.standard_normal
         self._clock, self._offset_c, self._gain = np.array([TIME_BASE_U, OFFSET_U_C, GAIN_U]) * draw(3)
+        self._drift_c = DRIFT_U_C * draw()
         self._tilt_rad = np.radians(LEVEL_U_DEG) * draw()
         self._source_gain, self._source_offset_a = np.array([SOURCE.gain_u, SOURCE.offset_u_a]) * draw(2)
         self._drift_per_s, self._its_own = np.array([SOURCE.drift_u_per_s, ITS_OWN_U]) * draw(2)
         self._now_s, self.acquisitions = 1000.0, []
-        self._acquire("source", 0.0, LOW_C, POINT_S)
-        for kind, level_g in LEVELS:
-            for to_c, seconds in ((LOW_C, POINT_S), (HIGH_C, RAMP_S), (LOW_C, POINT_S)):
-                self._acquire(kind, level_g, to_c, seconds)
-        self._acquire("source", 0.0, LOW_C, POINT_S)
+        self._acquire("source", 0.0, LOW_C, LOW_C, POINT_S)
+        for (kind, level_g), (from_c, to_c) in zip(LEVELS, RAMPS, strict=True):
+            for ends_c, seconds in ((from_c, POINT_S), (to_c, RAMP_S), (from_c, POINT_S)):
+                self._acquire(kind, level_g, from_c, ends_c, seconds)
+        self._acquire("source", 0.0, LOW_C, LOW_C, POINT_S)
 
     def _input_a(self, kind, level_g, at_s, board_c):
         noisy = 1 + NOISE / np.sqrt(LATCH_S) * self._rng.standard_normal(len(at_s))
@@ -68,10 +72,10 @@ class Run:
         drifted = 1 + self._source_gain + self._drift_per_s * (at_s - 1000.0)
         return A_PER_G * level_g * drifted * noisy + self._source_offset_a
 
-    def _acquire(self, kind, level_g, to_c, seconds):
+    def _acquire(self, kind, level_g, from_c, to_c, seconds):
         at_s = self._now_s + np.arange(0.0, seconds, LATCH_S)
         self._now_s += seconds + LATCH_S
-        board_c = np.linspace(LOW_C, to_c, len(at_s))
+        board_c = np.linspace(from_c, to_c, len(at_s))
         # What was counted up to a latch is of the mean temperature on the way to it.
         mean_c = np.concatenate([board_c[:1], (board_c[1:] + board_c[:-1]) / 2])
         pulses = rate_pps(self._input_a(kind, level_g, at_s, mean_c), mean_c) * LATCH_S
@@ -85,9 +89,9 @@ class Run:
         self.acquisitions.append(
             Acquisition(
                 step=f"steps/acquire#{len(self.acquisitions)}", group="", loops={}, begin_s=float(at_s[0]),
-                end_s=float(at_s[-1]), angles_deg={}, set_from_c=LOW_C, set_c=to_c, counts={"x": counts},
+                end_s=float(at_s[-1]), angles_deg={}, set_from_c=from_c, set_c=to_c, counts={"x": counts},
                 temperatures_c={
-                    "board": board_c * (1 + self._gain) + self._offset_c,
+                    "board": board_c * (1 + self._gain) + self._offset_c + self._drifted_c(at_s),
                     "unit": 65.0 + FOLLOWS * (board_c - REFERENCE_C),
                 },
                 temperatures_at_s={"board": at_s, "unit": at_s}, input="source" if by_source else "accelerometer",
@@ -95,6 +99,9 @@ class Run:
                 sources_a={"source": level_g * A_PER_G} if by_source else {},
             )
         )  # fmt: skip
+
+    def _drifted_c(self, at_s):
+        return self._drift_c * ((at_s - 1000.0) / RUN_S - 0.5)
 
     def drifted(self, found):
         """By how much the input really changed between the points of a level."""
@@ -136,7 +143,7 @@ TRUE = {
 
 @lru_cache
 def runs(count):
-    rng = np.random.default_rng(1)
+    rng = np.random.default_rng(3)  # whose draws are as wide as those they are from, within 5 %
     drawn = [Run(rng) for _ in range(count)]
     return [(run, reduce(RunData("channel", (UNIT,), tuple(run.acquisitions), BENCH), SETTINGS)[0]) for run in drawn]
 
@@ -180,3 +187,40 @@ def test_every_finding_of_a_channel_is_tried():
 
 def test_an_uncertainty_that_is_15_percent_off_is_seen():
     assert would_be_seen(trials()["zero"])
+
+
+class Nothing:
+    """Draws that are all in the middle."""
+
+    def standard_normal(self, size=None):
+        return 0.0 if size is None else np.zeros(size)
+
+    def uniform(self):
+        return 0.5
+
+
+class Drifting(Run):
+    """A run without errors but for a thermometer that drifts by so many standard uncertainties."""
+
+    def __init__(self, times):
+        self.times = times
+        super().__init__(Nothing())
+
+    def _drifted_c(self, at_s):
+        return self.times * DRIFT_U_C * ((at_s - 1000.0) / RUN_S - 0.5)
+
+
+def test_a_thermometer_that_drifts_by_its_standard_uncertainty_moves_each_finding_by_its_line():
+    still, drifted = (
+        reduce(RunData("channel", (UNIT,), tuple(Drifting(times).acquisitions), BENCH), SETTINGS)[0].findings
+        for times in (0, 1)
+    )
+    moved = 0
+    for before, after in zip(still, drifted, strict=True):
+        assert before.id == after.id
+        change = abs(after.value - before.value)
+        lines = [line.u for line in after.budget if line.source == "board: drift within the run"]
+        counted = (before.value * 2e-7) if before.quantity == "rate" else 0.05 * after.u  # whole pulses
+        assert change == pytest.approx(sum(lines), rel=0.02, abs=counted)
+        moved += change > 0.05 * after.u
+    assert moved > 10

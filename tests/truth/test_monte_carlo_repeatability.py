@@ -4,6 +4,7 @@ A standard deviation is no linear function of what is drawn: its interval has to
 tumble scatter by is contained in it, and in the truth as well.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 from unittest import mock
 
@@ -12,6 +13,7 @@ import pytest
 
 from bench.analysis import dwells
 from bench.analysis.acquired import Acquisition
+from bench.analysis.bench_record import Drift
 from bench.analysis.repeatability import reduce
 from bench.analysis.rundata import RunData
 from tests.support.monte_carlo import found_in, ratio, scatter_is_u, would_be_seen
@@ -31,6 +33,7 @@ from tests.truth.test_monte_carlo import (
 TRIALS = 300
 REPETITIONS = 5
 TURN_ON_G, SCALE, SEAT = 4e-6, 3e-6, 3e-6  # standard deviations, as large as to be seen beside those of the readings
+BIAS_PER_C_U, DRIFT_U_C = 20e-6, 0.15  # of the unit; of its thermometer, from the begin of the run to its end
 HOLDS = 0.9  # of the draws, that intervals have to hold the truth in; they claim 0.95
 
 
@@ -52,12 +55,17 @@ def run(rng):
     """A run, and by how much the bias really moved from the first repetition to the last."""
     errors = Errors(rng)
     biases, scales, seats = rng.standard_normal((3, REPETITIONS)) * np.array([[TURN_ON_G], [SCALE], [SEAT]])
+    moved_g = biases[-1] - biases[0]
+    # shown is 25 °C throughout: the unit is as much colder as the thermometer has come to show too much
+    drifted_c = DRIFT_U_C * rng.standard_normal() * np.linspace(-0.4, 0.4, REPETITIONS)
+    biases = biases - BIAS_PER_C_U * rng.standard_normal() * drifted_c
     acquisitions = [
         each
         for number, drawn in enumerate(zip(K0 + biases, 1 + scales, seats, strict=True))
         for each in repetition(number, *drawn, errors, rng)
     ]
-    return RunData("repeat", (UNIT,), tuple(acquisitions), BENCH), biases[-1] - biases[0]
+    bench = replace(BENCH, thermometer_drifts={UNIT.temperature: Drift(DRIFT_U_C, is_stated=True)})
+    return RunData("repeat", (UNIT,), tuple(acquisitions), bench), moved_g
 
 
 def true_sd(found):
@@ -73,7 +81,7 @@ def repeated(trials):
     with mock.patch.object(dwells, "elevation_rad", lambda each, *_: known_elevation_rad(each.angle_deg)):
         for _ in range(trials):
             data, moved_g = run(rng)
-            found.append((reduce(data, {})[0], moved_g))
+            found.append((reduce(data, {"bias_per_c_u": BIAS_PER_C_U})[0], moved_g))
     return found
 
 

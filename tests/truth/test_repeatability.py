@@ -74,7 +74,7 @@ def test_fewer_than_three_tumbles_say_nothing(remounted):
     with open_run(remounted) as stored:
         data = stored.data("repeat")
     few = data.__class__(data.label, data.units, data.acquisitions[:16], data.bench)
-    (unit,) = reduce(few, {})
+    (unit,) = reduce(few, {"bias_per_c_u": 0.0})
     assert (unit.findings, unit.flags, unit.verdict) == ((), ("too_few_repetitions",), "INCOMPLETE")
 
 

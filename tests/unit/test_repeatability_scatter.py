@@ -39,7 +39,7 @@ def result_with(warm_up_g: float, unit: UnitUnderTest = UNIT) -> UnitResult:
             voltages={"dvm": Voltages(at_s, np.full(len(at_s), volts))}, temperatures_c={"t": np.full(60, 25.0)},
             temperatures_at_s={"t": at_s},
         ))  # fmt: skip
-    (result,) = reduce(RunData("repeat", (unit,), tuple(dwells), BENCH), {})
+    (result,) = reduce(RunData("repeat", (unit,), tuple(dwells), BENCH), {"bias_per_c_u": 0.0})
     return result
 
 

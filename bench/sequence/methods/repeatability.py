@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from bench.sequence.methods import MethodDescription
-from drivers.fields import StrictModel
+from bench.sequence.methods.per_degree import BiasPerDegree
 
 
-class RepeatabilitySettings(StrictModel):
-    """The method has no settings."""
+class RepeatabilitySettings(BiasPerDegree):
+    """What is known of the unit beforehand."""
 
 
 REPEATABILITY = MethodDescription(
