@@ -15,7 +15,7 @@ from bench.analysis.channel_meter import believes_meter, standard_of
 from bench.analysis.channel_runs import LevelData
 from bench.analysis.channel_scatter import LineScatter, line_gains, line_scatter
 from bench.analysis.channel_temperature import ChannelRules, ChannelRun, reduce_run
-from bench.analysis.coverage import COVERAGE
+from bench.analysis.coverage import COVERAGE, effective_dof
 from bench.analysis.finding import BudgetLine
 from bench.analysis.fit import NotDetermined
 from bench.analysis.instrument import STEPS
@@ -89,7 +89,11 @@ class Level:
         return [line for line in self.slope_lines if line.shared not in theirs]
 
     def _run_known_by(self, lines: Sequence[BudgetLine]) -> ChannelRun:
-        return replace(self.run, u_slope_pps_per_c=float(np.sqrt(sum(line.u**2 for line in lines))))
+        return replace(
+            self.run,
+            u_slope_pps_per_c=float(np.sqrt(sum(line.u**2 for line in lines))),
+            dof_slope=effective_dof([(line.u, line.dof) for line in lines]),
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 from bench.analysis.channel_temperature import ChannelRun
-from bench.analysis.coverage import COVERAGE
+from bench.analysis.coverage import coverage_factor, effective_dof
 from bench.analysis.fit import Array, least_squares
 
 Basis = Literal["raw", "normalised"]
@@ -73,6 +73,7 @@ def compare(run: ChannelRun, reference: ChannelRun, *, threshold: float, basis: 
         reference.relative_slope_per_c, reference.u_relative_slope_per_c, certain,
     )  # fmt: skip
     deciding = raw if basis == "raw" else normalised
+    k = coverage_factor(_dof(run, reference)) if certain else np.nan
     invalid = _problems(run, reference, certain, deciding)
     opposite = run.rate_pps * reference.rate_pps < 0
     close = bool(deciding.value <= threshold)
@@ -82,7 +83,7 @@ def compare(run: ChannelRun, reference: ChannelRun, *, threshold: float, basis: 
         raw=raw,
         normalised=normalised,
         decision=decision,
-        marginal=not invalid and not opposite and abs(deciding.value - threshold) < COVERAGE * deciding.u,
+        marginal=not invalid and not opposite and abs(deciding.value - threshold) < k * deciding.u,
         rate_pps=np.nan if invalid else run.rate_pps,
         slope_pps_per_c={"share": shared_slope, "keep": run.slope_pps_per_c, "invalid": np.nan}[decision],
         remarks=(OTHER_POLARITY,) if opposite and not invalid else invalid,
@@ -103,6 +104,12 @@ def _deviation(value: float, u: float, reference: float, u_reference: float, cer
         return RelativeDeviation(np.nan, np.nan, difference)
     u_ratio = float(np.hypot(u / reference, value / reference * (u_reference / reference)))
     return RelativeDeviation(abs(difference / reference), u_ratio, difference)
+
+
+def _dof(run: ChannelRun, reference: ChannelRun) -> int | None:
+    """Effective degrees of freedom of the uncertainty of the deviation of two slopes, raw or normalised."""
+    of_reference = run.slope_pps_per_c / reference.slope_pps_per_c * reference.u_slope_pps_per_c
+    return effective_dof([(run.u_slope_pps_per_c, run.dof_slope), (of_reference, reference.dof_slope)])
 
 
 def _problems(run: ChannelRun, reference: ChannelRun, certain: bool, deciding: RelativeDeviation) -> tuple[str, ...]:

@@ -109,6 +109,7 @@ class Gates:
 class ChannelRun:
     """The line D = rate + slope (T - reference), with standard uncertainties of type A; NaN is what is not known.
 
+    `dof_slope` are the degrees of freedom of that of the slope, None for unlimited.
     `span_c` is that of the gates used; `ramp_c_per_h` is negative in a run that mostly cools. `excluded` counts
     readings (missing, fractional_count, beyond_counter, duplicate, thermometer) and gates by reason. Flags:
     insufficient_temperature_span, ramp_too_fast, and invalid when too little is left of the run; `notes` tell what has
@@ -127,6 +128,7 @@ class ChannelRun:
     notes: tuple[str, ...]
     excluded: dict[str, int]
     gates: Gates = field(compare=False, repr=False)
+    dof_slope: int | None = None
 
     @property
     def relative_slope_per_c(self) -> float:
@@ -196,6 +198,7 @@ def run_through(
         notes=(*shortage, *_thermostat_notes(excluded["accelerometer_temperature"], scheduled)),
         excluded=dict(excluded),
         gates=gates.rows(kept),
+        dof_slope=max(used - 2, 1),
     )
 
 

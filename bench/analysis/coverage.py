@@ -2,10 +2,27 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from functools import lru_cache
 
 COVERAGE = 2.0  # with unlimited degrees of freedom
 PROBABILITY = 0.9545
+UNLIMITED_DOF = 1000  # more are reported as unlimited
+ROUNDING = 1e-9  # of the quotient of sums that gives degrees of freedom
+
+
+def effective_dof(parts: Sequence[tuple[float, int | None]]) -> int | None:
+    """Effective degrees of freedom of a sum of standard uncertainties with their own; None for unlimited.
+
+    Welch-Satterthwaite, truncated (JCGM 100, G.4.1). Parts that are no finite numbers have none.
+    """
+    limited = math.fsum(u**4 / dof for u, dof in parts if dof)
+    whole = math.fsum(u**2 for u, _ in parts) ** 2
+    if not limited or not math.isfinite(whole / limited):
+        return None
+    dof = math.floor(whole / limited * (1 + ROUNDING))
+    return dof if dof <= UNLIMITED_DOF else None
 
 
 @lru_cache(maxsize=256)

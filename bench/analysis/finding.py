@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from bench.analysis.coverage import COVERAGE, coverage_factor
+from bench.analysis.coverage import COVERAGE, coverage_factor, effective_dof
 from bench.analysis.limits import U_UNKNOWN, Limits, judge
 from bench.analysis.models import Model
 
@@ -17,8 +17,6 @@ if TYPE_CHECKING:  # findings are shown where no arithmetic is loaded
 
 CONFIDENCE = 0.95  # of an interval
 NEGLIGIBLE = 1e-4  # of the largest line of a budget: 1e-8 of its variance
-UNLIMITED_DOF = 1000  # more are reported as unlimited
-ROUNDING = 1e-9  # of the quotient of sums that gives degrees of freedom
 NOT_CLOSED = "not_closed"  # the flag of a finding of a unit or bench that changed over the run
 LOWER_BOUND = "more_than"  # the flag of a value of which is only known that it is more
 Verdict = Literal["PASS", "FAIL", "INVALID"]
@@ -95,12 +93,8 @@ class Finding:
 
     @property
     def dof(self) -> int | None:
-        """Effective degrees of freedom (Welch-Satterthwaite, truncated: JCGM 100, G.4.1); None for unlimited."""
-        limited = math.fsum(line.u**4 / line.dof for line in self.budget if line.dof)
-        if limited == 0:
-            return None
-        dof = math.floor(self.u**4 / limited * (1 + ROUNDING))
-        return dof if dof <= UNLIMITED_DOF else None
+        """Effective degrees of freedom; None for unlimited."""
+        return effective_dof([(line.u, line.dof) for line in self.budget])
 
     @property
     def k(self) -> float:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bench.analysis.coverage import coverage_factor, effective_dof
 from bench.analysis.steady_turning import Steady, steady
 from bench.analysis.table_blocks import TableRecord, cut_into_blocks
 
@@ -46,7 +47,8 @@ class RangePoint:
     """One rate. `error` = measured - bias - true, in the unit of the sensor, as are `mean` (with bias) and `true`.
 
     `relative_error` is the error over what the limit is a fraction of: the true value, or the full scale.
-    What depends on a bias or a radius that is not known is None. `passed` is None where the point is not judged.
+    `dof` are the effective degrees of freedom of `u_error`, None for unlimited. What depends on a bias or a radius that
+    is not known is None. `passed` is None where the point is not judged.
     """
 
     phase: str
@@ -59,6 +61,7 @@ class RangePoint:
     marginal: bool
     saturated: bool
     stable: bool
+    dof: int | None
     relative_error: float | None = None
 
 
@@ -67,7 +70,7 @@ class RangeTest:
     """Points by number. `passed` is None in a test that is invalid; `excluded` counts samples by reason.
 
     Flags: `<phase> invalid` for a block that cannot be used, `too_few_low_rates`, `radius_not_determined`, `invalid`.
-    `notes` name the points whose error is within twice its uncertainty of the limit: those are marginal.
+    `notes` name the points whose limit is within the expanded uncertainty of the error: those are marginal.
     """
 
     bias: float | None
@@ -102,7 +105,7 @@ def gyro_range(
             phase=phase, mean=turning.output, true=turning.rate_dps, rate_dps=turning.rate_dps,
             error=turning.output - bias.output - turning.rate_dps if bias else None,
             u_error=_root_sum(turning.u_output, bias.u_output, turning.u_rate_dps) if bias else None,
-            passed=None, marginal=False, saturated=turning.saturated,
+            passed=None, marginal=False, saturated=turning.saturated, dof=_dof_of_gyro(turning, bias) if bias else None,
             stable=abs(turning.rate_dps - commands_dps[phase]) <= rate_tolerance * abs(commands_dps[phase]),
         )  # fmt: skip
         points.append(_judged(point, linearity))
@@ -134,6 +137,7 @@ def accelerometer_range(
             rate_dps=turning.rate_dps, error=arm.error_g(turning) if arm else None,
             u_error=arm.u_error_g(turning) if arm else None,
             passed=None, marginal=False, saturated=turning.saturated, stable=True,
+            dof=arm.dof_error(turning) if arm else None,
         )  # fmt: skip
         points.append(_judged(point, linearity))
     test = _test(bias, points, blocks)
@@ -200,6 +204,11 @@ class Arm:
         """Standard uncertainty of the error, from the readings alone."""
         return _root_sum(*self.u_parts_g(turning))
 
+    def dof_error(self, turning: Steady) -> int | None:
+        """Effective degrees of freedom of the uncertainty of the error; None for unlimited."""
+        reading, bias, *others = self.u_parts_g(turning)
+        return effective_dof([(reading, turning.dof), (bias, self._bias.dof), *((u, None) for u in others)])
+
     def u_parts_g(self, turning: Steady) -> tuple[float, float, float, float]:
         """That of the error by the reading, its bias, the low readings by way of the radius, and its table rate.
 
@@ -216,6 +225,10 @@ class Arm:
         return float(np.radians(turning.rate_dps) ** 2 / self._g)
 
 
+def _dof_of_gyro(turning: Steady, bias: Steady) -> int | None:
+    return effective_dof([(turning.u_output, turning.dof), (bias.u_output, bias.dof), (turning.u_rate_dps, None)])
+
+
 def _judged(point: RangePoint, linearity: LinearityLimit) -> RangePoint:
     if point.error is None or point.u_error is None or point.true is None:
         return point
@@ -223,7 +236,7 @@ def _judged(point: RangePoint, linearity: LinearityLimit) -> RangePoint:
     if not point.stable:
         return replace(point, relative_error=relative)
     room = linearity.limit(point.true) - abs(point.error)
-    passed, marginal = room >= 0 and not point.saturated, abs(room) < 2 * point.u_error
+    passed, marginal = room >= 0 and not point.saturated, abs(room) < coverage_factor(point.dof) * point.u_error
     return replace(point, relative_error=relative, passed=passed, marginal=marginal)
 
 
@@ -235,7 +248,7 @@ def _test(bias: Steady | None, points: list[RangePoint], blocks: _Blocks) -> Ran
         passed=None if invalid else all(point.passed for point in points),
         flags=(*blocks.flags, "invalid") if invalid else (),
         notes=tuple(
-            f"{point.phase} is marginal: its error is within twice its uncertainty of the limit"
+            f"{point.phase} is marginal: its limit is within the expanded uncertainty of its error"
             for point in points
             if point.marginal
         ),

@@ -23,7 +23,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.analysis.coverage import COVERAGE
+from bench.analysis.coverage import coverage_factor
 from bench.analysis.fit import Array
 
 PASSING_SHARE = 0.5  # of the output change expected
@@ -57,13 +57,15 @@ class LadderRecord:
 class LadderStep:
     """One step, the mean of its repeats: changes of input and output in g, with their sense, and their ratio.
 
-    `marginal` says that the ratio is within 2 u of one half, `too_short` that one count is not below a fifth of it.
+    `dof` are the degrees of freedom of `u_ratio`, None for unlimited. `too_short` says that one count is not below a
+    fifth of the step.
     """
 
     input_g: float
     output_g: float
     ratio: float
     u_ratio: float
+    dof: int | None
     repeats: int
     too_short: bool
 
@@ -74,8 +76,8 @@ class LadderStep:
 
     @property
     def marginal(self) -> bool:
-        """Whether it could be otherwise if the step were repeated."""
-        return abs(self.ratio - PASSING_SHARE) < COVERAGE * self.u_ratio
+        """Whether it could be otherwise if the step were repeated: one half is within its expanded uncertainty."""
+        return abs(self.ratio - PASSING_SHARE) < coverage_factor(self.dof) * self.u_ratio
 
     @property
     def size_g(self) -> float:
@@ -141,7 +143,7 @@ def find_threshold(record: LadderRecord) -> Threshold:
     """
     changes = _changes(record)
     excess, dof = changes.excess()
-    steps = changes.steps(excess if excess > 1 else 1.0)
+    steps = changes.steps(excess, dof) if excess > 1 else changes.steps(1.0, None)
     senses = [[step for step in steps if step.input_g * sense > 0] for sense in (-1, 1)]
     low_g, high_g = (max(ends) for ends in zip(*(_interval(sense) for sense in senses), strict=True))
     deciding = [step for step in steps if step.size_g in (low_g, high_g)]
@@ -199,8 +201,8 @@ class _Changes:
                 dof += len(rows) - 1
         return (sqrt(squares / dof), dof) if dof else (nan, 0)
 
-    def steps(self, excess: float) -> tuple[LadderStep, ...]:
-        """The means of the repeats, by rising input; uncertainties times `excess`."""
+    def steps(self, excess: float, dof: int | None) -> tuple[LadderStep, ...]:
+        """The means of the repeats, by rising input; uncertainties times `excess`, with its degrees of freedom."""
         steps = []
         for rows, ratio in self._repeats():
             input_g = float(np.mean(self.input_g[rows]))
@@ -210,6 +212,7 @@ class _Changes:
                 output_g=float(np.mean(self.output_g[rows])),
                 ratio=ratio,
                 u_ratio=u_output_g / abs(input_g),
+                dof=dof,
                 repeats=len(rows),
                 too_short=bool(np.max(self.count_g[rows]) >= COUNT_SHARE * abs(input_g)),
             ))  # fmt: skip

@@ -52,7 +52,7 @@ class LimitEntry(StrictModel):
     """What a value may be: from min to max, or target ± tolerance (in its unit) or ± relative (a ratio of it).
 
     With guard it is accepted only if it is inside by at least that many of its standard uncertainties. It is
-    marginal when a limit is closer than marginal, which is twice its standard uncertainty unless it is given.
+    marginal when a limit is closer than marginal, which is its expanded uncertainty unless it is given.
     """
 
     model_config = ConfigDict(json_schema_extra=_FORMS)
@@ -63,9 +63,7 @@ class LimitEntry(StrictModel):
     tolerance: Bound = Field(None, description="± about the target, in its unit")
     relative: PositiveRatio | None = Field(None, description="± about the target, as a part of it")
     guard: PositiveRatio | None = Field(None, description="how many standard uncertainties inside it must lie")
-    marginal: Bound = Field(
-        None, description="closer to a limit it is marginal; twice its standard uncertainty unless given"
-    )
+    marginal: Bound = Field(None, description="closer to a limit it is marginal; its expanded uncertainty unless given")
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:

@@ -222,7 +222,7 @@ def test_order_duplicates_and_strange_rows_change_nothing(tmp_path, rng):
         assert run == other
     assert found["deviation"] == expected["deviation"]
     assert found["rejected"] == {"no_run": 649, "unknown_run": 649}
-    assert found["notes"] == ["rows of runs that are not among settings.runs were passed over: warm_up"]
+    assert found["notes"] == ["rows of runs not listed in settings.runs were ignored: warm_up"]
 
 
 def test_of_readings_of_one_time_the_first_good_one_counts(tmp_path, rng):
@@ -586,7 +586,7 @@ def test_a_current_in_another_unit_is_noticed(tmp_path, rng):
     assert reduced(tmp_path, campaign(rng, SCALE), runs=runs)["notes"] == []  # 0.012 g are too little to judge
     runs = SETTINGS["runs"] | {"src_12g": {"kind": "source", "I_mA": 13_560, "K1_mA_per_g": 1.13}}
     assert reduced(tmp_path, campaign(rng, SCALE), runs=runs)["notes"] == [
-        "src_12g: 135607 pulse/s at 12000 g is out of proportion to the other runs"
+        "src_12g: 135607 pulse/s at 12000 g is not proportional to the other runs"
     ]
 
 

@@ -126,7 +126,7 @@ def test_an_error_about_its_limit_is_marginal(tmp_path, rng):
     assert point(result, "run1")["marginal"] or point(result, "run2")["marginal"]
     assert result["flags"] == []
     assert result["notes"] == [
-        f"{each['phase']} is marginal: its error is within twice its uncertainty of the limit"
+        f"{each['phase']} is marginal: its limit is within the expanded uncertainty of its error"
         for each in result["points"] if each["marginal"]
     ]  # fmt: skip
     assert result["passed"] == all(each["passed"] for each in result["points"])

@@ -232,3 +232,12 @@ def test_many_unknown_runs_are_named_in_part(tmp_path):
     assert result["rejected"] == {"no_run": 0, "unknown_run": 9}
     assert result["notes"][-1].endswith("long and 4 more")
     assert len(result["notes"][-1]) < 350
+
+
+def test_a_deviation_is_marginal_by_its_expanded_uncertainty():
+    run = replace(RUN, slope_pps_per_c=0.15, u_slope_pps_per_c=0.002)
+    deviation = compare(run, RUN, threshold=0.3, basis="raw").raw
+    near = deviation.value - 2.5 * deviation.u
+    assert not compare(run, RUN, threshold=near, basis="raw").marginal
+    few = replace(run, dof_slope=3)
+    assert compare(few, replace(RUN, dof_slope=3), threshold=near, basis="raw").marginal

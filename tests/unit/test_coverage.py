@@ -1,10 +1,13 @@
 """Coverage factors by degrees of freedom, and what depends on them."""
 
+import numpy as np
 import pytest
 
 from bench.analysis.coverage import coverage_factor
 from bench.analysis.finding import BudgetLine, Subject
 from bench.analysis.limits import Limits
+from bench.analysis.range_test import LinearityLimit, gyro_range
+from bench.analysis.table_blocks import TableRecord
 
 # Table G.2 of JCGM 100:2008, column 95.45 %.
 PRINTED = {1: 13.97, 2: 4.53, 3: 3.31, 4: 2.87, 5: 2.65, 6: 2.52, 8: 2.37, 10: 2.28, 15: 2.18, 20: 2.13, 50: 2.05}
@@ -48,3 +51,22 @@ def test_a_limit_within_the_wider_uncertainty_is_marginal_and_the_guard_band_wid
     assert many.judged(guarded).verdict == "PASS"
     assert few.judged(guarded).verdict == "FAIL"
     assert few.judged(guarded).flags == ("guard_band",)
+
+
+def test_a_point_of_a_range_is_marginal_by_its_expanded_uncertainty():
+    rng = np.random.default_rng(4)
+    time_s = np.arange(0.0, 4.0)
+    block = np.repeat(["bias", "run1"], len(time_s))
+    table = np.concatenate([np.zeros(len(time_s)), 50.0 * time_s])
+    output = np.concatenate([np.zeros(len(time_s)), np.full(len(time_s), 50.1)]) + 0.01 * rng.standard_normal(
+        len(block)
+    )
+    record = TableRecord(block, np.concatenate([time_s, time_s]), table, output)
+
+    def point(limit):
+        return gyro_range(record, {"run1": 50.0}, LinearityLimit(limit, full_scale=1.0)).points[0]
+
+    found = point(1.0)
+    assert 2.2 < coverage_factor(found.dof) < 4
+    assert point(abs(found.error) + 2.1 * found.u_error).marginal
+    assert not point(abs(found.error) + 1.01 * coverage_factor(found.dof) * found.u_error).marginal

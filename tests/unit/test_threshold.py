@@ -260,3 +260,21 @@ def test_what_noise_does_to_the_threshold_is_twice_what_it_does_to_the_output():
     found = find_threshold(ladder(soft_dead_band(15e-6)))
     u_output_g = max(step.u_output_g for step in found.steps if step.size_g in (found.low_g, found.high_g))
     assert found.u_noise_g == pytest.approx(2 * u_output_g)
+
+
+def test_a_step_is_marginal_by_its_expanded_uncertainty():
+    step = find_threshold(ladder()).steps[0]
+    near = replace(step, ratio=0.5 + 2.5 * 0.01, u_ratio=0.01)
+    assert not replace(near, dof=None).marginal
+    assert replace(near, dof=4).marginal  # k = 2.87
+    assert not replace(near, dof=6, ratio=0.5 + 2.6 * 0.01).marginal  # k = 2.52
+
+
+def test_scatter_of_few_repeats_has_few_degrees_of_freedom():
+    rng = np.random.default_rng(4)
+    quiet = find_threshold(ladder(repeats=2, sizes=(5.0, 10)))
+    assert {step.dof for step in quiet.steps} == {None}
+    record = ladder(repeats=2, sizes=(5.0, 10))
+    noisy = find_threshold(replace(record, output_g=record.output_g + 5e-6 * rng.standard_normal(len(record.step))))
+    assert noisy.excess > 1
+    assert {step.dof for step in noisy.steps} == {noisy.dof} == {4}
