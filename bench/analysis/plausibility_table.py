@@ -9,13 +9,16 @@ import numpy as np
 
 from bench.analysis.fit import Array
 from bench.analysis.plausibility import Doubt, slip
-from bench.analysis.table_blocks import Block, TableRecord, cut_into_blocks
+from bench.analysis.table_blocks import LEAST_SAMPLES, Block, TableRecord, cut_into_blocks
 
 FASTEST_DPS = 5000.0  # of any table
 LARGEST_ARM_M = 10.0
 LARGEST_LOW_G = 1.5  # low rates are those up to 1 g
 WITHIN = (0.5, 2.0)  # a rate over the one that was told
 GAINS = (0.1, 10.0)  # of a gyro at the lowest frequency
+OUT_OF_ORDER = 0.01  # of the samples of a block
+MOST_FALLING = 0.9  # of its steps in time
+NAMED = 5  # blocks
 LIKE = 0.1  # two rates are alike
 SWINGS_HZ = (0.5, 2.0)  # a frequency over the one that was told
 INTERVALS = (0.5, 2.0)  # the time between samples over the interval of one
@@ -28,6 +31,37 @@ def _blocks(record: TableRecord) -> dict[str, Block]:
 def _slope(block: Block, values: Array) -> float:
     """From the first sample to the last."""
     return float((values[-1] - values[0]) / (block.time_s[-1] - block.time_s[0])) if len(block.time_s) > 1 else np.nan
+
+
+def clock(record: TableRecord) -> Iterator[Doubt]:
+    """Blocks whose clock ran backwards or was set back. Rows in another order, drawn or in pieces, are no such."""
+    names, which = np.unique(record.block, return_inverse=True)
+    of_blocks = np.split(np.argsort(which, kind="stable"), np.cumsum(np.bincount(which))[:-1])
+    odd = [name for name, rows in zip(names.tolist(), of_blocks, strict=False) if _goes_back(record.time_s[rows])]
+    if odd:
+        named = ", ".join(f"{name:g} Hz" if isinstance(name, float) else name for name in odd[:NAMED])
+        yield Doubt(
+            "implausible_time",
+            f"t_s goes backwards within {named}; sort the rows if only their order is wrong, and leave out a block "
+            "whose clock ran backwards or was set back",
+        )
+
+
+def _goes_back(time_s: Array) -> bool:
+    """Whether times (n,) fall all along, or in few places to times that were there before; copies count once."""
+    time_s = time_s[np.isfinite(time_s)]
+    time_s = time_s[np.sort(np.unique(time_s, return_index=True)[1])]
+    back = np.flatnonzero(np.diff(time_s) < 0) + 1
+    if len(time_s) < LEAST_SAMPLES or OUT_OF_ORDER * len(time_s) < len(back) <= MOST_FALLING * (len(time_s) - 1):
+        return False
+    if len(back) > MOST_FALLING * (len(time_s) - 1):
+        return True
+    pieces = np.concatenate(sorted(np.split(time_s, back), key=lambda piece: float(piece[0])))
+    late = pieces < np.maximum.accumulate(pieces)
+    early = pieces > np.minimum.accumulate(pieces[::-1])[::-1]
+    return min(int(np.sum(late)), int(np.sum(early))) > OUT_OF_ORDER * len(
+        time_s
+    )  # one time far away makes many of one kind
 
 
 def gyro_range(record: TableRecord, commands_dps: Mapping[str, float]) -> Iterator[Doubt]:

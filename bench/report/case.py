@@ -101,7 +101,7 @@ def _static(case: Case) -> dict[str, Any]:
         "rejected": found.excluded,
         "doubts": case_doubts.tumble(
             record.position_deg, record.output_v, record.measured_c, record.set_c,
-            [dwell.tumble.k1 for dwell in found.dwells],
+            found.dwells,
         ),
     }  # fmt: skip
 

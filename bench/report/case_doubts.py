@@ -11,11 +11,15 @@ from bench.analysis import plausibility
 from bench.analysis.fit import Array
 from bench.analysis.plausibility import Doubt
 from bench.analysis.ramp import Leg
+from bench.analysis.temperature_static import Dwell
 
 LEVELS_G = 1.05  # of gravity
 LONGEST_DWELL_S = 7200.0
 MOST_UNLIKE = 20.0  # channels of one unit
 WAYS = {"up": "falls", "down": "rises"}  # of a leg that goes against its name
+LARGEST_MISFIT = 0.1  # of a reading from what the model of its sensor says, in scale factors
+SIGNS_OR_ROWS = ": see the signs of the output, and whether rows are displaced"
+NAMED = 5  # dwells
 SCALES_PPS_PER_G = (1.0, 1e7)
 SCALES_PULSE_PER_DEG = (0.1, 1e7)
 
@@ -36,20 +40,27 @@ def with_doubts(result: dict[str, Any], doubts: Iterable[Doubt]) -> dict[str, An
     return result | changed
 
 
-def sweep(angle_deg: Array, output_v: Array, scales_v_per_g: Iterable[float | None]) -> Iterator[Doubt]:
-    """Of M1: angles, voltages, and the scale factor that they give."""
+def sweep(angle_deg: Array, output_v: Array, lines: Mapping[str, tuple[float, float]]) -> Iterator[Doubt]:
+    """Of M1: angles, voltages, and of the line of each end the scale factor in V/g and its linearity."""
     if plausibility.on_grid(output_v) and not plausibility.on_grid(angle_deg):
         yield Doubt("columns_exchanged", "theta_deg and V_mean: the voltages are angles of a table, the angles are not")
     yield from plausibility.angles("theta_deg", angle_deg)
     yield from plausibility.outputs("V_mean", output_v)
-    for scale in scales_v_per_g:
-        yield from plausibility.scale("G", scale, plausibility.SCALES_V_PER_G, "V/g")
+    for end, (scale_v_per_g, linearity) in lines.items():
+        yield from plausibility.scale("G", scale_v_per_g, plausibility.SCALES_V_PER_G, "V/g")
+        if linearity > LARGEST_MISFIT:
+            seen = f"end {end}: readings are up to {linearity:.3g} G away from the line through them"
+            yield Doubt("implausible_scale", seen + SIGNS_OR_ROWS)
+    scales = [scale for scale, _ in lines.values()]
+    if len(scales) > 1 and not 0.5 <= scales[0] / scales[1] <= 2:
+        seen = f"G is {scales[0]:.6g} V/g at one end and {scales[1]:.6g} V/g at the other"
+        yield Doubt("implausible_scale", seen + SIGNS_OR_ROWS)
 
 
 def tumble(
-    position_deg: Array, output_v: Array, measured_c: Array, set_c: Array, scales_v_per_g: Iterable[float]
+    position_deg: Array, output_v: Array, measured_c: Array, set_c: Array, dwells: Iterable[Dwell]
 ) -> Iterator[Doubt]:
-    """Of M4 static."""
+    """Of M4 static; a misalignment or a K2 that no accelerometer has comes from signs or rows."""
     if plausibility.on_grid(output_v) and not plausibility.on_grid(position_deg):
         yield Doubt("columns_exchanged", "pos_deg and U_V: the voltages are angles of a head, the angles are not")
     yield from plausibility.angles("pos_deg", position_deg)
@@ -58,9 +69,22 @@ def tumble(
     away_c = plausibility.beyond(measured_c - set_c, 50.0)
     if away_c is not None:
         yield Doubt("implausible_temperature", f"T_meas_C is up to {away_c:.4g} °C away from T_set_C")
-    scales = np.array(list(scales_v_per_g))
-    if len(scales):
-        yield from plausibility.scale("K1", float(np.median(scales)), plausibility.SCALES_V_PER_G, "V/g")
+    found = [(dwell.number, dwell.tumble) for dwell in dwells]
+    if not found:
+        return
+    scale = float(np.median([tumble.k1 for _, tumble in found]))
+    yield from plausibility.scale("K1", scale, plausibility.SCALES_V_PER_G, "V/g")
+    odd = [
+        number
+        for number, tumble in found
+        if abs(tumble.misalignment_rad) > LARGEST_MISFIT
+        or abs(tumble.c2) > LARGEST_MISFIT * abs(tumble.k1)
+        or not 0.5 <= tumble.k1 / scale <= 2
+    ]
+    if odd:
+        named = ", ".join(map(str, odd[:NAMED])) + (f" and {len(odd) - NAMED} more" if len(odd) > NAMED else "")
+        seen = f"dwell {named}: K1 is not that of the others, or K2 or delta_rad is beyond {LARGEST_MISFIT:g}"
+        yield Doubt("implausible_scale", seen + SIGNS_OR_ROWS)
 
 
 def ramp(legs: Sequence[Leg], temperature_c: Array, output_g: Array, slope_g_per_c: float | None) -> Iterator[Doubt]:
@@ -98,9 +122,9 @@ def unit(
     command_dps: Array,
     rate_dps: Array,
     told_c: Mapping[str, Array],
-    scales: Sequence[tuple[str, float]],
+    scales: Sequence[tuple[str, str, float]],
 ) -> Iterator[Doubt]:
-    """Of M2; thermometers by their columns, and the scale factors of all axes and set points by their keys."""
+    """Of M2; thermometers by their columns, and the scale factors of all set points by their keys and axes."""
     dwell = plausibility.beyond(dwell_s, LONGEST_DWELL_S)
     if dwell is not None:
         yield Doubt("implausible_time", f"dwell_s goes to {dwell:.4g} s; is it in milliseconds?")
@@ -117,7 +141,10 @@ def unit(
     for key, bounds, unit_of in (
         ("K1_pps_per_g", SCALES_PPS_PER_G, "pulse/s/g"), ("KG_p_per_deg", SCALES_PULSE_PER_DEG, "pulse/°"),
     ):  # fmt: skip
-        values = np.array([abs(value) for name, value in scales if name == key and value])
+        signs = {(axis, value > 0) for name, axis, value in scales if name == key and value}
+        if both := sorted({axis for axis, _ in signs if {(axis, True), (axis, False)} <= signs}):
+            yield Doubt("implausible_scale", f"{key} of {', '.join(both)} has another sign at some set points")
+        values = np.array([abs(value) for name, _, value in scales if name == key and value])
         if not len(values):
             continue
         yield from plausibility.scale(key, float(np.median(values)), bounds, unit_of)

@@ -82,12 +82,12 @@ def _imu(case: Case) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _scales(found: ImuCalibration) -> list[tuple[str, float]]:
-    """The scale factors of every axis at every set point, by their keys."""
+def _scales(found: ImuCalibration) -> list[tuple[str, str, float]]:
+    """The scale factors of every axis at every set point, by their keys and axes."""
     return [
-        (key, value)
+        (key, name, value)
         for point in found.points
-        for axis in point.axes
+        for name, axis in zip(AXES, point.axes, strict=True)
         if axis
         for key, value in _calibrated(axis).items()
     ]

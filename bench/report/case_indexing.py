@@ -71,7 +71,9 @@ def _static_calibration(case: Case) -> dict[str, Any]:
         "flags": found.flags,
         "notes": [*found.notes, *([f"clock: rows left out because they are there twice: {copies}"] if copies else [])],
         "doubts": case_doubts.sweep(
-            record.angle_deg, record.output_v, [end.fit.scale_v_per_g for end in found.ends.values() if end and end.fit]
+            record.angle_deg,
+            record.output_v,
+            {name: (end.fit.scale_v_per_g, end.fit.linearity) for name, end in found.ends.items() if end and end.fit},
         ),
     }
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from bench.analysis import plausibility, plausibility_table
+from bench.analysis import plausibility_table
 from bench.analysis.fit import Array
 from bench.analysis.frequency_response import FrequencyResponse, ResponsePoint, gyro_response
 from bench.analysis.gravity import normal_gravity_mps2
@@ -25,6 +25,7 @@ from bench.report.table_words import UNITS
 from drivers.wording import telling
 
 Positive = Annotated[float, Field(gt=0)]
+LONGEST_TOTAL_S = 1.0  # of two samples
 Basis = Literal["reading", "full_scale"]
 
 
@@ -97,7 +98,7 @@ def _gyro_range(case: Case) -> dict[str, Any]:
         LinearityLimit(settings.fraction, settings.full_scale_dps if by_full_scale else None),
         clip_dps=settings.clip_dps, rate_tolerance=settings.rate_tolerance,
     )  # fmt: skip
-    doubts = plausibility_table.gyro_range(record, settings.commands_dps)
+    doubts = [*plausibility_table.clock(record), *plausibility_table.gyro_range(record, settings.commands_dps)]
     return {"bias_dps": found.bias, **_range_result(found, _gyro_point), "doubts": doubts}
 
 
@@ -116,7 +117,10 @@ def _acc_range(case: Case) -> dict[str, Any]:
         "radius_m": found.radius_m,
         "u_radius_m": found.u_radius_m,
         **_range_result(found, lambda point: _accelerometer_point(point, found.bias), gravity_notes),
-        "doubts": plausibility_table.accelerometer_range(record, found.radius_m, found.bias),
+        "doubts": [
+            *plausibility_table.clock(record),
+            *plausibility_table.accelerometer_range(record, found.radius_m, found.bias),
+        ],
     }
 
 
@@ -184,7 +188,7 @@ def _gyro_freq(case: Case) -> dict[str, Any]:
     settings = case.settings(GyroSweepSettings)
     record = _sweep_record(case.record("sweep", "f_Hz,t_s,enc_deg,gyro_dps"), "enc_deg", "gyro_dps")
     found = gyro_response(record, settle_s=settings.settle_s, to_lowest=settings.gain_reference == "lowest")
-    return {**_response(found), "doubts": plausibility_table.gyro_sweep(record)}
+    return {**_response(found), "doubts": [*plausibility_table.clock(record), *plausibility_table.gyro_sweep(record)]}
 
 
 def _acc_freq(case: Case) -> dict[str, Any]:
@@ -201,7 +205,10 @@ def _acc_freq(case: Case) -> dict[str, Any]:
         "u_rxy_m": arm and arm.u_y_m,
     }
     arms_m = (arm.x_m, arm.y_m) if arm else None
-    doubts = plausibility_table.accelerometer_sweep(record, settings.interval_s, arms_m)
+    doubts = [
+        *plausibility_table.clock(record),
+        *plausibility_table.accelerometer_sweep(record, settings.interval_s, arms_m),
+    ]
     return {"lever": lever, **_response(found, gravity_notes), "doubts": doubts}
 
 
@@ -254,14 +261,19 @@ def _two_sample(case: Case) -> dict[str, Any]:
         "flags": (),
         "notes": [f"rows that are equal to an earlier one, and reduced as all others: {copies}"] if copies else [],
         "rejected": {"missing": int(np.sum(~np.isfinite(first_rad + second_rad)))},
-        "doubts": _turned_far(np.concatenate([first_rad, second_rad])),
+        "doubts": _no_increments(first_rad, second_rad, settings.total_s, table),
     }
 
 
-def _turned_far(increment_rad: Array) -> Iterator[Doubt]:
-    largest = plausibility.beyond(increment_rad, np.pi)
-    if largest is not None:
-        yield Doubt("implausible_angle", f"increments reach {largest:.4g} rad, over half a turn; are they degrees?")
+def _no_increments(first_rad: Array, second_rad: Array, total_s: float, table: Table) -> Iterator[Doubt]:
+    """Increments over half a turn, each of which is a result of its own; a time that is none of two samples."""
+    size_rad = np.nan_to_num(np.maximum(np.abs(first_rad), np.abs(second_rad)))
+    far = np.flatnonzero(size_rad > np.pi)
+    if len(far):
+        reach = f"increments reach {np.max(size_rad):.4g} rad, over half a turn, on {table.lines(far)}"
+        yield Doubt("implausible_angle", f"{reach}; are they degrees?")
+    if total_s > LONGEST_TOTAL_S:
+        yield Doubt("implausible_time", f"h_s is {total_s:g} s; is it in milliseconds?")
 
 
 def _usable(increment_rad: Array) -> Array:

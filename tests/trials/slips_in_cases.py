@@ -65,8 +65,41 @@ def _gravity_in_mps2(case: GoodCase) -> None:
     case.settings["runs"]["up_1g"]["a_g"] = G
 
 
+def _midnight(case: GoodCase) -> None:
+    middle = float(np.median(case["t_s"]))
+    case["t_s"] = lambda values: np.where(values < middle, values, values - middle)
+
+
+def _one_increment(case: GoodCase) -> None:
+    case["dtheta1_rad"] = lambda values: np.where(np.arange(len(values)) == 4, 206265 * values, values)
+
+
 def _legs_exchanged(case: GoodCase) -> None:
     case.records["ramp"]["leg"] = [{"up": "down", "down": "up"}[name] for name in case.records["ramp"]["leg"]]
+
+
+def reversed_sign(column: str, which: Callable[[GoodCase], Any]) -> Callable[[GoodCase], None]:
+    """A column with the other sign in some rows."""
+    return lambda case: case.__setitem__(column, np.where(which(case), -case[column], case[column]))
+
+
+def half(column: str) -> Callable[[GoodCase], Any]:
+    """The later half of the rows of a column."""
+    return lambda case: np.arange(len(case[column])) >= len(case[column]) // 2
+
+
+def some(column: str) -> Callable[[GoodCase], Any]:
+    """Half of the rows of a column, drawn."""
+    return lambda case: np.random.default_rng(1).random(len(case[column])) < 0.5
+
+
+def down_a_row(column: str) -> Callable[[GoodCase], None]:
+    """A column in which every value stands one row too low."""
+
+    def spoil(case: GoodCase) -> None:
+        case[column] = lambda values: np.roll(values, 1)
+
+    return spoil
 
 
 RAD = np.pi / 180
@@ -81,6 +114,18 @@ SLIPS = (
     Slip("M1", "", "angles in minutes of arc", times("theta_deg", 60), "implausible_angle"),
     Slip("M1", "", "angle and output exchanged", exchanged("theta_deg", "V_mean"), "columns_exchanged"),
     Slip("M1", "", "output in mV", times("V_mean", 1e3), "implausible_scale"),
+    Slip("M1", "", "sign of one end reversed", reversed_sign("V_mean", half("V_mean")), "implausible_scale"),
+    Slip("M1", "", "sign of half of the rows reversed", reversed_sign("V_mean", some("V_mean")), "implausible_scale"),
+    Slip("M2", "", "sign of half of the rows reversed", reversed_sign("Nx", half("Nx")), "implausible_scale"),
+    Slip(
+        "M4",
+        "static",
+        "sign of half of the positions reversed",
+        reversed_sign("U_V", lambda case: case["pos_deg"] >= 180),
+        "implausible_scale",
+    ),
+    Slip("M4", "static", "sign of half of the dwells reversed", reversed_sign("U_V", half("U_V")), "implausible_scale"),
+    Slip("M4", "static", "output a row too low", down_a_row("U_V"), "implausible_scale"),
     Slip("M1", "", "output in µV", times("V_mean", 1e6), "implausible_output"),
     Slip("M2", "", "rates in rad/s against °/s", times("rate_true_dps", RAD), "implausible_angle"),
     Slip("M2", "", "dwell in ms", times("dwell_s", 1000), "implausible_time"),
@@ -106,6 +151,13 @@ SLIPS = (
     Slip("M3", "acc_freq", "time in ms", times("t_s", 1000), "implausible_time"),
     Slip("M3", "acc_freq", "interval in ms", setting("Ts_s", 1000), "implausible_time"),
     Slip("M3", "acc_freq", "output in µg", times("acc_g", 1e6), "implausible_scale"),
+    *(
+        Slip("M3", sub, "time running backwards", times("t_s", -1), "implausible_time")
+        for sub in ("gyro_range", "acc_range", "gyro_freq", "acc_freq")
+    ),
+    Slip("M3", "acc_freq", "clock set back at midnight", _midnight, "implausible_time"),
+    Slip("M3", "two_sample", "one increment in seconds of arc", _one_increment, "implausible_angle"),
+    Slip("M3", "two_sample", "time of both samples in ms", setting("h_s", 1000), "implausible_time"),
     Slip("M3", "two_sample", "increments in seconds of arc", times("dtheta1_rad", 206265), "implausible_angle"),
     Slip("M4", "static", "positions in radians", times("pos_deg", RAD), "implausible_angle"),
     Slip("M4", "static", "output in mV", times("U_V", 1e3), "implausible_output"),
