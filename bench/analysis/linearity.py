@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincc
 
+from bench.analysis.coverage import effective_dof
 from bench.analysis.finding import BudgetLine
 from bench.analysis.fit import Array, LinearFit, NotDetermined, least_squares
 
@@ -176,6 +177,5 @@ def _line(
     dof = line.dof
     if len(parts) == len(points) > 1:
         dofs = [next((each.dof for each in point.lines if each.source == source), None) for point in points]
-        limited = math.fsum(float(part) ** 4 / each for part, each in zip(parts, dofs, strict=True) if each)
-        dof = math.floor(u**4 / limited + 0.5) if limited else None
+        dof = effective_dof(list(zip(parts.tolist(), dofs, strict=True)))
     return BudgetLine(source, line.type, u, dof, line.shared)

@@ -14,6 +14,7 @@ from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.steady_turning import Steady
 from bench.analysis.table_intake import table_samples
 from bench.analysis.table_samples import harmonics_u_dps, steady
+from bench.analysis.table_warmth import MeanTemperature, temperatures_c
 
 AT_REST_DPS = 0.01
 
@@ -22,7 +23,8 @@ AT_REST_DPS = 0.01
 class Turning:
     """One rate: what the table was told, what it and the unit did, the change of the bias since its middle taken off.
 
-    `u_harmonics_dps` is what the encoder's errors over a turn do to the table's rate.
+    `u_harmonics_dps` is what the encoder's errors over a turn do to the table's rate. `temperature_c` is that of the
+    unit, without the noise of its thermometer where the run allows that.
     """
 
     step: str
@@ -66,6 +68,7 @@ def range_blocks(
     found = RangeBlocks()
     at_rest: list[RestReading] = []
     turning: list[tuple[float, Turning]] = []
+    warmth: dict[float, MeanTemperature] = {}  # by the time of each
     for acquisition in data.acquisitions:
         samples, motion = table_samples(acquisition, unit), acquisition.motion
         problems = list(samples.problems)
@@ -76,6 +79,7 @@ def range_blocks(
             continue
         read = steady(samples, per_pulse, clip)
         middle_s = (acquisition.begin_s + acquisition.end_s) / 2
+        warmth[middle_s] = samples.temperature
         if motion is not None and motion.rate_dps is not None:
             u_dps = harmonics_u_dps(samples, data.bench.axes.get(motion.device, AxisRecord()).harmonics_u_deg)
             turning.append((middle_s, Turning(acquisition.step, motion.rate_dps, read, u_dps, samples.temperature_c)))
@@ -86,6 +90,8 @@ def range_blocks(
             found.leave_out(acquisition.step, ["not_at_rest"])
     if at_rest:
         found.rest = fit_rest(at_rest, axis_wobbles=feels_gravity)
+        as_warm_c = dict(zip(warmth, temperatures_c(list(warmth), list(warmth.values())).tolist(), strict=True))
+        turning = [(at_s, replace(each, temperature_c=as_warm_c[at_s])) for at_s, each in turning]
         found.turning = _of_one_scatter(list(_without_drift(turning, found.rest)))
     else:
         found.flags.append("rest_missing")

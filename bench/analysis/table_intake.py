@@ -18,6 +18,7 @@ from bench.analysis.outputs import NO_CODES, mean_output, measured
 from bench.analysis.rundata import UnitUnderTest
 from bench.analysis.sampling import at_once, averaged_over
 from bench.analysis.table_samples import TableSamples
+from bench.analysis.table_warmth import MeanTemperature
 from bench.analysis.turning_readings import TurningReadings
 
 LEAST_LATCHES = 20
@@ -137,11 +138,10 @@ def _samples(
 ) -> TableSamples:  # fmt: skip
     """At `latches`: their numbers, their rows of the encoder, and their times."""
     latch, of_encoder, time_s = latches
-    warm_c = acquisition.temperatures_c[unit.temperature]
     return TableSamples(
         step=acquisition.step,
         motion=acquisition.motion,
-        temperature_c=float(np.mean(warm_c)) if len(warm_c) else np.nan,
+        temperature=MeanTemperature.of(acquisition.temperatures_c[unit.temperature]),
         time_s=time_s - time_s[:1],
         total=np.asarray(total - total[:1], np.float64),
         angle_deg=_turned_deg(encoder, of_encoder),

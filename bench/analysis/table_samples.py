@@ -19,6 +19,7 @@ from bench.analysis.fit import LinearFit, NotDetermined, least_squares
 from bench.analysis.sampling import Kept, integration
 from bench.analysis.steady_turning import Steady
 from bench.analysis.table_blocks import Block
+from bench.analysis.table_warmth import MeanTemperature
 from bench.analysis.turning_readings import HARMONICS, TurningReadings, owed_to_the_table
 
 PARTS = 40  # of a block, whose rates tell how certain that of the block is
@@ -33,7 +34,7 @@ TURN_DEG = 360.0
 class TableSamples:
     """Latches of one acquisition, (n,) by time since the first, and what is cumulative at each.
 
-    `temperature_c` is the mean of the thermometer at the unit, not-a-number where it said nothing. `total` is what its
+    `temperature` is the mean of the thermometer at the unit, not-a-number where it said nothing. `total` is what its
     output has summed up to: net pulses, or code·s or V·s. `angle_deg` is that of the encoder over whole turns;
     `interval_s` is the time between two latches, `problems` make the acquisition unusable. `behind` is by how
     much the converter's pulses stood behind for its play, which is no longer in `total`. Of samples that came at the
@@ -43,7 +44,7 @@ class TableSamples:
 
     step: str
     motion: Motion | None
-    temperature_c: float
+    temperature: MeanTemperature
     time_s: Array
     total: Array
     angle_deg: Array
@@ -79,6 +80,11 @@ class TableSamples:
         return Block(
             self.time_s, self.angle_deg, self.total * per_pulse, scheduled, per_pulse, behind, kept=integration
         )
+
+    @property
+    def temperature_c(self) -> float:
+        """Mean of the thermometer at the unit."""
+        return self.temperature.value_c
 
 
 def steady(samples: TableSamples, per_pulse: float, clip: float | None = None) -> Steady:

@@ -79,3 +79,18 @@ def test_terms_that_the_points_do_not_determine_are_left_out():
     (one, _) = fitted(points(np.array([100.0])))
     assert one.coefficients["scale_error"] == pytest.approx(KNOWN.relative(np.array([100.0]))[0], rel=1e-9)
     assert fitted([]) is None
+
+
+def test_effective_degrees_of_freedom_of_a_coefficient_are_truncated():
+    """Welch-Satterthwaite (JCGM 100, G.4.1) of one source with 40 or 43 degrees of freedom a point."""
+    found = [
+        LinearityPoint(each.reading, each.true, [BudgetLine("noise", "A", 1e-3 * (1 + 0.1 * n), 40 + 3 * (n % 2))])
+        for n, each in enumerate(points())
+    ]
+    _, lines = fit_linearity(found, ("scale_error",), FULL, frozenset())
+    (noise,) = (line for line in lines["scale_error"] if line.source == "noise")
+    parts = TRUE / np.array([line.u for each in found for line in each.lines])
+    dofs = np.array([line.dof for each in found for line in each.lines])
+    exact = np.sum(parts**2) ** 2 / np.sum(parts**4 / dofs)
+    assert exact % 1 > 0.5
+    assert noise.dof == int(exact)

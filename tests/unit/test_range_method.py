@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.analysis.range_blocks import range_blocks
 from bench.analysis.range_form import OTHERWISE_WARM
 from bench.analysis.range_method import reduce_accelerometer, reduce_gyro
 from bench.analysis.stated_scale import STATED_AT
 from bench.analysis.table_samples import PARTS_DOF
 from bench.report.flag_words import flag_in_words
 from bench.sequence.methods.response import ACCELEROMETER_RANGE, GYRO_RANGE
-from tests.support.table_runs import BENCH, at_rate, at_rest, data
+from tests.support.table_runs import BENCH, UNIT, at_rate, at_rest, data
 
 GYRO = {"scale": "100 pulse/°", "full_scale": "400 °/s", "clip": "420 °/s"}
 ACCELEROMETER = {"scale": "10000 pulse/s/g", "full_scale": "20 g", "clip": "21 g"}
@@ -235,6 +236,50 @@ def test_points_at_other_temperatures_than_that_of_the_curve_bend_it_by_what_is_
     otherwise_warm = line_of(unit, "nonlinearity/cubic", OTHERWISE_WARM)
     assert 60e-6 < otherwise_warm < 180e-6
     assert line_of(unit, "asymmetry", OTHERWISE_WARM) < 0.01 * otherwise_warm
+
+
+def noisy_thermometer(*acquisitions, rate_c_per_s=0.0, jumps_c=0.0, seed=4):
+    """The same at 20 °C and a line over time, ten readings each that scatter by 0.01 °C."""
+    rng = np.random.default_rng(seed)
+    return [
+        replace(each, temperatures_c={
+            "warm": 20 + 60 * n * rate_c_per_s + jumps_c * rng.standard_normal() + 0.01 * rng.standard_normal(10)
+        })
+        for n, each in enumerate(acquisitions)
+    ]  # fmt: skip
+
+
+STEADY = [at_rate(sense * rate, 50 + sense * rate * 100) for rate in (50, 100, 200, 400) for sense in (1, -1)]
+
+
+def test_noise_of_a_thermometer_is_no_temperature_of_the_points():
+    """Means of ten readings scatter by 3 mK, which would be 0.2 ppm at 60 ppm/°C; no point was warmer by that."""
+    units = [gyro(*noisy_thermometer(*REST, *STEADY, *REST, seed=seed)) for seed in range(20)]
+    asymmetry, cubic = (
+        np.median([line_of(unit, quantity, OTHERWISE_WARM) for unit in units])
+        for quantity in ("asymmetry", "nonlinearity/cubic")
+    )
+    assert asymmetry < 0.02e-6
+    assert cubic < 0.08e-6
+
+
+def test_a_temperature_that_goes_up_evenly_is_seen_through_the_noise_of_the_thermometer():
+    warmer = 1e-3  # °C/s; the points are a minute apart
+    unit = gyro(*noisy_thermometer(*REST, *STEADY, *REST, rate_c_per_s=warmer))
+    noiseless = gyro(*[
+        replace(each, temperatures_c={"warm": np.full(2, 20 + 60 * n * warmer)})
+        for n, each in enumerate([*REST, *STEADY, *REST])
+    ])  # fmt: skip
+    expected = line_of(noiseless, "nonlinearity/cubic", OTHERWISE_WARM)
+    assert expected > 5e-6
+    assert line_of(unit, "nonlinearity/cubic", OTHERWISE_WARM) == pytest.approx(expected, rel=0.05)
+
+
+def test_temperatures_that_scatter_more_than_the_readings_of_each_are_those_of_the_points():
+    acquisitions = noisy_thermometer(*REST, *STEADY, *REST, jumps_c=0.1)
+    blocks = range_blocks(data(*acquisitions), UNIT, 0.01, 420.0)
+    expected_c = [float(np.mean(each.temperatures_c["warm"])) for each in acquisitions if each.motion is not None]
+    assert [each.temperature_c for each in blocks.turning] == pytest.approx(expected_c, abs=1e-12)
 
 
 def test_a_radius_is_as_uncertain_as_a_scale_factor_that_is_stated_at_another_temperature():

@@ -30,7 +30,7 @@ def test_counters_clocks_and_encoders_that_wrap_go_on():
     assert samples.time_s[-1] == pytest.approx(4.0)
     assert samples.angle_deg[-1] == pytest.approx(-1600, abs=2e-4)
     assert samples.total[-1] == pytest.approx(-160_000, abs=2)
-    assert (samples.interval_s, samples.temperature_c) == (pytest.approx(1e-3), 20.5)
+    assert (samples.interval_s, samples.temperature.value_c) == (pytest.approx(1e-3), 20.5)
 
 
 def test_what_follows_a_lost_latch_is_no_sample():

@@ -1,0 +1,54 @@
+"""Temperature of a unit over a run on a rate table, without the noise of its thermometer.
+
+A run on a table is short beside the time in which a unit warms up: its temperature follows a straight line. Means of a
+few readings scatter about that line by the noise of the thermometer. If this scatter were taken for temperatures, a
+budget would allow for changes of the scale factor that did not occur.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.analysis.fit import Array, least_squares
+from bench.analysis.pooling import Scatter, alike, pooled
+
+LEAST_MEANS = 4  # two more than a line takes
+
+
+@dataclass(frozen=True, slots=True)
+class MeanTemperature:
+    """Mean of the thermometer readings of one acquisition, NaN if there are none, and the scatter of one reading."""
+
+    value_c: float
+    readings: int
+    scatter: Scatter
+
+    @classmethod
+    def of(cls, readings_c: Array) -> MeanTemperature:
+        """Mean and scatter of readings (n,); the scatter of a single reading is unknown, and 0."""
+        count = len(readings_c)
+        sd_c = float(np.std(readings_c, ddof=1)) if count > 1 else 0.0
+        return cls(float(np.mean(readings_c)) if count else np.nan, count, Scatter(sd_c, max(count - 1, 0)))
+
+
+def temperatures_c(at_s: Sequence[float], means: Sequence[MeanTemperature]) -> Array:
+    """Temperatures (n,) of acquisitions at these times: of a straight line through the means, or the means themselves.
+
+    The means are kept if they scatter about the line significantly more than their readings explain, if the readings
+    do not scatter alike, or if there are too few to decide. A mean that is NaN stays NaN.
+    """
+    value_c, time_s = np.array([each.value_c for each in means]), np.array(at_s)
+    known = np.isfinite(value_c)
+    of_one_reading = alike([each.scatter for each in means if each.readings])
+    if of_one_reading is None or np.count_nonzero(known) < LEAST_MEANS or not np.ptp(time_s[known]):
+        return value_c
+    since = (time_s - time_s[known].mean()) / np.ptp(time_s[known])
+    line = np.column_stack([np.ones_like(since), since])
+    weight = np.sqrt([each.readings for each in means])[known]
+    fit = least_squares(line[known] * weight[:, np.newaxis], value_c[known] * weight)
+    if pooled(Scatter(fit.residual_sd, fit.dof), of_one_reading) is None:
+        return value_c
+    return np.where(known, line @ fit.coefficients, np.nan)
