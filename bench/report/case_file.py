@@ -173,12 +173,16 @@ def read_case(path: Path) -> Case:
 def read_json(path: Path, limit_bytes: int) -> Any:
     """The content of a JSON file. Raises InputError, with the place."""
     text = read_text(path, limit_bytes)
+    if not text.strip():
+        raise InputError(f"{path.name}: is empty")
     try:
         return json.loads(text, object_pairs_hook=_each_key_once)
     except _KeyTwiceError as problem:
         raise InputError(f"{path.name}: the key '{problem}' occurs twice in one mapping; remove one") from None
     except json.JSONDecodeError as problem:
-        raise InputError(f"{path.name}: line {problem.lineno}, column {problem.colno}: {problem.msg}") from None
+        raise InputError(
+            f"{path.name}: line {problem.lineno}, column {problem.colno}: is not JSON: {problem.msg}"
+        ) from None
     except (RecursionError, ValueError):
         raise InputError(f"{path.name}: nested too deeply, or a number with too many digits") from None
 

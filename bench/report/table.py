@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -16,8 +16,11 @@ from numpy.typing import NDArray
 
 from bench.errors import InputError
 from drivers.bounded import UnfitFileError, read_bounded
-from drivers.suggest import did_you_mean
+from drivers.suggest import nearest
 
+MINUS_SIGNS = str.maketrans(dict.fromkeys("\u2212\u2013\u2014\uff0d", "-"))  # and dashes
+UNIT_BEHIND = re.compile(r"([+-]?[0-9]+(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?)\s*[A-Za-z°º\u2103µμΩ%/'\"]+")
+SHOWN = 100  # characters of a header
 SIZE_LIMIT_BYTES = 256 * 2**20
 TRUTHS = {"1": True, "1.0": True, "true": True, "0": False, "0.0": False, "false": False, "": False}
 
@@ -85,10 +88,9 @@ class Table:
 
     def _refuse(self, column: str, row: int, expected: str) -> NoReturn:
         text = self.columns[column][row]
-        comma = re.fullmatch(r"\s*([+-]?[0-9]*),([0-9]+)\s*", text[:40])
-        advice = f"write {comma[1]}.{comma[2]}" if comma else "correct it, or leave the cell blank if it is missing"
         raise InputError(
-            f"{self.file}: line {self._line(row)}, column {column}: '{text[:40]}' is not {expected}; {advice}"
+            f"{self.file}: line {self._line(row)}, column {column}: '{text[:40]}' is not {expected}; "
+            f"{_advice(text[:40].strip())}"
         )
 
     def _line(self, row: int) -> int:
@@ -115,17 +117,45 @@ def read_table(path: Path, columns: Sequence[str], optional: Sequence[str] = ())
         line = _line_of_row(text, ragged)
         raise InputError(f"{path.name}: line {line}: {len(row)} cells, but the header has {len(header)}")
     present = [*columns, *(name for name in optional if name in header)]
-    for name in present:
-        if header.count(name) != 1:
-            what = (
-                f"more than one column '{name}'"
-                if name in header
-                else f"no column '{name}'" + did_you_mean(name, header)
-            )
-            raise InputError(f"{path.name}: line 1: there is {what}")
+    if wrong := _problem_of_header(header, present, set(optional) - set(header)):
+        raise InputError(f"{path.name}: {wrong}")
     by_column = list(zip(*rows, strict=True)) or [()] * len(header)
     blank = dict.fromkeys(optional, ("",) * len(rows))
     return Table(path.name, blank | {name: by_column[header.index(name)] for name in present}, text)
+
+
+def _problem_of_header(header: Sequence[str], needed: Sequence[str], absent: Collection[str]) -> str:
+    """What is wrong with a header line, for a person; empty where it has each column that is `needed` once.
+
+    An `absent` column is optional; one that differs only in its capitals is a slip.
+    """
+    wanted = ", ".join(needed)
+    if not header:
+        return f"is empty; expected a line with the names of the columns, {wanted}, and the rows below it"
+    if all(map(_is_number, header)):
+        return f"line 1: has only numbers; put a line with the names of the columns above it: {wanted}"
+    for name in needed:
+        if header.count(name) > 1:
+            return f"line 1: there is more than one column '{name}'; remove one, or give it another name"
+        if name not in header:
+            meant = nearest(name, header)
+            seen = f"if '{meant}' is meant, rename it" if meant else f"the line has {', '.join(header)[:SHOWN]}"
+            return f"line 1: there is no column '{name}'; {seen}"
+    alike = {name.casefold(): name for name in header if name not in needed}
+    slips = sorted((alike[name.casefold()], name) for name in absent if name.casefold() in alike)
+    return f"line 1: column '{slips[0][0]}': write '{slips[0][1]}'" if slips else ""
+
+
+def _advice(text: str) -> str:
+    """What to write instead of a text that is no number, with what a spreadsheet or a person makes of one."""
+    if comma := re.fullmatch(r"([+-]?[0-9]*),([0-9]+)", text):
+        return f"write {comma[1]}.{comma[2]}"
+    plain = text.translate(MINUS_SIGNS).lstrip("'")
+    if plain != text and _is_number(plain):
+        return f"write {plain}"
+    if measured := UNIT_BEHIND.fullmatch(plain):
+        return f"write the number alone, {measured[1]}, in the unit of the column"
+    return "correct it, or leave the cell blank if it is missing"
 
 
 def read_text(path: Path, limit_bytes: int) -> str:

@@ -554,7 +554,7 @@ def test_bad_settings_are_refused(tmp_path, rng, settings, message):
     [
         ("end", "sideways", "sweep.csv: line 3, column end: 'sideways' is not up or down; correct it"),
         ("pass", "back", "sweep.csv: line 3, column pass: 'back' is not fwd or rev; correct it"),
-        ("theta_deg", "5°", "sweep.csv: line 3, column theta_deg: '5°' is not a number; correct it"),
+        ("theta_deg", "5°", "sweep.csv: line 3, column theta_deg: '5°' is not a number; write the number alone, 5"),
         ("stable", "perhaps", "sweep.csv: line 3, column stable: 'perhaps' is not 1, 0, true or false; correct it"),
     ],
 )

@@ -8,6 +8,7 @@ from bench.errors import InputError
 from bench.report import table
 from bench.report.case import REDUCTIONS, reduce_case
 from bench.report.table import read_table
+from tests.support.any_case import good_case
 from tests.support.m4_cases import static_columns, write_case
 
 TILT = {"K1_V_per_g": 1.13, "B0_V": 3.2e-4, "B1_V_per_C": 1.4e-5, "K0_nominal_V": 5e-4}
@@ -250,7 +251,7 @@ def test_bom_crlf_and_empty_lines_are_read(tmp_path, encode):
         ('T_C,U_V\n20,"0.1\n', "data.csv: line 2: unexpected end of data"),
         ("T_C,Uv\n20,0.1\n", "data.csv: line 1: there is no column 'U_V'"),
         ("T_C,U_V,T_C\n20,0.1,1\n", "data.csv: line 1: there is more than one column 'T_C'"),
-        ("", "data.csv: line 1: there is no column 'T_C'; none is known here"),
+        ("", "data.csv: is empty; expected a line with the names of the columns, T_C, U_V, and the rows below it"),
         ("T_C;U_V\n20;0,1\n", "data.csv: line 1: the cells are separated by semicolons; save the file with commas"),
         ("T_C\tU_V\n20\t0.1\n", "data.csv: line 1: the cells are separated by tabs; save the file with commas"),
         ('T_C,U_V\n20,"0,1"\n', "data.csv: line 2, column U_V: '0,1' is not a number; write 0.1"),
@@ -359,7 +360,7 @@ def test_a_record_that_the_reduction_does_not_read_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ('{"schema": }', "case.json: line 1, column 12: Expecting value"),
+        ('{"schema": }', "case.json: line 1, column 12: is not JSON: Expecting value"),
         ("[" * 100_000, "case.json: nested too deeply"),
         ('{"schema": ' + "1" * 5000 + "}", "case.json: nested too deeply, or a number with too many digits"),
         ("[]", "case.json: is empty, expected a mapping"),
@@ -403,3 +404,33 @@ def test_a_file_that_is_too_large_is_refused(tmp_path, monkeypatch):
     assert refusal(path).startswith("data.csv: larger than 1 MiB")
     (tmp_path / "case.json").write_text(" " * 2**21)
     assert refusal(path).startswith("case.json: larger than 1 MiB")
+
+
+@pytest.mark.parametrize(
+    ("csv", "told"),
+    [
+        ("\n \n", "data.csv: is empty"),
+        ("20,0.1\n21,0.2\n", "line 1: has only numbers; put a line with the names of the columns above it: T_C, U_V"),
+        ("t_c,u_v\n20,0.1\n", "line 1: there is no column 'T_C'; if 't_c' is meant, rename it"),
+        ("a,b\n20,0.1\n", "line 1: there is no column 'T_C'; the line has a, b"),
+        ("T_C,U_V\n\u221220,0.1\n", "line 2, column T_C: '\u221220' is not a number; write -20"),
+        ("T_C,U_V\n\u201320.5,0.1\n", "'\u201320.5' is not a number; write -20.5"),
+        ("T_C,U_V\n20,'0.1\n", "''0.1' is not a number; write 0.1"),
+        ("T_C,U_V\n20,0.1 V\n", "U_V: '0.1 V' is not a number; write the number alone, 0.1, in the unit of the column"),
+        ("T_C,U_V\n20 °C,0.1\n", "column T_C: '20 °C' is not a number; write the number alone, 20, in"),
+        ("T_C,U_V\n20,100 µV\n", "column U_V: '100 µV' is not a number; write the number alone, 100, in"),
+        ("T_C,U_V\n20,N/A\n", "U_V: 'N/A' is not a number; correct it, or leave the cell blank if it is missing"),
+        ("T_C,U_V\n20,0x1F\n", "'0x1F' is not a number; correct it, or leave the cell blank"),
+        ("T_C,U_V\n20,.nan\n", "column U_V: '.nan' is not a number; correct it, or leave the cell blank"),
+    ],
+)  # fmt: skip
+def test_what_to_do_about_a_table_is_told(tmp_path, csv, told):
+    assert told in refusal(case(tmp_path, csv=csv))
+
+
+def test_an_optional_column_in_other_capitals_is_not_passed_over(tmp_path):
+    made = good_case("M1")
+    made.records["sweep"]["t_C"] = [20.0] * len(made.records["sweep"]["seq"])
+    made.records["sweep"].pop("T_C", None)
+    with pytest.raises(InputError, match=r"sweep.csv: line 1: column 't_C': write 'T_C'"):
+        reduce_case(made.write(tmp_path))
