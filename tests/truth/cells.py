@@ -138,10 +138,8 @@ class Cell:
         alter_file(unit, self.kind)
         if self.kind == "negative scale":
             _state_negative(bench, stated, method.sequence)
-        if self.kind == "warm" and method.name in _WARM:
-            _state_warm(stated, method.sequence, *_WARM[method.name])
-        if self.kind == "misaligned" and method.name == "M4b":
-            _state_misaligned(stated, method.sequence)
+        if (known := STATED.get((self.kind, method.name))) is not None:
+            _state(stated, method.sequence, *known)
 
 
 def _state_negative(bench: Path, stated: Path, sequence: str) -> None:
@@ -155,28 +153,22 @@ def _state_negative(bench: Path, stated: Path, sequence: str) -> None:
         stated.write_text(text, "utf-8")
 
 
-_WARM = {  # a setting of the sequence, and what stands in its place
-    "M3a": (r"(?m)^( *)scale: .*$", r"\g<0>\n\g<1>scale_per_degree_u: 300 ppm/°C"),
-    "repeatability": (r"(?<=bias_per_degree_u: )10", "50"),
-    "M0": (r"(?m)^( *)accelerometer: 65 °C.*$", r"\g<0>\n\g<1>accelerometer_drift_u: 166 ppm/°C"),
+# What no run finds of a unit, and its user states: a setting of the sequence, and what stands in its place.
+STATED = {
+    ("warm", "M3a"): (r"(?m)^( *)scale: .*$", r"\g<0>\n\g<1>scale_per_degree_u: 300 ppm/°C"),
+    ("warm", "repeatability"): (r"(?<=bias_per_degree_u: )10", "50"),
+    ("warm", "M0"): (r"(?m)^( *)accelerometer: 65 °C.*$", r"\g<0>\n\g<1>accelerometer_drift_u: 166 ppm/°C"),
+    ("misaligned", "M4b"): (r"(?<=misalignment_u: )1 mrad", "4 mrad"),
 }
 
 
-def _state_warm(stated: Path, sequence: str, old: str, new: str) -> None:
-    """Lets the settings say how far scale factor or bias may change with temperature, which the run does not find."""
+def _state(stated: Path, sequence: str, old: str, new: str) -> None:
+    """Writes a sequence, with those that it calls beside it, in which something else is stated."""
     text = (ROOT / "sequences" / f"{sequence}.yaml").read_text("utf-8")
     changed, count = re.subn(old, new, text)
+    assert count, sequence
     for called in set(re.findall(r"(?m)^ *- call: (\w+\.yaml)", changed)):
         shutil.copy(ROOT / "sequences" / called, stated.parent)
-    assert count, sequence
-    stated.write_text(changed, "utf-8")
-
-
-def _state_misaligned(stated: Path, sequence: str) -> None:
-    """Lets the settings of a ramp say how far the input axis may be off, which is in its K1 and nothing there tells."""
-    text = (ROOT / "sequences" / f"{sequence}.yaml").read_text("utf-8")
-    changed, count = re.subn(r"(?<=misalignment_u: )1 mrad", "4 mrad", text)
-    assert count, sequence
     stated.write_text(changed, "utf-8")
 
 
