@@ -26,6 +26,7 @@ LEAST_SIGNIFICANCE = 3.0  # of a slope that others are divided by, in its standa
 ROUNDING = 1e-12  # of the rate: what arithmetic makes of no change over a whole run
 MISFIT_PROBABILITY = 0.01
 LEAST_LEVEL_G = 0.1  # below, a bias may be as large as the input
+LARGEST_BIAS_G = 0.5
 PROPORTION = 0.1  # what a rate per g may differ from that of the other runs
 
 OTHER_POLARITY = "keeps its own model: at the other polarity the converter has another scale factor"
@@ -173,4 +174,6 @@ def out_of_proportion(level_g: Array, rate_pps: Array) -> NDArray[np.bool_]:
         per_g = rate_pps[judged] / level_g[judged]
         usual = np.median(per_g)
         odd[judged] = np.abs(per_g - usual) > PROPORTION * np.abs(usual)
+        small = ~judged & np.isfinite(level_g) & np.isfinite(rate_pps)
+        odd[small] = np.abs(rate_pps[small] - usual * level_g[small]) > LARGEST_BIAS_G * np.abs(usual)
     return odd

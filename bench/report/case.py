@@ -178,9 +178,12 @@ def _dynamic(case: Case) -> dict[str, Any]:
             *(f"not known: {what}" for what in found.missing),
         ],
         "rejected": found.excluded,
-        "doubts": case_doubts.ramp(
-            found.legs, record.temperature_c, record.output_g, float(found.line.powers[1])
-        ),
+        "doubts": [
+            *plausibility.scale(
+                "settings.K1_V_per_g", settings.scale_v_per_g, plausibility.SCALES_V_PER_G, "V/g"
+            ),
+            *case_doubts.ramp(found.legs, record.temperature_c, record.output_g, float(found.line.powers[1])),
+        ],
     }  # fmt: skip
 
 
@@ -221,7 +224,12 @@ def _tilt(case: Case) -> dict[str, Any]:
         "rejected": found.excluded | {"duplicate": copies},
         "doubts": [
             *plausibility.kelvin("T_C", table.numbers("T_C")),
-            *case_doubts.tilts(len(table.columns["U_V"]) - found.excluded["missing"], found.excluded["out_of_range"]),
+            *case_doubts.tilts(
+                len(table.columns["U_V"]) - found.excluded["missing"],
+                found.excluded["out_of_range"],
+                settings.scale_v_per_g,
+                settings.slope_v_per_c,
+            ),
         ],
     }
 

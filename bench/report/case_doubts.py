@@ -17,6 +17,7 @@ LEVELS_G = 1.05  # of gravity
 LONGEST_DWELL_S = 7200.0
 MOST_UNLIKE = 20.0  # channels of one unit
 WAYS = {"up": "falls", "down": "rises"}  # of a leg that goes against its name
+LARGEST_MOUNT_RAD = 0.02  # more than a degree is seen by eye, and corrected
 LARGEST_MISFIT = 0.1  # of a reading from what the model of its sensor says, in scale factors
 SIGNS_OR_ROWS = ": see the signs of the output, and whether rows are displaced"
 NAMED = 5  # dwells
@@ -40,8 +41,14 @@ def with_doubts(result: dict[str, Any], doubts: Iterable[Doubt]) -> dict[str, An
     return result | changed
 
 
-def sweep(angle_deg: Array, output_v: Array, lines: Mapping[str, tuple[float, float]]) -> Iterator[Doubt]:
-    """Of M1: angles, voltages, and of the line of each end the scale factor in V/g and its linearity."""
+def sweep(
+    angle_deg: Array, output_v: Array, lines: Mapping[str, tuple[float, float]], mount_rad: Mapping[str, float | None]
+) -> Iterator[Doubt]:
+    """Of M1: angles, voltages, of the line of each end the scale factor in V/g and its linearity, residual angles."""
+    for name, angle_rad in mount_rad.items():
+        if angle_rad is not None and abs(angle_rad) > LARGEST_MOUNT_RAD:
+            seen = f"settings.mount.{name} is {angle_rad:g} rad, which is {np.degrees(angle_rad):.3g}°"
+            yield Doubt("implausible_angle", f"{seen}; is it in degrees?")
     if plausibility.on_grid(output_v) and not plausibility.on_grid(angle_deg):
         yield Doubt("columns_exchanged", "theta_deg and V_mean: the voltages are angles of a table, the angles are not")
     yield from plausibility.angles("theta_deg", angle_deg)
@@ -107,8 +114,12 @@ def ramp(legs: Sequence[Leg], temperature_c: Array, output_g: Array, slope_g_per
         yield Doubt("legs_exchanged", f"leg: {ways}, and is left out; are up and down exchanged?")
 
 
-def tilts(samples: int, out_of_range: int) -> Iterator[Doubt]:
-    """Of M4 tilt: most samples cannot be tilts."""
+def tilts(samples: int, out_of_range: int, scale_v_per_g: float, slope_v_per_c: float) -> Iterator[Doubt]:
+    """Of M4 tilt: most samples cannot be tilts, or the settings are those of no accelerometer."""
+    yield from plausibility.scale("settings.K1_V_per_g", scale_v_per_g, plausibility.SCALES_V_PER_G, "V/g")
+    if abs(slope_v_per_c / scale_v_per_g) > plausibility.LARGEST_SLOPE_G_PER_C:
+        slope = f"{slope_v_per_c / scale_v_per_g * 1e6:.4g} µg/°C"
+        yield Doubt("implausible_scale", f"settings.B1_V_per_C over K1_V_per_g is {slope}: see their units")
     if samples and out_of_range > samples / 2:
         yield Doubt(
             "implausible_scale",

@@ -51,6 +51,8 @@ def unknown_keys(model: type[BaseModel], content: Any) -> list[str]:
 
 Scale = Annotated[float, AfterValidator(not_zero)]
 Limit = Annotated[float, Field(ge=0)]
+LocalGravity = Annotated[float, Field(ge=9.7, le=9.9)]
+"""In m/s², on the ground anywhere on Earth."""
 
 
 class Tolerant(BaseModel):

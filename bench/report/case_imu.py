@@ -23,7 +23,7 @@ from bench.analysis.imu_compensation import Extrapolation, TemperatureTable, che
 from bench.analysis.imu_readings import ImuReadings, PositionRecord, RateRecord, arrange
 from bench.errors import InputError
 from bench.report import case_doubts
-from bench.report.case_file import Case, Limit, Reduction, Reductions, Settings
+from bench.report.case_file import Case, Limit, LocalGravity, Reduction, Reductions, Settings
 from bench.report.case_imu_visits import COMPENSATED, check_set_points, repeatability, with_visits
 from bench.report.table import Table
 
@@ -41,7 +41,7 @@ class ImuSettings(Settings):
     """Of M2; scale factors are per local g, so that its value has no part in the reduction."""
 
     nominal_c: float | None = Field(None, alias="T_nominal_C", ge=-273.15, le=1000)
-    local_g_mps2: float | None = Field(None, alias="g_mps2", gt=0)
+    local_g_mps2: LocalGravity | None = Field(None, alias="g_mps2")
     extrapolation: Extrapolation = "hold"
     attitude_tolerance_g: float = Field(0.05, alias="attitude_tol_g", gt=0)
     rate_tolerance: Limit = Field(0.5, alias="rate_tol")  # farther off is another unit, or another row's command

@@ -74,6 +74,7 @@ def _static_calibration(case: Case) -> dict[str, Any]:
             record.angle_deg,
             record.output_v,
             {name: (end.fit.scale_v_per_g, end.fit.linearity) for name, end in found.ends.items() if end and end.fit},
+            {"angle3_rad": settings.mount.angle3_rad, "angle4_rad": settings.mount.angle4_rad},
         ),
     }
 

@@ -19,7 +19,7 @@ from bench.analysis.range_test import BIAS, LinearityLimit, RangePoint, RangeTes
 from bench.analysis.table_blocks import TableRecord
 from bench.analysis.two_sample import velocity_increments
 from bench.errors import InputError
-from bench.report.case_file import Case, Limit, Reduction, Reductions, Settings
+from bench.report.case_file import Case, Limit, LocalGravity, Reduction, Reductions, Settings
 from bench.report.table import Table
 from bench.report.table_words import UNITS
 from drivers.wording import telling
@@ -52,7 +52,7 @@ class GyroRangeSettings(Settings):
 class AccelerometerRangeSettings(Settings):
     """Of `acc_range`."""
 
-    local_g_mps2: Positive | None = Field(None, alias="g_mps2")
+    local_g_mps2: LocalGravity | None = Field(None, alias="g_mps2")
     range_g: Positive
     fraction: Limit = Field(alias="k_m")
     basis: Basis = Field("full_scale", alias="linearity_basis")
@@ -69,7 +69,7 @@ class GyroSweepSettings(Settings):
 class AccelerometerSweepSettings(Settings):
     """Of `acc_freq`."""
 
-    local_g_mps2: Positive | None = Field(None, alias="g_mps2")
+    local_g_mps2: LocalGravity | None = Field(None, alias="g_mps2")
     interval_s: Positive = Field(alias="Ts_s")
     lever_hz: Positive = Field(0.5, alias="lever_f_Hz")
     settle_s: Limit = 0.0
@@ -261,19 +261,25 @@ def _two_sample(case: Case) -> dict[str, Any]:
         "flags": (),
         "notes": [f"rows that are equal to an earlier one, and reduced as all others: {copies}"] if copies else [],
         "rejected": {"missing": int(np.sum(~np.isfinite(first_rad + second_rad)))},
-        "doubts": _no_increments(first_rad, second_rad, settings.total_s, table),
+        "doubts": _no_increments(first_rad, second_rad, settings, table),
     }
 
 
-def _no_increments(first_rad: Array, second_rad: Array, total_s: float, table: Table) -> Iterator[Doubt]:
-    """Increments over half a turn, each of which is a result of its own; a time that is none of two samples."""
+def _no_increments(first_rad: Array, second_rad: Array, settings: TwoSampleSettings, table: Table) -> Iterator[Doubt]:
+    """Increments over half a turn, each of which is a result of its own; a time and a place that are on no table."""
     size_rad = np.nan_to_num(np.maximum(np.abs(first_rad), np.abs(second_rad)))
     far = np.flatnonzero(size_rad > np.pi)
     if len(far):
         reach = f"increments reach {np.max(size_rad):.4g} rad, over half a turn, on {table.lines(far)}"
         yield Doubt("implausible_angle", f"{reach}; are they degrees?")
+    total_s, away_m = settings.total_s, max(abs(settings.x_m), abs(settings.y_m))
     if total_s > LONGEST_TOTAL_S:
         yield Doubt("implausible_time", f"h_s is {total_s:g} s; is it in milliseconds?")
+    rate_dps = float(np.degrees(np.median(size_rad))) / (total_s / 2) if len(size_rad) else 0.0
+    if rate_dps > plausibility_table.FASTEST_DPS and not len(far):
+        yield Doubt("implausible_time", f"by h_s the table turned at {rate_dps:.4g} °/s: see its unit")
+    if away_m > plausibility_table.LARGEST_ARM_M:
+        yield Doubt("implausible_scale", f"an arm is {away_m:g} m: are rx_m and ry_m in millimetres?")
 
 
 def _usable(increment_rad: Array) -> Array:

@@ -70,6 +70,10 @@ def _midnight(case: GoodCase) -> None:
     case["t_s"] = lambda values: np.where(values < middle, values, values - middle)
 
 
+def _residual_angle(case: GoodCase) -> None:
+    case.settings["mount"] = {"angle3_rad": 0.0573}
+
+
 def _one_increment(case: GoodCase) -> None:
     case["dtheta1_rad"] = lambda values: np.where(np.arange(len(values)) == 4, 206265 * values, values)
 
@@ -157,6 +161,14 @@ SLIPS = (
     ),
     Slip("M3", "acc_freq", "clock set back at midnight", _midnight, "implausible_time"),
     Slip("M3", "two_sample", "one increment in seconds of arc", _one_increment, "implausible_angle"),
+    Slip("M1", "", "residual angle in degrees", _residual_angle, "implausible_angle"),
+    Slip("M3", "acc_range", "gravity in mm/s²", setting("g_mps2", 1000), REFUSED),
+    Slip("M3", "acc_freq", "gravity in g", setting("g_mps2", 1 / G), REFUSED),
+    Slip("M3", "two_sample", "time of both samples in s for ms", setting("h_s", 1e-3), "implausible_time"),
+    Slip("M3", "two_sample", "arm in mm", setting("rx_m", 1000), "implausible_scale"),
+    Slip("M4", "tilt", "slope of the bias in mV", setting("B1_V_per_C", 1000), "implausible_scale"),
+    Slip("M4", "tilt", "scale factor in mV/g", setting("K1_V_per_g", 1000), "implausible_scale"),
+    Slip("M4", "dynamic", "scale factor a thousandfold", setting("K1_V_per_g", 1000), "implausible_scale"),
     Slip("M3", "two_sample", "time of both samples in ms", setting("h_s", 1000), "implausible_time"),
     Slip("M3", "two_sample", "increments in seconds of arc", times("dtheta1_rad", 206265), "implausible_angle"),
     Slip("M4", "static", "positions in radians", times("pos_deg", RAD), "implausible_angle"),

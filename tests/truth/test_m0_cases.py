@@ -583,7 +583,9 @@ def test_what_no_counter_shows_is_named_with_its_rows(tmp_path, rng):
 
 def test_a_current_in_another_unit_is_noticed(tmp_path, rng):
     runs = SETTINGS["runs"] | {"src_12g": {"kind": "source", "I_mA": 0.01356, "K1_mA_per_g": 1.13}}
-    assert reduced(tmp_path, campaign(rng, SCALE), runs=runs)["notes"] == []  # 0.012 g are too little to judge
+    assert reduced(tmp_path, campaign(rng, SCALE), runs=runs)["notes"] == [
+        "src_12g: 135607 pulse/s at 0.012 g is not proportional to the other runs"
+    ]
     runs = SETTINGS["runs"] | {"src_12g": {"kind": "source", "I_mA": 13_560, "K1_mA_per_g": 1.13}}
     assert reduced(tmp_path, campaign(rng, SCALE), runs=runs)["notes"] == [
         "src_12g: 135607 pulse/s at 12000 g is not proportional to the other runs"

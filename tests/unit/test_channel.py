@@ -243,3 +243,9 @@ def test_a_deviation_is_marginal_by_its_expanded_uncertainty():
     assert not compare(run, RUN, threshold=near, basis="raw").marginal
     few = replace(run, dof_slope=3)
     assert compare(few, replace(RUN, dof_slope=3), threshold=near, basis="raw").marginal
+
+
+def test_a_level_in_another_unit_is_out_of_proportion_though_it_is_small():
+    per_g = np.array([11_300.0, 11_300.0, 11_300.0])
+    assert out_of_proportion(np.array([1.0, 0.577, 1e-3]), per_g * [1.0, 0.577, 1.0]).tolist() == [False, False, True]
+    assert out_of_proportion(np.array([1.0, 0.577, 0.0]), per_g * [1.0, 0.577, 0.2]).tolist() == [False, False, False]
