@@ -117,14 +117,14 @@ def accelerometer_range(record: TableRecord, radius_m: float | None, bias_g: flo
 def gyro_sweep(record: TableRecord) -> Iterator[Doubt]:
     """A swing at another frequency, or else a gain that no gyro has."""
     blocks = _swinging(record)
-    off = list(_off_frequency(blocks))
+    off = [*_off_frequency(blocks), *_frozen(blocks)]
     yield from off or _gain(blocks)
 
 
 def accelerometer_sweep(record: TableRecord, interval_s: float, arms_m: tuple[float, float] | None) -> Iterator[Doubt]:
     """A swing at another frequency, samples of another interval, arms that no table has."""
     blocks = _swinging(record)
-    yield from _off_frequency(blocks)
+    yield from (*_off_frequency(blocks), *_frozen(blocks))
     steps_s = [float(np.median(np.diff(block.time_s))) for _, block in blocks]
     ratio = float(np.median(steps_s)) / interval_s if steps_s else 1.0
     if not INTERVALS[0] <= ratio <= INTERVALS[1]:
@@ -142,6 +142,13 @@ def _off_frequency(blocks: Sequence[tuple[float, Block]]) -> Iterator[Doubt]:
     if ratio > 0 and not SWINGS_HZ[0] <= ratio <= SWINGS_HZ[1]:
         seen = f"the table swung at {ratio:.4g} times f_Hz{slip(ratio)}"
         yield Doubt("implausible_time", f"{seen}: see the units of t_s (seconds) and f_Hz")
+
+
+def _frozen(blocks: Sequence[tuple[float, Block]]) -> Iterator[Doubt]:
+    """An output that is one and the same number in a whole block."""
+    frozen = [f"{nominal_hz:g} Hz" for nominal_hz, block in blocks if not np.ptp(block.output)]
+    if frozen:
+        yield Doubt("implausible_output", f"the output does not change at {', '.join(frozen[:NAMED])}: it is frozen")
 
 
 def _swinging(record: TableRecord) -> list[tuple[float, Block]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -19,12 +19,14 @@ from bench.analysis.range_test import BIAS, LinearityLimit, RangePoint, RangeTes
 from bench.analysis.table_blocks import TableRecord
 from bench.analysis.two_sample import velocity_increments
 from bench.errors import InputError
+from bench.report import case_doubts
 from bench.report.case_file import Case, Limit, LocalGravity, Reduction, Reductions, Settings
 from bench.report.table import Table
 from bench.report.table_words import UNITS
 from drivers.wording import telling
 
 Positive = Annotated[float, Field(gt=0)]
+LARGEST_U_GAIN = 0.2  # of the gain
 LONGEST_TOTAL_S = 1.0  # of two samples
 Basis = Literal["reading", "full_scale"]
 
@@ -188,7 +190,18 @@ def _gyro_freq(case: Case) -> dict[str, Any]:
     settings = case.settings(GyroSweepSettings)
     record = _sweep_record(case.record("sweep", "f_Hz,t_s,enc_deg,gyro_dps"), "enc_deg", "gyro_dps")
     found = gyro_response(record, settle_s=settings.settle_s, to_lowest=settings.gain_reference == "lowest")
-    return {**_response(found), "doubts": [*plausibility_table.clock(record), *plausibility_table.gyro_sweep(record)]}
+    doubts = [
+        *plausibility_table.clock(record), *plausibility_table.gyro_sweep(record), *_no_swing(found.points),
+    ]  # fmt: skip
+    return {**_response(found), "doubts": doubts}
+
+
+def _no_swing(points: Sequence[ResponsePoint]) -> Iterator[Doubt]:
+    """A gain that is uncertain even at the lowest frequency, where a gyro follows its table."""
+    lowest = min(points, key=lambda point: point.frequency_hz, default=None)
+    if lowest is not None and lowest.u_gain > LARGEST_U_GAIN * lowest.gain:
+        seen = f"the gain at {lowest.frequency_hz:g} Hz is {lowest.gain:.3g} with u = {lowest.u_gain:.3g}"
+        yield Doubt("implausible_scale", f"{seen}{case_doubts.SIGNS_OR_ROWS}")
 
 
 def _acc_freq(case: Case) -> dict[str, Any]:

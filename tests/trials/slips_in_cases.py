@@ -74,6 +74,10 @@ def _residual_angle(case: GoodCase) -> None:
     case.settings["mount"] = {"angle3_rad": 0.0573}
 
 
+def _frozen(case: GoodCase) -> None:
+    case["gyro_dps"] = lambda values: np.where(np.arange(len(values)) < len(values) // 2, values, values[0])
+
+
 def _one_increment(case: GoodCase) -> None:
     case["dtheta1_rad"] = lambda values: np.where(np.arange(len(values)) == 4, 206265 * values, values)
 
@@ -164,6 +168,14 @@ SLIPS = (
     Slip("M1", "", "residual angle in degrees", _residual_angle, "implausible_angle"),
     Slip("M3", "acc_range", "gravity in mm/s²", setting("g_mps2", 1000), REFUSED),
     Slip("M3", "acc_freq", "gravity in g", setting("g_mps2", 1 / G), REFUSED),
+    Slip(
+        "M3",
+        "gyro_freq",
+        "sign of half of the samples reversed",
+        reversed_sign("gyro_dps", some("gyro_dps")),
+        "implausible_scale",
+    ),
+    Slip("M3", "gyro_freq", "output frozen in the later half", _frozen, "implausible_output"),
     Slip("M3", "two_sample", "time of both samples in s for ms", setting("h_s", 1e-3), "implausible_time"),
     Slip("M3", "two_sample", "arm in mm", setting("rx_m", 1000), "implausible_scale"),
     Slip("M4", "tilt", "slope of the bias in mV", setting("B1_V_per_C", 1000), "implausible_scale"),
