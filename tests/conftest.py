@@ -10,6 +10,7 @@ import subprocess
 import sys
 from ctypes.util import find_library
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -78,10 +79,13 @@ def _state_of_nobody(tmp_path_factory):
 def bench_command():
     """Runs `bench` as a process of its own: arguments in; exit code, stdout and stderr out."""
 
-    def run(*arguments: object, cwd: Path | None = None, env: dict[str, str] | None = None, timeout_s: float = 50):
+    def run(
+        *arguments: object, cwd: Path | None = None, env: dict[str, str] | None = None, timeout_s: float = 50,
+        stdout: Any = subprocess.PIPE,
+    ):  # fmt: skip
         return subprocess.run(
-            [sys.executable, "-m", "bench", *map(str, arguments)], capture_output=True, text=True, timeout=timeout_s,
-            cwd=cwd or ROOT, env={**os.environ, "PYTHONPATH": str(ROOT), **(env or {})}, check=False,
+            [sys.executable, "-m", "bench", *map(str, arguments)], stdout=stdout, stderr=subprocess.PIPE, text=True,
+            timeout=timeout_s, cwd=cwd or ROOT, env={**os.environ, "PYTHONPATH": str(ROOT), **(env or {})}, check=False,
         )  # fmt: skip
 
     return run

@@ -57,6 +57,9 @@ def main(words: Sequence[str]) -> int:
     except BrokenPipeError:
         sys.stderr.close()  # whoever read us has enough
         return BENCH_ERROR
+    except OSError as problem:
+        _say(f"{problem.filename or 'standard output'}: {problem.strerror or problem}")
+        return BENCH_ERROR
     except Exception:  # noqa: BLE001  Python would exit with 1, which says that the unit failed
         _say("an internal error of this program:\n" + traceback.format_exc())
         return BENCH_ERROR
@@ -64,7 +67,7 @@ def main(words: Sequence[str]) -> int:
 
 def _done(words: Sequence[str]) -> int:
     first, *others = words or ["--help"]
-    if first in ("--help", "-h"):
+    if first in ("--help", "-h", "help"):
         sys.stdout.write(f"Usage: bench COMMAND ...\n\n{PURPOSE}\n\n{_listed('')}\n'bench COMMAND --help' has more.\n")
         return 0 if words else INPUT_ERROR
     if first == "--version":
@@ -82,9 +85,13 @@ def _done(words: Sequence[str]) -> int:
 def _command(name: str, known: dict[str, Command]) -> Command:
     """The command of that name; InputError."""
     if name not in known:
-        from drivers.suggest import did_you_mean
+        from drivers.suggest import nearest
 
-        raise InputError(f"there is no command 'bench {name}'{did_you_mean(name, [*known, *GROUPS])}")
+        close = nearest(name, [*known, *GROUPS, "--help", "--version"])
+        raise InputError(
+            f"there is no command 'bench {name}'; "
+            + (f"did you mean 'bench {close}'?" if close else "'bench --help' lists all commands")
+        )
     return known[name]
 
 

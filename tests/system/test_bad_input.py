@@ -269,19 +269,36 @@ def test_several_wrong_choices_are_told_at_once(bench):
         (("check", "smoke", "--bnch", "simulated"), "bench check: there is no option --bnch; did you mean --bench?"),
         (("check",), "bench check: the following arguments are required: SEQUENCE"),
         (("check", "smoke", "tumble_static"), "unrecognized arguments: tumble_static"),
-        (("chek", "smoke"), "there is no command 'bench chek'; did you mean 'check'?"),
+        (("chek", "smoke"), "there is no command 'bench chek'; did you mean 'bench check'?"),
         (("check", "smoke", "--set"), "argument --set: expected one argument"),
         (("run", "smoke", "--seed", "one"), "argument --seed: invalid int value: 'one'"),
-        (("runs", "verfy"), "there is no command 'bench runs verfy'; did you mean 'runs verify'?"),
+        (("runs", "verfy"), "there is no command 'bench runs verfy'; did you mean 'bench runs verify'?"),
         (("runs", "--last", "0"), "argument --last: 0 is not at least 1"),
         (("answer", "last", "-5mg"), "a value that begins with - is written as --option=VALUE, or after --"),
-        (("new", "divers"), "did you mean 'new driver'?"),
+        (("new", "divers"), "did you mean 'bench new driver'?"),
+        (("--verison",), "there is no command 'bench --verison'; did you mean 'bench --version'?"),
+        (("frobnicate",), "there is no command 'bench frobnicate'; 'bench --help' lists all commands"),
     ],
 )
 def test_a_wrong_word_on_the_command_line_is_exit_code_2(bench, arguments, problem):
     code, out, err = bench(*arguments)
     assert (code, out) == (2, [])
     assert problem in "\n".join(err)
+
+
+@pytest.mark.parametrize("arguments", [("reference", "steps"), ("check", "smoke"), ("schema", "bench"), ("--help",)])
+def test_a_standard_output_that_is_full_is_named(bench_command, tmp_path, arguments):
+    with open("/dev/full", "w") as full:
+        done = bench_command(*arguments, cwd=tmp_path, stdout=full)
+    assert (done.returncode, done.stderr) == (3, "standard output: No space left on device\n")
+
+
+def test_a_reader_who_has_enough_is_no_error_to_tell(bench_command, tmp_path):
+    read, write = os.pipe()
+    os.close(read)
+    with open(write, "w") as closed:
+        done = bench_command("reference", "steps", cwd=tmp_path, stdout=closed)
+    assert done.stderr == ""
 
 
 def test_a_process_ends_with_exit_code_2_and_no_traceback(bench_command, tmp_path):
