@@ -106,6 +106,9 @@ def ramp(legs: Sequence[Leg], temperature_c: Array, output_g: Array, slope_g_per
         yield Doubt(
             "implausible_scale", f"the slope is {slope_g_per_c * 1e6:.4g} µg/°C: see the units of U_V and of K1_V_per_g"
         )
+    frozen = [f"{leg.name} of cycle {leg.cycle}" for leg in legs if len(leg.time_s) > 2 and not np.ptp(leg.output_g)]
+    if frozen:
+        yield Doubt("implausible_output", f"U_V does not change on the leg {', '.join(frozen[:NAMED])}: it is frozen")
     for leg in legs:
         yield from list(plausibility.ramp(leg.time_s, leg.temperature_c))[:1]
     against = [leg for leg in legs if leg.against]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -123,8 +123,7 @@ def _sealed(found: RunSummary, *, thoroughly: bool) -> Record:
         if thoroughly and not damage and seal.digest and digest_of(folder) != seal.digest:
             damage.append("the data have changed since they were sealed")
     told, remarks = _by_ledger(found, links, _seal_bytes(folder))
-    others = sorted(set(sealable(folder)) - set(seal.files))
-    remarks += [f"not covered by the seal: {name}" for name in others]
+    remarks += _others(folder, seal.files, "seal")
     return Record(folder, "sealed", *intact, tuple(damage + told), tuple(remarks))
 
 
@@ -139,7 +138,14 @@ def _chained(found: RunSummary, kind: Kind) -> Record:
     damage += changed_files(folder, _hashes(found))
     of_log, may_be = ([], []) if kind == "running" else _unread(folder)
     told, remarks = _by_ledger(found, walked.links, _seal_bytes(folder))
+    if found.state == "interrupted":
+        remarks += _others(folder, {*_hashes(found), database.FILE_NAME, MANIFEST}, "chain")
     return Record(folder, kind, *_end(walked.intact), tuple(damage + of_log + told), tuple(may_be + remarks))
+
+
+def _others(folder: Path, known: Collection[str], by: str) -> list[str]:
+    """Remarks on files that a record does not cover: of other people, or written after its last commit."""
+    return [f"not covered by the {by}: {name}" for name in sealable(folder) if name not in known]
 
 
 def _unread(folder: Path) -> tuple[list[str], list[str]]:

@@ -78,6 +78,10 @@ def _frozen(case: GoodCase) -> None:
     case["gyro_dps"] = lambda values: np.where(np.arange(len(values)) < len(values) // 2, values, values[0])
 
 
+def _frozen_ramp(case: GoodCase) -> None:
+    case["U_V"] = lambda values: np.where(np.arange(len(values)) < len(values) // 2, values, values[0])
+
+
 def _one_increment(case: GoodCase) -> None:
     case["dtheta1_rad"] = lambda values: np.where(np.arange(len(values)) == 4, 206265 * values, values)
 
@@ -180,6 +184,7 @@ SLIPS = (
     Slip("M3", "two_sample", "arm in mm", setting("rx_m", 1000), "implausible_scale"),
     Slip("M4", "tilt", "slope of the bias in mV", setting("B1_V_per_C", 1000), "implausible_scale"),
     Slip("M4", "tilt", "scale factor in mV/g", setting("K1_V_per_g", 1000), "implausible_scale"),
+    Slip("M4", "dynamic", "output frozen in the later half", _frozen_ramp, "implausible_output"),
     Slip("M4", "dynamic", "scale factor a thousandfold", setting("K1_V_per_g", 1000), "implausible_scale"),
     Slip("M3", "two_sample", "time of both samples in ms", setting("h_s", 1000), "implausible_time"),
     Slip("M3", "two_sample", "increments in seconds of arc", times("dtheta1_rad", 206265), "implausible_angle"),

@@ -263,6 +263,14 @@ def test_what_lies_beside_is_remarked(sealed):
     assert (record.damage, record.remarks) == ((), ("not covered by the seal: notes.txt",))
 
 
+def test_what_lies_beside_an_interrupted_run_is_remarked(interrupted):
+    before = examined(interrupted)
+    (interrupted / "notes.txt").write_text("looked at by A.")
+    record = examined(interrupted)
+    assert (record.damage, record.rows) == (before.damage, before.rows) == ((), before.rows)
+    assert record.remarks == (*before.remarks, "not covered by the chain: notes.txt")
+
+
 def test_damaged_data_are_refused_or_what_is_made_of_them_says_so(sealed, tmp_path, bench_command):
     alter(sealed, "UPDATE reading SET value = 1 WHERE seq = 100")
     for command in (["reduce"], ["report"], ["export", "--out", tmp_path / "out"], ["status"], ["runs", "verify"]):
