@@ -117,7 +117,7 @@ def test_the_report_tells_it_in_words_and_draws_it(run):
     for words in (
         "Time from power-on until it stays within its limits", "Zero and scale factor since power-on, set point 15 °C",
         "Calibration of unit SIM-A", "imu_calibration.json, of run", "Accelerometers: zero",
-        "What compensation leaves after power-on", "Budgets of all points",
+        "Residual errors of the compensation after power-on", "Budgets of all points",
     ):  # fmt: skip
         assert words in page
     with open_run(run) as stored:

@@ -58,7 +58,7 @@ def test_a_remounting_is_asked_of_a_person_without_power(remounted):
 def test_the_report_draws_the_values_and_tells_their_interval(remounted):
     report = (remounted / "report.html").read_text("utf-8")
     assert "Values over the repetitions, less their means" in report
-    assert "How the values scatter" in report
+    assert "Scatter of the values" in report
 
 
 def test_power_cycles_need_nobody(tmp_path):
