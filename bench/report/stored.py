@@ -117,6 +117,20 @@ def _without_manifest(folder: Path) -> str:
 
 
 @contextmanager
+def _what_is_left_of(record: Record) -> Iterator[None]:
+    """Raise StoreError in place of what altered contents of a damaged record make of whatever reads them."""
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as problem:
+        if not record.damage:
+            raise
+        raise StoreError(
+            f"{record.folder}: {record.in_words}. What is left of it cannot be read ({type(problem).__name__}: "
+            f"{problem}). Restore it from a copy"
+        ) from problem
+
+
+@contextmanager
 def open_run(folder: Path, *, damaged: bool = False) -> Iterator[StoredRun]:
     """A run directory to read, whatever state it is in; an interrupted run holds what was acknowledged.
 
@@ -135,7 +149,7 @@ def open_run(folder: Path, *, damaged: bool = False) -> Iterator[StoredRun]:
         )
     manifest = read_kept(folder / MANIFEST, WHOLE_FORM)
     state = summary(folder).state
-    with RunReader(folder) as reader:
+    with _what_is_left_of(record), RunReader(folder) as reader:
         yield StoredRun(
             folder, {**manifest, "state": manifest["state"] if state == "damaged" else state}, reader, record
         )

@@ -16,6 +16,7 @@ from bench.errors import StoreError
 from bench.report.reduced_again import reduced_again
 from bench.report.stored import open_run
 from bench.report.verify import examined
+from bench.report.write import write_report
 from bench.store.ledger import LEDGER, noted
 from bench.store.reader import RunReader
 from bench.store.runs import summary
@@ -289,6 +290,22 @@ def test_damaged_data_are_refused_or_what_is_made_of_them_says_so(sealed, tmp_pa
     assert "THE RECORD IS DAMAGED" in bench_command("reduce", sealed, "--damaged").stdout
     bench_command("export", sealed, "--damaged", "--out", tmp_path / "out")
     assert "run.db: has changed" in (tmp_path / "out" / "DAMAGED.txt").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "UPDATE journal SET kind = 'step_bagins' WHERE kind = 'step_begins'",
+        "UPDATE journal SET data = replace(data, '+00:00', '+80:00') WHERE kind = 'run_begins'",
+    ],
+)
+def test_what_is_left_of_a_damaged_record_and_cannot_be_read_is_said_in_words(sealed, change):
+    alter(sealed, change)
+    for read in (reduced_again, write_report):
+        with pytest.raises(StoreError) as refused, open_run(sealed, damaged=True) as stored:
+            read(stored)
+        assert f"{sealed}: DAMAGED" in str(refused.value)
+        assert "What is left of it cannot be read (" in str(refused.value)
 
 
 def test_a_ledger_that_cannot_be_written_is_a_warning(tmp_path, monkeypatch):
