@@ -7,10 +7,11 @@ finds it, a plug-in's too. The class is imported when the device is opened.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from pydantic import BaseModel, Field
 
@@ -46,8 +47,7 @@ class IdentityPin(StrictModel):
     firmware: Spelled | None = Field(None, description="version, as it answers")
 
 
-@dataclass(frozen=True)
-class DriverDescription:
+class DriverDescription(NamedTuple):
     """A driver as a bench file sees it.
 
     `reports_every_s` is how long readings may be on their way because the driver takes them in together.
@@ -71,7 +71,7 @@ class DriverDescription:
     simulator: str = ""
     recognition: str = ""
     reports_every_s: float = 0.0
-    channels: Mapping[str, str] | Callable[[Any], Mapping[str, str]] = field(default_factory=dict)
+    channels: Mapping[str, str] | Callable[[Any], Mapping[str, str]] = MappingProxyType({})
 
     def channels_of(self, options: BaseModel) -> Mapping[str, str]:
         """The readings of a device with these options: name → unit."""

@@ -5,23 +5,20 @@ A driver is given its person with its wires; who he is, and how he is reached, i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from drivers.errors import CannotConnect
 from drivers.values import Approach
 
 
-@dataclass(frozen=True, slots=True)
-class Turn:
+class Turn(NamedTuple):
     """An axis that is to be turned by hand: to which angle, and from which side it comes there at last."""
 
     angle_deg: float
     approach: Approach
 
 
-@dataclass(frozen=True, slots=True)
-class Errand:
+class Errand(NamedTuple):
     """What a device asks of a person: what he is told, and the value that he then types, in `unit`.
 
     `takes_s` is how long that usually takes, and `give_up_s` how long an answer is waited for. `turn` is what he is to
@@ -37,8 +34,7 @@ class Errand:
     again: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Typed:
+class Typed(NamedTuple):
     """What a person has typed, in the unit that he was asked for, and who he is."""
 
     value: float

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 Approach = Literal["direct", "from_below", "from_above"]
@@ -23,8 +22,7 @@ class Heard(NamedTuple):
     pulse_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class Identity:
+class Identity(NamedTuple):
     """Who answered. `verified` is False if the instrument cannot report a serial number.
 
     `fingerprint` is what it can.
@@ -43,8 +41,7 @@ class Identity:
         return " ".join(filter(None, (self.maker, self.model, self.serial, self.firmware)))
 
 
-@dataclass(frozen=True, slots=True)
-class ChamberState:
+class ChamberState(NamedTuple):
     """One coherent state of a chamber, °C; `set_point_c` is in force now and moves while the chamber ramps."""
 
     process_value_c: float
@@ -52,8 +49,7 @@ class ChamberState:
     target_c: float
 
 
-@dataclass(frozen=True, slots=True)
-class SourceReading:
+class SourceReading(NamedTuple):
     """Output of a supply or a source: V (None if it does not measure it), A, and whether it is on."""
 
     voltage_v: float | None

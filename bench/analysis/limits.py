@@ -8,7 +8,6 @@ what is not accepted is rejected.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from bench.analysis.coverage import COVERAGE
@@ -19,8 +18,7 @@ GUARD_BANDS_MEET = "guard_bands_meet"
 U_UNKNOWN = "u_unknown"
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
+class Limits(NamedTuple):
     """What a value may be, in its unit: from `low` to `high`, both included; None leaves a side open.
 
     `target` is the value meant, where the limits are a tolerance about one. The guard band is `guard_k` standard

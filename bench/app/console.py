@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
-from dataclasses import asdict
 
 from bench.app.byhand_frames import decoded_frames
 from bench.app.byhand_lines import Spoken, Unspoken, spoken_by
@@ -176,4 +175,4 @@ class Console:
 
 def _told(state: ChamberState | SourceReading | Identity) -> str:
     """The fields of a state that have a value, as text."""
-    return ", ".join(f"{name} {value}" for name, value in asdict(state).items() if value not in ("", None))
+    return ", ".join(f"{name} {value}" for name, value in state._asdict().items() if value not in ("", None))

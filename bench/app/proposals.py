@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
 from typing import Any
 
 from bench.app.scan import Candidate, Place
@@ -68,7 +67,7 @@ def _entry(candidate: Candidate) -> Mapping[str, Any]:
 
 def pinned(identity: Identity) -> dict[str, str]:
     """The `identity` block of a bench file: everything the instrument reports about itself."""
-    told = {each.name: getattr(identity, each.name) for each in fields(identity)}
+    told = identity._asdict()
     return {name: told[name] for name in IdentityPin.model_fields if told[name]}
 
 

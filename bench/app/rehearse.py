@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from bench.app.execute import RunResult, execute
 from bench.app.faults import BEGINS, as_journalled
@@ -79,7 +79,7 @@ def rehearse(
     expected, loaded = prepared.expected, prepared.loaded
     if fault_seed is not None:
         drawn = draw_faults(loaded.bench, expected.total_s, fault_seed)
-        prepared = replace(prepared, loaded=replace(loaded, bench=with_faults(loaded.bench, drawn)))
+        prepared = prepared._replace(loaded=loaded._replace(bench=with_faults(loaded.bench, drawn)))
     faults = prepared.loaded.bench.simulation.faults
     witness = _Witness(observer)
     result = execute(prepared, witness, signals)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bench.config.document import Place, Problem
 from bench.config.models import BenchFile
@@ -24,8 +23,7 @@ OPTION = "--calibration"
 AT_A_KNOT_C = 1.0
 
 
-@dataclass(frozen=True)
-class Released:
+class Released(NamedTuple):
     """A calibration file as given: its path and its content."""
 
     path: Path

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -38,8 +37,7 @@ PAST_DUE = "past-due"  # what a check calls it
 PastDue = Literal["refuse", "mark"]
 
 
-@dataclass(frozen=True)
-class RunRequest:
+class RunRequest(NamedTuple):
     """A run as asked for on a command line; None leaves the choice to the files."""
 
     sequence: str
@@ -65,8 +63,7 @@ class RunRequest:
     scenario: Path | None = None
 
 
-@dataclass(frozen=True)
-class CheckedRun:
+class CheckedRun(NamedTuple):
     """A plan and the bench it fits, how long it takes there, and what a person should know of it before.
 
     `bench` is that which was loaded with the places that have a unit in the run. `serials` are those of the units that
@@ -79,11 +76,10 @@ class CheckedRun:
     serials: Mapping[str, str]
     expected: Estimate
     warnings: tuple[Remark, ...]
-    released: Mapping[str, Released] = field(default_factory=dict)
+    released: Mapping[str, Released] = {}
 
 
-@dataclass(frozen=True)
-class PreparedRun:
+class PreparedRun(NamedTuple):
     """A run whose files fit together: what it does, on what, how long, how fast, and on which units by place.
 
     The faults of a scenario are among those of the bench.
@@ -98,14 +94,14 @@ class PreparedRun:
     seed: int
     warnings: tuple[Remark, ...] = ()
     script: Script | None = None
-    released: Mapping[str, Released] = field(default_factory=dict)
+    released: Mapping[str, Released] = {}
     scenario: Document | None = None
 
 
 def load_bench_named(name: str | None, *, simulate: bool = False) -> LoadedBench:
     """The bench file of a name or path, every wire simulated when asked."""
     loaded = load_bench(find(name or DEFAULT_BENCH, "config"))
-    return replace(loaded, bench=loaded.bench.all_simulated()) if simulate else loaded
+    return loaded._replace(bench=loaded.bench.all_simulated()) if simulate else loaded
 
 
 def load_checked(request: RunRequest) -> CheckedRun:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from bench.app.laboratory import simulator_of
@@ -46,7 +45,7 @@ def with_scenario(loaded: LoadedBench, path: Path | None, plan: Plan | None) -> 
         [*fault_misfits(scripted, loaded.bench, IN_SCENARIO), *_misfits(scripted, loaded.bench, plan, IN_SCENARIO)]
     ):
         raise InputError(*found)
-    return replace(loaded, bench=with_faults(loaded.bench, scripted)), document
+    return loaded._replace(bench=with_faults(loaded.bench, scripted)), document
 
 
 def with_faults(bench: BenchFile, faults: Sequence[FaultSimulation]) -> BenchFile:

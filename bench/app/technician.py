@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 
 from bench.app.drawn import simulated_mount
@@ -164,7 +163,7 @@ class Technician:
         if deed is None:
             head.turn(asked)
         elif deed.turn is not None:
-            head.turn(replace(asked, angle_deg=deed.turn))
+            head.turn(asked._replace(angle_deg=deed.turn))
         return f"{asked.angle_deg:.12g} {errand.unit}"
 
 

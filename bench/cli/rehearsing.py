@@ -27,8 +27,6 @@ def rehearse(*, faults: int | None, **wishes: Any) -> int:
 
     The exit code is that of the run.
     """
-    from dataclasses import replace
-
     from bench.app.rehearse import rehearse as rehearsed
     from bench.app.request import RunRequest, load_checked, prepare
     from bench.runner.output import lasting_output
@@ -40,7 +38,7 @@ def rehearse(*, faults: int | None, **wishes: Any) -> int:
         checked = load_checked(as_it_is)
         warn(checked.plan, checked.warnings)
         units = tuple(f"{place}={released.content.uut}" for place, released in checked.released.items())
-        prepared = prepare(replace(as_it_is, simulate=True, not_after=None, units=units))
+        prepared = prepare(as_it_is._replace(simulate=True, not_after=None, units=units))
         with Signals() as signals:
             with TerminalProgress(prepared.plan, prepared.loaded.bench, prepared.speed) as progress:
                 rehearsal = rehearsed(prepared, progress, faults, signals)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from bench.config.checks_counters import counter_misfits
 from bench.config.checks_interlocks import interlock_misfits
@@ -18,8 +18,7 @@ from drivers.suggest import did_you_mean
 from drivers.units import parse_unit
 
 
-@dataclass(frozen=True)
-class LoadedBench:
+class LoadedBench(NamedTuple):
     """A bench and the document it was read from."""
 
     document: Document

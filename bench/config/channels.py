@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from bench.config.models import BenchFile
 
 
-@dataclass(frozen=True, slots=True)
-class Channel:
+class Channel(NamedTuple):
     """Something that can be read; `source` is DEVICE.CHANNEL.
 
     `usual_age_s` is how old its newest value becomes while nothing is wrong: the device is asked in so long intervals,

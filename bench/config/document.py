@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 from yaml import MarkedYAMLError, YAMLError, events
@@ -70,8 +70,7 @@ Place = tuple[str | int, ...]
 Problem = tuple[Place, str]  # what is wrong with a part of a document
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class Mark:
+class Mark(NamedTuple):
     """A place in a file; both numbers begin at 1."""
 
     line: int

@@ -7,7 +7,6 @@ import functools
 from collections import Counter
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import Any, assert_never
 
 from bench.engine.actions import Bench
@@ -152,15 +151,15 @@ class Walk:
             raise Stopped
 
     async def _attempts(self, node: Attempts) -> None:
-        for number in range(1, node.count + 1):
+        for number in range(1, node.at_most + 1):
             try:
                 await self.nodes(node.body)
                 return
             except (DriverError, BenchError) as problem:
-                if number == node.count or problem.code not in node.on:
+                if number == node.at_most or problem.code not in node.on:
                     raise
                 self._journal.write("retried", node.id, attempt=number, text=str(problem))
-                self._watcher.notice(f"Attempt {number} of {node.count} failed; next attempt: {problem}")
+                self._watcher.notice(f"Attempt {number} of {node.at_most} failed; next attempt: {problem}")
             await asyncio.sleep(node.delay_s)
 
     async def _section(self, node: Section) -> None:
@@ -244,6 +243,6 @@ class Walk:
         visit = self._visits[planned.id]
         if visit == 1:
             return planned
-        again = replace(planned, id=f"{planned.id}~{visit}")
+        again = planned._replace(id=f"{planned.id}~{visit}")
         self._indices[again.id] = self._indices[planned.id]
         return again

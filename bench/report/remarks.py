@@ -9,9 +9,8 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 from urllib.parse import quote
 
 from bench.config.document import Document
@@ -25,8 +24,7 @@ _LINE = re.compile(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Shown:
+class Shown(NamedTuple):
     """One thing found; `file` is None for what is wrong on the command line, and for files that cannot be read."""
 
     severity: Severity
@@ -61,7 +59,7 @@ def warning_line(remark: Remark, document: Document) -> str:
 
 def as_json(found: Sequence[Shown]) -> str:
     """An object with a list of what was found, one line."""
-    return json.dumps({"found": [asdict(shown) for shown in found]}, ensure_ascii=False)
+    return json.dumps({"found": [shown._asdict() for shown in found]}, ensure_ascii=False)
 
 
 def as_sarif(found: Sequence[Shown]) -> str:

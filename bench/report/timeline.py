@@ -188,7 +188,7 @@ class _Rows:
                     self._inside(f"while {node.condition.raw}, at most {node.at_most} passes", node.body, indent)
                 case Attempts():
                     delay = f", {duration(node.delay_s)} between them" if node.delay_s else ""
-                    self._inside(f"retry, {node.count} attempts{delay}", node.body, indent)
+                    self._inside(f"retry, {node.at_most} attempts{delay}", node.body, indent)
                 case Branches():
                     for name, branch in node.branches.items():
                         self._inside(f"parallel: {name}", branch, indent)

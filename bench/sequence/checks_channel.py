@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from bench.config.document import Place
 from bench.config.models import BenchFile
 from bench.sequence.measuring import Acquire
-from bench.sequence.methods.channel import CHANNEL_TEMPERATURE, ChannelSettings
 from bench.sequence.model import ResultEntry
 from bench.sequence.plan import Plan, PlannedStep
 from bench.sequence.remarks import Found
 from bench.sequence.stimulus import Ramp, SetOutput
 from bench.sequence.talk import Prompt
 
+if TYPE_CHECKING:
+    from bench.sequence.methods.channel import ChannelSettings
+
+METHOD = "channel_temperature"
 ROUNDING = 1e-9
 
 
@@ -116,7 +120,9 @@ def unsuited_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 def _channels(plan: Plan) -> Iterator[tuple[Place, ResultEntry, ChannelSettings]]:
     """The results by this method: place, entry and settings."""
     for index, entry in enumerate(plan.sequence.results):
-        if entry.method == CHANNEL_TEMPERATURE.name:
+        if entry.method == METHOD:
+            from bench.sequence.methods.channel import ChannelSettings  # loaded if a sequence uses the method
+
             yield ("results", index), entry, ChannelSettings.model_validate(entry.settings)
 
 

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 from bench.config.models import BenchFile
 from bench.sequence.measuring import Acquire
-from bench.sequence.methods.indexing import INDEXING_STATIC, IndexingStaticSettings
 from bench.sequence.model import ResultEntry
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Found
@@ -15,6 +14,7 @@ from bench.sequence.stimulus import Move
 from bench.sequence.talk import Prompt
 from bench.sequence.travel import angles_before
 
+METHOD = "indexing_static"
 LEAST_ANGLES = 3  # of a line, so that something is left that tells how good it is
 NOT_SWEPT = {"clocking", "verification"}  # the groups whose readings are not fitted
 SAME_ANGLE_DIGITS = 4  # of an angle in °
@@ -40,6 +40,8 @@ def one_end(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 def beyond_range(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """Angles at which the output exceeds the limit up to which it is fitted."""
     for index, entry in _calibrations(plan):
+        from bench.sequence.methods.indexing import IndexingStaticSettings  # loaded if a sequence uses the method
+
         limit_g = IndexingStaticSettings.model_validate(entry.settings).output_limit_g
         widest_deg = max((abs(each) for ends in _swept(plan, bench, entry.data).values() for each in ends), default=0.0)
         if limit_g is not None and math.sin(math.radians(min(widest_deg, 90.0))) >= limit_g:
@@ -54,7 +56,7 @@ def beyond_range(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 def _calibrations(plan: Plan) -> Iterator[tuple[int, ResultEntry]]:
     for index, entry in enumerate(plan.sequence.results):
-        if entry.method == INDEXING_STATIC.name:
+        if entry.method == METHOD:
             yield index, entry
 
 

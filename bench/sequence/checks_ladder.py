@@ -10,7 +10,6 @@ from bench.config.models import BenchFile
 from bench.sequence.dwells import loop_values
 from bench.sequence.limits import limits_in
 from bench.sequence.measuring import Acquire
-from bench.sequence.methods.threshold import THRESHOLD
 from bench.sequence.model import ResultEntry
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Found
@@ -91,7 +90,7 @@ def ladder_below_limit(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 def _entries(plan: Plan) -> Iterator[tuple[Place, ResultEntry]]:
     for index, entry in enumerate(plan.sequence.results):
-        if entry.method == THRESHOLD.name:
+        if entry.method == "threshold":
             yield ("results", index), entry
 
 

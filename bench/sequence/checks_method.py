@@ -11,8 +11,6 @@ from bench.config.places import UNIT_KINDS
 from bench.sequence.dwells import DwellNames
 from bench.sequence.measuring import Acquire
 from bench.sequence.methods import known_methods
-from bench.sequence.methods.repeatability import REPEATABILITY
-from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE, TemperatureTumbleSettings
 from bench.sequence.model import ResultEntry
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Found
@@ -21,6 +19,7 @@ from bench.sequence.stimulus import Move, Ramp
 from bench.sequence.travel import angles_before
 from bench.sequence.waits import Soak
 
+TUMBLE, REPEATABILITY = "temperature_tumble", "repeatability"
 TUMBLE_ANGLES = 4  # for K0, K1, K2 and the misalignment: methods.md 1.5
 CONSTANTS = {"c0": "K0", "K1": "K1", "d·K1": "misalignment", "c2": "K2"}  # by the terms of a tumble
 LEAST_REPETITIONS = 3
@@ -73,7 +72,7 @@ def unsuited_unit(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 def too_few_angles(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A tumble whose angles cannot separate its four constants."""
-    for place, entry in _tumbles(plan, TEMPERATURE_TUMBLE.name, REPEATABILITY.name):
+    for place, entry in _tumbles(plan, TUMBLE, REPEATABILITY):
         for dwell, (_, angles_deg) in _dwells(plan, entry.data).items():
             distinct = sorted({round(angle_deg, SAME_ANGLE_DIGITS) % 360 for angle_deg in angles_deg})
             if len(distinct) < TUMBLE_ANGLES:
@@ -128,7 +127,9 @@ def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:
 
 def too_few_temperatures(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """Fewer temperatures than a model needs: its degree drops. One alone is reported only if a limit needs more."""
-    for place, entry in _tumbles(plan, TEMPERATURE_TUMBLE.name):
+    for place, entry in _tumbles(plan, TUMBLE):
+        from bench.sequence.methods.temperature import TemperatureTumbleSettings  # loaded if a sequence uses it
+
         degree = TemperatureTumbleSettings.model_validate(entry.settings).degree
         temperatures = {round(set_c, 6) for set_c, _ in _dwells(plan, entry.data).values() if set_c is not None}
         judged = any(name.endswith(OVER_TEMPERATURE) for name in entry.limits)
@@ -146,7 +147,7 @@ def too_few_temperatures(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 def too_few_repetitions(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """Fewer tumbles than a standard deviation needs."""
-    for place, entry in _tumbles(plan, REPEATABILITY.name):
+    for place, entry in _tumbles(plan, REPEATABILITY):
         if (count := len(_dwells(plan, entry.data))) < LEAST_REPETITIONS:
             yield (
                 (*place, "data"),

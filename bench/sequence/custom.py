@@ -6,9 +6,8 @@ The entry-point group `inertial_test_bench.steps` finds their descriptions; what
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel, Field
 
@@ -25,8 +24,7 @@ def _no_time(_: Any) -> float:
     return 0.0
 
 
-@dataclass(frozen=True)
-class StepDescription:
+class StepDescription(NamedTuple):
     """A plug-in's step as a sequence sees it.
 
     `settings` validates the block `with`. `target` is "module:function", an

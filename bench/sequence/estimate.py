@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass, field, replace
-from typing import Any, assert_never
+from typing import Any, NamedTuple, assert_never
 
 from bench.config.channels import period_s
 from bench.config.devices import DeviceEntry
@@ -41,8 +40,7 @@ ANSWER_S = 60.0  # what a person takes to read a question, do what it asks, and 
 STORED_BYTES_PER_LATCH, STORED_BYTES_PER_READING, STORED_BYTES_PER_STEP, STORED_BYTES = 36, 25, 250, 25_000
 
 
-@dataclass(frozen=True, slots=True)
-class BenchState:
+class BenchState(NamedTuple):
     """State of a bench: the chamber's set point, the angle and the rate of each axis, the level of each output.
 
     `outputs` are volts or amperes by role, of those that are on; not-a-number where it depends on a measurement.
@@ -50,13 +48,12 @@ class BenchState:
     """
 
     set_point_c: float
-    angles_deg: Mapping[str, float] = field(default_factory=dict)
-    rates_dps: Mapping[str, float] = field(default_factory=dict)
-    outputs: Mapping[str, float] = field(default_factory=dict)
+    angles_deg: Mapping[str, float] = {}
+    rates_dps: Mapping[str, float] = {}
+    outputs: Mapping[str, float] = {}
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(NamedTuple):
     """A step on the time axis of a plan when it is first done, the bench when it ends, and how often it may be done."""
 
     step: PlannedStep
@@ -71,8 +68,7 @@ class Span:
         return self.begin_s + self.duration_s
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
+class Estimate(NamedTuple):
     """The steps of a plan in its order, each with its time, how long each phase takes, and bytes in the run store.
 
     Of alternatives both are there, and the longer one counts. A loop whose end is measured counts as often as it may be
@@ -190,8 +186,8 @@ class _Course:
             end_s += rest_s
         if isinstance(step, (Rotate, Oscillate)):
             rates_dps = {role: rate for role, rate in self._state.rates_dps.items() if role != step.role}
-            self._state = replace(self._state, rates_dps=rates_dps)
-        self.spans[index] = replace(self.spans[index], duration_s=end_s - at_s, state=self._state)
+            self._state = self._state._replace(rates_dps=rates_dps)
+        self.spans[index] = self.spans[index]._replace(duration_s=end_s - at_s, state=self._state)
         return end_s
 
     def _step(self, planned: PlannedStep, at_s: float) -> float:
@@ -239,7 +235,7 @@ class _Course:
         target_deg = step.target_deg(from_deg)
         if step.role not in self._bench.devices or math.isnan(target_deg):
             return step.settle_s
-        self._state = replace(self._state, angles_deg={**self._state.angles_deg, step.role: target_deg})
+        self._state = self._state._replace(angles_deg={**self._state.angles_deg, step.role: target_deg})
         return move_s(step, from_deg, target_deg, self._options(step.role))
 
     def _orient_s(self, step: Orient) -> float:
@@ -253,7 +249,7 @@ class _Course:
             from_deg = self._angle_deg(role)
             if target_deg != from_deg:
                 taken_s += way_s(step.approach, from_deg, target_deg, self._options(role))
-        self._state = replace(self._state, angles_deg={**self._state.angles_deg, **targets})
+        self._state = self._state._replace(angles_deg={**self._state.angles_deg, **targets})
         return taken_s
 
     def _rotate_s(self, step: Rotate) -> float:
@@ -261,7 +257,7 @@ class _Course:
         change_s = rate_change_s(step, self._options(step.role))
         self._turn(step.role, step.rate_dps, change_s)
         if step.during is not None:
-            self._state = replace(self._state, rates_dps={**self._state.rates_dps, step.role: step.rate_dps})
+            self._state = self._state._replace(rates_dps={**self._state.rates_dps, step.role: step.rate_dps})
             return REST_S + change_s
         self._turn(step.role, step.rate_dps, step.least_s)
         return REST_S + step.least_s + 2 * change_s
@@ -271,21 +267,21 @@ class _Course:
         way_deg = rate_dps * duration_s
         if math.isfinite(way_deg):
             angles_deg = {**self._state.angles_deg, role: self._angle_deg(role) + way_deg}
-            self._state = replace(self._state, angles_deg=angles_deg)
+            self._state = self._state._replace(angles_deg=angles_deg)
 
     def _ramp_s(self, step: Ramp, at_s: float) -> float:
         from_c, to_c = self._state.set_point_c, step.temperature_c
         duration_s = abs(to_c - from_c) / step.rate_c_per_min * 60 + COMMAND_S
         if math.isfinite(duration_s):
             self._settling.ramp(from_c, to_c, at_s, duration_s)
-            self._state = replace(self._state, set_point_c=to_c)
+            self._state = self._state._replace(set_point_c=to_c)
         return duration_s
 
     def _set(self, step: SetOutput, at_s: float) -> None:
         outputs = {role: level for role, level in self._state.outputs.items() if role != step.role}
         if step.output == "on":
             outputs[step.role] = self._level(step)
-        self._state = replace(self._state, outputs=outputs)
+        self._state = self._state._replace(outputs=outputs)
         self._settling.power(step.role, step.output == "on", at_s)
 
     def _level(self, step: SetOutput) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -161,7 +160,7 @@ class Expansion:
         names = given_to(outline, block.get("with", {}), scope, (*here, "with"), self.problems)
         self._take_over(outline)
         self._callers = (*self._callers, document.path.resolve())
-        return replace(scope.inside(document.path.stem), names=names), document.value, place
+        return scope.inside(document.path.stem)._replace(names=names), document.value, place
 
     def _take_over(self, called: Outline) -> None:
         """Take over the parts of a called sequence that apply to the whole run."""

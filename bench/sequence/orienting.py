@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import product
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, PlainValidator, WithJsonSchema
 
@@ -47,8 +46,7 @@ _SCHEMA = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Attitude:
+class Attitude(NamedTuple):
     """Where the axes x, y and z of a unit point; None while it waits for a measurement."""
 
     rows: Rows | None
@@ -132,11 +130,10 @@ class Orient(StepBase):
         return self.settle_s
 
 
-@dataclass(frozen=True, slots=True)
-class Pose:
+class Pose(NamedTuple):
     """Angles of the axes of a bench, by role, and the name of the mount; None for the initial mount."""
 
-    angles_deg: Mapping[str, float] = field(default_factory=dict)
+    angles_deg: Mapping[str, float] = {}
     mount: str | None = None
 
 

@@ -7,8 +7,8 @@ node: alternatives, passes, attempts.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple
 
 from bench.config.document import Document, Place
 from bench.sequence.expressions import Value
@@ -20,16 +20,14 @@ Phase = Literal["setup", "steps", "teardown"]
 PHASES: tuple[Phase, ...] = ("setup", "steps", "teardown")
 
 
-@dataclass(frozen=True, slots=True)
-class Waiting:
+class Waiting(NamedTuple):
     """Expressions over measurements: their document text, and the names whose values are known."""
 
     raw: Any
     names: Mapping[str, Value]
 
 
-@dataclass(frozen=True, slots=True)
-class PlannedStep:
+class PlannedStep(NamedTuple):
     """One step of a run.
 
     `id` names it by its loops (`steps/temperature=-40/position=90#2/acquire`; `#n` marks the n-th visit of the same
@@ -45,16 +43,14 @@ class PlannedStep:
     waiting: Waiting | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Meanwhile:
+class Meanwhile(NamedTuple):
     """A step that lasts as long as other steps do."""
 
     step: PlannedStep
     body: Nodes
 
 
-@dataclass(frozen=True, slots=True)
-class Section:
+class Section(NamedTuple):
     """Steps with a teardown of their own, or with something to happen when they fail."""
 
     id: str
@@ -64,8 +60,7 @@ class Section:
     place: Place
 
 
-@dataclass(frozen=True, slots=True)
-class Alternatives:
+class Alternatives(NamedTuple):
     """What is done when a condition over measurements is true, and what when it is not."""
 
     id: str
@@ -75,8 +70,7 @@ class Alternatives:
     place: Place
 
 
-@dataclass(frozen=True, slots=True)
-class Passes:
+class Passes(NamedTuple):
     """What is done again as long as a condition over measurements is true; ids are those of the first pass."""
 
     id: str
@@ -90,8 +84,7 @@ class Passes:
         return renamed(self.body, f"{self.id}/pass=1/", f"{self.id}/pass={number}/")
 
 
-@dataclass(frozen=True, slots=True)
-class Branches:
+class Branches(NamedTuple):
     """What is done at the same time."""
 
     id: str
@@ -99,12 +92,11 @@ class Branches:
     place: Place
 
 
-@dataclass(frozen=True, slots=True)
-class Attempts:
+class Attempts(NamedTuple):
     """What is done again when it fails with one of these kinds of errors."""
 
     id: str
-    count: int
+    at_most: int
     delay_s: float
     on: tuple[str, ...]
     body: Nodes
@@ -148,21 +140,21 @@ def renamed(nodes: Nodes, old: str, new: str) -> Nodes:
 
 def _renamed(node: Node, old: str, new: str) -> Node:
     if isinstance(node, Meanwhile):
-        step = replace(node.step, id=node.step.id.replace(old, new, 1))
+        step = node.step._replace(id=node.step.id.replace(old, new, 1))
         return Meanwhile(step, renamed(node.body, old, new))
-    named = replace(node, id=node.id.replace(old, new, 1))
+    named = node._replace(id=node.id.replace(old, new, 1))
     match named:
         case PlannedStep():
             return named
         case Section():
-            return replace(named, body=renamed(named.body, old, new), teardown=renamed(named.teardown, old, new))
+            return named._replace(body=renamed(named.body, old, new), teardown=renamed(named.teardown, old, new))
         case Alternatives():
             then, otherwise = renamed(named.then, old, new), renamed(named.otherwise, old, new)
-            return replace(named, then=then, otherwise=otherwise)
+            return named._replace(then=then, otherwise=otherwise)
         case Branches():
-            return replace(named, branches={key: renamed(nodes, old, new) for key, nodes in named.branches.items()})
+            return named._replace(branches={key: renamed(nodes, old, new) for key, nodes in named.branches.items()})
         case Passes() | Attempts():
-            return replace(named, body=renamed(named.body, old, new))
+            return named._replace(body=renamed(named.body, old, new))
 
 
 @dataclass(frozen=True)

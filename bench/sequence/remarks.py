@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from bench.config.document import Document, Place
 from bench.config.models import BenchFile
@@ -14,8 +14,7 @@ Severity = Literal["error", "warning"]
 Found = tuple[Place, str, str]  # where a plan is not as it should be, what is wrong there, and what to do instead
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
+class Rule(NamedTuple):
     """One rule on a whole plan; `name` is stable, `title` states what holds if nothing is found."""
 
     name: str

@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 import types
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Union, get_args, get_origin
+from typing import Any, NamedTuple, Union, get_args, get_origin
 
 from pydantic import BaseModel
 
@@ -23,8 +22,7 @@ _IN_TEXT = re.compile(r"\$\{([^{}]*)\}")
 Examples = Mapping[str, Value | None]  # by the names of measurements; None where the unit is not known
 
 
-@dataclass(frozen=True, slots=True)
-class Scope:
+class Scope(NamedTuple):
     """The scope of a step in a sequence.
 
     `names` are parameters and loop variables, of which `loops` are those around the step. `measured` are the names of
@@ -40,8 +38,8 @@ class Scope:
 
     def inside(self, label: str, **own: Value) -> Scope:
         """One level further in, under a label, with the names that are added there."""
-        return replace(
-            self, path=f"{self.path}/{label}", names={**self.names, **own}, loops={**self.loops, **own}
+        return self._replace(
+            path=f"{self.path}/{label}", names={**self.names, **own}, loops={**self.loops, **own}
         )  # fmt: skip
 
     def waits(self, raw: Any) -> bool:

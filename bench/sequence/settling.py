@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 from bench.config.models import BenchFile
 from bench.config.places import Nominal, PlaceEntry
@@ -26,8 +27,7 @@ SAMPLES_OF_A_HOLD = 200  # at most; a longer hold time is looked at less often t
 _USUAL_UNIT = Nominal.model_validate({"K1": "1 A/g"})  # only its thermal behaviour is asked for
 
 
-@dataclass(frozen=True, slots=True)
-class _Reading:
+class _Reading(NamedTuple):
     """How a temperature follows the set point, and the supply of the unit that it is measured at.
 
     `restless_c` is what it spans, peak to peak, when all has settled.
@@ -40,8 +40,7 @@ class _Reading:
     restless_c: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class _Change:
+class _Change(NamedTuple):
     """The set point goes evenly by `by`, in °C; or, with a supply, units on it begin (1) or cease (-1) to warm."""
 
     at_s: float

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
@@ -85,7 +84,7 @@ def _step(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> 
     planned = PlannedStep(f"{scope.path}/{label}", scope.phase, step, dict(scope.loops), here, waiting)
     run.note_measured(step, scope)
     if "during" in block:
-        body = run.nodes(block["during"], (*here, "during"), replace(scope, path=f"{scope.path}/{label}"))
+        body = run.nodes(block["during"], (*here, "during"), scope._replace(path=f"{scope.path}/{label}"))
         yield Meanwhile(planned, body)
     else:
         yield planned
@@ -152,7 +151,7 @@ def _group(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) ->
 
 def _call(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
     inner, phases, place = run.call(block, here, scope)
-    inner = replace(inner, path=f"{scope.path}/{_visit(inner.path.rpartition('/')[2], seen)}")
+    inner = inner._replace(path=f"{scope.path}/{_visit(inner.path.rpartition('/')[2], seen)}")
     yield from _section(run, phases, place, inner, None, here)
     run.returned()
 
@@ -175,8 +174,8 @@ _BESIDE: Mapping[Phase, tuple[str, ...]] = {"setup": (), "steps": ("setup", "tea
 def _phase_of(scope: Scope, phase: Phase) -> Scope:
     if phase == "steps":
         return scope
-    inner = replace(scope, path=f"{scope.path}/{phase}")
-    return replace(inner, phase="teardown") if phase == "teardown" else inner
+    inner = scope._replace(path=f"{scope.path}/{phase}")
+    return inner._replace(phase="teardown") if phase == "teardown" else inner
 
 
 def _if(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
@@ -185,7 +184,7 @@ def _if(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> It
     paths = {key: f"{scope.path}/{_visit(key, seen)}" for key in ("if", "then", "else")}
 
     def branch(key: str) -> Nodes:
-        return run.nodes(block.get(key) or (), (*here, key), replace(scope, path=paths[key]))
+        return run.nodes(block.get(key) or (), (*here, key), scope._replace(path=paths[key]))
 
     if isinstance(condition, bool):
         yield from branch("then" if condition else "else")
@@ -200,14 +199,14 @@ def _while(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) ->
         condition = scope.condition(block["while"])
     if isinstance(condition, bool):
         raise Wrong("while", "does not depend on a measurement, so it never changes; use repeat, or if")
-    inside = replace(scope, path=f"{path}/pass=1")
+    inside = scope._replace(path=f"{path}/pass=1")
     yield Passes(path, condition, at_most, run.nodes(block["steps"], (*here, "steps"), inside), here)
 
 
 def _parallel(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
     path = f"{scope.path}/{_visit('parallel', seen)}"
     branches = {
-        name: run.nodes(raw, (*here, "parallel", name), replace(scope, path=f"{path}/{name}"))
+        name: run.nodes(raw, (*here, "parallel", name), scope._replace(path=f"{path}/{name}"))
         for name, raw in block["parallel"].items()
     }
     yield Branches(path, branches, here)
@@ -216,7 +215,7 @@ def _parallel(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen)
 def _retry(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
     path = f"{scope.path}/{_visit('retry', seen)}"
     model = _retry_model(block, scope)
-    body = run.nodes(block["steps"], (*here, "steps"), replace(scope, path=path))
+    body = run.nodes(block["steps"], (*here, "steps"), scope._replace(path=path))
     yield Attempts(path, model.attempts, model.delay_s, model.on, body, here)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any, TypeVar
 
@@ -199,7 +198,7 @@ class AclAxis:
         """Reads an identity and compares it with the bench file and with who was there before."""
         found = wire.read_identity(self._read_reply(answer).text)
         if not found.verified:
-            found = replace(found, serial=self._pin.serial or "")
+            found = found._replace(serial=self._pin.serial or "")
         check_identity(self._device, self._pin, found)
         self._identity = still_the_same(self._device, self._identity, found, found.fingerprint)
         return found

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Self
 
 from drivers.agilent_34970a import wire
@@ -59,7 +58,7 @@ class Agilent34970A:
         found = await self._link.identify()
         cards = [await self._link.ask(f":SYST:CTYP? {slot}".encode(), wire.read_card) for slot in wire.SLOTS]
         serial = found.serial if found.verified else self._pin.serial or ""
-        return replace(found, serial=serial, fingerprint=f"cards {', '.join(cards)}")
+        return found._replace(serial=serial, fingerprint=f"cards {', '.join(cards)}")
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """One scan: the readings (°C) by name, each with its time, none where a sensor is open or overloaded.

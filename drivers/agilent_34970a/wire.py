@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntFlag
 from typing import Literal, NamedTuple
 
@@ -157,7 +157,7 @@ def _sample(reading: str, since: str, channel: str) -> Sample:
 def read_identity(line: bytes) -> Identity:
     """The answer to *IDN?; a 34970A reports 0 for its unknown serial number. ValueError."""
     found = scpi.identity(line)
-    return replace(found, serial="", verified=False) if found.serial == "0" else found
+    return found._replace(serial="", verified=False) if found.serial == "0" else found
 
 
 def read_card(line: bytes) -> str:

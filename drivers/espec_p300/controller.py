@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import TypeVar
 
 from drivers.chamber.controller import Control, Look, as_stated
@@ -134,7 +133,7 @@ class P300:
         limits = await self._once(wire.TEMPERATURE_QUERY, wire.read_temperatures)
         fingerprint = f"controller {self._kind}, programs {rom}"
         stated = as_stated(self._pin, fingerprint, maker="ESPEC", model=self._kind, firmware=rom)
-        found = replace(stated, model=self._kind)  # which the wire does tell
+        found = stated._replace(model=self._kind)  # which the wire does tell
         check_identity(self._device, self._pin, found)
         self._identity = still_the_same(self._device, self._identity, found, found.fingerprint)
         self.limits_c = (limits.lowest_c, limits.highest_c)

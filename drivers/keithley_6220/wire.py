@@ -6,9 +6,8 @@ Facts from the reference manual and the specification of the 6220/6221.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import IntFlag
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from drivers import scpi
 from drivers.source.setting import Commands, Setting
@@ -42,8 +41,7 @@ class Condition(IntFlag):
     COMPLIANCE = 1 << 3
 
 
-@dataclass(frozen=True, slots=True)
-class State:
+class State(NamedTuple):
     """What a source is set to, and what it says of itself."""
 
     setting: Setting

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Self, TypeVar
 
 from drivers.description import Nothing, Setup, check_identity, still_the_same
@@ -80,8 +79,8 @@ class Keysight3458A:
             told = await self._ask(wire.IDENTITY_QUESTION, self._recognise)
             revision = await self._ask(wire.REVISION_QUESTION, wire.read_numbers)
             calibrations = await self._ask(wire.CALIBRATIONS_QUESTION, wire.read_number)
-        found = replace(
-            told, serial=self._pin.serial or "", firmware=",".join(f"{number:g}" for number in revision),
+        found = told._replace(
+            serial=self._pin.serial or "", firmware=",".join(f"{number:g}" for number in revision),
             fingerprint=f"calibrated {calibrations:.0f} times",
         )  # fmt: skip
         check_identity(self.name, self._pin, found)

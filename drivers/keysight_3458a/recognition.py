@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from drivers.keysight_3458a import wire
 from drivers.recognition import Found, Language, Port, Recognition, forget_errors, text_of
 
@@ -16,7 +14,7 @@ async def ask(port: Port) -> Found:
     identity = wire.read_identity(text_of(await port.ask(wire.IDENTITY_QUESTION + wire.END)).encode())
     revision = wire.read_numbers(text_of(await port.ask(wire.REVISION_QUESTION + wire.END)).encode())
     await forget_errors(port, wire.ERROR_QUESTION + wire.END)
-    return Found(replace(identity, firmware=",".join(f"{number:g}" for number in revision)))
+    return Found(identity._replace(firmware=",".join(f"{number:g}" for number in revision)))
 
 
 def asks(line: str) -> bool:

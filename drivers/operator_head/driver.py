@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Self
 
 from drivers.corrections import TURN_DEG
@@ -111,7 +110,7 @@ class OperatorHead:
             why = self._implausible(stands_deg, asked_deg)
             if not why:
                 return stands_deg
-            errand = replace(errand, text=wording.not_taken(answer.value, asked_deg, why, told), again=True)
+            errand = errand._replace(text=wording.not_taken(answer.value, asked_deg, why, told), again=True)
         raise Refused(
             self.name, f"{MOST_ANSWERS} answers in a row cannot be; {why}", sent=told,
             received=wording.spelled(answer.value),

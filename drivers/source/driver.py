@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 from drivers.description import Nothing, Setup
@@ -110,7 +110,7 @@ class ScpiSource(Generic[StateT]):
         order = self._new_order()
         now = await self._state()
         if not output:
-            self._made = (await self._reach(order, now, replace(now.setting, output=False))).setting
+            self._made = (await self._reach(order, now, now.setting._replace(output=False))).setting
             return
         self._check_faults(now)
         now = await self._reach(order, now, Setting(self._bounds.range_a, level, limit, True))
@@ -128,7 +128,7 @@ class ScpiSource(Generic[StateT]):
             await self._link.reopen()
             self._link.cut_in(f"{commands.zero};{commands.off}")
             now = await self._state()
-            self._made = (await self._reach(order, now, replace(now.setting, output=False))).setting
+            self._made = (await self._reach(order, now, now.setting._replace(output=False))).setting
 
     async def _reach(self, order: int, now: StateT, wanted: Setting) -> StateT:
         """Sends one command after the other until the source says that it is set as wanted; that state."""

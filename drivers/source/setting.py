@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from drivers import scpi
 
 
-@dataclass(frozen=True, slots=True)
-class Setting:
+class Setting(NamedTuple):
     """What an output is to do: in which range, at which level and compliance, and whether it is on."""
 
     range_a: float
@@ -37,8 +35,7 @@ class SourceState(Protocol):
         """What it is set to."""
 
 
-@dataclass(frozen=True, slots=True)
-class Commands:
+class Commands(NamedTuple):
     """The commands of a dialect; a number follows the headers `range`, `compliance` and `level`."""
 
     range: str

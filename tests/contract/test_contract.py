@@ -98,6 +98,6 @@ class Lingers(ScpiSupply):
     ],
 )
 def test_a_planted_mistake_is_found(driver, name, told):
-    description = replace(known_drivers()["scpi_supply"], target=f"{__name__}:{driver.__name__}")
+    description = known_drivers()["scpi_supply"]._replace(target=f"{__name__}:{driver.__name__}")
     with pytest.raises(AssertionError, match=told):
         check(name, SUPPLY, description)

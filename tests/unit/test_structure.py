@@ -203,7 +203,7 @@ def test_branches_are_kept_apart_by_their_names(tmp_path):
 def test_attempts_have_a_number_a_delay_and_codes_of_errors(tmp_path):
     node = only(tmp_path, "{retry: 3, delay: 10 s, on: [silent, step], steps: [wait: 1 s]}")
     assert isinstance(node, Attempts)
-    assert (node.id, node.count, node.delay_s, node.on) == ("steps/retry", 3, 10.0, ("silent", "step"))
+    assert (node.id, node.at_most, node.delay_s, node.on) == ("steps/retry", 3, 10.0, ("silent", "step"))
     assert ids(node.body) == ["retry/wait"]
 
 

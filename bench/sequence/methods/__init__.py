@@ -6,9 +6,8 @@ The entry-point group `inertial_test_bench.methods` finds descriptions, a plug-i
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from pydantic import BaseModel
 
@@ -46,8 +45,7 @@ CHANNEL = (
 CountsAt = Literal["dwells", "ramps", "steps", "levels", "windows", "table", "records"]
 
 
-@dataclass(frozen=True)
-class MethodDescription:
+class MethodDescription(NamedTuple):
     """A method as a sequence sees it.
 
     `settings` validates its settings; `quantities` are the results that limits may name, with their units, in which
