@@ -158,6 +158,7 @@ STATED = {
     ("warm", "M3a"): (r"(?m)^( *)scale: .*$", r"\g<0>\n\g<1>scale_per_degree_u: 300 ppm/°C"),
     ("warm", "repeatability"): (r"(?<=bias_per_degree_u: )10", "50"),
     ("warm", "M0"): (r"(?m)^( *)accelerometer: 65 °C.*$", r"\g<0>\n\g<1>accelerometer_drift_u: 166 ppm/°C"),
+    ("nonlinear", "M3c"): (r"(?<=scale_u: )100 ppm", "450 ppm"),  # K2 and asymmetry, at the low rates
     ("misaligned", "M4b"): (r"(?<=misalignment_u: )1 mrad", "4 mrad"),
 }
 
