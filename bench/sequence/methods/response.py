@@ -72,7 +72,11 @@ class AccelerometerScale(ScalePerDegree):
         description="scale factor as it was calibrated; a quantity such as 11300 pulse/s/g, 45200 code/g or 226 mV/g, "
         "or a list of one for each kind of output"
     )
-    scale_u: Tolerance = Field(1e-4, description="its standard uncertainty, relative")
+    scale_u: Tolerance = Field(
+        1e-4,
+        description="its standard uncertainty, relative, with what nonlinearity and asymmetry change at the "
+        "accelerations from which a radius or a lever arm is found",
+    )
     scale_c: Celsius = Field(20.0, alias="scale_at", description="the temperature of the unit at which it is so")
 
 
