@@ -33,6 +33,20 @@ def write_both(first: Path, first_data: bytes, second: Path, second_data: bytes)
         raise StoreError(f"{second}: cannot be written ({problem})") from problem
 
 
+def append_line(path: Path, text: str) -> None:
+    """Append a line, durably, after a new line where a power cut has torn the last one. Raises OSError."""
+    lines = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
+    try:
+        size = os.fstat(lines).st_size
+        torn = size > 0 and os.pread(lines, 1, size - 1) != b"\n"
+        data = f"{os.linesep * torn}{text}\n".encode()
+        if os.write(lines, data) != len(data):
+            raise OSError("the disk is full")
+        os.fsync(lines)
+    finally:
+        os.close(lines)
+
+
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
     """A draft to write to, which takes the place of `path` when the block ends without an error.

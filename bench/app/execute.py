@@ -14,6 +14,7 @@ from bench.app.devices import open_devices
 from bench.app.faults import Cue, FaultPlayer, as_journalled
 from bench.app.finish import Finish
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
+from bench.app.register import Register
 from bench.app.relay import RunObserver
 from bench.app.request import PreparedRun
 from bench.app.technician import Technician
@@ -118,8 +119,11 @@ def _execute(prepared: PreparedRun, observer: RunObserver, signals: Signals, let
             return await _run(prepared, directory.path, laboratory, observer, keep, signals)
 
         trace = prepared.request.trace
+        register = Register(prepared.loaded, directory.path, observer.notice)
+        register.begin(started)
         with nullcontext() if trace is None else recording(trace) as keep:
             ran = run_loop(main(), prepared.speed)
+        register.end(ran.outcome)
         let_go()
         if ran.folder != directory.path:
             _follow(prepared, directory, record, ran)

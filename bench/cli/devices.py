@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bench.cli.commands import Command, argument, arguments, flag, option, options, whole_number
-from bench.cli.exits import BENCH_ERROR, PASS
+from bench.cli.exits import BENCH_ERROR, NOT_SAFE, PASS
 from bench.cli.running import BENCH, SCENARIO, SEED, SIMULATE
+
+if TYPE_CHECKING:  # `bench --help` loads none of it
+    from bench.lanes import Lane
 
 
 def list_devices(bench: str | None, *, simulate: bool) -> int:
@@ -66,6 +70,26 @@ def console(device: str, bench: str | None, *, simulate: bool, write: bool) -> i
     return BENCH_ERROR if talk(device, bench, typed_lines, say, simulate=simulate, write=write) else PASS
 
 
+def make_safe(bench: str | None) -> int:
+    """Make every instrument of a bench safe now, also while a run holds it, or with some instruments missing.
+
+    Without --bench: all benches that a run may have left on.
+    """
+    from bench.app.make_safe import make_safe as made_safe
+
+    def say(text: str) -> None:
+        sys.stderr.write(text + "\n")
+
+    def show(lane: Lane) -> None:
+        sys.stdout.write(f"{lane.role:<16} {lane.state:<12} {lane.took_s:6.1f} s  {lane.why}".rstrip() + "\n")
+        sys.stdout.flush()
+
+    left = [lane.role for lane in made_safe(bench, say, show) if lane.state != "safe"]
+    if left:
+        say(f"NOT MADE SAFE: {', '.join(left)}. Switch them off by hand, then try again.")
+    return NOT_SAFE if left else PASS
+
+
 def _seconds(text: str) -> float:
     number = float(text)
     if not number >= 0:
@@ -90,6 +114,9 @@ COMMANDS = (
             read=whole_number(1, 247),
         ),
         options("--driver NAME", "Try only this driver; repeatable.", to="drivers"),
+    )),
+    Command("make-safe", make_safe, (
+        option("--bench FILE", "The bench; default: every bench that a run may have left on."),
     )),
     Command("simulate", simulate, (
         option("--bench FILE", "The bench whose instruments to simulate.", is_required=True),

@@ -17,6 +17,7 @@ import struct
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from typing import NamedTuple
 
 from bench.config.models import BenchFile
 from bench.errors import InUseError, StoreError
@@ -27,6 +28,20 @@ _WORDS_AT_MOST = 200
 _OWNER_ANSWERS_S = 0.5
 _pause = threading.Event().wait
 _ATTEMPTS, _BETWEEN_ATTEMPTS_S = 3, 0.02  # the owner may end before it is asked who it is, or have just begun
+
+
+class Owner(NamedTuple):
+    """Who has the lock of an address: its process and user (0 and -1 where it does not answer), and what it is."""
+
+    process: int
+    user: int
+    words: str
+
+    def __str__(self) -> str:
+        if not self.process:
+            return self.words
+        named = f"{self.words or 'a program that does not answer'}, process {self.process}"
+        return named + ("" if self.user == os.getuid() else f" of user {_user(self.user)}")
 
 
 def real_addresses(bench: BenchFile) -> dict[str, Address]:
@@ -45,6 +60,12 @@ def holding(addresses: Iterable[Address], who: str) -> Iterator[None]:
         yield
 
 
+def owners(addresses: Iterable[Address]) -> set[Owner]:
+    """The programs that hold any of the addresses."""
+    places = {mark for address in addresses for mark in marks(address)}
+    return {owner for mark in places if (owner := _owner(_name(mark))) is not None}
+
+
 def peer(connection: socket.socket) -> tuple[int, int]:
     """Process and user at the other end of a Unix socket, as the kernel has them; of a listener, who made it."""
     size = struct.calcsize("3i")
@@ -53,7 +74,7 @@ def peer(connection: socket.socket) -> tuple[int, int]:
 
 
 def _lock(mark: str, address: Address) -> socket.socket:
-    name = f"\0inertial-test-bench/{hashlib.sha256(mark.encode()).hexdigest()[:32]}"
+    name, owner = _name(mark), None
     for _ in range(_ATTEMPTS):
         lock = socket.socket(socket.AF_UNIX)
         try:
@@ -75,24 +96,25 @@ def _lock(mark: str, address: Address) -> socket.socket:
     )
 
 
-def _owner(name: str) -> str:
-    """Who has the lock of this name, "" when nobody has it any more; an owner that does not answer is named as well."""
+def _name(mark: str) -> str:
+    return f"\0inertial-test-bench/{hashlib.sha256(mark.encode()).hexdigest()[:32]}"
+
+
+def _owner(name: str) -> Owner | None:
+    """Who has the lock of this name, also one that does not answer; None when nobody has it any more."""
     words = ""
     with socket.socket(socket.AF_UNIX) as client:
         client.settimeout(_OWNER_ANSWERS_S)
         try:
             client.connect(name)
         except ConnectionRefusedError:
-            return ""
+            return None
         except OSError:  # it has stood still for long, and many have asked
-            return "another program, which does not answer"
+            return Owner(0, -1, "another program, which does not answer")
         process, user = peer(client)
         with suppress(OSError):
             words = client.recv(_WORDS_AT_MOST).decode(errors="replace")
-    words = "".join(letter if letter.isprintable() else "?" for letter in words)
-    return f"{words or 'a program that does not answer'}, process {process}" + (
-        "" if user == os.getuid() else f" of user {_user(user)}"
-    )
+    return Owner(process, user, "".join(letter if letter.isprintable() else "?" for letter in words))
 
 
 def _user(number: int) -> str:

@@ -7,11 +7,11 @@ accidents and clumsy hands; against whoever owns this computer only a copy of a 
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 
 from bench.clock import wall_utc
+from bench.files import append_line
 from bench.store.chain import Link
 from bench.store.kept_json import TEXT, WHOLE, an_object
 from bench.store.user_state import state_folder
@@ -45,16 +45,7 @@ def note(run: str, beginning: bytes, link: Link, seal: str = "") -> None:
     utc = wall_utc().isoformat(timespec="seconds")
     line = Noted(run, beginning.hex(), link.number, link.total, link.head.hex(), utc, seal)
     text = json.dumps(asdict(line), ensure_ascii=False)
-    ledger = os.open(state_folder() / LEDGER, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
-    try:
-        size = os.fstat(ledger).st_size
-        torn = size > 0 and os.pread(ledger, 1, size - 1) != b"\n"  # by a power cut
-        data = f"{os.linesep * torn}{text}\n".encode()
-        if os.write(ledger, data) != len(data):
-            raise OSError("the disk is full")
-        os.fsync(ledger)
-    finally:
-        os.close(ledger)
+    append_line(state_folder() / LEDGER, text)
 
 
 def noted(run: str) -> Iterator[Noted]:

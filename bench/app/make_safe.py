@@ -1,0 +1,93 @@
+"""Makes a bench safe by hand: whoever holds it, and with some of its instruments missing."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from bench.app.devices import open_devices
+from bench.app.faults import laboratory_of
+from bench.app.request import load_bench_named
+from bench.clock import wall_utc
+from bench.config.bench import LoadedBench
+from bench.errors import InputError, InUseError, StoreError
+from bench.lanes import LONGEST_S, Lane, make_safe_in_lanes
+from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
+from bench.loop import run as run_loop
+from bench.runner.held import holding, real_addresses
+from bench.runner.takeover import take_over
+from bench.store.energised import energised, note_safe, record_made_safe
+
+Notice = Callable[[str], object]
+
+
+def make_safe(name: str | None, notice: Notice, ended: Callable[[Lane], object]) -> Iterator[Lane]:
+    """Make the bench of a name or path safe; without one, every bench that a run may have left energised.
+
+    Whoever holds a bench is ended. `notice` receives what a person should know, `ended` each lane as it ends; a bench
+    on record whose file cannot be used is one lane. Raises InputError when there is nothing to make safe.
+    """
+    if name is not None:
+        yield from _of_bench(load_bench_named(name), notice, ended)
+        return
+    for path in _registered(notice):
+        try:
+            loaded = load_bench_named(path)
+        except InputError as problem:
+            ended(lane := Lane(path, "not reached", str(problem), 0.0))
+            yield lane
+        else:
+            yield from _of_bench(loaded, notice, ended)
+
+
+def _registered(notice: Notice) -> list[str]:
+    """Paths of the bench files of runs that may have left instruments on."""
+    found: dict[str, None] = {}
+    for each in energised(lambda problem: notice(str(problem))):
+        notice(f"{Path(each.run).name}, begun {each.since}: {', '.join(each.connections)} not known to be safe")
+        found[each.bench] = None
+    if not found:
+        raise InputError("no run is on record that may have left instruments on; name the bench: --bench FILE")
+    return list(found)
+
+
+def _of_bench(loaded: LoadedBench, notice: Notice, ended: Callable[[Lane], object]) -> list[Lane]:
+    bench, addresses = loaded.bench, list(real_addresses(loaded.bench).values())
+    notice(f"{loaded.document.path}: {len(bench.devices)} instruments, at most {LONGEST_S:g} s")
+
+    async def main() -> list[Lane]:
+        return await make_safe_in_lanes(open_devices(bench, laboratory_of(bench)), ended)
+
+    with _uninterrupted(), ExitStack() as in_use:
+        take_over(addresses, notice)
+        try:
+            in_use.enter_context(holding(addresses, "bench make-safe"))
+        except (InUseError, StoreError) as problem:  # a lock never stands in the way of an emergency
+            notice(f"{problem}. The bench is made safe all the same.")
+        lanes = run_loop(main(), AS_FAST_AS_POSSIBLE if bench.is_simulated else REAL_TIME)
+        _record(loaded, lanes, notice)
+        return lanes
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """While inside, no signal but SIGKILL ends the program: it has an end of its own."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _record(loaded: LoadedBench, lanes: list[Lane], notice: Notice) -> None:
+    """Keep how the lanes ended, and take what is safe out of the register."""
+    connections = {role: str(address) for role, address in real_addresses(loaded.bench).items()}
+    try:
+        record_made_safe(loaded.document.path, wall_utc(), [lane._asdict() for lane in lanes])
+        note_safe({connections[lane.role] for lane in lanes if lane.state == "safe" and lane.role in connections})
+    except StoreError as problem:
+        notice(str(problem))

@@ -1,0 +1,116 @@
+"""Making instruments safe with drivers that have not been entered yet, each in a lane of its own: none delays another.
+
+A lane connects, identifies, makes safe and closes. Nothing is sent to an instrument that is not the expected one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import Literal, NamedTuple
+
+from bench.rig import CLOSE_S, GRACE_S, MAKE_SAFE_S
+from drivers.awake import Deadline, patience
+from drivers.capabilities import Device
+from drivers.errors import BadAnswer, CannotConnect, DriverError, InstrumentFault, LinkLost, NoAnswer
+
+CONNECT_S = 10.0
+AGAIN_S = 0.5  # an instrument with one client may hold a half-open connection for a while
+LONGEST_S = 2 * CONNECT_S + MAKE_SAFE_S + CLOSE_S + GRACE_S
+
+State = Literal["safe", "unsafe", "not reached"]
+
+
+class Lane(NamedTuple):
+    """How a lane ended: `why` it did not end safe, and what it took."""
+
+    role: str
+    state: State
+    why: str
+    took_s: float
+
+
+async def make_safe_in_lanes(devices: Mapping[str, Device], ended: Callable[[Lane], object]) -> list[Lane]:
+    """Make every device safe, in parallel; `ended` receives each lane as it ends. None takes longer than LONGEST_S."""
+
+    async def one(role: str, device: Device) -> Lane:
+        lane = await _lane(role, device)
+        ended(lane)
+        return lane
+
+    lanes = {role: asyncio.create_task(one(role, device), name=f"lane {role}") for role, device in devices.items()}
+    if lanes:
+        await asyncio.wait(lanes.values(), timeout=LONGEST_S)
+    for role, task in lanes.items():
+        if not task.done():
+            task.cancel()
+            ended(_left_behind(role))
+    return [task.result() if task.done() else _left_behind(role) for role, task in lanes.items()]
+
+
+def _left_behind(role: str) -> Lane:
+    return Lane(role, "unsafe", f"{role}: not within {LONGEST_S:g} s, and its driver does not end", LONGEST_S)
+
+
+async def _lane(role: str, device: Device) -> Lane:
+    begun_s = asyncio.get_running_loop().time()
+
+    def lane(state: State, why: str = "") -> Lane:
+        return Lane(role, state, why, asyncio.get_running_loop().time() - begun_s)
+
+    try:
+        await _connect(device)
+    except Exception as problem:  # noqa: BLE001  the lane reports it, whatever it is
+        return lane("not reached", _in_words(role, problem, CONNECT_S))
+    try:
+        async with patience(MAKE_SAFE_S):
+            await device.make_safe()
+    except Exception as problem:  # noqa: BLE001  the lane reports it, whatever it is
+        return lane("unsafe", _in_words(role, problem, MAKE_SAFE_S))
+    else:
+        return lane("safe")
+    finally:
+        await _close(device)
+
+
+async def _connect(device: Device) -> None:
+    """Connect and identify, again and again for CONNECT_S; raises the last DriverError, or TimeoutError."""
+    limit = Deadline(CONNECT_S)
+    async with patience(CONNECT_S):
+        while True:
+            try:
+                await device.__aenter__()
+            except (CannotConnect, LinkLost, NoAnswer):
+                if limit.left_s <= AGAIN_S:
+                    raise
+                await asyncio.sleep(AGAIN_S)
+            else:
+                break
+    try:
+        await _identify(device)
+    except BaseException:
+        await _close(device)
+        raise
+
+
+async def _identify(device: Device) -> None:
+    """Raise WrongIdentity; an instrument that does not answer may be made safe all the same."""
+    with suppress(NoAnswer, BadAnswer, LinkLost, InstrumentFault, TimeoutError):
+        async with patience(CONNECT_S):
+            await device.identify()
+
+
+async def _close(device: Device) -> None:
+    """Close the wire; what goes wrong with that does not change whether the instrument is safe."""
+    with suppress(Exception):
+        async with patience(CLOSE_S):
+            await device.__aexit__(None, None, None)
+
+
+def _in_words(role: str, problem: Exception, limit_s: float) -> str:
+    if isinstance(problem, DriverError):
+        return str(problem)
+    if isinstance(problem, TimeoutError):
+        return f"{role}: not within {limit_s:g} s"
+    return f"{role}: {type(problem).__name__}: {problem}"

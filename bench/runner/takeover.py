@@ -1,0 +1,68 @@
+"""Ending the programs that hold the instruments of a bench, so that it can be made safe.
+
+A process is addressed by its pidfd, so that a number that has been given to another process meanwhile is not met.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
+
+from bench.rig import CLOSE_S, GRACE_S, MAKE_SAFE_S
+from bench.runner.held import Owner, owners
+from drivers.awake import came_true
+from drivers.transport.address import Address
+
+END_WITHIN_S = MAKE_SAFE_S + CLOSE_S + 3 * GRACE_S  # of a run that is told to end: it makes its bench safe first
+DIE_WITHIN_S = 2.0
+_pause = threading.Event().wait
+
+
+def take_over(
+    addresses: Sequence[Address], notice: Callable[[str], object], end_within_s: float = END_WITHIN_S
+) -> None:
+    """End whoever holds one of the addresses: SIGTERM, on which a run makes its bench safe and records why it ended.
+
+    SIGKILL after `end_within_s`. A program of another user, or one that does not even die, is left with a notice.
+    """
+    for owner in owners(addresses):
+        if owner.process in (0, os.getpid()):
+            notice(f"{owner} has instruments of this bench and cannot be ended.")
+            continue
+        try:
+            process = os.pidfd_open(owner.process)
+        except ProcessLookupError:
+            continue
+        try:
+            if any(each.process == owner.process for each in owners(addresses)):  # still: the pidfd is of the owner
+                _end(process, owner, partial(_has, addresses, owner), notice, end_within_s)
+        except PermissionError:
+            notice(f"{owner} has instruments of this bench, and this user may not end it. End it: it can still write.")
+        finally:
+            os.close(process)
+
+
+def _end(
+    process: int, owner: Owner, has: Callable[[], bool], notice: Callable[[str], object], end_within_s: float
+) -> None:
+    notice(f"Ending {owner}, which has instruments of this bench.")
+    with suppress(ProcessLookupError):
+        signal.pidfd_send_signal(process, signal.SIGTERM)
+        if came_true(lambda limit_s: _let_go(has, limit_s), end_within_s):
+            return
+        notice(f"{owner} did not let go within {end_within_s:g} s and is killed.")
+        signal.pidfd_send_signal(process, signal.SIGKILL)
+    if not came_true(lambda limit_s: _let_go(has, limit_s), DIE_WITHIN_S):
+        notice(f"{owner} does not end. It may still write to instruments of this bench.")
+
+
+def _let_go(has: Callable[[], bool], limit_s: float) -> bool:
+    return not has() or bool(_pause(limit_s))
+
+
+def _has(addresses: Sequence[Address], owner: Owner) -> bool:
+    return any(each.process == owner.process for each in owners(addresses))

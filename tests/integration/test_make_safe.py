@@ -1,0 +1,128 @@
+"""`bench make-safe` on real processes and wires; a client that is no part of the program reads the instruments."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.energised import ENERGISED, SAFE, Process, Wires, wires
+from tests.support.runs import ROOT
+from tests.support.served import free_port
+
+pytestmark = pytest.mark.integration
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory) -> Iterator[Wires]:
+    with wires(tmp_path_factory.mktemp("served")) as served:
+        yield served
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path, monkeypatch) -> Path:
+    """The records of a user of its own."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state/inertial-test-bench"
+
+
+def make_safe(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "bench", "make-safe", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False, timeout=60)
+
+
+def lanes(done: subprocess.CompletedProcess[str]) -> dict[str, str]:
+    """How each lane ended, by role."""
+    return {line.split()[0]: line[17:29].strip() for line in done.stdout.splitlines()}
+
+
+def running(bench: Wires, folder: Path) -> Process:
+    """A run that has energised the bench."""
+    bench.energise()
+    run = Process(bench.bench, folder)
+    run.until_step("steps/wait")
+    return run
+
+
+def killed(bench: Wires, folder: Path) -> str:
+    """The name of a run whose process was killed while the bench was energised."""
+    run = running(bench, folder)
+    run.send(signal.SIGKILL)
+    assert run.process.wait(5) == -signal.SIGKILL
+    assert run.path is not None
+    assert bench.state() == ENERGISED
+    return run.path.name
+
+
+def test_what_a_killed_run_left_on_is_made_safe_without_naming_the_bench(bench, tmp_path, state):
+    name = killed(bench, tmp_path)
+    done = make_safe()
+    assert done.returncode == 0, done.stderr
+    assert bench.state() == SAFE
+    assert name in done.stderr
+    assert lanes(done) == dict.fromkeys(("chamber", "head", "source", "supply", "counter"), "safe")
+    assert list((state / "energised").iterdir()) == []
+    (line,) = (state / "made_safe.jsonl").read_text("utf-8").splitlines()
+    assert {lane["role"]: lane["state"] for lane in json.loads(line)["lanes"]} == lanes(done)
+
+    again = make_safe()
+    assert again.returncode == 2
+    assert "no run is on record" in again.stderr
+
+
+def test_a_run_that_holds_the_bench_is_ended_and_records_why(bench, tmp_path):
+    run = running(bench, tmp_path)
+    done = make_safe("--bench", str(bench.bench))
+    assert done.returncode == 0, done.stderr
+    assert f"Ending a run of energised, process {run.process.pid}" in done.stderr
+    assert bench.state() == SAFE
+    assert run.code() == 4
+    assert run.manifest()["ended_by"] == "terminate"
+
+
+def test_one_instrument_that_is_not_there_delays_no_other_and_stays_on_record(bench, tmp_path, state):
+    killed(bench, tmp_path)
+    (entry,) = (state / "energised").iterdir()
+    supply = json.loads(entry.read_text("utf-8"))["connections"]["supply"]
+    absent = bench.edited(
+        tmp_path / "other", "supply", lambda line: line.replace(supply, f"tcp://127.0.0.1:{free_port()}")
+    )
+    done = make_safe("--bench", str(absent))
+    assert done.returncode == 6, done.stderr
+    assert lanes(done)["supply"] == "not reached"
+    assert "NOT MADE SAFE: supply" in done.stderr
+    assert bench.state() == {**SAFE, "supply": True}
+    assert list(json.loads(entry.read_text("utf-8"))["connections"].values()) == [supply]
+    took_s = {line.split()[0]: float(line[29:36]) for line in done.stdout.splitlines()}
+    assert max(taken for role, taken in took_s.items() if role != "supply") < 5
+    assert make_safe().returncode == 0
+    assert bench.state() == SAFE
+
+
+def test_the_next_run_names_the_one_that_left_instruments_on(bench, tmp_path, state):
+    name = killed(bench, tmp_path / "first")
+    run = Process(bench.bench, tmp_path / "second", "--set", "time=1 s")
+    assert run.code() == 0
+    assert f"{name} ended without making" in run.told.read_text("utf-8")
+    assert list((state / "energised").iterdir()) == []
+    assert bench.state() == SAFE
+
+
+def test_a_bench_file_that_is_gone_is_named_and_no_success(bench, tmp_path):
+    own = bench.edited(tmp_path / "own", "supply", str)
+    run = Process(own, tmp_path)
+    run.until_step("steps/wait")
+    os.kill(run.process.pid, signal.SIGKILL)
+    run.process.wait(5)
+    own.unlink()
+    done = make_safe()
+    assert done.returncode == 6
+    assert str(own) in done.stdout
+    assert make_safe("--bench", str(bench.bench)).returncode == 0
+    assert bench.state() == SAFE

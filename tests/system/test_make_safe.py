@@ -1,0 +1,42 @@
+"""A bench is made safe in lanes, in virtual time: broken instruments delay no other one."""
+
+from __future__ import annotations
+
+import pytest
+
+from bench.app.make_safe import make_safe
+from bench.lanes import LONGEST_S, Lane
+from tests.support.runs import copy_bench
+
+OTHERS = {"chamber", "counter", "head", "source"}
+
+
+def lanes(folder, faults: str = "") -> dict[str, Lane]:
+    bench = copy_bench(folder / "config", faults=faults)
+    shown: list[Lane] = []
+    found = list(make_safe(str(bench), lambda _text: None, shown.append))
+    assert sorted(shown) == sorted(found)
+    return {lane.role: lane for lane in found}
+
+
+def test_every_instrument_of_a_healthy_bench_is_safe_within_seconds(tmp_path):
+    found = lanes(tmp_path)
+    assert {role: lane.state for role, lane in found.items()} == dict.fromkeys(OTHERS | {"supply"}, "safe")
+    assert max(lane.took_s for lane in found.values()) < 5
+
+
+@pytest.mark.parametrize("kind", ["silent", "cut", "garbage", "echo", "half_open"])
+def test_one_that_is_broken_throughout_is_named_and_delays_no_other(tmp_path, kind):
+    found = lanes(tmp_path, f"[{{device: supply, kind: {kind}, at: 0 s}}]")
+    supply = found.pop("supply")
+    assert {role: lane.state for role, lane in found.items()} == dict.fromkeys(OTHERS, "safe")
+    assert max(lane.took_s for lane in found.values()) < 5
+    assert supply.state != "safe"
+    assert supply.why.startswith("supply")
+    assert supply.took_s <= LONGEST_S
+
+
+def test_one_that_comes_back_within_the_time_to_connect_is_made_safe(tmp_path):
+    found = lanes(tmp_path, "[{device: supply, kind: silent, at: 0 s, for: 4 s}]")
+    assert found["supply"].state == "safe"
+    assert found["supply"].took_s > 4
