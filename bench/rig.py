@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Collection, Mapping
 from contextlib import AsyncExitStack
-from typing import Self
+from typing import Any, Self
 
+from bench.config.devices import DeviceEntry
 from bench.errors import BenchError
 from drivers.awake import patience
 from drivers.capabilities import (
@@ -19,7 +20,10 @@ from drivers.capabilities import (
     Source,
     ThermalChamber,
 )
+from drivers.description import Setup, make_driver, unheard
 from drivers.errors import DriverError, WrongIdentity
+from drivers.person import NOBODY, Person
+from drivers.transport.wires import Wires
 from drivers.values import Identity
 
 MAKE_SAFE_S = 10.0
@@ -196,3 +200,13 @@ def _check(failed: Mapping[str, str], needed: Collection[str] | None) -> None:
     """Raises OpenError with all that failed, if any of them is needed."""
     if failed and (needed is None or set(needed) & failed.keys()):
         raise OpenError("\n".join(failed.values()))
+
+
+def device_of(
+    role: str, entry: DeviceEntry, wires: Wires, note: Callable[[str], object] = unheard, person: Person = NOBODY
+) -> Device:
+    """The driver of one device on these wires, not yet connected."""
+    setup: Setup[Any, Any, Any] = Setup(
+        role, entry.connection, wires, entry.options, entry.limits, entry.safe, entry.identity, note, person
+    )
+    return make_driver(entry.description, setup)

@@ -6,7 +6,6 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 
 from bench.app.byhand_frames import decoded_frames
 from bench.app.byhand_lines import Spoken, Unspoken, spoken_by
-from bench.app.devices import device_of
 from bench.app.faults import laboratory_of
 from bench.app.laboratory import BenchWires
 from bench.app.request import load_bench_named
@@ -14,6 +13,7 @@ from bench.config.devices import DeviceEntry
 from bench.errors import InputError
 from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
+from bench.rig import device_of
 from bench.runner.held import holding
 from drivers.can_options import FRAME_SCHEMES
 from drivers.capabilities import Device, FrameSource, Positioner, RateTable, Source, ThermalChamber

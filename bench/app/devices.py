@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 from bench.app.laboratory import BenchWires, Laboratory
-from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
+from bench.rig import device_of
 from drivers.capabilities import Device
-from drivers.description import Setup, make_driver, unheard
 from drivers.person import NOBODY, Person
 from drivers.transport.trace import Passed, TracedWires
 from drivers.transport.wires import Wires
@@ -29,13 +27,3 @@ def open_devices(
     if keep is not None:
         wires = TracedWires(wires, keep)
     return {role: device_of(role, entry, wires, partial(note, role), person) for role, entry in bench.devices.items()}
-
-
-def device_of(
-    role: str, entry: DeviceEntry, wires: Wires, note: Callable[[str], object] = unheard, person: Person = NOBODY
-) -> Device:
-    """The driver of one device on these wires, not yet connected."""
-    setup: Setup[Any, Any, Any] = Setup(
-        role, entry.connection, wires, entry.options, entry.limits, entry.safe, entry.identity, note, person
-    )
-    return make_driver(entry.description, setup)

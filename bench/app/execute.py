@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass
@@ -31,6 +32,7 @@ from bench.loop import run as run_loop
 from bench.report.findings import Results
 from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, released_copy
 from bench.runner import manifest
+from bench.runner.guard import Guard
 from bench.runner.held import holding, real_addresses
 from bench.runner.run import run_plan
 from bench.runner.signals import Signals
@@ -88,7 +90,9 @@ def _execute(prepared: PreparedRun, observer: RunObserver, signals: Signals, let
     directory = RunDirectory.create(
         prepared.request.runs, started, prepared.plan.name, "+".join(prepared.serials.values())
     )
+    guard = Guard(prepared.loaded, directory.path)
     try:
+        guard.start(os.getpid())
         record = manifest.opening(
             directory.path.name,
             prepared.plan,
@@ -116,14 +120,16 @@ def _execute(prepared: PreparedRun, observer: RunObserver, signals: Signals, let
                 )
                 if not bench.simulation.faults:
                     laboratory.leave_frames(HEALTHY_BLOCK_S)
-            return await _run(prepared, directory.path, laboratory, observer, keep, signals)
+            return await _run(prepared, directory.path, laboratory, observer, keep, signals, guard)
 
         trace = prepared.request.trace
         register = Register(prepared.loaded, directory.path, observer.notice)
         register.begin(started)
         with nullcontext() if trace is None else recording(trace) as keep:
             ran = run_loop(main(), prepared.speed)
-        register.end(ran.outcome)
+        if ran.made_safe:
+            register.end(ran.outcome)
+        guard.over()
         let_go()
         if ran.folder != directory.path:
             _follow(prepared, directory, record, ran)
@@ -140,6 +146,7 @@ def _execute(prepared: PreparedRun, observer: RunObserver, signals: Signals, let
 @dataclass(frozen=True)
 class _Run:
     outcome: Outcome
+    made_safe: bool  # as far as the outcome says; False where it ended before it could open an instrument
     instruments: dict[str, Any]
     laboratory: Laboratory | None
     bench_s: float
@@ -157,19 +164,21 @@ async def _run(
     observer: RunObserver,
     keep: Keep | None,
     signals: Signals,
+    guard: Guard,
 ) -> _Run:
     bench = prepared.loaded.bench
     clock = Clock(bench.simulation.start if bench.is_simulated else None)
     began_s = clock.monotonic()
     writer, digest = RunWriter(folder), ""
-    outcome = Outcome()
+    outcome, made_safe = Outcome(), False
     identities: Mapping[str, Identity] = {}
     wall = ClockRecord(writer, observer.notice)
     try:
         writer.event("run_begins", utc=clock.utc().isoformat(), title=prepared.plan.sequence.title, seed=prepared.seed)
         observer.run_begins(folder, prepared.expected, clock)
-        async with wall.watched(prepared.speed):
+        async with wall.watched(prepared.speed), guard.watched(signals):
             outcome, identities = await _with_devices(prepared, folder, laboratory, observer, keep, signals, writer)
+        made_safe = True
         _keep_unsafe(folder, bench, outcome, observer)
         if writer.ledger_problem:
             observer.notice(writer.ledger_problem)
@@ -184,7 +193,16 @@ async def _run(
         outcome.failed(str(problem))
     instruments, bench_s = manifest.instruments(bench, identities), clock.monotonic() - began_s
     return _Run(
-        outcome, instruments, laboratory, bench_s, digest, writer.beginning, writer.link, wall.steps, writer.folder
+        outcome,
+        made_safe,
+        instruments,
+        laboratory,
+        bench_s,
+        digest,
+        writer.beginning,
+        writer.link,
+        wall.steps,
+        writer.folder,
     )
 
 

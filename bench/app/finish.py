@@ -138,7 +138,7 @@ class Finish:
 
                 self.report = write_report(stored)
         except Dropped:
-            came = self._signals.received[-1].number.name
+            came = self._signals.received[-1].name
             self._outcome.problems.append(
                 f"no report was written, because a signal arrived meanwhile ({came}); {again}"
             )

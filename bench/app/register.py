@@ -9,7 +9,7 @@ from pathlib import Path
 from bench.config.bench import LoadedBench
 from bench.engine.ending import Outcome
 from bench.errors import StoreError
-from bench.runner.held import real_addresses
+from bench.runner.held import energising_addresses
 from bench.store.energised import energised, note_energised, note_safe
 
 
@@ -18,7 +18,7 @@ class Register:
 
     def __init__(self, loaded: LoadedBench, run: Path, notice: Callable[[str], object]) -> None:
         self._bench, self._run, self._notice = loaded.document.path, run, notice
-        self._connections = {role: str(address) for role, address in real_addresses(loaded.bench).items()}
+        self._connections = {role: str(address) for role, address in energising_addresses(loaded.bench).items()}
 
     def begin(self, at: datetime) -> None:
         """Name the runs that may have left these instruments on, then enter this one, before anything is opened."""

@@ -49,6 +49,13 @@ def real_addresses(bench: BenchFile) -> dict[str, Address]:
     return {role: entry.connection for role, entry in bench.devices.items() if not entry.connection.simulated}
 
 
+def energising_addresses(bench: BenchFile) -> dict[str, Address]:
+    """Those of instruments that move or energise something, by role; a person and a recording do not."""
+    able = bench.with_capability("positioner", "rate_table", "thermal_chamber", "power_supply", "current_source")
+    real = real_addresses(bench).items()
+    return {role: at for role, at in real if role in able and not (at.is_person or at.is_recording)}
+
+
 @contextmanager
 def holding(addresses: Iterable[Address], who: str) -> Iterator[None]:
     """Holds the addresses while inside, as `who`; InUseError names who has one of them already."""

@@ -33,19 +33,11 @@ STOPPING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)  # would stop the pr
 
 @dataclass(frozen=True)
 class Sent:
-    """A signal that came; `gentle` is one that leaves time for the teardown."""
+    """A request to end the run: a signal, or one of this process itself; `gentle` leaves time for the teardown."""
 
-    number: signal.Signals
-
-    @property
-    def request(self) -> EndRequest:
-        """Who it was, as far as a signal tells that."""
-        return EndRequest(*TEXTS[self.number])
-
-    @property
-    def gentle(self) -> bool:
-        """Whether it is one that leaves time for the teardown."""
-        return self.number is signal.SIGINT
+    name: str
+    request: EndRequest
+    gentle: bool = False
 
 
 class Dropped(BaseException):
@@ -125,7 +117,11 @@ class Signals:
 
     def _came(self, number: int, _frame: FrameType | None) -> None:
         """Runs in the main thread between any two instructions."""
-        sent = Sent(signal.Signals(number))
+        came = signal.Signals(number)
+        self.tell(Sent(came.name, EndRequest(*TEXTS[came]), came is signal.SIGINT))
+
+    def tell(self, sent: Sent) -> None:
+        """End the run as a signal does."""
         self.received.append(sent)
         if self._loop is not None and self._act is not None:
             self._loop.call_soon_threadsafe(self._act, sent)

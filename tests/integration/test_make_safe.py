@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.energised import ENERGISED, SAFE, Process, Wires, wires
+from tests.support.guardians import guardian_of
 from tests.support.runs import ROOT
 from tests.support.served import free_port
 
@@ -50,11 +51,17 @@ def running(bench: Wires, folder: Path) -> Process:
     return run
 
 
-def killed(bench: Wires, folder: Path) -> str:
-    """The name of a run whose process was killed while the bench was energised."""
-    run = running(bench, folder)
-    run.send(signal.SIGKILL)
+def kill(run: Process) -> None:
+    """Kill a run with its guardian, as a power cut does."""
+    for process in (guardian_of(run.process.pid), run.process.pid):
+        os.kill(process, signal.SIGKILL)
     assert run.process.wait(5) == -signal.SIGKILL
+
+
+def killed(bench: Wires, folder: Path) -> str:
+    """The name of a run that was killed while the bench was energised."""
+    run = running(bench, folder)
+    kill(run)
     assert run.path is not None
     assert bench.state() == ENERGISED
     return run.path.name
@@ -118,8 +125,7 @@ def test_a_bench_file_that_is_gone_is_named_and_no_success(bench, tmp_path):
     own = bench.edited(tmp_path / "own", "supply", str)
     run = Process(own, tmp_path)
     run.until_step("steps/wait")
-    os.kill(run.process.pid, signal.SIGKILL)
-    run.process.wait(5)
+    kill(run)
     own.unlink()
     done = make_safe()
     assert done.returncode == 6

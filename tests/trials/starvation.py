@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from tests.support.guardians import guardian_of
 from tests.support.served import on_real_wires, simulating
 from tests.support.under_way import UnderWay, bench_run, wait_until
 from tests.trials.rows import Row
@@ -31,8 +32,8 @@ def trials(scale: float) -> Iterator[Row]:
     """The run with its instruments stopped, the run alone, a run in virtual time, and a busy computer."""
     times, stopped_s = max(1, round(3 * scale)), max(3.0, STOPPED_S * min(1.0, scale))
     ways: tuple[tuple[str, Callable[[float], str]], ...] = (
-        ("run and instruments stopped", with_instruments),
-        ("the run alone stopped", alone),
+        ("run, guardian and instruments stopped", with_instruments),
+        ("run and guardian stopped", alone),
         (f"a simulated night stopped, threads with {LIMIT_S:g} s", simulated),
     )
     for line, trial in ways:
@@ -47,16 +48,16 @@ def _row(line: str, results: Sequence[str]) -> Row:
 
 
 def with_instruments(stopped_s: float) -> str:
-    """Stops a run over real wires together with its instruments; why it did not pass."""
+    """Stops a run over real wires together with its guardian and its instruments; why it did not pass."""
     with wired() as (run, simulators):
-        stand_still((run, simulators), stopped_s)
+        stand_still((run.pid, guardian_of(run.pid), simulators.pid), stopped_s)
         return _why(run)
 
 
 def alone(stopped_s: float) -> str:
-    """Stops a run over real wires; its instruments go on."""
+    """Stops a run over real wires and its guardian, as a computer that stands still; the instruments go on."""
     with wired() as (run, _):
-        stand_still((run,), stopped_s)
+        stand_still((run.pid, guardian_of(run.pid)), stopped_s)
         return _why(run)
 
 
@@ -66,7 +67,7 @@ def simulated(stopped_s: float) -> str:
         runs = Path(folder)
         with bench_run(runs, "tumble_static", "--preset", "quick", program=("-c", IMPATIENT)) as run:
             time.sleep(1.0)
-            stand_still((run.process,), stopped_s)
+            stand_still((run.process.pid,), stopped_s)
             return _why_of(run)
 
 
@@ -91,11 +92,11 @@ def wired() -> Iterator[tuple[subprocess.Popen[str], subprocess.Popen[str]]]:
                 yield run.process, simulators
 
 
-def stand_still(processes: Sequence[subprocess.Popen[str]], stopped_s: float) -> None:
+def stand_still(processes: Sequence[int], stopped_s: float) -> None:
     """Stops processes, and lets them go on."""
     for sign, wait_s in ((signal.SIGSTOP, stopped_s), (signal.SIGCONT, 0.0)):
         for process in processes:
-            os.kill(process.pid, sign)
+            os.kill(process, sign)
         time.sleep(wait_s)
 
 

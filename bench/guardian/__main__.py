@@ -1,0 +1,38 @@
+"""`python -m bench.guardian LINK RUNNER RUN BENCH DIGEST`, as a run starts it; not for people.
+
+LINK is the inherited socket to the run, RUNNER its process, RUN its directory, and BENCH its bench file with the
+SHA-256 that it has.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+from pathlib import Path
+
+from bench.guardian.watch import ARMED, CANNOT, LONGEST, watch
+
+
+def main(link_number: str, runner_number: str, run: str, bench: str, digest: str) -> int:
+    """Watch the run until it is over; make the bench safe if it dies. Returns 6 when that did not succeed."""
+    for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGQUIT):
+        signal.signal(number, signal.SIG_IGN)
+    link, runner = socket.socket(fileno=int(link_number)), os.pidfd_open(int(runner_number))
+    if os.getppid() != int(runner_number):
+        return 0  # it died before anything was energised
+    try:
+        from bench.guardian.rescue import Rescue
+
+        rescue = Rescue(Path(run), Path(bench), digest)
+    except Exception as problem:  # noqa: BLE001  the run is told and refuses to start, whatever it is
+        link.send((CANNOT + str(problem).encode())[:LONGEST])
+        return 2
+    link.send(ARMED)
+    why = watch(link, runner)
+    return 0 if why is None or rescue.make_safe(why) else 6
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -1,0 +1,100 @@
+"""The guardian of a run, on real processes and wires; a client that is no part of the program reads the instruments."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from bench.guardian.watch import LEASE_S
+from tests.support.energised import SAFE, Process, Wires, wires
+from tests.support.guardians import guardian_of, has_ended
+
+pytestmark = pytest.mark.integration
+WITHIN_S = 8.0
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory) -> Iterator[Wires]:
+    with wires(tmp_path_factory.mktemp("served")) as served:
+        yield served
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path, monkeypatch) -> Path:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state/inertial-test-bench"
+
+
+def running(bench: Wires, folder: Path, step: str = "steps/wait") -> tuple[Process, int]:
+    bench.energise()
+    run = Process(bench.bench, folder)
+    run.until_step(step)
+    return run, guardian_of(run.process.pid)
+
+
+def rescued(run: Process, guardian: int, within_s: float) -> list[dict]:
+    """The incident of a run that was killed, once its guardian has ended."""
+    end_s = time.monotonic() + within_s
+    while not has_ended(guardian):
+        assert time.monotonic() < end_s, run.told.read_text("utf-8")
+        time.sleep(0.05)
+    assert run.path is not None
+    return [json.loads(line) for line in (run.path / "incident.jsonl").read_text("utf-8").splitlines()]
+
+
+@pytest.mark.parametrize("step", ["setup/wait", "steps/wait"])
+def test_a_run_that_is_killed_leaves_a_safe_bench(bench, tmp_path, state, step):
+    run, guardian = running(bench, tmp_path, step)
+    run.process.kill()
+    run.process.wait(5)
+    incident = rescued(run, guardian, WITHIN_S)
+    assert bench.state() == SAFE
+    assert incident[0]["why"] == "the process of the run has died"
+    assert {each["role"]: each["state"] for each in incident if each["event"] == "lane"} == dict.fromkeys(
+        ("chamber", "head", "supply", "source"), "safe"
+    )
+    assert incident[-1] | {"event": "ends", "unsafe": {}} == incident[-1]
+    assert "the bench is safe" in run.told.read_text("utf-8")
+    assert list((state / "energised").iterdir()) == []
+    assert (state / "incident.jsonl").read_text("utf-8").count("\n") == len(incident)
+
+
+def test_a_run_that_stands_still_is_killed_and_never_writes_again(bench, tmp_path):
+    run, guardian = running(bench, tmp_path)
+    os.kill(run.process.pid, signal.SIGSTOP)
+    incident = rescued(run, guardian, LEASE_S + WITHIN_S)
+    assert bench.state() == SAFE
+    assert "stood still" in incident[0]["why"]
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(run.process.pid, signal.SIGCONT)
+    assert run.process.wait(5) == -signal.SIGKILL
+    assert bench.state() == SAFE
+
+
+def test_a_run_that_loses_its_guardian_ends_safe(bench, tmp_path):
+    run, guardian = running(bench, tmp_path)
+    os.kill(guardian, signal.SIGKILL)
+    assert run.code() == 4
+    assert bench.state() == SAFE
+    assert run.manifest()["ended_by"] == "guardian"
+
+
+def test_a_guardian_is_not_ended_by_signals_and_ends_with_its_run(bench, tmp_path):
+    run, guardian = running(bench, tmp_path)
+    for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGQUIT):
+        os.kill(guardian, number)
+    assert os.getsid(guardian) == guardian
+    assert Path(f"/proc/{guardian}/oom_score_adj").read_text("ascii") == "0\n"
+    assert Path(f"/proc/{run.process.pid}/oom_score_adj").read_text("ascii") == "500\n"
+    lines = dict(line.split(":", 1) for line in Path(f"/proc/{guardian}/status").read_text("ascii").splitlines())
+    assert int(lines["VmRSS"].split()[0]) < 80 * 1024
+    run.send(signal.SIGTERM)
+    assert run.code() == 4
+    assert has_ended(guardian)
