@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass
@@ -32,7 +31,7 @@ from bench.loop import run as run_loop
 from bench.report.findings import Results
 from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, released_copy
 from bench.runner import manifest
-from bench.runner.guard import Guard
+from bench.runner.guard import guarded
 from bench.runner.held import holding, real_addresses
 from bench.runner.run import run_plan
 from bench.runner.signals import Signals
@@ -90,9 +89,7 @@ def _execute(prepared: PreparedRun, observer: RunObserver, signals: Signals, let
     directory = RunDirectory.create(
         prepared.request.runs, started, prepared.plan.name, "+".join(prepared.serials.values())
     )
-    guard = Guard(prepared.loaded, directory.path)
     try:
-        guard.start(os.getpid())
         record = manifest.opening(
             directory.path.name,
             prepared.plan,
@@ -120,7 +117,7 @@ def _execute(prepared: PreparedRun, observer: RunObserver, signals: Signals, let
                 )
                 if not bench.simulation.faults:
                     laboratory.leave_frames(HEALTHY_BLOCK_S)
-            return await _run(prepared, directory.path, laboratory, observer, keep, signals, guard)
+            return await _run(prepared, directory.path, laboratory, observer, keep, signals)
 
         trace = prepared.request.trace
         register = Register(prepared.loaded, directory.path, observer.notice)
@@ -129,7 +126,6 @@ def _execute(prepared: PreparedRun, observer: RunObserver, signals: Signals, let
             ran = run_loop(main(), prepared.speed)
         if ran.made_safe:
             register.end(ran.outcome)
-        guard.over()
         let_go()
         if ran.folder != directory.path:
             _follow(prepared, directory, record, ran)
@@ -164,7 +160,6 @@ async def _run(
     observer: RunObserver,
     keep: Keep | None,
     signals: Signals,
-    guard: Guard,
 ) -> _Run:
     bench = prepared.loaded.bench
     clock = Clock(bench.simulation.start if bench.is_simulated else None)
@@ -176,7 +171,7 @@ async def _run(
     try:
         writer.event("run_begins", utc=clock.utc().isoformat(), title=prepared.plan.sequence.title, seed=prepared.seed)
         observer.run_begins(folder, prepared.expected, clock)
-        async with wall.watched(prepared.speed), guard.watched(signals):
+        async with wall.watched(prepared.speed), guarded(prepared.loaded, folder, signals):
             outcome, identities = await _with_devices(prepared, folder, laboratory, observer, keep, signals, writer)
         made_safe = True
         _keep_unsafe(folder, bench, outcome, observer)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import os
 import socket
 import subprocess
 import sys
@@ -32,74 +33,71 @@ class GuardError(BenchError):
     code = "guardian"
 
 
-class Guard:
-    """The guardian of a run on a bench with real instruments that move or energise something; else nothing.
+@asynccontextmanager
+async def guarded(loaded: LoadedBench, run: Path, signals: Signals) -> AsyncIterator[None]:
+    """A guardian for everything inside: the opening of the instruments of a bench, its run, and making it safe.
 
-    Lifetime: `start`, `watched` around everything that opens instruments, `over` when they are safe. Without `over` the
-    guardian makes the bench safe as soon as this process ends.
+    It is ready at the beginning, or GuardError is raised. Its death ends the run. At the end, also after an error, it
+    is dismissed; if the end never comes it makes the bench safe. Nothing real to energise, no guardian.
     """
-
-    def __init__(self, loaded: LoadedBench, run: Path) -> None:
-        self._loaded, self._run = loaded, run
-        self._process: subprocess.Popen[bytes] | None = None
-        self._link: socket.socket | None = None
-
-    def start(self, process: int) -> None:
-        """Start the guardian of this process."""
-        if not energising_addresses(self._loaded.bench):
-            return
-        document = self._loaded.document
-        near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with far:
-            digest = hashlib.sha256(document.text.encode()).hexdigest()
-            words = [str(far.fileno()), str(process), str(self._run.absolute()), str(document.path.absolute()), digest]
-            self._process = subprocess.Popen(  # noqa: S603  this program itself
-                [sys.executable, "-m", "bench.guardian", *words],
-                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=(far.fileno(),), start_new_session=True,
-            )  # fmt: skip
-        self._link = near
-        with suppress(OSError):  # a run in a container may not; it is an advantage, not a condition
-            MEMORY_PRESSURE.write_text(TAKEN_FIRST, "ascii")
-
-    @asynccontextmanager
-    async def watched(self, signals: Signals) -> AsyncIterator[None]:
-        """Beat while inside, once the guardian is ready; its death ends the run. Raises GuardError at the beginning."""
-        if self._link is None:
-            yield
-            return
-        _wait_until_armed(self._link)
-        beating = asyncio.create_task(self._beat(self._link, signals), name="guardian")
+    if not energising_addresses(loaded.bench):
+        yield
+        return
+    link, process = _start(loaded, run)
+    try:
+        _wait_until_armed(link)
+        beating = asyncio.create_task(_beat(link, signals), name="guardian")
         try:
             yield
         finally:
             beating.cancel()
+    except Exception:
+        _dismiss(link, process)
+        raise
+    _dismiss(link, process)
 
-    async def _beat(self, link: socket.socket, signals: Signals) -> None:
-        while True:
-            try:
-                link.send(BEAT)
-            except BlockingIOError:  # it stands still, and has not died
-                pass
-            except OSError:
-                signals.tell(Sent("the death of its guardian", LOST))
-                return
-            await asyncio.sleep(BEAT_S)
 
-    def over(self) -> None:
-        """The instruments are safe, or what is not is on record: the guardian is dismissed."""
-        if self._link is None or self._process is None:
-            return
-        with suppress(OSError):
-            self._link.setblocking(True)
-            self._link.settimeout(ENDS_WITHIN_S)
-            self._link.send(OVER)
-        self._link.close()
-        self._link = None
+def _start(loaded: LoadedBench, run: Path) -> tuple[socket.socket, subprocess.Popen[bytes]]:
+    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    document = loaded.document
+    digest = hashlib.sha256(document.text.encode()).hexdigest()
+    words = [str(far.fileno()), str(os.getpid()), str(run.absolute()), str(document.path.absolute()), digest]
+    try:
+        with far:
+            process = subprocess.Popen(  # noqa: S603  this program itself
+                [sys.executable, "-m", "bench.guardian", *words],
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=(far.fileno(),), start_new_session=True,
+            )  # fmt: skip
+    except OSError as problem:
+        near.close()
+        raise GuardError(f"The guardian of the run could not be started ({problem}). Nothing was energised.") from None
+    with suppress(OSError):  # a run in a container may not; it is an advantage, not a condition
+        MEMORY_PRESSURE.write_text(TAKEN_FIRST, "ascii")
+    return near, process
+
+
+async def _beat(link: socket.socket, signals: Signals) -> None:
+    while True:
         try:
-            self._process.wait(ENDS_WITHIN_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+            link.send(BEAT)
+        except BlockingIOError:  # it stands still, and has not died
+            pass
+        except OSError:
+            signals.tell(Sent("the death of its guardian", LOST))
+            return
+        await asyncio.sleep(BEAT_S)
+
+
+def _dismiss(link: socket.socket, process: subprocess.Popen[bytes]) -> None:
+    """End the guardian; one that stands still is killed."""
+    with link, suppress(OSError):
+        link.settimeout(ENDS_WITHIN_S)
+        link.send(OVER)
+    try:
+        process.wait(ENDS_WITHIN_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 def _wait_until_armed(link: socket.socket) -> None:
