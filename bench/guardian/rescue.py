@@ -4,29 +4,25 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-import json
-import sys
 import threading
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 from bench.clock import wall_utc
 from bench.config.bench import load_bench
-from bench.errors import InputError, InUseError, StoreError
-from bench.files import append_line
+from bench.errors import InputError, InUseError, in_words
+from bench.guardian.notes import Notes
 from bench.lanes import Lane, make_safe_in_lanes
 from bench.rig import device_of
 from bench.runner.held import energising_addresses, holding
 from bench.store.energised import note_safe
 from bench.store.unsafe import keep_unsafe
-from bench.store.user_state import state_folder
 from drivers.capabilities import Device
 from drivers.transport.address import Address
 from drivers.transport.wires import RealWires
 
-INCIDENT = "incident.jsonl"
 ATTEMPTS, BETWEEN_ATTEMPTS_S = 20, 0.25  # the locks of a run are free when the kernel has ended its process
 _pause = threading.Event().wait
 
@@ -40,58 +36,37 @@ class Rescue:
             raise InputError(f"{bench}: has changed since the run has read it")
         self._run, self._bench = run, loaded.bench
         self._addresses = energising_addresses(loaded.bench)
+        self._notes = Notes(run)
         self._devices()  # imports them while there is memory
 
     def make_safe(self, why: str) -> bool:
         """Make every instrument safe, and record how; whether all of them are."""
-        self._tell(f"{self._run.name}: {why}. Its guardian makes the bench safe: {', '.join(self._addresses)}.")
-        self._record({"event": "begins", "why": why})
+        notes = self._notes
+        notes.line(f"{why}. Its guardian makes the bench safe: {', '.join(self._addresses)}.")
+        notes.entry("begins", why=why)
         try:
             with _held(self._addresses.values()):
-                lanes = asyncio.run(self._lanes())
-        except (InUseError, StoreError) as problem:
-            lanes = [Lane(role, "not reached", str(problem), 0.0) for role in self._addresses]
+                lanes = asyncio.run(make_safe_in_lanes(self._devices(), partial(_tell, notes)))
+        except Exception as problem:  # noqa: BLE001  whatever it is, it is on record that the bench is not safe
+            lanes = [Lane(role, "not reached", in_words(problem), 0.0) for role in self._addresses]
         unsafe = {lane.role: lane.why for lane in lanes if lane.state != "safe"}
         for lane in lanes:
-            self._record({"event": "lane", **lane._asdict()})
-        self._record({"event": "ends", "unsafe": unsafe})
-        self._tell(
-            f"{self._run.name}: NOT MADE SAFE: {'; '.join(unsafe.values())}. Try 'bench make-safe'."
-            if unsafe
-            else f"{self._run.name}: the bench is safe."
-        )
-        with suppress(StoreError):
-            note_safe({str(self._addresses[lane.role]) for lane in lanes if lane.state == "safe"})
-            if unsafe:
-                keep_unsafe(self._run, wall_utc(), unsafe, {role: str(at) for role, at in self._addresses.items()})
+            notes.entry("lane", **lane._asdict())
+        notes.entry("ends", unsafe=unsafe)
+        notes.line(f"NOT MADE SAFE: {', '.join(unsafe)}. Try 'bench make-safe'." if unsafe else "the bench is safe.")
+        notes.do(partial(note_safe, {str(self._addresses[lane.role]) for lane in lanes if lane.state == "safe"}))
+        if unsafe:
+            connections = {role: str(address) for role, address in self._addresses.items()}
+            notes.do(partial(keep_unsafe, self._run, wall_utc(), unsafe, connections))
+        notes.close()
         return not unsafe
-
-    async def _lanes(self) -> list[Lane]:
-        return await make_safe_in_lanes(
-            self._devices(), lambda lane: self._tell(f"{lane.role}: {lane.state} {lane.why}".rstrip())
-        )
 
     def _devices(self) -> dict[str, Device]:
         return {role: device_of(role, self._bench.devices[role], RealWires()) for role in self._addresses}
 
-    def _record(self, entry: Mapping[str, Any]) -> None:
-        """Durable in the directory of the run, and beside the records of this user, as far as there is a disk."""
-        line = {"at": wall_utc().isoformat(timespec="milliseconds"), "run": str(self._run.absolute()), **entry}
-        text = json.dumps(line, ensure_ascii=False)
-        for path in self._places():
-            with suppress(OSError):
-                append_line(path, text)
 
-    def _places(self) -> Iterator[Path]:
-        if self._run.is_dir():
-            yield self._run / INCIDENT
-        with suppress(OSError):
-            yield state_folder() / INCIDENT
-
-    def _tell(self, text: str) -> None:
-        with suppress(OSError, ValueError):  # the terminal may be gone
-            sys.stderr.write(text + "\n")
-            sys.stderr.flush()
+def _tell(notes: Notes, lane: Lane) -> None:
+    notes.line(f"{lane.role} {lane.state} {lane.why}".rstrip())
 
 
 @contextmanager

@@ -56,4 +56,8 @@ def _received(link: socket.socket) -> bytes:
 def _gone(runner: int) -> str:
     """Why a run's end of the link is closed: the kernel closes it some time before a process has ended."""
     ended, _, _ = select.select([runner], [], [], DIE_WITHIN_S)
-    return "the process of the run has died" if ended else "the run has lost its guardian without an end"
+    return (
+        "the process of the run has died"
+        if ended
+        else "the run has closed the link to its guardian, and its process goes on"
+    )

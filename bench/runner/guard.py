@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import json
 import os
 import socket
 import subprocess
@@ -22,6 +23,10 @@ from bench.runner.signals import Sent, Signals
 BEAT_S = 0.5
 ARMED_WITHIN_S = 60.0  # on a computer with much else to do
 ENDS_WITHIN_S = 5.0
+PROGRAM = (  # with the search path of the run, so that it is the same program whatever lies in this directory
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
+    "from bench.guardian.main import main; sys.exit(main(*sys.argv[2:]))"
+)
 LOST = EndRequest("guardian", "its guardian has died, which would make the bench safe if this process died")
 MEMORY_PRESSURE = Path("/proc/self/oom_score_adj")
 TAKEN_FIRST = "500"  # by the kernel when memory runs out: the run, and not its guardian
@@ -61,11 +66,12 @@ def _start(loaded: LoadedBench, run: Path) -> tuple[socket.socket, subprocess.Po
     near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     document = loaded.document
     digest = hashlib.sha256(document.text.encode()).hexdigest()
-    words = [str(far.fileno()), str(os.getpid()), str(run.absolute()), str(document.path.absolute()), digest]
+    words = [json.dumps(sys.path), str(far.fileno()), str(os.getpid())]
+    words += [str(run.absolute()), str(document.path.absolute()), digest]
     try:
         with far:
             process = subprocess.Popen(  # noqa: S603  this program itself
-                [sys.executable, "-m", "bench.guardian", *words],
+                [sys.executable, "-P", "-c", PROGRAM, *words],
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=(far.fileno(),), start_new_session=True,
             )  # fmt: skip
     except OSError as problem:

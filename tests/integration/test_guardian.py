@@ -6,12 +6,14 @@ import contextlib
 import json
 import os
 import signal
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from bench.guardian.notes import WRITTEN_WITHIN_S
 from bench.guardian.watch import LEASE_S
 from tests.support.energised import SAFE, Process, Wires, wires
 from tests.support.guardians import guardian_of, has_ended
@@ -98,3 +100,36 @@ def test_a_guardian_is_not_ended_by_signals_and_ends_with_its_run(bench, tmp_pat
     run.send(signal.SIGTERM)
     assert run.code() == 4
     assert has_ended(guardian)
+
+
+def test_a_terminal_that_nobody_reads_holds_no_rescue_up(bench, tmp_path):
+    bench.energise()
+    reads, writes = os.pipe()
+    os.set_blocking(writes, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(writes, b"full")
+    os.set_blocking(writes, True)
+    run = Process(bench.bench, tmp_path, stderr=writes)
+    run.until_step("steps/wait")
+    guardian = guardian_of(run.process.pid)
+    run.process.kill()
+    run.process.wait(5)
+    end_s = time.monotonic() + WITHIN_S
+    while bench.state() != SAFE:
+        assert time.monotonic() < end_s
+    while not has_ended(guardian):
+        assert time.monotonic() < end_s + WRITTEN_WITHIN_S
+        time.sleep(0.1)
+    os.close(reads)
+    os.close(writes)
+
+
+def test_files_in_the_current_directory_are_not_taken_for_the_program(bench, tmp_path):
+    here = tmp_path / "here"
+    (here / "bench").mkdir(parents=True)
+    for name in ("bench/__init__.py", "asyncio.py", "select.py"):
+        (here / name).write_text("raise SystemExit('taken from the current directory')\n", "utf-8")
+    command = str(Path(sys.executable).with_name("bench"))
+    run = Process(bench.bench, tmp_path, "--set", "time=1 s", cwd=here, program=[command])
+    assert run.code() == 0, run.told.read_text("utf-8")

@@ -12,7 +12,7 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -130,13 +130,15 @@ def wires(folder: Path) -> Iterator[Wires]:
 class Process:
     """`bench run` of the sequence above, as a process of its own."""
 
-    def __init__(self, bench: Path, folder: Path, *arguments: str, **options: Any) -> None:
+    def __init__(
+        self, bench: Path, folder: Path, *arguments: str, program: Sequence[str] = ("-m", "bench"), **options: Any
+    ) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         sequence = folder / "energised.yaml"
         sequence.write_text(SEQUENCE, "utf-8")
         self.runs = folder / "runs"
         self.told = folder / "told.txt"
-        command = [sys.executable, "-m", "bench", "run", str(sequence), "--bench", str(bench), "--runs", str(self.runs)]
+        command = [sys.executable, *program, "run", str(sequence), "--bench", str(bench), "--runs", str(self.runs)]
         command += ["--attended", "--uut", "QF-0001", *arguments]
         with self.told.open("wb") as told:
             settings = {"stdin": subprocess.DEVNULL, "stdout": told, "stderr": told, "cwd": ROOT, **options}

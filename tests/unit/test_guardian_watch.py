@@ -60,7 +60,7 @@ def test_one_that_lives_and_has_closed_its_link_does(monkeypatch):
     monkeypatch.setattr(core, "DIE_WITHIN_S", 0.1)
     with runner() as (process, pidfd, near, far):
         near.close()
-        assert watch(far, pidfd) == "the run has lost its guardian without an end"
+        assert watch(far, pidfd) == "the run has closed the link to its guardian, and its process goes on"
         assert process.poll() is None
 
 

@@ -1,22 +1,21 @@
-"""`python -m bench.guardian LINK RUNNER RUN BENCH DIGEST`, as a run starts it; not for people.
-
-LINK is the inherited socket to the run, RUNNER its process, RUN its directory, and BENCH its bench file with the
-SHA-256 that it has.
-"""
+"""The process of a guardian, as a run starts it; not for people."""
 
 from __future__ import annotations
 
 import os
 import signal
 import socket
-import sys
 from pathlib import Path
 
 from bench.guardian.watch import ARMED, CANNOT, LONGEST, watch
 
 
 def main(link_number: str, runner_number: str, run: str, bench: str, digest: str) -> int:
-    """Watch the run until it is over; make the bench safe if it dies. Returns 6 when that did not succeed."""
+    """Watch a run until it is over; make its bench safe if it dies. Returns 6 when that did not succeed.
+
+    `link_number` is the inherited socket to the run, `runner_number` its process, `run` its directory, and `bench` its
+    bench file with the SHA-256 `digest`.
+    """
     for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGQUIT):
         signal.signal(number, signal.SIG_IGN)
     link, runner = socket.socket(fileno=int(link_number)), os.pidfd_open(int(runner_number))
@@ -32,7 +31,3 @@ def main(link_number: str, runner_number: str, run: str, bench: str, digest: str
     link.send(ARMED)
     why = watch(link, runner)
     return 0 if why is None or rescue.make_safe(why) else 6
-
-
-if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))

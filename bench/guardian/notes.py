@@ -1,0 +1,68 @@
+"""What a guardian writes while it makes a bench safe: a stuck disk or terminal does not hold the rescue up."""
+
+from __future__ import annotations
+
+import json
+import queue
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+from bench.clock import wall_utc
+from bench.errors import StoreError
+from bench.files import append_line
+from bench.store.user_state import state_folder
+
+INCIDENT = "incident.jsonl"
+WRITTEN_WITHIN_S = 10.0  # after which a guardian ends without
+
+
+class Notes:
+    """Lines for the terminal and entries of the incident, written in their order by a thread of their own."""
+
+    def __init__(self, run: Path) -> None:
+        self._run = run
+        self._work: queue.SimpleQueue[Callable[[], object] | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._write, name="notes", daemon=True)
+        self._thread.start()
+
+    def line(self, text: str) -> None:
+        """A line for a person."""
+        self.do(partial(_tell, f"{self._run.name}: {text}"))
+
+    def entry(self, event: str, **facts: object) -> None:
+        """An entry, durable in the directory of the run and in the folder of this user's records."""
+        entry = {"at": wall_utc().isoformat(timespec="milliseconds"), "run": str(self._run), "event": event, **facts}
+        self.do(partial(self._append, json.dumps(entry, ensure_ascii=False)))
+
+    def do(self, work: Callable[[], object]) -> None:
+        """Anything else that writes."""
+        self._work.put(work)
+
+    def close(self) -> None:
+        """Return when everything is written, or WRITTEN_WITHIN_S later."""
+        self._work.put(None)
+        self._thread.join(WRITTEN_WITHIN_S)
+
+    def _write(self) -> None:
+        while (work := self._work.get()) is not None:
+            with suppress(OSError, ValueError, StoreError):  # no disk, or no terminal any more
+                work()
+
+    def _append(self, text: str) -> None:
+        for path in self._places():
+            with suppress(OSError):
+                append_line(path, text)
+
+    def _places(self) -> Iterator[Path]:
+        if self._run.is_dir():
+            yield self._run / INCIDENT
+        yield state_folder() / INCIDENT
+
+
+def _tell(text: str) -> None:
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()
