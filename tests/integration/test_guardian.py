@@ -13,9 +13,14 @@ from pathlib import Path
 
 import pytest
 
+from bench.app.execute import execute
+from bench.app.request import RunRequest, prepare
 from bench.guardian.notes import WRITTEN_WITHIN_S
 from bench.guardian.watch import LEASE_S
-from tests.support.energised import SAFE, Process, Wires, wires
+from bench.runner import guard
+from bench.runner.quiet import Quiet
+from bench.store.reader import RunReader
+from tests.support.energised import SAFE, SEQUENCE, Process, Wires, wires
 from tests.support.guardians import guardian_of, has_ended
 
 pytestmark = pytest.mark.integration
@@ -133,3 +138,20 @@ def test_files_in_the_current_directory_are_not_taken_for_the_program(bench, tmp
     command = str(Path(sys.executable).with_name("bench"))
     run = Process(bench.bench, tmp_path, "--set", "time=1 s", cwd=here, program=[command])
     assert run.code() == 0, run.told.read_text("utf-8")
+
+
+def test_without_a_guardian_nothing_is_energised(bench, tmp_path, monkeypatch):
+    monkeypatch.setattr(guard, "PROGRAM", "raise SystemExit(3)")
+    sequence = tmp_path / "energised.yaml"
+    sequence.write_text(SEQUENCE, "utf-8")
+    wishes = RunRequest(
+        str(sequence), bench=str(bench.bench), runs=tmp_path / "runs", units=("QF-0001",), attended=True
+    )
+    before = bench.state()
+    result = execute(prepare(wishes), Quiet())
+    assert result.outcome.how == "error"
+    (problem,) = result.problems
+    assert "guardian of the run could not be started (it has ended). Nothing was energised" in problem
+    with RunReader(result.path) as reader:
+        assert not [event for event in reader.events() if event.kind in ("identified", "step_begins")]
+    assert bench.state() == before
