@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
 import queue
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -17,7 +17,8 @@ from bench.files import append_line
 from bench.store.user_state import state_folder
 
 INCIDENT = "incident.jsonl"
-WRITTEN_WITHIN_S = 10.0  # after which a guardian ends without
+WRITTEN_WITHIN_S = 5.0  # after which a guardian ends without
+STDERR = 2
 
 
 class Notes:
@@ -64,5 +65,4 @@ class Notes:
 
 
 def _tell(text: str) -> None:
-    sys.stderr.write(text + "\n")
-    sys.stderr.flush()
+    os.write(STDERR, f"{text}\n".encode())
