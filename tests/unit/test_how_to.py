@@ -12,7 +12,7 @@ from tests.support.how_to import FOLDER, PAGES, examples
 LINK = re.compile(r"\]\(([^)#:]*)#?([^)]*)\)")
 HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
-COMMAND = re.compile(r"^`?bench ([a-z]+)", re.MULTILINE)
+COMMAND = re.compile(r"^`?bench ([a-z][a-z-]*)", re.MULTILINE)
 INLINE = re.compile(r"`[^`\n]+`")
 COMING = {"rehearse"}  # to be taken out when the command is there
 NOT_USED_IN_A_PIECE = {"unused-need"}  # a piece stands in a file that needs more than the piece does
