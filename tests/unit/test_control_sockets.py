@@ -44,6 +44,7 @@ class Run:
         self.folder = folder
         self.commands: list[tuple[str, str]] = []
         self.hold = threading.Event()  # `wait` is not answered before
+        self.waiting = threading.Semaphore(0)  # one more for each `wait` that has begun
 
     @contextmanager
     def under_way(self) -> Iterator[None]:
@@ -73,7 +74,9 @@ class Run:
         return "x" * 2000
 
     async def wait(self, _: Arguments) -> str:
-        while not self.hold.is_set():  # noqa: ASYNC110  set by another thread
+        hold = self.hold
+        self.waiting.release()
+        while not hold.is_set():  # noqa: ASYNC110  set by another thread
             await asyncio.sleep(0.01)
         return "waited"
 
@@ -131,7 +134,7 @@ def test_who_aborts_does_not_wait_for_another_command(run: Run, monkeypatch: pyt
     monkeypatch.setattr(control, "ANSWER_S", 1.0)
     with run.connected() as client:
         client.sendall(b'{"command": "wait"}\n')
-        time.sleep(0.2)
+        assert run.waiting.acquire(timeout=10)
         assert tell(run.folder, "abort") == "aborted"
         assert run.commands
         run.hold.set()
@@ -221,12 +224,12 @@ def test_a_program_of_another_user_in_the_place_of_a_run_is_not_told(run: Run) -
 
 def test_what_is_under_way_when_the_run_ends_is_answered(tmp_path: Path) -> None:
     found = Run(tmp_path)
-    with found.under_way():
-        client = found.connected()
-        client.sendall(b'{"command": "wait"}\n')
-        silent = found.connected()
-        time.sleep(0.2)
-        found.hold = threading.Event()  # nobody answers it any more
-    for each in (client, silent):
-        assert json.loads(each.makefile("rb").readline()) == {"refused": "the run is about to end"}
-        each.close()
+    with ExitStack() as connected:
+        with found.under_way():
+            silent = connected.enter_context(found.connected())  # accepted before the next one
+            client = connected.enter_context(found.connected())
+            client.sendall(b'{"command": "wait"}\n')
+            assert found.waiting.acquire(timeout=10)
+            found.hold = threading.Event()  # nobody sets the one that the command waits for
+        for each in (client, silent):
+            assert json.loads(each.makefile("rb").readline()) == {"refused": "the run is about to end"}
