@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 SMALLEST_STEP_S = 0.5
 SLEWED = 0.001
@@ -34,10 +35,10 @@ class Clock:
 
 
 class Stopwatch:
-    """Real seconds since it was made, whatever bench time does; the computer's sleep counts."""
+    """Real seconds since it was made, and those before, whatever bench time does; the computer's sleep counts."""
 
-    def __init__(self) -> None:
-        self._start_s = _since_boot_s()
+    def __init__(self, before_s: float = 0.0) -> None:
+        self._start_s = _since_boot_s() - before_s
 
     def elapsed_s(self) -> float:
         """Real seconds gone by."""
@@ -70,6 +71,14 @@ class ClockWatch:
 
 def _since_boot_s() -> float:
     return time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
+def boot_id() -> str:
+    """What is different after each start of this computer; empty where the system does not have it."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text("ascii").strip()
+    except OSError:
+        return ""
 
 
 def wall_utc() -> datetime:

@@ -61,6 +61,8 @@ class _Timer(asyncio.TimerHandle):
 class BenchLoop(asyncio.SelectorEventLoop):
     """An event loop at `speed` bench seconds a second: 1 is real time, infinity as fast as possible.
 
+    Bench time begins at `origin_s`, whatever the computer's uptime is.
+
     Lifetime: as any event loop; use `run`. Concurrency: one thread; `admit` takes in what other threads give back.
     Raises TimeError out of `run_until_complete` when virtual time is stuck.
     """
@@ -73,9 +75,10 @@ class BenchLoop(asyncio.SelectorEventLoop):
 
         def _check_closed(self) -> None: ...
 
-    def __init__(self, speed: float = REAL_TIME) -> None:
-        self._virtual = None if speed == REAL_TIME else _VirtualSelector(self, speed)
+    def __init__(self, speed: float = REAL_TIME, origin_s: float = 0.0) -> None:
+        self._virtual = None if speed == REAL_TIME else _VirtualSelector(self, speed, origin_s)
         self._real = _RealSelector() if speed == REAL_TIME else None
+        self._behind_s = time.monotonic() - origin_s
         super().__init__(self._virtual or self._real)
         self._orders = itertools.count()
         self._executor: concurrent.futures.ThreadPoolExecutor | None = None
@@ -83,8 +86,8 @@ class BenchLoop(asyncio.SelectorEventLoop):
         self._served: dict[tuple[str, int], tuple[Callable[[], asyncio.Protocol], Line]] = {}
 
     def time(self) -> float:
-        """Seconds on this loop's clock; virtual time begins at 0."""
-        return super().time() if self._virtual is None else self._virtual.now
+        """Seconds on this loop's clock."""
+        return time.monotonic() - self._behind_s if self._virtual is None else self._virtual.now
 
     @property
     def wakeup_fd(self) -> int:
@@ -93,7 +96,7 @@ class BenchLoop(asyncio.SelectorEventLoop):
 
     def stalled_since(self, since_s: float) -> float:
         """For how long this loop has stood still since an instant; virtual time stands still with it."""
-        return 0.0 if self._real is None else self._real.stalled_since(since_s)
+        return 0.0 if self._real is None else self._real.stalled_since(since_s + self._behind_s)
 
     def call_at(
         self,
@@ -222,11 +225,11 @@ class _RealSelector(selectors.DefaultSelector):
 class _VirtualSelector(selectors.DefaultSelector):
     """A selector that moves the clock instead of waiting for it."""
 
-    def __init__(self, loop: BenchLoop, speed: float) -> None:
+    def __init__(self, loop: BenchLoop, speed: float, origin_s: float) -> None:
         super().__init__()
         self._loop = loop
         self._speed = speed
-        self.now = 0.0
+        self.now = origin_s
         self._turns_here = 0
         self._turns_since_poll = 0
         self._real_s = 0.0  # real time owed before the clock may go on, when paced
@@ -293,12 +296,14 @@ class _VirtualSelector(selectors.DefaultSelector):
         return ready
 
 
-def run(main: Coroutine[Any, Any, T], speed: float = REAL_TIME) -> T:
+def run(main: Coroutine[Any, Any, T], speed: float = REAL_TIME, origin_s: float = 0.0) -> T:
     """Runs `main` on a BenchLoop at `speed` and closes the loop; tasks left behind are cancelled and awaited.
+
+    Bench time begins at `origin_s`.
 
     One that does not end within `TASKS_END_WITHIN_S` is abandoned, so that a mistake in it keeps nobody from the end.
     """
-    with asyncio.Runner(loop_factory=lambda: BenchLoop(speed)) as runner:
+    with asyncio.Runner(loop_factory=lambda: BenchLoop(speed, origin_s)) as runner:
         try:
             return runner.run(main)
         finally:

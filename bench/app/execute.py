@@ -6,6 +6,8 @@ import asyncio
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass
+from datetime import datetime, timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,41 +15,39 @@ from bench.app.clock_record import ClockRecord
 from bench.app.devices import open_devices
 from bench.app.faults import Cue, FaultPlayer, as_journalled
 from bench.app.finish import Finish
+from bench.app.inputs import inputs_of
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
+from bench.app.rebuild import rebuild
 from bench.app.register import Register
 from bench.app.relay import RunObserver
 from bench.app.request import PreparedRun
+from bench.app.resume import REQUEST, RESUMED, Resumption, request_json
 from bench.app.technician import Technician
 from bench.app.tracing import Keep, recording
-from bench.clock import Clock, Stopwatch, wall_utc
+from bench.clock import Clock, Stopwatch, boot_id, wall_utc
 from bench.config.models import BenchFile
 from bench.config.simulation import FaultSimulation
 from bench.engine.ending import Outcome
+from bench.engine.past import Past
 from bench.engine.people import People
 from bench.engine.questions import Desk
 from bench.errors import StoreError, in_words
 from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.loop import run as run_loop
 from bench.report.findings import Results
-from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, released_copy
 from bench.runner import manifest
 from bench.runner.guard import guarded
 from bench.runner.held import holding, real_addresses
+from bench.runner.quiet import Quiet
 from bench.runner.run import run_plan
 from bench.runner.signals import Signals
 from bench.store.chain import Link
-from bench.store.runs import RunDirectory
+from bench.store.runs import MANIFEST, RunDirectory
 from bench.store.unsafe import keep_unsafe
 from bench.store.writer import RunWriter
-from drivers.can_counter.description import CounterOptions
-from drivers.can_options import text_of
-from drivers.can_telemetry.description import TelemetryOptions
-from drivers.fields import DocumentFile
 from drivers.values import Identity
 
-SCENARIO_COPY = "scenario.yaml"
 HEALTHY_BLOCK_S = 60.0  # how long frames are left together where nothing is to break
-CALLED = "called"  # the folder of sequences that the one of a run calls
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,10 @@ class RunResult:
         ]
 
 
-def execute(prepared: PreparedRun, observer: RunObserver, signals: Signals | None = None) -> RunResult:
-    """Runs it; everything that goes wrong is in the result.
+def execute(
+    prepared: PreparedRun, observer: RunObserver, signals: Signals | None = None, resumption: Resumption | None = None
+) -> RunResult:
+    """Runs it, or goes on with it where it was interrupted; everything that goes wrong is in the result.
 
     But StoreError when there is no directory to run in, and InUseError when another program uses the bench. The bench
     is free for others as soon as it is safe and closed, before the report is written. `signals` are those of the
@@ -79,30 +81,27 @@ def execute(prepared: PreparedRun, observer: RunObserver, signals: Signals | Non
     """
     with ExitStack() as in_use, nullcontext(signals) if signals is not None else Signals() as kept:
         in_use.enter_context(holding(real_addresses(prepared.loaded.bench).values(), f"a run of {prepared.plan.name}"))
-        return _execute(prepared, observer, kept, in_use.close)
+        return _execute(prepared, observer, kept, in_use.close, resumption)
 
 
-def _execute(prepared: PreparedRun, observer: RunObserver, signals: Signals, let_go: Callable[[], None]) -> RunResult:
+def _execute(
+    prepared: PreparedRun,
+    observer: RunObserver,
+    signals: Signals,
+    let_go: Callable[[], None],
+    resumption: Resumption | None,
+) -> RunResult:
     bench = prepared.loaded.bench
     units = unit_files(bench, prepared.request.uut_model, prepared.serials) if bench.needs_simulators else {}
-    started, watch = wall_utc(), Stopwatch()
-    directory = RunDirectory.create(
-        prepared.request.runs, started, prepared.plan.name, "+".join(prepared.serials.values())
-    )
+    now = wall_utc()
+    if resumption is None:
+        directory, started = _made_directory(prepared, now), now
+    else:
+        directory = RunDirectory.reopen(resumption.path)
+        started = datetime.fromisoformat(resumption.manifest["started"])
+    watch = Stopwatch((now - started).total_seconds())
     try:
-        record = manifest.opening(
-            directory.path.name,
-            prepared.plan,
-            bench,
-            prepared.serials,
-            prepared.seed,
-            prepared.request.operator,
-            started,
-        )
-        record |= {"order": prepared.request.order, "procedure": prepared.request.procedure}
-        record["released"] = {place: released.to_json() for place, released in prepared.released.items()}
-        record["hashes"] = _keep_inputs(prepared, directory)
-        directory.write_json("manifest.json", record)
+        record = _began(prepared, directory, started) if resumption is None else dict(resumption.manifest)
 
         async def main() -> _Run:
             laboratory = None
@@ -117,13 +116,18 @@ def _execute(prepared: PreparedRun, observer: RunObserver, signals: Signals, let
                 )
                 if not bench.simulation.faults:
                     laboratory.leave_frames(HEALTHY_BLOCK_S)
-            return await _run(prepared, directory.path, laboratory, observer, keep, signals)
+            if resumption is not None and bench.is_simulated:
+                await rebuild(resumption, prepared.seed, partial(_go_through, prepared, directory.path, laboratory))
+            return await _run(prepared, directory.path, laboratory, observer, keep, signals, resumption)
 
+        origin_s = 0.0
+        if resumption is not None and not bench.is_simulated:
+            origin_s = resumption.last_s + resumption.outage_s(now)
         trace = prepared.request.trace
         register = Register(prepared.loaded, directory.path, observer.notice)
-        register.begin(started)
+        register.begin(now)
         with nullcontext() if trace is None else recording(trace) as keep:
-            ran = run_loop(main(), prepared.speed)
+            ran = run_loop(main(), prepared.speed, origin_s)
         if ran.made_safe:
             register.end(ran.outcome)
         let_go()
@@ -137,6 +141,41 @@ def _execute(prepared: PreparedRun, observer: RunObserver, signals: Signals, let
         return RunResult(directory.path, ran.outcome, results, ran.bench_s, watch.elapsed_s(), finish.report)
     finally:
         directory.release()
+
+
+def _made_directory(prepared: PreparedRun, now: datetime) -> RunDirectory:
+    return RunDirectory.create(prepared.request.runs, now, prepared.plan.name, "+".join(prepared.serials.values()))
+
+
+def _began(prepared: PreparedRun, directory: RunDirectory, started: datetime) -> dict[str, Any]:
+    """The manifest of a run that begins; it is on the disk, with what the run depends on."""
+    record = manifest.opening(
+        directory.path.name,
+        prepared.plan,
+        prepared.loaded.bench,
+        prepared.serials,
+        prepared.seed,
+        prepared.request.operator,
+        started,
+    )
+    record |= {"order": prepared.request.order, "procedure": prepared.request.procedure}
+    record["released"] = {place: released.to_json() for place, released in prepared.released.items()}
+    record[REQUEST] = request_json(prepared.request, prepared)
+    record["hashes"] = _keep_inputs(prepared, directory)
+    directory.write_json(MANIFEST, record)
+    return record
+
+
+async def _go_through(
+    prepared: PreparedRun,
+    folder: Path,
+    laboratory: Laboratory | None,
+    writer: RunWriter,
+    signals: Signals,
+    past: Past | None,
+) -> None:
+    """Run the plan on a simulated bench, unwatched."""
+    await _with_devices(prepared, folder, laboratory, Quiet(), None, signals, writer, past)
 
 
 @dataclass(frozen=True)
@@ -160,19 +199,23 @@ async def _run(
     observer: RunObserver,
     keep: Keep | None,
     signals: Signals,
+    resumption: Resumption | None,
 ) -> _Run:
     bench = prepared.loaded.bench
-    clock = Clock(bench.simulation.start if bench.is_simulated else None)
-    began_s = clock.monotonic()
-    writer, digest = RunWriter(folder), ""
+    began_s = asyncio.get_running_loop().time() if resumption is None else resumption.began_s
+    clock = Clock(_instant(bench, resumption))
+    writer, digest = RunWriter(folder, resumed=resumption is not None), ""
     outcome, made_safe = Outcome(), False
     identities: Mapping[str, Identity] = {}
     wall = ClockRecord(writer, observer.notice)
     try:
-        writer.event("run_begins", utc=clock.utc().isoformat(), title=prepared.plan.sequence.title, seed=prepared.seed)
+        _write_beginning(writer, clock, prepared, resumption)
         observer.run_begins(folder, prepared.expected, clock)
         async with wall.watched(prepared.speed), guarded(prepared.loaded, folder, signals):
-            outcome, identities = await _with_devices(prepared, folder, laboratory, observer, keep, signals, writer)
+            past = None if resumption is None else resumption.past
+            outcome, identities = await _with_devices(
+                prepared, folder, laboratory, observer, keep, signals, writer, past
+            )
         made_safe = True
         _keep_unsafe(folder, bench, outcome, observer)
         if writer.ledger_problem:
@@ -201,6 +244,26 @@ async def _run(
     )
 
 
+def _instant(bench: BenchFile, resumption: Resumption | None) -> datetime | None:
+    """The UTC instant now in bench time; None for that of the computer."""
+    if not bench.is_simulated:
+        return None
+    if resumption is None:
+        return bench.simulation.start
+    return resumption.began + timedelta(seconds=asyncio.get_running_loop().time() - resumption.began_s)
+
+
+def _write_beginning(writer: RunWriter, clock: Clock, prepared: PreparedRun, resumption: Resumption | None) -> None:
+    utc = clock.utc().isoformat()
+    boot = {} if prepared.loaded.bench.is_simulated else {"boot": boot_id()}
+    if resumption is None:
+        writer.event("run_begins", utc=utc, title=prepared.plan.sequence.title, seed=prepared.seed, **boot)
+        return
+    after_s = clock.monotonic() - resumption.last_s
+    found: dict[str, Any] = {"number": resumption.number, "interrupted_s": resumption.last_s, **boot}
+    writer.event(RESUMED, utc=utc, outage_s=round(after_s, 3), interrupted=list(resumption.past.under_way), **found)
+
+
 async def _with_devices(
     prepared: PreparedRun,
     folder: Path,
@@ -209,6 +272,7 @@ async def _with_devices(
     keep: Keep | None,
     signals: Signals,
     writer: RunWriter,
+    past: Past | None,
 ) -> tuple[Outcome, Mapping[str, Identity]]:
     """Run the plan on the devices of the bench, with the faults of the bench file in simulated ones."""
     bench = prepared.loaded.bench
@@ -239,6 +303,7 @@ async def _with_devices(
         on_desk=_technician(prepared, laboratory, observer),
         places=tuple(prepared.serials),
         people=people,
+        past=past,
     )
 
 
@@ -269,18 +334,7 @@ def _technician(
 
 def _keep_inputs(prepared: PreparedRun, directory: RunDirectory) -> dict[str, str]:
     """Copy what the run depends on into its directory, durably; the hashes of the copies."""
-    copies = {SEQUENCE_COPY: prepared.plan.document.text, BENCH_COPY: prepared.loaded.document.text}
-    copies |= {released_copy(place): released.text for place, released in prepared.released.items()}
-    called = prepared.plan.document.all_included()
-    if prepared.scenario is not None:
-        copies[SCENARIO_COPY] = prepared.scenario.text
-    copies |= {f"{CALLED}/{document.path.name}": document.text for document in called}
-    for role, entry in prepared.loaded.bench.devices.items():
-        if isinstance(entry.options, CounterOptions | TelemetryOptions):
-            copies[entry.options.dbc.name] = text_of(entry.options.dbc)
-        for document in (each for each in vars(entry.options).values() if isinstance(each, DocumentFile)):
-            name, text = document.path.name, document.path.read_text("utf-8")
-            copies[name if copies.get(name, text) == text else f"{role}_{name}"] = text
+    copies = inputs_of(prepared)
     for name, text in copies.items():
         directory.write_text(name, text)
     return {name: manifest.file_hash(directory.path / name) for name in copies}

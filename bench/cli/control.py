@@ -19,9 +19,17 @@ def pause(run: str, runs: Path) -> None:
     _tell(run, runs, "pause")
 
 
-def resume(run: str, runs: Path) -> None:
-    """Resume a paused run."""
-    _tell(run, runs, "resume")
+def resume(run: str, runs: Path, *, interrupted: bool) -> int | None:
+    """Continue a paused run, or an interrupted one from where it was."""
+    from bench.store.runs import find_run, summary
+
+    path = find_run(run, runs)
+    if summary(path).state != "interrupted":
+        _tell(run, runs, "resume")
+        return None
+    from bench.cli.running import resume_interrupted
+
+    return resume_interrupted(path, confirmed=interrupted)
 
 
 def stop(run: str, runs: Path, *, after_step: bool) -> None:
@@ -95,7 +103,9 @@ def _tell(run: str, runs: Path, command: str, **arguments: str) -> None:
 
 COMMANDS = (
     Command("pause", pause, (RUN, RUNS)),
-    Command("resume", resume, (RUN, RUNS)),
+    Command("resume", resume, (
+        RUN, RUNS, flag("--interrupted", "Continue an interrupted run without asking; needed without a terminal."),
+    )),
     Command("skip", skip, (RUN, RUNS)),
     Command("repeat", repeat, (RUN, RUNS)),
     Command("abort", abort, (RUN, RUNS)),

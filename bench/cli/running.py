@@ -16,6 +16,8 @@ from bench.errors import InputError
 
 if TYPE_CHECKING:  # `bench --help` loads none of it
     from bench.app.execute import RunResult
+    from bench.app.request import PreparedRun
+    from bench.app.resume import Resumption
     from bench.sequence.plan import Plan
     from bench.sequence.remarks import Remark
 
@@ -126,22 +128,50 @@ def plan(*, picture: Path | None, as_json: bool, **wishes: Any) -> None:
 
 def run(*, as_json: bool, **wishes: Any) -> int:
     """Run a sequence on a bench."""
-    from bench.app.execute import execute
     from bench.app.request import RunRequest, prepare
     from bench.runner.output import lasting_output
-    from bench.runner.progress import TerminalProgress
-    from bench.runner.signals import Signals
 
     with lasting_output():
         if wishes["bench"] is None:
             sys.stderr.write("No --bench given: running on the shipped simulated bench.\n")
         prepared = prepare(RunRequest(**wishes))
         warn(prepared.plan, prepared.warnings)
-        with Signals() as signals:
-            with TerminalProgress(prepared.plan, prepared.loaded.bench, prepared.speed) as progress:
-                result = execute(prepared, progress, signals)
-            with signals.not_waiting():
-                _show(result, progress.said, as_json=as_json)
+        return _executed(prepared, None, as_json=as_json)
+
+
+def resume_interrupted(path: Path, *, confirmed: bool) -> int:
+    """Go on with an interrupted run, once a person or an option has confirmed it."""
+    from bench.app.resume import in_words, prepared_again, read_interrupted
+    from bench.runner.output import lasting_output
+
+    resumption = read_interrupted(path)
+    prepared = prepared_again(resumption)
+    with lasting_output():
+        for line in in_words(resumption, prepared):
+            sys.stderr.write(line + "\n")
+        if not confirmed and not _says_yes():
+            raise InputError(f"{path.name}: not resumed; confirm it with --interrupted, or answer yes on a terminal")
+        return _executed(prepared, resumption, as_json=False)
+
+
+def _says_yes() -> bool:
+    if not sys.stdin.isatty():
+        return False
+    sys.stderr.write("Resume it? yes/no: ")
+    sys.stderr.flush()
+    return sys.stdin.readline().strip().lower() in ("y", "yes")
+
+
+def _executed(prepared: PreparedRun, resumption: Resumption | None, *, as_json: bool) -> int:
+    from bench.app.execute import execute
+    from bench.runner.progress import TerminalProgress
+    from bench.runner.signals import Signals
+
+    with Signals() as signals:
+        with TerminalProgress(prepared.plan, prepared.loaded.bench, prepared.speed) as progress:
+            result = execute(prepared, progress, signals, resumption)
+        with signals.not_waiting():
+            _show(result, progress.said, as_json=as_json)
     return of_run(result)
 
 

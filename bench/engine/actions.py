@@ -96,6 +96,32 @@ async def perform(step: Step, step_id: str, bench: Bench) -> Found:  # noqa: C90
             assert_never(step)
 
 
+def target_of(step: Step, bench: Bench) -> Found:
+    """What a step is to set, for the journal before it begins.
+
+    A movement relative to an angle that is not known yet has no target.
+    """
+    match step:
+        case Move():
+            from_deg = bench.angles_deg.get(step.role)
+            if from_deg is None and (step.by_deg is not None or step.way != "as_written"):
+                return {"device": step.role}
+            return {"device": step.role, "target_deg": step.target_deg(from_deg or 0.0)}
+        case Orient():
+            return {"attitude": str(step.attitude)}
+        case Rotate():
+            return {"device": step.role, "rate_dps": step.rate_dps}
+        case Oscillate():
+            return {"device": step.role, "amplitude_deg": step.amplitude_deg}
+        case Ramp():
+            return {"device": step.role, "target_c": step.temperature_c, "rate_c_per_min": step.rate_c_per_min}
+        case SetOutput():
+            levels = {"voltage_v": step.voltage_v, "current_a": step.current_a, "acceleration_g": step.acceleration_g}
+            return {"device": step.role, "output": step.output, **{k: v for k, v in levels.items() if v is not None}}
+        case _:
+            return {}
+
+
 async def leave(step: Step, bench: Bench) -> None:
     """Brings to rest what a step that was cut short has set going."""
     match step:

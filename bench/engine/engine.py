@@ -14,6 +14,7 @@ from bench.engine.interlocks import Change
 from bench.engine.journal import Journal
 from bench.engine.missed import Numbered
 from bench.engine.monitor import Monitor
+from bench.engine.past import Past
 from bench.engine.questions import Desk, Question
 from bench.engine.safety import finish
 from bench.engine.stepper import Stopped, UnitFailed, Watcher
@@ -45,21 +46,30 @@ class Engine:
     Lifetime: one `run`. Concurrency: the methods that control it may be called from signal handlers and other callbacks
     of the same loop while it runs. Whatever happens once setup began, teardown runs (unless aborted), and the devices
     are made safe at the end. A step that does not end when cancelled is abandoned after `END_WITHIN_S`; no other
-    step begins after it.
+    step begins after it. With a `past` it goes on where that ended.
     """
 
     def __init__(
-        self, plan: Plan, file: BenchFile, rig: Rig, monitor: Monitor, writer: RunWriter, observer: Observer
+        self,
+        plan: Plan,
+        file: BenchFile,
+        rig: Rig,
+        monitor: Monitor,
+        writer: RunWriter,
+        observer: Observer,
+        past: Past | None = None,
     ) -> None:
         self._plan, self._rig, self._monitor, self._observer = plan, rig, monitor, observer
-        self.journal = Journal(writer)
+        self.journal = Journal(writer, past.state if past is not None else None)
         self.desk = Desk(observer.asked)
         self._control = Control(self.journal, observer.notice, observer.held)
         numbered = Numbered({role: entry.options for role, entry in file.devices.items()})
         bench = Bench(file, rig, monitor, writer, self.journal, self.desk, observer.notice, numbered)
         monitor.units.angles_deg = bench.angles_deg
         self._places = file.places
-        self._walk = Walk(plan, bench, self._control, observer, self._failed)
+        if past is not None:
+            monitor.units.take_over(past.dropped, past.state.mount)
+        self._walk = Walk(plan, bench, self._control, observer, self._failed, past or Past())
         self._body_task: asyncio.Task[None] | None = None
         self._teardown_task: asyncio.Task[None] | None = None
         self._ending, self._aborted = asyncio.Event(), asyncio.Event()

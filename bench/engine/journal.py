@@ -13,9 +13,9 @@ from bench.store.writer import RunWriter
 class Journal:
     """Writes what happens, and keeps the state of the run up to date by it."""
 
-    def __init__(self, writer: RunWriter) -> None:
+    def __init__(self, writer: RunWriter, state: RunState | None = None) -> None:
         self._writer = writer
-        self.state = RunState()
+        self.state = state or RunState()
 
     def write(self, kind: str, step: str = "", **data: Any) -> None:
         """One entry; StoreError when the disk does not take it, and the state is as if it had."""

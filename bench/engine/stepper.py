@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Protocol
 
-from bench.engine.actions import Bench, Found, begin_turning, leave, perform
+from bench.engine.actions import Bench, Found, begin_turning, leave, perform, target_of
 from bench.engine.control import Control, StepUnderWay, Wish
 from bench.engine.recording import acquire_during
 from bench.engine.safety import finish
@@ -75,8 +75,7 @@ class Stepper:
         """One try at a step, with the steps that are done meanwhile; whether it is to be done again."""
         step = planned.step
         try:
-            await self._begin(planned)
-            step = self._ready(planned)
+            step = await self._begin(planned)
             found = await self._within_its_time(step, planned, body)
         except (asyncio.CancelledError, Stopped):
             self._journal.try_to_write("step_cut", planned.id, wish="end", **self._unknown_after(step))
@@ -162,15 +161,27 @@ class Stepper:
         except TimeoutError:
             self._watcher.notice(f"The motion started by the step has not stopped within {MAKE_SAFE_S:g} s.")
 
-    async def _begin(self, planned: PlannedStep) -> None:
-        """The intent is on the disk, with all before it, before anything moves; the teardown goes on without a disk."""
+    async def _begin(self, planned: PlannedStep) -> Step:
+        """The step, ready; its intent is on the disk, with all before it, before anything moves.
+
+        The teardown goes on without a disk. Raises StepError for a step that the bench cannot take.
+        """
+        step: Step = planned.step
+        problem: StepError | None = None
         try:
-            self._journal.write("step_begins", planned.id)
+            step = self._ready(planned)
+        except StepError as found:
+            problem = found
+        try:
+            self._journal.write("step_begins", planned.id, **(target_of(step, self._bench) if problem is None else {}))
             await self._journal.commit()
         except StoreError:
             if planned.phase != "teardown":
                 raise
         self._watcher.step_begins(planned, self._indices[planned.id])
+        if problem is not None:
+            raise problem
+        return step
 
     def _end(self, planned: PlannedStep, found: Found) -> None:
         try:

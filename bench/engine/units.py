@@ -5,7 +5,7 @@ In a run of one unit every problem ends the run, like one of the bench.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
@@ -61,6 +61,13 @@ class Units:
     def left(self) -> dict[str, PlaceEntry]:
         """Those that are still in."""
         return {name: entry for name, entry in self.places.items() if name not in self._dropped}
+
+    def take_over(self, dropped: Iterable[UnitFailure], mount: str | None) -> None:
+        """Go on with the units and the mount of the run before its interruption."""
+        for failure in dropped:
+            self.drop(failure)
+        if mount is not None:
+            self.mount = self._bench.fixture.mount(mount)
 
     def drop(self, failure: UnitFailure) -> None:
         """A unit is no longer in."""

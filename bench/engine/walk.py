@@ -11,11 +11,13 @@ from typing import Any, assert_never
 
 from bench.engine.actions import Bench
 from bench.engine.control import Control
+from bench.engine.past import Past, decision, done_of, to_restore
 from bench.engine.people import answered
 from bench.engine.questions import Question
 from bench.engine.safety import grouped, outlast
 from bench.engine.stepper import Stepper, Stopped, Watcher
 from bench.errors import BenchError, StepError, StoreError
+from bench.sequence.measuring import Acquire
 from bench.sequence.plan import (
     Alternatives,
     Attempts,
@@ -30,8 +32,9 @@ from bench.sequence.plan import (
     leaves,
 )
 from bench.sequence.step_fields import OnFailure
+from bench.sequence.stimulus import Move
 from bench.sequence.talk import A_DAY_S
-from bench.sequence.waiting import is_true
+from bench.sequence.waiting import completed, is_true
 from drivers.errors import DriverError
 
 AFTER_A_FAILURE = ("stop", "continue", "repeat")
@@ -46,13 +49,22 @@ class Walk:
     """
 
     def __init__(
-        self, plan: Plan, bench: Bench, control: Control, watcher: Watcher, failed: Callable[[BaseException], None]
+        self,
+        plan: Plan,
+        bench: Bench,
+        control: Control,
+        watcher: Watcher,
+        failed: Callable[[BaseException], None],
+        past: Past,
     ) -> None:
         self._plan, self._bench, self._journal = plan, bench, bench.journal
+        self._past = past
+        self._restoring = asyncio.Lock()
+        self._left_to_restore = to_restore(done_of((*plan.setup, *plan.steps), past))
         self._control, self._watcher, self._failed = control, watcher, failed
         self._indices = {planned.id: index for index, planned in enumerate(plan)}
         self._stepper = Stepper(plan, bench, control, watcher, self._indices)
-        self._visits: Counter[str] = Counter()
+        self._visits = Counter(past.begun)
         self._last: PlannedStep | None = None
         self._teardowns: set[asyncio.Task[None]] = set()  # of groups, those that are running
 
@@ -91,10 +103,7 @@ class Walk:
             case Section():
                 await self._section(node)
             case Alternatives():
-                variables = self._journal.state.variables
-                with self._told_where(node):
-                    chosen = node.then if is_true(node.condition, variables) else node.otherwise
-                await self.nodes(chosen)
+                await self.nodes(node.then if self._decided(node) else node.otherwise)
             case Passes():
                 await self._passes(node)
             case Branches():
@@ -103,6 +112,16 @@ class Walk:
                 await self._attempts(node)
             case _:
                 assert_never(node)
+
+    def _decided(self, node: Alternatives | Passes, number: int = 1) -> bool:
+        """The value of a condition: as it was decided before an interruption, or as it is now."""
+        name = decision(node, number)
+        if (taken := self._past.decisions.pop(name, None)) is not None:
+            return taken
+        with self._told_where(node):
+            taken = is_true(node.condition, self._journal.state.variables)
+        self._journal.write("decided", name, taken=taken)
+        return taken
 
     @contextmanager
     def _told_where(self, node: Alternatives | Passes) -> Iterator[None]:
@@ -113,9 +132,8 @@ class Walk:
 
     async def _passes(self, node: Passes) -> None:
         for number in range(1, node.at_most + 1):
-            with self._told_where(node):
-                if not is_true(node.condition, self._journal.state.variables):
-                    return
+            if not self._decided(node, number):
+                return
             await self.nodes(self._numbered(node, number))
         with self._told_where(node):
             if is_true(node.condition, self._journal.state.variables):
@@ -164,6 +182,8 @@ class Walk:
 
     async def _section(self, node: Section) -> None:
         """Its teardown runs however its steps ended, unless the run is aborted."""
+        if self._past.passes_over(node.id):
+            return
         why: Exception | None = None
         try:
             while await self._failing(node.on_failure, node.id, self.nodes(node.body)):
@@ -192,6 +212,12 @@ class Walk:
 
     async def _leaf(self, planned: PlannedStep, body: Nodes | None = None) -> None:
         """Does a step, again if the operator wishes; whatever it fails with goes by its `on_failure`."""
+        if self._past.passes_over(planned.id):
+            return
+        if isinstance(planned.step, Acquire):
+            self._past.forget(planned.id)  # one acquisition, with all that is done meanwhile
+        if planned.phase != "teardown":
+            await self._restore()
         inside = None if body is None else functools.partial(self.nodes, body)
         await self._may_begin(planned)
         while await self._failing(
@@ -200,6 +226,24 @@ class Walk:
             await self._may_begin(planned)
         if body is None:
             self._last = planned
+
+    async def _restore(self) -> None:
+        """Bring the bench back to where an interruption found it, before the first step that is not passed over."""
+        async with self._restoring:
+            while self._left_to_restore:
+                planned = self._left_to_restore.pop(0)
+                await self._may_begin(planned)
+                await self._stepper.step(self._visited(self._as_it_was(planned)))
+
+    def _as_it_was(self, planned: PlannedStep) -> PlannedStep:
+        """A step with the values, and a movement with the target, that it had before the interruption."""
+        owner, _ = self._plan.document.owner(planned.place)
+        step = completed(planned, self._past.values[planned.id], owner.path.parent)
+        if isinstance(step, Move) and planned.id in self._past.angles_deg:
+            to_deg = step.to_deg if step.by_deg is None and step.way == "as_written" else None
+            absolute = {"to_deg": self._past.angles_deg[planned.id] if to_deg is None else to_deg, "by_deg": None}
+            step = step.model_copy(update={**absolute, "way": "as_written"})
+        return planned._replace(step=step, waiting=None)
 
     async def _may_begin(self, planned: PlannedStep) -> None:
         """Point at which a pause, or a stop after the current step, takes effect; in a teardown only an abort."""

@@ -14,6 +14,7 @@ from bench.engine.engine import Engine, Observer
 from bench.engine.interlocks import Interlocks
 from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
+from bench.engine.past import Past
 from bench.engine.people import People
 from bench.engine.questions import Desk
 from bench.engine.safety import finish
@@ -45,6 +46,7 @@ async def run_plan(
     on_desk: Callable[[Desk], object] | None = None,
     places: Collection[str] | None = None,
     people: People | None = None,
+    past: Past | None = None,
 ) -> tuple[Outcome, Mapping[str, Identity]]:
     """Opens the devices, runs the plan, makes everything safe, closes; how it ended, and who the devices were.
 
@@ -52,7 +54,7 @@ async def run_plan(
     signal ends the opening, or the run as `_acting` says. `teardown_s` is the estimated duration of the teardown, to be
     told. While it runs a control socket takes commands; it is named in `folder`. `on_desk` is given the desk at which
     questions are asked, before the first one. `places` are those with a unit in them; None for all. `people` are whom
-    the devices ask.
+    the devices ask. `past` is what was done before an interruption.
     """
     rig, journal = Rig(devices), Journal(writer)
     in_use = bench.with_units_in(bench.places if places is None else places)
@@ -64,7 +66,7 @@ async def run_plan(
         if signals.first is None:
             interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
             monitor = Monitor(rig, bench, interlocks, writer, on_reading, places, used)
-            engine = Engine(plan, in_use, rig, monitor, writer, observer)
+            engine = Engine(plan, in_use, rig, monitor, writer, observer, past)
             loop = asyncio.get_running_loop()
 
             def end_run(failure: StoreError) -> None:

@@ -48,17 +48,33 @@ def create(path: Path) -> sqlite3.Connection:
     """
     try:
         with _kept_if_good(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as database:
-            mode = database.execute("PRAGMA journal_mode=WAL").fetchone()[0]
-            database.execute("PRAGMA synchronous=FULL")
-            if mode != "wal" or database.execute("PRAGMA synchronous").fetchone()[0] != 2:
-                raise StoreError(
-                    f"{path}: this file system does not support what a run store needs; use a local "
-                    "disk, not a network share"
-                )
+            _make_commits_durable(database, path)
             database.executescript(f"BEGIN; {_SCHEMA} PRAGMA user_version={VERSION}; COMMIT;")
     except sqlite3.Error as problem:
         raise StoreError(f"{path}: cannot be created ({problem})") from problem
     return database
+
+
+def reopen(path: Path) -> sqlite3.Connection:
+    """The database of an interrupted run, to append to; recovered by SQLite. StoreError as `create` raises it."""
+    open_to_read(path).close()
+    try:
+        with _kept_if_good(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as database:
+            if (version := database.execute("PRAGMA user_version").fetchone()[0]) != VERSION:
+                raise StoreError(f"{path}: has format {version}, this program appends to format {VERSION}")
+            _make_commits_durable(database, path)
+    except sqlite3.Error as problem:
+        raise StoreError(f"{path}: cannot be opened ({problem})") from problem
+    return database
+
+
+def _make_commits_durable(database: sqlite3.Connection, path: Path) -> None:
+    mode = database.execute("PRAGMA journal_mode=WAL").fetchone()[0]
+    database.execute("PRAGMA synchronous=FULL")
+    if mode != "wal" or database.execute("PRAGMA synchronous").fetchone()[0] != 2:
+        raise StoreError(
+            f"{path}: this file system does not support what a run store needs; use a local disk, not a network share"
+        )
 
 
 def open_to_read(path: Path) -> sqlite3.Connection:

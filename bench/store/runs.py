@@ -48,15 +48,26 @@ class RunDirectory:
             path = _exclusively_made(runs, name)
             lock = os.open(path / LOCK, os.O_CREAT | os.O_RDWR, 0o644)
             fcntl.flock(lock, fcntl.LOCK_EX)
-            reserve = os.open(path / RESERVE, os.O_CREAT | os.O_WRONLY, 0o644)
-            try:
-                os.posix_fallocate(reserve, 0, RESERVE_BYTES)
-            finally:
-                os.close(reserve)
+            _set_aside_space(path)
             sync_folder(path)
             sync_folder(runs)
         except OSError as problem:
             raise StoreError(f"{runs}: a run directory cannot be created ({problem})") from problem
+        return cls(path, lock)
+
+    @classmethod
+    def reopen(cls, path: Path) -> RunDirectory:
+        """The directory of an interrupted run, to go on in; raises InputError where it is in use, and StoreError."""
+        try:
+            lock = os.open(path / LOCK, os.O_CREAT | os.O_RDWR, 0o644)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                os.close(lock)
+                raise InputError(f"{path.name}: this run is under way in another process") from None
+            _set_aside_space(path)
+        except OSError as problem:
+            raise StoreError(f"{path}: cannot be opened to go on in ({problem})") from problem
         return cls(path, lock)
 
     def write_json(self, name: str, value: Any) -> None:
@@ -83,6 +94,14 @@ class RunDirectory:
         if self._lock >= 0:
             os.close(self._lock)
             self._lock = -1
+
+
+def _set_aside_space(path: Path) -> None:
+    reserve = os.open(path / RESERVE, os.O_CREAT | os.O_WRONLY, 0o644)
+    try:
+        os.posix_fallocate(reserve, 0, RESERVE_BYTES)
+    finally:
+        os.close(reserve)
 
 
 def _exclusively_made(runs: Path, name: str) -> Path:

@@ -42,26 +42,32 @@ Rows = Mapping[str, Sequence[Row]]
 class RunWriter:
     """Appends to a run. All but `commit` return at once; `commit` returns when all that was given is durable.
 
-    Lifetime: from the directory's making to `close`. Concurrency: called from the loop's thread; one thread of its own
-    owns the database. After a failed write nothing is acknowledged any more: every later call raises StoreError, and
-    `on_failure` is called with it in that thread. The directory is looked after every second: where it is moved or
-    removed, that is a failure, and `folder` is where the record is.
+    A `resumed` one goes on after what an interrupted run has left. Lifetime: from the directory's making to `close`.
+    Concurrency: called from the loop's thread; one thread of its own owns the database. After a failed write nothing is
+    acknowledged any more: every later call raises StoreError, and `on_failure` is called with it in that thread. The
+    directory is looked after every second: where it is moved or removed, that is a failure, and `folder` is where the
+    record is.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, resumed: bool = False) -> None:
         self.folder = folder
-        self._database = database.create(folder / database.FILE_NAME)
+        self._channels: dict[str, int] = {}
+        self._database = (database.reopen if resumed else database.create)(folder / database.FILE_NAME)
         self._link = Link(0, NOTHING, beginning(folder / MANIFEST))
-        try:
-            self._insert({database.CHAIN: [self._link.to_row()]})
-        except sqlite3.Error as problem:
-            raise StoreError(f"{folder}: the run store cannot write ({problem})") from problem
         self._beginning = self._link.head
+        try:
+            if resumed:
+                self._go_on()
+            else:
+                self._insert({database.CHAIN: [self._link.to_row()]})
+        except (sqlite3.Error, ValueError) as problem:
+            self._database.close()
+            raise StoreError(f"{folder}: the run store cannot write ({problem})") from problem
         self._place = Place(folder / database.FILE_NAME)
         self.on_failure: Callable[[StoreError], object] = lambda _: None
         self._noted: Stopwatch | None = None
         self.ledger_problem = ""
-        self._digest = Digest()
+        self._digest = None if resumed else Digest()
         self._changed = threading.Condition()
         self._rows = _no_rows()
         self._waiting = 0
@@ -69,8 +75,7 @@ class RunWriter:
         self._in_hand: list[concurrent.futures.Future[None]] = []  # taken by the thread
         self._closing = False
         self._failure: StoreError | None = None
-        self._numbers = dict.fromkeys(database.TABLES, 0)
-        self._channels: dict[str, int] = {}
+        self._numbers = dict(self._link.rows)
         self._thread = threading.Thread(target=self._write_for_ever, name="run store", daemon=True)
         self._thread.start()
 
@@ -127,9 +132,23 @@ class RunWriter:
         return self._link
 
     def digest(self) -> str:
-        """The digest of all that was written, as a reader finds it; after `close`. Raises StoreError as that does."""
+        """The digest of all that was written, as a reader finds it; after `close`. Raises StoreError as that does.
+
+        Empty for a resumed run, whose earlier rows only a reader has.
+        """
         self._raise_failure()
-        return self._digest.hexdigest()
+        return "" if self._digest is None else self._digest.hexdigest()
+
+    def _go_on(self) -> None:
+        """Continue the chain and the numbers of what was committed before. Raises ValueError for a broken chain."""
+        first, last = (
+            Link.from_row(self._database.execute(f"SELECT * FROM {database.CHAIN} ORDER BY {order}").fetchone())  # noqa: S608
+            for order in ("number", "number DESC")
+        )
+        if first.head != self._beginning:
+            raise ValueError("the manifest is not the one that the run began with")
+        self._link = last
+        self._channels = dict(self._database.execute("SELECT name, id FROM channel"))
 
     def _put(self, table: str, *rows: tuple[Any, ...]) -> None:
         with self._changed:
@@ -209,6 +228,8 @@ class RunWriter:
         link = self._link.next({table: len(rows) for table, rows in group.rows.items()}, of_tables)
         self._insert({**group.rows, database.CHAIN: [link.to_row()]})
         self._link = link
+        if self._digest is None:
+            return
         for table in group.rows.keys() - {"block"}:
             self._digest.rows(table, of_tables[table])
         for block in group.blocks:

@@ -1,0 +1,29 @@
+"""The files that a run depends on, as they are copied into its directory."""
+
+from __future__ import annotations
+
+from bench.app.request import PreparedRun
+from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, released_copy
+from drivers.can_counter.description import CounterOptions
+from drivers.can_options import text_of
+from drivers.can_telemetry.description import TelemetryOptions
+from drivers.fields import DocumentFile
+
+SCENARIO_COPY = "scenario.yaml"
+CALLED = "called"  # the folder of sequences that the one of a run calls
+
+
+def inputs_of(prepared: PreparedRun) -> dict[str, str]:
+    """The text of each file by the name of its copy."""
+    copies = {SEQUENCE_COPY: prepared.plan.document.text, BENCH_COPY: prepared.loaded.document.text}
+    copies |= {released_copy(place): released.text for place, released in prepared.released.items()}
+    if prepared.scenario is not None:
+        copies[SCENARIO_COPY] = prepared.scenario.text
+    copies |= {f"{CALLED}/{document.path.name}": document.text for document in prepared.plan.document.all_included()}
+    for role, entry in prepared.loaded.bench.devices.items():
+        if isinstance(entry.options, CounterOptions | TelemetryOptions):
+            copies[entry.options.dbc.name] = text_of(entry.options.dbc)
+        for document in (each for each in vars(entry.options).values() if isinstance(each, DocumentFile)):
+            name, text = document.path.name, document.path.read_text("utf-8")
+            copies[name if copies.get(name, text) == text else f"{role}_{name}"] = text
+    return copies

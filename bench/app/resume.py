@@ -1,0 +1,168 @@
+"""Reads an interrupted run, decides whether it may go on, and prepares it from the files that it began with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import datetime, timedelta
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from bench.app.inputs import inputs_of
+from bench.app.request import PreparedRun, RunRequest, prepare
+from bench.engine.past import Past, done_of, past_of, to_restore
+from bench.errors import InputError
+from bench.runner.held import energising_addresses
+from bench.sequence.custom import Custom
+from bench.sequence.values import as_written
+from bench.store.energised import energised
+from bench.store.kept_json import LIMIT_BYTES, read_kept
+from bench.store.manifest_form import WHOLE_FORM
+from bench.store.reader import Event, RunReader
+from bench.store.runs import MANIFEST, summary
+from bench.store.verify import examine
+from drivers.bounded import expect_bounded
+
+REQUEST, RESUMED = "request", "run_resumed"  # a key of the manifest, and a kind of entry of the journal
+_FILES = ("sequence", "bench", "parameters", "uut_model", "answers")
+_NOT_KEPT = frozenset({"runs", "attended", "not_after", "trace", "scenario"})
+PROGRAM = "inertial-test-bench"
+
+
+class Resumption(NamedTuple):
+    """An interrupted run: its directory, its manifest, its journal, and what it has done of its plan.
+
+    `last_s` is the bench time of the last thing that is on the disk.
+    """
+
+    path: Path
+    manifest: Mapping[str, Any]
+    entries: tuple[Event, ...]
+    last_s: float
+    past: Past
+
+    @property
+    def began_s(self) -> float:
+        """Bench time at which the run began."""
+        return self.entries[0].at_s
+
+    @property
+    def began(self) -> datetime:
+        """The UTC instant of `began_s`."""
+        return datetime.fromisoformat(self.entries[0].data["utc"])
+
+    @property
+    def number(self) -> int:
+        """How often the run will have been resumed."""
+        return 1 + sum(entry.kind == RESUMED for entry in self.entries)
+
+    def outage_s(self, now: datetime) -> float:
+        """Time since the last entry; 0 where the computer's clock was set back meanwhile."""
+        return max(0.0, (now - self.began - timedelta(seconds=self.last_s - self.began_s)).total_seconds())
+
+
+def request_json(request: RunRequest, prepared: PreparedRun) -> dict[str, Any]:
+    """What a run was asked for, for its manifest: enough to prepare it again, with absolute paths."""
+    kept: dict[str, Any] = {key: value for key, value in request._asdict().items() if key not in _NOT_KEPT}
+    kept |= {"sequence": prepared.plan.document.path, "bench": prepared.loaded.document.path}
+    kept |= {key: str(Path(kept[key]).absolute()) for key in _FILES if kept[key] is not None}
+    kept["calibrations"] = [f"{place}={found.path.absolute()}" for place, found in prepared.released.items()]
+    kept["units"] = [f"{place}={serial}" for place, serial in prepared.serials.items()]
+    return {**kept, "settings": list(request.settings), "seed": prepared.seed}
+
+
+def read_interrupted(path: Path) -> Resumption:
+    """An interrupted run that may go on; raises InputError with the reason, StoreError for a damaged record."""
+    found = summary(path)
+    if found.state != "interrupted":
+        raise InputError(f"{found.id}: only an interrupted run is resumed; this one is {found.state}")
+    record = examine(path, thoroughly=False)
+    if record.damage:
+        raise InputError(f"{found.id}: {record.in_words}. {'; '.join(record.damage[:3])}. It is not resumed")
+    expect_bounded(path / MANIFEST, LIMIT_BYTES)
+    manifest = read_kept(path / MANIFEST, WHOLE_FORM)
+    if REQUEST not in manifest:
+        raise InputError(f"{found.id}: was begun by a version of this program that did not keep what was asked for")
+    with RunReader(path) as reader:
+        entries, (_, last_s) = tuple(reader.events()), reader.span_s()
+    if not entries:
+        raise InputError(f"{found.id}: was interrupted before its first entry; start it anew")
+    if any(entry.kind == "run_ended" for entry in entries):
+        raise InputError(
+            f"{found.id}: had ended when it was interrupted; 'bench reduce {found.id}' and 'bench report {found.id}' "
+            "complete it"
+        )
+    return Resumption(path, manifest, entries, last_s, past_of(entries))
+
+
+def prepared_again(resumption: Resumption) -> PreparedRun:
+    """The run as it was prepared when it began; raises InputError with everything that is different now."""
+    manifest = resumption.manifest
+    asked: dict[str, Any] = dict(manifest[REQUEST])
+    for key in ("parameters", "uut_model", "answers"):
+        asked[key] = None if asked[key] is None else Path(asked[key])
+    for key in ("settings", "units", "calibrations"):
+        asked[key] = tuple(asked[key])
+    prepared = prepare(RunRequest(**asked, runs=resumption.path.parent, attended=True))
+    if problems := [*_changed(prepared, manifest), *_cannot_go_on(prepared, resumption)]:
+        raise InputError(*(f"{resumption.path.name}: {problem}" for problem in problems))
+    return prepared
+
+
+def in_words(resumption: Resumption, prepared: PreparedRun) -> Iterator[str]:
+    """What a person should know before a run goes on."""
+    past, total = resumption.past, len(prepared.plan)
+    done = len(past.over & {planned.id for planned in prepared.plan})
+    last = resumption.began + timedelta(seconds=resumption.last_s - resumption.began_s)
+    yield f"{resumption.path.name}: interrupted after {last:%Y-%m-%d %H:%M:%S} UTC; {done} of {total} steps are done."
+    if past.under_way:
+        yield f"Under way, and to be done again: {', '.join(past.under_way)}"
+    restored = [planned.id for planned in to_restore(done_of((*prepared.plan.setup, *prepared.plan.steps), past))]
+    if restored:
+        yield f"Restored before, with all waiting in full: {', '.join(restored)}"
+
+
+def _changed(prepared: PreparedRun, manifest: Mapping[str, Any]) -> list[str]:
+    """What is not any more as it was when the run began."""
+    now = {name: f"sha256:{sha256(text.encode()).hexdigest()}" for name, text in inputs_of(prepared).items()}
+    changed = [name for name in {**now, **manifest["hashes"]} if now.get(name) != manifest["hashes"].get(name)]
+    problems = [f"{name} has changed since the run began; its copy is in the run directory" for name in changed]
+    parameters = {name: as_written(value) for name, value in prepared.plan.parameters.items()}
+    if parameters != manifest["parameters"]:
+        problems.append("its parameters have changed since the run began")
+    began_with, now_is = manifest["software"].get(PROGRAM), _version()
+    if began_with != now_is:
+        problems.append(f"was begun by version {began_with} of this program; this is {now_is}")
+    return problems
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version(PROGRAM)
+
+
+def _cannot_go_on(prepared: PreparedRun, resumption: Resumption) -> list[str]:
+    """What a person must do or decide before."""
+    problems: list[str] = []
+    if prepared.loaded.bench.simulation.faults or prepared.scenario is not None:
+        problems.append("its simulated faults cannot be continued; start it anew")
+    steps = {planned.id: planned.step for planned in prepared.plan}
+    if custom := [step for step in resumption.past.under_way if isinstance(steps.get(step), Custom)]:
+        problems.append(f"{', '.join(custom)} was under way, and may not be repeatable; start it anew")
+    left = _left_on(prepared)
+    if left:
+        problems.append(
+            f"{', '.join(left)} may still be energised. Make the bench safe first: bench make-safe --bench "
+            f"{prepared.loaded.document.path}"
+        )
+    return problems
+
+
+def _left_on(prepared: PreparedRun) -> Sequence[str]:
+    """The instruments of the bench that no run, guardian or person has made safe since a run had them."""
+    connections = {str(address): role for role, address in energising_addresses(prepared.loaded.bench).items()}
+    if not connections:
+        return []
+    left = (address for each in energised(lambda _: None) for address in each.connections.values())
+    return sorted({connections[address] for address in left if address in connections})

@@ -1,0 +1,157 @@
+"""What an interrupted run has done of its plan, read from its journal: what a resumed one passes over."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+from bench.engine.state import Entry, RunState, advanced
+from bench.engine.units import UnitFailure
+from bench.sequence.dwells import first_visit
+from bench.sequence.expressions import Value
+from bench.sequence.measuring import Acquire
+from bench.sequence.orienting import Orient
+from bench.sequence.plan import (
+    Alternatives,
+    Meanwhile,
+    Node,
+    Nodes,
+    Passes,
+    PlannedStep,
+    within,
+)
+from bench.sequence.stimulus import Move, Ramp, SetOutput
+from bench.sequence.waits import Soak, Wait, WaitUntil
+
+ATTITUDE = "attitude"  # what a step that orients sets, whatever axes it moves
+
+
+@dataclass
+class Past:
+    """What was done before an interruption.
+
+    `over` are the ids of steps and sections that ended or were left out, as the plan has them; `begun` counts how often
+    each step was begun. `decisions` are those of conditions, by the ids of `decision`. `values` are the variables as
+    they were when each step last began, `angles_deg` where each movement went. `dropped` are units that take no further
+    part. `under_way` are the steps that were interrupted, `state` is that of the run without them.
+    """
+
+    state: RunState = field(default_factory=RunState)
+    over: set[str] = field(default_factory=set)
+    begun: Counter[str] = field(default_factory=Counter)
+    decisions: dict[str, bool] = field(default_factory=dict)
+    values: dict[str, Mapping[str, Value]] = field(default_factory=dict)
+    angles_deg: dict[str, float] = field(default_factory=dict)
+    dropped: list[UnitFailure] = field(default_factory=list)
+    under_way: tuple[str, ...] = ()
+
+    def passes_over(self, step: str) -> bool:
+        """Whether a step or section is over; only once, because what is asked for again is to be done."""
+        if step not in self.over:
+            return False
+        self.over.remove(step)
+        return True
+
+    def forget(self, inside: str) -> None:
+        """What was done inside a node is to be done again."""
+        beginning = f"{inside}/"
+        self.over = {each for each in self.over if not each.startswith(beginning)}
+        self.decisions = {key: taken for key, taken in self.decisions.items() if not key.startswith(beginning)}
+
+
+def past_of(entries: Iterable[Entry]) -> Past:
+    """What the entries of a journal say was done; what is done again counts from its new beginning."""
+    past = Past()
+    for entry in entries:
+        past.state = advanced(past.state, entry.kind, entry.step, entry.data)
+        step = first_visit(entry.step)
+        match entry.kind:
+            case "step_begins":
+                past.begun[step] += 1
+                past.values[step] = past.state.variables
+                past.over.discard(step)
+            case "step_ended":
+                past.over.add(step)
+                if "angle_deg" in entry.data:
+                    past.angles_deg[step] = float(entry.data["angle_deg"])
+            case "left_out":
+                past.over.add(step)
+            case "unit_dropped":
+                place, kind, text = (entry.data[key] for key in ("place", "fault", "text"))
+                past.dropped.append(UnitFailure(place, kind, text))
+            case "retried":
+                past.forget(step)
+            case "decided":
+                past.decisions[entry.step] = bool(entry.data["taken"])
+            case "answered" if entry.data.get("answer") == "repeat":
+                past.forget(step.removesuffix("?"))
+            case _:
+                pass
+    past.under_way = tuple(map(first_visit, past.state.under_way))
+    past.state = replace(past.state, under_way=(), held=frozenset(), questions=())
+    return past
+
+
+def decision(node: Alternatives | Passes, number: int = 1) -> str:
+    """The id of a decision of a condition; of a loop, that before its pass of a number."""
+    return node.id if isinstance(node, Alternatives) else f"{node.id}/pass={number}"
+
+
+def done_of(nodes: Nodes, past: Past) -> Iterator[PlannedStep]:
+    """The steps of nodes that a resumed run passes over, in the order of the plan."""
+    for node in nodes:
+        if isinstance(node, PlannedStep):
+            if node.id in past.over:
+                yield node
+        else:
+            for inner in _gone_into(node, past):
+                yield from done_of(inner, past)
+
+
+def _gone_into(node: Node, past: Past) -> Iterator[Nodes]:
+    """The nodes inside a node that were begun, and are not to be done again as a whole."""
+    match node:
+        case Meanwhile() if node.step.id not in past.over and isinstance(node.step.step, Acquire):
+            return
+        case Alternatives():
+            if (taken := past.decisions.get(decision(node))) is not None:
+                yield node.then if taken else node.otherwise
+        case Passes():
+            for number in range(1, node.at_most + 1):
+                if not past.decisions.get(decision(node, number)):
+                    return
+                yield node.numbered(number)
+        case _:
+            yield from within(node)
+
+
+def to_restore(done: Iterable[PlannedStep]) -> list[PlannedStep]:
+    """The steps that bring a bench that was made safe back to where it was, in their order.
+
+    They are the last one of each stimulus, and the waiting that followed it, in full: after an interruption nothing
+    counts as settled.
+    """
+    last: dict[str, str] = {}
+    steps = list(done)
+    for planned in steps:
+        for name in _stimuli(planned):
+            last[name] = planned.id
+    wanted, follows = set(last.values()), False
+    restored = []
+    for planned in steps:
+        if _stimuli(planned):
+            follows = planned.id in wanted
+            if follows:
+                restored.append(planned)
+        elif follows and isinstance(planned.step, (Soak, Wait, WaitUntil)):
+            restored.append(planned)
+    return restored
+
+
+def _stimuli(planned: PlannedStep) -> tuple[str, ...]:
+    """What a step sets that stays as it is set; empty for any other step."""
+    step = planned.step
+    if isinstance(step, (Move, Ramp, SetOutput)):
+        return (step.role,)
+    return (ATTITUDE,) if isinstance(step, Orient) else ()
