@@ -113,13 +113,16 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
 def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on_the_way: OnTheWay) -> Verdict:
     """A run that left something out is incomplete, whatever the rest of it says, as a unit is (methods.md 1.10).
 
+    So is one whose results combine data from both sides of an interruption.
+
     One in which nothing has a limit passes nothing: NOT JUDGED.
     """
     ended = _ENDED.get(state)
     if ended is not None and ended != "INCOMPLETE":
         return ended
     verdicts = {unit.verdict for unit in units} | verdicts_of(on_the_way.measurements)
-    if ended or on_the_way.left_out or verdicts & {"INCOMPLETE", "INVALID"} or (sequence.results and not units):
+    apart = on_the_way.left_out or any(each.is_between for each in on_the_way.interruptions)
+    if ended or apart or verdicts & {"INCOMPLETE", "INVALID"} or (sequence.results and not units):
         return "INCOMPLETE"
     if "FAIL" in verdicts:
         return "FAIL"

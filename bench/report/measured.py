@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from bench.analysis.coverage import COVERAGE
 from bench.analysis.finding import Dropped
 from bench.report.languages import tr
 from bench.report.shown import decimals
+from bench.report.times_and_sizes import duration
 from bench.sequence.dwells import first_visit
 from bench.store.reader import Event, RunReader
 
@@ -72,6 +73,36 @@ class LeftOut:
 
 
 @dataclass(frozen=True, slots=True)
+class Interruption:
+    """The loss of the process of a run, and its resumption.
+
+    `after_s` is since the start of the run, `again` are the steps that were under way. `is_between` is whether what was
+    acquired before and after it is reduced together.
+    """
+
+    after_s: float
+    outage_s: float
+    again: tuple[str, ...]
+    is_between: bool
+
+    @property
+    def in_words(self) -> str:
+        """For the first page of a report."""
+        text = tr(
+            "Interrupted {time} after the start, made safe, and resumed {outage} later.",
+            time=duration(self.after_s), outage=duration(self.outage_s),
+        )  # fmt: skip
+        if self.again:
+            text += " " + tr("Under way and done again: {steps}.", steps=", ".join(self.again))
+        if self.is_between:
+            text += " " + tr(
+                "The results combine data from before and after it. The unit was without power in between, and no "
+                "budget contains its repeatability over power cycles: the run is INCOMPLETE."
+            )
+        return text
+
+
+@dataclass(frozen=True, slots=True)
 class OnTheWay:
     """Everything of a run that stands in its journal and not in its frames; of a step done again the last time.
 
@@ -82,10 +113,13 @@ class OnTheWay:
     answers: tuple[Answered, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     dropped: Mapping[str, Dropped] = field(default_factory=dict)
+    interruptions: tuple[Interruption, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """Its part of `results.json`."""
+        """Its part of `results.json`; `interruptions` only where there were some."""
+        interruptions = {"interruptions": [asdict(each) for each in self.interruptions]} if self.interruptions else {}
         return {
+            **interruptions,
             "measurements": [
                 {
                     "step": found.step, "reading": found.reading, "name": found.name, "value": found.value,
@@ -121,7 +155,23 @@ def on_the_way(reader: RunReader) -> OnTheWay:
             answers.append(Answered(event.step, str(data["question"]), answer, str(data["by"]), after_s))
         elif "reading" in data and "u" in data:
             measurements[first_visit(event.step)] = _measurement(event)
-    return OnTheWay(tuple(measurements.values()), tuple(answers), tuple(left_out), dropped)
+    interruptions = tuple(_interruptions(reader, began_s))
+    return OnTheWay(tuple(measurements.values()), tuple(answers), tuple(left_out), dropped, interruptions)
+
+
+def _interruptions(reader: RunReader, began_s: float) -> Iterator[Interruption]:
+    resumed = list(reader.events("run_resumed"))
+    if not resumed:
+        return
+    acquired_s = {first_visit(event.step): event.at_s for event in reader.events("step_ended") if "label" in event.data}
+    for event in resumed:
+        before = [at_s < event.at_s for at_s in acquired_s.values()]
+        yield Interruption(
+            after_s=float(event.data["interrupted_s"]) - began_s,
+            outage_s=float(event.data["outage_s"]),
+            again=tuple(event.data["interrupted"]),
+            is_between=any(before) and not all(before),
+        )
 
 
 def _measurement(event: Event) -> Measurement:

@@ -46,6 +46,7 @@ def _on_the_way(found: OnTheWay) -> Iterator[str]:
     ]  # fmt: skip
     yield from in_columns(rows, SUMMARY_ALIGN)
     yield from (f"  left out: {each.step}: {each.why}" for each in found.left_out)
+    yield from (f"  {each.in_words}" for each in found.interruptions)
 
 
 def _dwell_table(unit: UnitResult) -> Iterator[str]:
