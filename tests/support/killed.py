@@ -1,0 +1,91 @@
+"""Runs on a simulated bench that are killed at an instant of virtual time, and runs that go on after it.
+
+As a program: the process that is killed, told as JSON what to run.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from bench.app.execute import RunResult, execute
+from bench.app.request import RunRequest, prepare
+from bench.app.resume import prepared_again, read_interrupted
+from bench.clock import Clock
+from bench.runner.quiet import Quiet
+from bench.sequence.dwells import first_visit
+from bench.sequence.estimate import Estimate
+from bench.store.reader import Event, RunReader
+from tests.support.runs import ROOT
+
+KILLED = 137
+
+
+class _Killed(Quiet):
+    """An observer with which the process ends, without another instruction, at an instant of bench time."""
+
+    def __init__(self, at_s: float) -> None:
+        super().__init__()
+        self._at_s = at_s
+
+    def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
+        asyncio.get_running_loop().call_at(self._at_s, os._exit, KILLED)
+
+
+def interrupted(runs: Path, at_s: float, sequence: Path | str, bench: Path | str, **wishes: Any) -> Path:
+    """The directory of a run that was killed at an instant of bench time."""
+    asked = {"sequence": str(sequence), "bench": str(bench), "runs": str(runs), **wishes}
+    _killed({"at_s": at_s, "asked": asked})
+    return max(runs.iterdir())
+
+
+def interrupted_again(path: Path, at_s: float) -> None:
+    """Resume an interrupted run and kill it once more."""
+    _killed({"at_s": at_s, "again": str(path)})
+
+
+def _killed(wish: dict[str, Any]) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.support.killed", json.dumps(wish)],
+        capture_output=True, text=True, cwd=ROOT, check=False,
+    )  # fmt: skip
+    assert done.returncode == KILLED, f"{done.returncode} {done.stdout}{done.stderr[-600:]}"
+
+
+def resumed(path: Path, quiet: Quiet | None = None) -> RunResult:
+    """An interrupted run that has gone on to its end."""
+    resumption = read_interrupted(path)
+    return execute(prepared_again(resumption), quiet or Quiet(), None, resumption)
+
+
+def journal(path: Path) -> list[Event]:
+    """Its entries."""
+    with RunReader(path) as reader:
+        return list(reader.events())
+
+
+def ended(entries: list[Event]) -> Counter[str]:
+    """How often each step ended, by the id that it has in the plan."""
+    return Counter(first_visit(entry.step) for entry in entries if entry.kind == "step_ended")
+
+
+def main(wish: dict[str, Any]) -> None:
+    """Run, or resume, until killed."""
+    observer = _Killed(wish["at_s"])
+    if "again" in wish:
+        resumed(Path(wish["again"]), observer)
+        return
+    asked = wish["asked"]
+    for key in ("settings", "units"):
+        asked[key] = tuple(asked.get(key, ()))
+    execute(prepare(RunRequest(**{**asked, "runs": Path(asked["runs"])})), observer)
+
+
+if __name__ == "__main__":
+    main(json.loads(sys.argv[1]))
