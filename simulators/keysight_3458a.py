@@ -98,12 +98,15 @@ class Simulated3458A:
         self.full_scale: float | None = None
         self.nplc = 10.0
         self._reading: _Aperture | None = None
+        self._reading_ends_s = 0.0
         self._single = "TARM"  # which trigger was single last
         self.errors.clear()
 
     @property
     def is_reading(self) -> bool:
-        """Whether a reading is being taken."""
+        """Whether a reading is being taken; one whose connection is gone ends unread."""
+        if self._reading is not None and self._world.look() > self._reading_ends_s:
+            self.end_reading()
         return self._reading is not None
 
     def execute(self, command: str) -> str:
@@ -138,6 +141,7 @@ class Simulated3458A:
         now_s = self._world.look()
         takes_s = wire.takes_s(self.nplc, self._line_hz)
         self._reading = _Aperture(now_s, now_s + takes_s - wire.last_zero_s(self.nplc, self._line_hz), now_s)
+        self._reading_ends_s = now_s + takes_s
         return takes_s
 
     def end_reading(self) -> str:

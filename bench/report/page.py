@@ -84,7 +84,7 @@ def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
 
 
 def _since_start(run: StoredRun, event: Event) -> str:
-    """How long after the first thing in the record; in real time its clock does not begin at 0."""
+    """How long after the first thing in the record; runs of earlier versions have times since the computer's start."""
     return duration(event.at_s - run.reader.span_s()[0])
 
 

@@ -42,14 +42,14 @@ Rows = Mapping[str, Sequence[Row]]
 class RunWriter:
     """Appends to a run. All but `commit` return at once; `commit` returns when all that was given is durable.
 
-    A `resumed` one goes on after what an interrupted run has left. Lifetime: from the directory's making to `close`.
-    Concurrency: called from the loop's thread; one thread of its own owns the database. After a failed write nothing is
-    acknowledged any more: every later call raises StoreError, and `on_failure` is called with it in that thread. The
-    directory is looked after every second: where it is moved or removed, that is a failure, and `folder` is where the
-    record is.
+    A `resumed` one goes on after what an interrupted run has left; one that is not `noted` is not in the ledger.
+    Lifetime: from the directory's making to `close`. Concurrency: called from the loop's thread; one thread of its own
+    owns the database. After a failed write nothing is acknowledged any more: every later call raises StoreError, and
+    `on_failure` is called with it in that thread. The directory is looked after every second: where it is moved or
+    removed, that is a failure, and `folder` is where the record is.
     """
 
-    def __init__(self, folder: Path, *, resumed: bool = False) -> None:
+    def __init__(self, folder: Path, *, resumed: bool = False, noted: bool = True) -> None:
         self.folder = folder
         self._channels: dict[str, int] = {}
         self._database = (database.reopen if resumed else database.create)(folder / database.FILE_NAME)
@@ -65,6 +65,7 @@ class RunWriter:
             raise StoreError(f"{folder}: the run store cannot write ({problem})") from problem
         self._place = Place(folder / database.FILE_NAME)
         self.on_failure: Callable[[StoreError], object] = lambda _: None
+        self._is_noted = noted
         self._noted: Stopwatch | None = None
         self.ledger_problem = ""
         self._digest = None if resumed else Digest()
@@ -237,7 +238,8 @@ class RunWriter:
 
     def _note(self) -> None:
         """Note the head of the chain in the ledger from time to time; that this fails is no reason to end a run."""
-        if self._failure is not None or (self._noted is not None and self._noted.elapsed_s() < LEDGER_EVERY_S):
+        is_recent = self._noted is not None and self._noted.elapsed_s() < LEDGER_EVERY_S
+        if not self._is_noted or self._failure is not None or is_recent:
             return
         self._noted = Stopwatch()
         try:

@@ -155,7 +155,7 @@ def test_a_killed_run_is_told_to_be_interrupted(started):
     run = started(*PACED)
     run.process.kill()
     run.process.communicate()
-    told = run.tell("resume")
+    told = run.tell("pause")
     assert told.returncode == 2
     assert told.stderr == f"{run.path.name}: this run is not running; its state is interrupted\n"
 

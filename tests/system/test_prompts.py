@@ -105,11 +105,11 @@ def test_nobody_told_what_to_do_after_a_failure_stops_the_run(tmp_path):
 
 
 @pytest.mark.integration
-def test_the_report_counts_from_the_start_also_in_real_time_whose_clock_began_before(tmp_path):
+def test_the_report_counts_from_the_start_also_in_real_time(tmp_path):
     ask = {"steps/prompt": {"after": "1 s", "by": "A. Quick"}}
     result = ran(tmp_path, "note: Here.", "{prompt: Ready?}", answers=ask, speed="1")
     report = (result.path / "report.html").read_text("utf-8")
     assert re.search(r"Here\. \(\d\d? s after the start\)", report)
     assert re.search(r"A\. Quick</td><td class=\"n whole\">0:00:\d\d</td>", report)
     with RunReader(result.path) as reader:
-        assert reader.span_s()[0] > 10, "this computer has only just been switched on"
+        assert 0 <= reader.span_s()[0] < 30  # whatever the computer's uptime is

@@ -329,3 +329,12 @@ def test_without_reading_by_itself_the_gateway_waits_for_read(bench: Bench) -> N
 
 def test_what_is_said_to_another_address_does_not_reach_the_instrument(bench: Bench) -> None:
     assert bench.say(b"++addr 5", b"ID?", b"DCV 1", b"++addr 22", b"RANGE?") == [b"", b"", b"", b"", b".1\r\n"]
+
+
+def test_a_reading_whose_connection_is_gone_ends_unread(bench: Bench) -> None:
+    bench.session.feed(b"TARM HOLD;END ALWAYS;NPLC 100;TARM SGL\n")
+    (ends_s, _answer) = bench.due[0]
+    after = bench.meter.session()  # the first one is closed, and takes no answer
+    assert after.feed(b"ID?\n") == b""
+    bench.now_s = ends_s + 0.001
+    assert after.feed(b"TARM?\n") == b"HP3458A\r\n4\r\n"
