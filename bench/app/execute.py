@@ -6,25 +6,25 @@ import asyncio
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from bench.app.beginning import began, instant, keep_inputs, made_directory, write_beginning
 from bench.app.clock_record import ClockRecord
 from bench.app.devices import open_devices
 from bench.app.faults import Cue, FaultPlayer, as_journalled
 from bench.app.finish import Finish
-from bench.app.inputs import inputs_of
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
 from bench.app.rebuild import rebuild
 from bench.app.register import Register
 from bench.app.relay import RunObserver
 from bench.app.request import PreparedRun
-from bench.app.resume import REQUEST, RESUMED, Resumption, request_json
+from bench.app.resume import Resumption
 from bench.app.technician import Technician
 from bench.app.tracing import Keep, recording
-from bench.clock import Clock, Stopwatch, boot_id, wall_utc
+from bench.clock import Clock, Stopwatch, wall_utc
 from bench.config.models import BenchFile
 from bench.config.simulation import FaultSimulation
 from bench.engine.ending import Outcome
@@ -42,7 +42,7 @@ from bench.runner.quiet import Quiet
 from bench.runner.run import run_plan
 from bench.runner.signals import Signals
 from bench.store.chain import Link
-from bench.store.runs import MANIFEST, RunDirectory
+from bench.store.runs import RunDirectory
 from bench.store.unsafe import keep_unsafe
 from bench.store.writer import RunWriter
 from drivers.values import Identity
@@ -95,13 +95,13 @@ def _execute(
     units = unit_files(bench, prepared.request.uut_model, prepared.serials) if bench.needs_simulators else {}
     now = wall_utc()
     if resumption is None:
-        directory, started = _made_directory(prepared, now), now
+        directory, started = made_directory(prepared, now), now
     else:
         directory = RunDirectory.reopen(resumption.path)
         started = datetime.fromisoformat(resumption.manifest["started"])
     watch = Stopwatch((now - started).total_seconds())
     try:
-        record = _began(prepared, directory, started) if resumption is None else dict(resumption.manifest)
+        record = began(prepared, directory, started) if resumption is None else dict(resumption.manifest)
 
         async def main() -> _Run:
             laboratory = None
@@ -143,29 +143,6 @@ def _execute(
         directory.release()
 
 
-def _made_directory(prepared: PreparedRun, now: datetime) -> RunDirectory:
-    return RunDirectory.create(prepared.request.runs, now, prepared.plan.name, "+".join(prepared.serials.values()))
-
-
-def _began(prepared: PreparedRun, directory: RunDirectory, started: datetime) -> dict[str, Any]:
-    """The manifest of a run that begins; it is on the disk, with what the run depends on."""
-    record = manifest.opening(
-        directory.path.name,
-        prepared.plan,
-        prepared.loaded.bench,
-        prepared.serials,
-        prepared.seed,
-        prepared.request.operator,
-        started,
-    )
-    record |= {"order": prepared.request.order, "procedure": prepared.request.procedure}
-    record["released"] = {place: released.to_json() for place, released in prepared.released.items()}
-    record[REQUEST] = request_json(prepared.request, prepared)
-    record["hashes"] = _keep_inputs(prepared, directory)
-    directory.write_json(MANIFEST, record)
-    return record
-
-
 async def _go_through(
     prepared: PreparedRun,
     folder: Path,
@@ -203,13 +180,13 @@ async def _run(
 ) -> _Run:
     bench = prepared.loaded.bench
     began_s = asyncio.get_running_loop().time() if resumption is None else resumption.began_s
-    clock = Clock(_instant(bench, resumption))
+    clock = Clock(instant(bench, resumption))
     writer, digest = RunWriter(folder, resumed=resumption is not None), ""
     outcome, made_safe = Outcome(), False
     identities: Mapping[str, Identity] = {}
     wall = ClockRecord(writer, observer.notice)
     try:
-        _write_beginning(writer, clock, prepared, resumption)
+        write_beginning(writer, clock, prepared, resumption)
         observer.run_begins(folder, prepared.expected, clock)
         async with wall.watched(prepared.speed), guarded(prepared.loaded, folder, signals):
             past = None if resumption is None else resumption.past
@@ -242,26 +219,6 @@ async def _run(
         wall.steps,
         writer.folder,
     )
-
-
-def _instant(bench: BenchFile, resumption: Resumption | None) -> datetime | None:
-    """The UTC instant now in bench time; None for that of the computer."""
-    if not bench.is_simulated:
-        return None
-    if resumption is None:
-        return bench.simulation.start
-    return resumption.began + timedelta(seconds=asyncio.get_running_loop().time() - resumption.began_s)
-
-
-def _write_beginning(writer: RunWriter, clock: Clock, prepared: PreparedRun, resumption: Resumption | None) -> None:
-    utc = clock.utc().isoformat()
-    boot = {} if prepared.loaded.bench.is_simulated else {"boot": boot_id()}
-    if resumption is None:
-        writer.event("run_begins", utc=utc, title=prepared.plan.sequence.title, seed=prepared.seed, **boot)
-        return
-    after_s = clock.monotonic() - resumption.last_s
-    found: dict[str, Any] = {"number": resumption.number, "interrupted_s": resumption.last_s, **boot}
-    writer.event(RESUMED, utc=utc, outage_s=round(after_s, 3), interrupted=list(resumption.past.under_way), **found)
 
 
 async def _with_devices(
@@ -332,21 +289,13 @@ def _technician(
     return lambda desk: Technician(desk, script, bench, laboratory, observer.notice)
 
 
-def _keep_inputs(prepared: PreparedRun, directory: RunDirectory) -> dict[str, str]:
-    """Copy what the run depends on into its directory, durably; the hashes of the copies."""
-    copies = inputs_of(prepared)
-    for name, text in copies.items():
-        directory.write_text(name, text)
-    return {name: manifest.file_hash(directory.path / name) for name in copies}
-
-
 def _follow(prepared: PreparedRun, directory: RunDirectory, record: dict[str, Any], ran: _Run) -> None:
     """Go on in the folder where the record is; one that was rescued gets the inputs and the manifest once more."""
     directory.path = ran.folder
     if (ran.folder / "manifest.json").exists():
         return
     try:
-        _keep_inputs(prepared, directory)
+        keep_inputs(prepared, directory)
         directory.write_json("manifest.json", record)
     except StoreError as problem:
         ran.outcome.failed(str(problem))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from bench.engine.state import Entry, RunState, advanced
 from bench.engine.units import UnitFailure
@@ -89,7 +89,7 @@ def past_of(entries: Iterable[Entry]) -> Past:
             case _:
                 pass
     past.under_way = tuple(map(first_visit, past.state.under_way))
-    past.state = replace(past.state, under_way=(), held=frozenset(), questions=())
+    past.state = advanced(past.state, "run_resumed", "", {})
     return past
 
 

@@ -94,6 +94,8 @@ def advanced(  # noqa: C901  one case for each kind
             return replace(state, dropped={**state.dropped, str(data["place"]): str(data["text"])})
         case "gaps":
             return replace(state, lost=_more_lost(state.lost, data))
+        case "run_resumed":
+            return replace(state, under_way=(), held=frozenset(), questions=())
         case "problem":
             return replace(state, problems=(*state.problems, str(data["text"])))
         case _:

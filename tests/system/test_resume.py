@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from bench.cli.main import main
+from bench.engine.state import replayed
 from bench.errors import InputError
 from bench.runner.quiet import Quiet
 from bench.sequence.dwells import first_visit
@@ -65,6 +66,7 @@ def test_a_run_goes_on_where_it_was(tmp_path, undisturbed, at_s):
     entries = journal(path)
     acquired = {step: count for step, count in ended(entries).items() if step.endswith("acquire")}
     assert acquired == dict.fromkeys((step for step in ended(journal(undisturbed)) if step.endswith("acquire")), 1)
+    assert replayed(entries).under_way == ()
     assert [entry.at_s for entry in entries] == sorted(entry.at_s for entry in entries)
     assert not [step for step in after(path) if step.endswith("acquire") and first_visit(step) in before]
     assert examine(path).damage == ()

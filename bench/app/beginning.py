@@ -1,0 +1,69 @@
+"""What a run has on the disk before anything is opened, and the entry with which its journal begins or goes on."""
+
+from __future__ import annotations
+
+import asyncio
+from datetime import datetime, timedelta
+from typing import Any
+
+from bench.app.inputs import inputs_of
+from bench.app.request import PreparedRun
+from bench.app.resume import REQUEST, RESUMED, Resumption, request_json
+from bench.clock import Clock, boot_id
+from bench.config.models import BenchFile
+from bench.runner import manifest
+from bench.store.runs import MANIFEST, RunDirectory
+from bench.store.writer import RunWriter
+
+
+def made_directory(prepared: PreparedRun, now: datetime) -> RunDirectory:
+    """A new directory of a run; raises StoreError."""
+    return RunDirectory.create(prepared.request.runs, now, prepared.plan.name, "+".join(prepared.serials.values()))
+
+
+def began(prepared: PreparedRun, directory: RunDirectory, started: datetime) -> dict[str, Any]:
+    """The manifest of a run that begins; it is on the disk, with what the run depends on."""
+    record = manifest.opening(
+        directory.path.name,
+        prepared.plan,
+        prepared.loaded.bench,
+        prepared.serials,
+        prepared.seed,
+        prepared.request.operator,
+        started,
+    )
+    record |= {"order": prepared.request.order, "procedure": prepared.request.procedure}
+    record["released"] = {place: released.to_json() for place, released in prepared.released.items()}
+    record[REQUEST] = request_json(prepared.request, prepared)
+    record["hashes"] = keep_inputs(prepared, directory)
+    directory.write_json(MANIFEST, record)
+    return record
+
+
+def instant(bench: BenchFile, resumption: Resumption | None) -> datetime | None:
+    """The UTC instant now in bench time; None for that of the computer."""
+    if not bench.is_simulated:
+        return None
+    if resumption is None:
+        return bench.simulation.start
+    return resumption.began + timedelta(seconds=asyncio.get_running_loop().time() - resumption.began_s)
+
+
+def write_beginning(writer: RunWriter, clock: Clock, prepared: PreparedRun, resumption: Resumption | None) -> None:
+    """Journal that a run begins, or that it goes on and after what outage; a real one with the boot of its computer."""
+    utc = clock.utc().isoformat()
+    boot = {} if prepared.loaded.bench.is_simulated else {"boot": boot_id()}
+    if resumption is None:
+        writer.event("run_begins", utc=utc, title=prepared.plan.sequence.title, seed=prepared.seed, **boot)
+        return
+    after_s = clock.monotonic() - resumption.last_s
+    found: dict[str, Any] = {"number": resumption.number, "interrupted_s": resumption.last_s, **boot}
+    writer.event(RESUMED, utc=utc, outage_s=round(after_s, 3), interrupted=list(resumption.past.under_way), **found)
+
+
+def keep_inputs(prepared: PreparedRun, directory: RunDirectory) -> dict[str, str]:
+    """Copy what the run depends on into its directory, durably; the hashes of the copies."""
+    copies = inputs_of(prepared)
+    for name, text in copies.items():
+        directory.write_text(name, text)
+    return {name: manifest.file_hash(directory.path / name) for name in copies}
