@@ -55,6 +55,8 @@ def write_beginning(writer: RunWriter, clock: Clock, prepared: PreparedRun, resu
     boot = {} if prepared.loaded.bench.is_simulated else {"boot": boot_id()}
     if resumption is None:
         writer.event("run_begins", utc=utc, title=prepared.plan.sequence.title, seed=prepared.seed, **boot)
+        if prepared.preflight:
+            writer.event("preflight", lines=list(prepared.preflight))
         return
     after_s = clock.monotonic() - resumption.last_s
     found: dict[str, Any] = {"number": resumption.number, "interrupted_s": resumption.last_s, **boot}

@@ -36,6 +36,7 @@ from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.loop import run as run_loop
 from bench.report.findings import Results
 from bench.runner import manifest
+from bench.runner.alert import alert
 from bench.runner.guard import guarded
 from bench.runner.held import holding, real_addresses
 from bench.runner.quiet import Quiet
@@ -138,6 +139,7 @@ def _execute(
             record["clock_steps"] = ran.clock_steps
         finish = Finish(directory, record, ran.outcome, signals, watch)
         results = finish.results(ran.laboratory, ran.begun, ran.end)
+        _alert(prepared, directory.path.name, ran.outcome, results, observer)
         return RunResult(directory.path, ran.outcome, results, ran.bench_s, watch.elapsed_s(), finish.report)
     finally:
         directory.release()
@@ -262,6 +264,18 @@ async def _with_devices(
         people=people,
         past=past,
     )
+
+
+def _alert(prepared: PreparedRun, run: str, outcome: Outcome, results: Results | None, observer: RunObserver) -> None:
+    """Tell a person who is not there how the run has ended; always, where it was left alone or is not safe."""
+    entry, verdict = prepared.loaded.bench.alert, "no results" if results is None else results.verdict
+    is_bad = outcome.unsafe or outcome.not_reached or verdict != "PASS"
+    if entry is None or prepared.loaded.bench.is_simulated or not (is_bad or prepared.request.unattended):
+        return
+    unsafe = "NOT MADE SAFE: " + ", ".join({**outcome.unsafe, **outcome.not_reached})
+    title = f"{run}: {unsafe if outcome.unsafe or outcome.not_reached else verdict}"
+    if problem := alert(entry.exec, title, "\n".join([title, *outcome.problems, *outcome.unsafe.values()]) + "\n"):
+        observer.notice(problem)
 
 
 def _keep_unsafe(folder: Path, bench: BenchFile, outcome: Outcome, observer: RunObserver) -> None:

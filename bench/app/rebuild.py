@@ -23,7 +23,7 @@ from bench.store.writer import RunWriter
 
 OUTAGE_S = (60.0, 7200.0)  # of a simulated bench, drawn with equal chance for each ratio
 KILLED = Sent("interruption", EndRequest("interruption", "interrupted"))
-_FROM_OUTSIDE = frozenset({"run_begins", "run_ended", RESUMED, "warning", "clock_step", "stalled"})
+_FROM_OUTSIDE = frozenset({"run_begins", "preflight", "run_ended", RESUMED, "warning", "clock_step", "stalled"})
 """Entries that are not written by the plan and its devices."""
 GoThrough = Callable[[RunWriter, Signals, Past | None], Awaitable[object]]
 

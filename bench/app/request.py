@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
-from datetime import datetime, timedelta
+from datetime import date, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -54,7 +54,7 @@ class RunRequest(NamedTuple):
     order: str = ""
     procedure: str = ""
     runs: Path = Path("runs")
-    attended: bool = False
+    unattended: bool = False
     answers: Path | None = None
     not_after: str | None = None
     past_due: PastDue = "refuse"
@@ -82,7 +82,7 @@ class CheckedRun(NamedTuple):
 class PreparedRun(NamedTuple):
     """A run whose files fit together: what it does, on what, how long, how fast, and on which units by place.
 
-    The faults of a scenario are among those of the bench.
+    The faults of a scenario are among those of the bench. `preflight` are the lines by which it may be left alone.
     """
 
     request: RunRequest
@@ -96,6 +96,7 @@ class PreparedRun(NamedTuple):
     script: Script | None = None
     released: Mapping[str, Released] = {}
     scenario: Document | None = None
+    preflight: tuple[Mapping[str, str], ...] = ()
 
 
 def load_bench_named(name: str | None, *, simulate: bool = False) -> LoadedBench:
@@ -139,24 +140,28 @@ def load_checked(request: RunRequest) -> CheckedRun:
 
 
 def _past_due(plan: Plan, bench: BenchFile, loaded: LoadedBench) -> Iterator[Remark]:
-    """A warning, at its line, for each certificate of what the run uses that will not be valid any more."""
+    """A warning, at its line, for each certificate of what the run uses that is not valid any more."""
+    for name, due in past_due_on(_begins(loaded).date(), plan, bench).items():
+        part = "devices" if name in bench.devices else "readings"
+        yield Remark(
+            "warning",
+            PAST_DUE,
+            (part, name, "calibration", "due"),
+            f"the calibration of '{name}' was due on {due}; the run is refused",
+            "Enter its new certificate in the bench file, or run with --past-due mark: the report then marks "
+            "every result",
+            loaded.document,
+        )
+
+
+def past_due_on(day: date, plan: Plan, bench: BenchFile) -> dict[str, date]:
+    """What the run uses and whose certificate is not valid any more on a day, with when it was due."""
     used = {*plan.sequence.needs, *(place.temperature for place in bench.places.values())}
     for place in bench.places.values():
         used |= {meter for meter in (place.voltmeter, place.ammeter) if meter is not None}
     if any(place.is_counted for place in bench.places.values()):
         used |= set(bench.with_capability("pulse_counter"))
-    for name, due in bench.past_due(_begins(loaded).date()).items():
-        if name in used:
-            part = "devices" if name in bench.devices else "readings"
-            yield Remark(
-                "warning",
-                PAST_DUE,
-                (part, name, "calibration", "due"),
-                f"the calibration of '{name}' was due on {due}; the run is refused",
-                "Enter its new certificate in the bench file, or run with --past-due mark: the report then marks "
-                "every result",
-                loaded.document,
-            )
+    return {name: due for name, due in bench.past_due(day).items() if name in used}
 
 
 def _begins(loaded: LoadedBench) -> datetime:
@@ -168,9 +173,14 @@ def _begins(loaded: LoadedBench) -> datetime:
     return wall_utc()
 
 
+def folder_of_runs(runs: Path) -> Path:
+    """The folder of run directories, or the nearest around it that is there."""
+    return next(folder for folder in (runs.absolute(), *runs.absolute().parents) if folder.is_dir())
+
+
 def _little_disk_space(expected: Estimate, runs: Path) -> Iterator[Remark]:
     """A warning when the run will not fit on the disk of the run directories."""
-    folder = next(folder for folder in (runs.absolute(), *runs.absolute().parents) if folder.is_dir())
+    folder = folder_of_runs(runs)
     free_bytes, size_bytes = shutil.disk_usage(folder).free, expected.size_bytes
     if size_bytes > free_bytes:
         yield Remark(
@@ -212,11 +222,6 @@ def prepare(request: RunRequest) -> PreparedRun:
     speed = _speed(request, loaded)
     if request.past_due == "refuse" and (found := [each for each in checked.warnings if each.rule == PAST_DUE]):
         raise InputError(*(f"{loaded.document.where(remark.place)}: {remark.text}" for remark in found))
-    if not loaded.bench.is_simulated and not request.attended:
-        raise InputError(
-            f"{loaded.document.path}: this bench has real connections, so that somebody must stay "
-            "with it. Confirm this with --attended, or simulate every instrument with --simulate."
-        )
     for option, text in (("--order", request.order), ("--procedure", request.procedure)):
         if not text.isprintable() or len(text) > 200:
             raise InputError(f"{option}: expected up to 200 printable characters")

@@ -25,7 +25,7 @@ from drivers.bounded import expect_bounded
 
 REQUEST, RESUMED = "request", "run_resumed"  # a key of the manifest, and a kind of entry of the journal
 _FILES = ("sequence", "bench", "parameters", "uut_model", "answers")
-_NOT_KEPT = frozenset({"runs", "attended", "not_after", "trace", "scenario"})
+_NOT_KEPT = frozenset({"runs", "unattended", "not_after", "trace", "scenario"})
 PROGRAM = "inertial-test-bench"
 
 
@@ -103,7 +103,7 @@ def prepared_again(resumption: Resumption) -> PreparedRun:
         asked[key] = None if asked[key] is None else Path(asked[key])
     for key in ("settings", "units", "calibrations"):
         asked[key] = tuple(asked[key])
-    prepared = prepare(RunRequest(**asked, runs=resumption.path.parent, attended=True))
+    prepared = prepare(RunRequest(**asked, runs=resumption.path.parent))
     if problems := [*_changed(prepared, manifest), *_cannot_go_on(prepared, resumption)]:
         raise InputError(*(f"{resumption.path.name}: {problem}" for problem in problems))
     return prepared

@@ -19,7 +19,8 @@ INCOMPLETE = 7
 MEANINGS = {
     PASS: "PASS: every value that has a limit is within it",
     FAIL: "FAIL: the unit is outside a limit",
-    INPUT_ERROR: "bad input: a file, an option or a name cannot be used; nothing was opened",
+    INPUT_ERROR: "bad input: a file, an option or a name cannot be used, or the preflight is not good; nothing was "
+    "energised",
     BENCH_ERROR: "ERROR: the bench, the disk or this program failed, or the report could not be written (a "
     "FAIL keeps exit code 1); the bench is safe",
     ABORTED: "ABORTED: ended by the operator, by another program or by its terminal closing; the bench is safe",

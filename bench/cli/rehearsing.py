@@ -27,11 +27,13 @@ def rehearse(*, faults: int | None, **wishes: Any) -> int:
 
     The exit code is that of the run.
     """
+    from bench.app.preflight import rehearsal_key
     from bench.app.rehearse import rehearse as rehearsed
     from bench.app.request import RunRequest, load_checked, prepare
     from bench.runner.output import lasting_output
     from bench.runner.progress import TerminalProgress
     from bench.runner.signals import Signals
+    from bench.store.tried import note_tried
 
     as_it_is = RunRequest(operator="rehearsal", past_due="mark", **wishes)
     with lasting_output():
@@ -45,6 +47,8 @@ def rehearse(*, faults: int | None, **wishes: Any) -> int:
             with signals.not_waiting():
                 for line in _told(rehearsal):
                     sys.stdout.write(line + "\n")
+        if rehearsal.result.outcome.how == "completed" and not rehearsal.unsafe and not rehearsal.lost:
+            note_tried("rehearsal", rehearsal_key(prepared))
     return _exit_code(rehearsal)
 
 

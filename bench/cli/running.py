@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bench.cli.commands import Command, argument, flag, option, options
-from bench.cli.exits import INPUT_ERROR, PASS, of_run
+from bench.cli.exits import BENCH_ERROR, INPUT_ERROR, PASS, of_run
 from bench.errors import InputError
 
 if TYPE_CHECKING:  # `bench --help` loads none of it
@@ -42,6 +42,7 @@ SIMULATE = flag("--simulate", "Replace every instrument by its simulator.")
 UUT_MODEL = option("--uut-model FILE", "Truth of the simulated unit.", read=Path)
 SEED = option("--seed SEED", "Seed of the simulation.", read=int)
 ANSWERS = option("--answers FILE", "Scripted answers to prompts, on a simulated bench.", read=Path)
+UUTS = options("--uut [PLACE=]SERIAL", "Serial number of the unit under test; one for each place.", to="units")
 NEW_RUNS = option("--runs DIR", "Directory in which run directories are created.", read=Path, default=Path("runs"))
 ONLY_RESULTS = flag("--json", "Print only the results, as JSON, on stdout.", to="as_json")
 
@@ -136,7 +137,52 @@ def run(*, as_json: bool, **wishes: Any) -> int:
             sys.stderr.write("No --bench given: running on the shipped simulated bench.\n")
         prepared = prepare(RunRequest(**wishes))
         warn(prepared.plan, prepared.warnings)
+        if prepared.request.unattended:
+            from bench.app.preflight import lines_of, preflight
+
+            found = preflight(prepared)
+            for line in lines_of(found):
+                sys.stderr.write(line + "\n")
+            if not found.is_green:
+                return INPUT_ERROR
+            prepared = prepared._replace(preflight=tuple(line._asdict() for line in found.lines))
         return _executed(prepared, None, as_json=as_json)
+
+
+def preflight(*, as_json: bool, **wishes: Any) -> int:
+    """Look at everything that decides whether a run may be left alone; nothing is energised or moved."""
+    from bench.app.preflight import lines_of
+    from bench.app.preflight import preflight as looked_at
+    from bench.app.request import RunRequest, prepare
+
+    found = looked_at(prepare(RunRequest(past_due="mark", **wishes)))
+    if as_json:
+        content = {"is_green": found.is_green, "lines": [line._asdict() for line in found.lines]}
+        sys.stdout.write(json.dumps(content, ensure_ascii=False) + "\n")
+    else:
+        for line in lines_of(found):
+            sys.stdout.write(line + "\n")
+    return PASS if found.is_green else INPUT_ERROR
+
+
+def alert(bench: str | None) -> int:
+    """Try the alert of a bench: run its program as at the end of a run."""
+    from bench.app.request import load_bench_named
+    from bench.runner.alert import alert as alerted
+    from bench.runner.alert import route
+    from bench.store.tried import note_tried
+
+    loaded = load_bench_named(bench)
+    entry = loaded.bench.alert
+    if entry is None:
+        raise InputError(f"{loaded.document.path}: names no program that reaches a person: alert: {{exec: [PROGRAM]}}")
+    title = f"{loaded.bench.title}: test of the alert"
+    if problem := alerted(entry.exec, title, f"{title}\n"):
+        sys.stderr.write(f"{problem}\n")
+        return BENCH_ERROR
+    note_tried("alert", route(entry.exec))
+    sys.stdout.write(f"{entry.exec[0]} has taken the alert; check that it has arrived\n")
+    return PASS
 
 
 def resume_interrupted(path: Path, *, confirmed: bool) -> int:
@@ -215,12 +261,12 @@ COMMANDS = (
         option("--speed max|N", "Bench seconds per real second; default: max on a simulated bench, else 1."),
         UUT_MODEL,
         SEED,
-        options("--uut [PLACE=]SERIAL", "Serial number of the unit under test; one for each place.", to="units"),
+        UUTS,
         option("--operator NAME", "Who runs it; default: $USER.", variable="USER", default=""),
         option("--order TEXT", "The order that the run is for; shown in the report.", default=""),
         option("--procedure TEXT", "The test procedure and its revision; shown in the report.", default=""),
         NEW_RUNS,
-        flag("--attended", "Confirm that somebody stays with the bench; required with real connections."),
+        flag("--unattended", "Nobody stays with the bench: run only if every line of the preflight is good."),
         ANSWERS,
         option(
             "--past-due refuse|mark", "If a calibration is past due: refuse to run, or run and mark the results.",
@@ -230,4 +276,11 @@ COMMANDS = (
         SCENARIO,
         ONLY_RESULTS,
     )),
+    Command("preflight", preflight, (
+        *OF_A_PLAN,
+        UUTS,
+        NEW_RUNS,
+        flag("--json", "Print only JSON on stdout.", to="as_json"),
+    )),
+    Command("alert", alert, (BENCH,)),
 )  # fmt: skip

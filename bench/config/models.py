@@ -131,6 +131,15 @@ class Monitor(StrictModel):
     devices: PositiveSeconds = Field(10.0, description="of all other devices")
 
 
+class AlertEntry(StrictModel):
+    """How a person who is not there is reached when a run has ended: a program of this computer."""
+
+    exec: Annotated[tuple[Text, ...], NOT_EMPTY] = Field(
+        description="a program and its first arguments; it is given a title as its last argument, and a text on its "
+        "standard input"
+    )
+
+
 class BenchFile(StrictModel):
     """One `config/*.yaml`: a bench."""
 
@@ -148,6 +157,7 @@ class BenchFile(StrictModel):
     fixture: FixtureEntry
     places: Annotated[Mapping[Name, PlaceEntry], NOT_EMPTY]
     monitor: Monitor = Monitor()
+    alert: AlertEntry | None = None
     simulation: Simulation = Simulation()
 
     def members(self, name: str) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from bench.errors import InputError, InUseError, in_words
 from bench.guardian.notes import Notes
 from bench.lanes import Lane, make_safe_in_lanes
 from bench.rig import device_of
+from bench.runner.alert import alert
 from bench.runner.held import energising_addresses, holding
 from bench.store.energised import note_safe
 from bench.store.unsafe import keep_unsafe
@@ -59,7 +60,19 @@ class Rescue:
             connections = {role: str(address) for role, address in self._addresses.items()}
             notes.do(partial(keep_unsafe, self._run, wall_utc(), unsafe, connections))
         notes.close()
+        self._alert(f"NOT MADE SAFE: {', '.join(unsafe)}" if unsafe else "ended by its guardian", why)
         return not unsafe
+
+    def _alert(self, what: str, why: str) -> None:
+        """Tell a person, where the bench file names a way to; after everything else, because it takes its time."""
+        if self._bench.alert is None:
+            return
+        title = f"{self._run.name}: {what}"
+        if problem := alert(self._bench.alert.exec, title, f"{title}\n{why}\n"):
+            notes = Notes(self._run)
+            notes.line(problem)
+            notes.entry("alert", problem=problem)
+            notes.close()
 
     def _devices(self) -> dict[str, Device]:
         return {role: device_of(role, self._bench.devices[role], RealWires()) for role in self._addresses}

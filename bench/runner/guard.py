@@ -13,6 +13,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
+from bench.clock import Stopwatch
 from bench.config.bench import LoadedBench
 from bench.engine.ending import EndRequest
 from bench.errors import BenchError
@@ -60,6 +61,19 @@ async def guarded(loaded: LoadedBench, run: Path, signals: Signals) -> AsyncIter
         _dismiss(link, process)
         raise
     _dismiss(link, process)
+
+
+def try_guardian(loaded: LoadedBench, folder: Path) -> float:
+    """Start a guardian, with nothing energised, and dismiss it; for how long it took. Raises GuardError."""
+    watch = Stopwatch()
+    if not energising_addresses(loaded.bench):
+        return 0.0
+    link, process = _start(loaded, folder)
+    try:
+        _wait_until_armed(link)
+        return watch.elapsed_s()
+    finally:
+        _dismiss(link, process)
 
 
 def _start(loaded: LoadedBench, run: Path) -> tuple[socket.socket, subprocess.Popen[bytes]]:

@@ -58,7 +58,7 @@ def test_what_a_scan_proposes_is_a_bench_that_a_check_accepts_and_that_answers(t
         with holding([Address.parse(addresses[0])], "a run of smoke"):
             (place,) = scan_here([addresses[0]])
             refused = invoked(
-                "run", str(tmp_path / "off.yaml"), "--bench", str(bench), "--attended", "--uut", "A1",
+                "run", str(tmp_path / "off.yaml"), "--bench", str(bench), "--uut", "A1",
                 "--runs", str(tmp_path / "runs"),
             )  # fmt: skip
             others = [

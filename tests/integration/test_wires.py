@@ -45,7 +45,7 @@ def run_smoke(bench: Path, runs: Path, *arguments: str) -> list[str]:
 def test_the_smoke_sequence_passes_over_real_wires(wired_bench, tmp_path):
     with simulating(wired_bench):
         done = subprocess.run(
-            run_smoke(wired_bench, tmp_path / "runs", "--attended"),
+            run_smoke(wired_bench, tmp_path / "runs"),
             capture_output=True,
             text=True,
             cwd=ROOT,
@@ -77,7 +77,7 @@ def wait_for_ramp(runs: Path) -> None:
 def test_when_the_laboratory_goes_away_the_run_ends_in_words(wired_bench, tmp_path):
     with simulating(wired_bench) as laboratory:
         run = subprocess.Popen(
-            run_smoke(wired_bench, tmp_path / "runs", "--attended", "--set", "temperatures=[25 °C]"),
+            run_smoke(wired_bench, tmp_path / "runs", "--set", "temperatures=[25 °C]"),
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
         )  # fmt: skip
         wait_for_ramp(tmp_path / "runs")
@@ -96,7 +96,7 @@ def test_another_instrument_than_the_bench_file_names_is_refused_before_anything
     other.write_text(text.replace("serial: SIM-PSU-01", "serial: PSU-77").replace("SIM-6220-01", "4001234"), "utf-8")
     with simulating(wired_bench):
         done = subprocess.run(
-            run_smoke(other, tmp_path / "runs", "--attended"), capture_output=True, text=True, cwd=ROOT, check=False
+            run_smoke(other, tmp_path / "runs"), capture_output=True, text=True, cwd=ROOT, check=False
         )
     assert done.returncode == 3
     assert "supply: serial is 'SIM-PSU-01', the bench file says 'PSU-77'" in done.stderr
@@ -106,22 +106,19 @@ def test_another_instrument_than_the_bench_file_names_is_refused_before_anything
         assert "step_begins" not in [event.kind for event in reader.events()]
 
 
-def test_real_connections_need_somebody_there_and_real_time(wired_bench, tmp_path):
-    for arguments, expected in (
-        ((), "somebody must stay with it. Confirm this with --attended"),
-        (("--attended", "--speed", "max"), "--speed max: this bench has real connections, which run at speed 1 only"),
-    ):
-        done = subprocess.run(
-            run_smoke(wired_bench, tmp_path / "runs", *arguments), capture_output=True, text=True, cwd=ROOT, check=False
-        )
-        assert done.returncode == 2
-        assert expected in done.stderr
+def test_real_connections_need_real_time(wired_bench, tmp_path):
+    done = subprocess.run(
+        run_smoke(wired_bench, tmp_path / "runs", "--speed", "max"), capture_output=True, text=True, cwd=ROOT,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "--speed max: this bench has real connections, which run at speed 1 only" in done.stderr
     assert not (tmp_path / "runs").exists()
 
 
 def test_nobody_at_the_other_end_names_every_instrument_that_is_missing(wired_bench, tmp_path):
     done = subprocess.run(
-        run_smoke(wired_bench, tmp_path / "runs", "--attended"), capture_output=True, text=True, cwd=ROOT, check=False
+        run_smoke(wired_bench, tmp_path / "runs"), capture_output=True, text=True, cwd=ROOT, check=False
     )
     assert done.returncode == 3
     for role in ("chamber", "head", "counter", "supply", "source"):

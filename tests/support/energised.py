@@ -139,7 +139,7 @@ class Process:
         self.runs = folder / "runs"
         self.told = folder / "told.txt"
         command = [sys.executable, *program, "run", str(sequence), "--bench", str(bench), "--runs", str(self.runs)]
-        command += ["--attended", "--uut", "QF-0001", *arguments]
+        command += ["--uut", "QF-0001", *arguments]
         with self.told.open("wb") as told:
             settings = {"stdin": subprocess.DEVNULL, "stdout": told, "stderr": told, "cwd": ROOT, **options}
             self.process = subprocess.Popen(command, **settings)

@@ -81,7 +81,7 @@ def test_a_unit_that_leaves_its_temperature_limits_is_an_error(tmp_path):
 def test_an_instrument_that_cannot_be_opened_ends_the_run_before_anything_moves(tmp_path):
     edit = ("connection: sim+tcp://127.0.0.1:5025", "connection: tcp://127.0.0.1:5")
     bench = copy_bench(tmp_path / "config", edit)
-    result = run_short(tmp_path / "runs", bench=bench, sequence="smoke", attended=True, units=("QF-1",))
+    result = run_short(tmp_path / "runs", bench=bench, sequence="smoke", units=("QF-1",))
     assert result.outcome.how == "error"
     assert "supply: nobody answers at tcp://127.0.0.1:5" in result.problems[0]
     with RunReader(result.path) as reader:

@@ -86,7 +86,7 @@ def wired() -> Iterator[tuple[subprocess.Popen[str], subprocess.Popen[str]]]:
     with tempfile.TemporaryDirectory() as folder:
         bench = on_real_wires(Path(folder))
         with simulating(bench) as simulators:
-            words = ("smoke", "--attended", "--uut", "QF-0001", "--set", "soak=4 s", "--set", "gate=2 s")
+            words = ("smoke", "--uut", "QF-0001", "--set", "soak=4 s", "--set", "gate=2 s")
             with bench_run(Path(folder) / "runs", *words, bench=str(bench)) as run:
                 wait_until(lambda: run.begun("soak") or run.process.poll() is not None, 120.0)
                 yield run.process, simulators

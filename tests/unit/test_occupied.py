@@ -55,8 +55,8 @@ def test_a_run_on_real_instruments_names_its_units(tmp_path: Path) -> None:
     path = tmp_path / "config" / PATH.name
     path.write_text(path.read_text("utf-8").replace("sim+tcp://127.0.0.1:2049", "tcp://127.0.0.1:2049"), "utf-8")
     with pytest.raises(InputError, match="needs the serial numbers of its units: --uut PLACE=SERIAL"):
-        prepare(wish("imu_24_position", bench=path)._replace(attended=True))
-    assert prepare(wish("imu_24_position", "b=IMU-7", bench=path)._replace(attended=True)).serials == {"b": "IMU-7"}
+        prepare(wish("imu_24_position", bench=path))
+    assert prepare(wish("imu_24_position", "b=IMU-7", bench=path)).serials == {"b": "IMU-7"}
 
 
 MISPLACED = "place '{}' is for {}, the sequence measures {}; name one with --uut {}=SERIAL"

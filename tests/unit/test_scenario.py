@@ -78,7 +78,7 @@ def test_the_same_is_told_of_a_bench_file(tmp_path):
 
 def test_on_real_connections_nothing_is_broken(tmp_path):
     wires = str(ROOT / "config/simulated_wires.yaml")
-    told = problems(tmp_path, "{at: 5 s, device: head, fault: stuck}", bench=wires, attended=True, units=("Q",))
+    told = problems(tmp_path, "{at: 5 s, device: head, fault: stuck}", bench=wires, units=("Q",))
     assert "this bench has real connections; faults can be injected only into simulators" in told[0]
 
 

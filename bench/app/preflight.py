@@ -1,0 +1,259 @@
+"""Whether a run may be left alone: everything that is looked at before, line by line. Nothing is energised or moved."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from datetime import datetime, timedelta
+from hashlib import sha256
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from bench.app.devices import open_devices
+from bench.app.faults import laboratory_of
+from bench.app.inputs import inputs_of
+from bench.app.request import PreparedRun, folder_of_runs, past_due_on
+from bench.clock import wall_utc
+from bench.errors import BenchError, StoreError
+from bench.loop import run as run_loop
+from bench.report.times_and_sizes import duration, instant, megabytes
+from bench.rig import OpenError, Rig
+from bench.runner.alert import route
+from bench.runner.guard import try_guardian
+from bench.runner.held import energising_addresses, holding, real_addresses
+from bench.sequence.talk import Prompt
+from bench.sequence.values import as_written
+from bench.store.energised import energised
+from bench.store.tried import last_tried
+
+State = Literal["ok", "look", "NO", "-"]
+ALERT_TRIED_WITHIN = timedelta(hours=24)
+DISK_MARGIN = 2
+CLOCK_ANSWERS_S = 5.0
+ALERT_AGAIN = "try it with 'bench alert --bench FILE'"
+
+
+class Line(NamedTuple):
+    """One thing that was looked at: *ok*, a person should *look*, *NO* keeps the run from being left alone.
+
+    "-" does not apply to this bench.
+    """
+
+    what: str
+    state: State
+    text: str
+
+
+class Preflight(NamedTuple):
+    """All lines."""
+
+    lines: tuple[Line, ...]
+
+    @property
+    def is_green(self) -> bool:
+        """Whether the run may be left alone."""
+        return all(line.state != "NO" for line in self.lines)
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        if self.is_green:
+            return "READY TO BE LEFT ALONE"
+        return f"NOT READY: {', '.join(line.what for line in self.lines if line.state == 'NO')}"
+
+
+def rehearsal_key(prepared: PreparedRun) -> str:
+    """What a rehearsal holds for: the files of a run, its parameters, and the version of this program."""
+    from importlib.metadata import version
+
+    digest = sha256(version("inertial-test-bench").encode())
+    for name, text in sorted(inputs_of(prepared).items()):
+        digest.update(f"{name}\0{text}\0".encode())
+    for name, value in sorted(prepared.plan.parameters.items()):
+        digest.update(f"{name}={as_written(value)}\0".encode())
+    return digest.hexdigest()
+
+
+def preflight(prepared: PreparedRun) -> Preflight:
+    """Look at everything. Raises InUseError while another program uses the bench."""
+    bench = prepared.loaded.bench
+    if bench.is_simulated:
+        simulated = Line(
+            "instruments", "-", "every instrument is simulated: only what a simulated run needs was looked at"
+        )
+        return Preflight((simulated, _disk(prepared), _times(prepared)))
+    with holding(real_addresses(bench).values(), "bench preflight"):
+        looked_at = (_instruments(prepared), _guardian(prepared))
+    return Preflight((
+        *looked_at, _left_on(prepared), _certificates(prepared), _rehearsal(prepared), _questions(prepared),
+        _alert(prepared), _disk(prepared), _clock(), _power(), _protection(prepared), _times(prepared),
+        _safe_end(prepared),
+    ))  # fmt: skip
+
+
+def _instruments(prepared: PreparedRun) -> Line:
+    """Whether each is there, and is the one that the bench file names."""
+    bench = prepared.loaded.bench
+
+    async def look() -> tuple[Rig, str]:
+        rig, problem = Rig(open_devices(bench, laboratory_of(bench))), ""
+        try:
+            await rig.open()
+        except OpenError as found:
+            problem = str(found)
+        finally:
+            await rig.close()
+        return rig, problem
+
+    rig, problem = run_loop(look())
+    if problem:
+        return Line("instruments", "NO", "; ".join(problem.splitlines()))
+    return Line(
+        "instruments", "ok", ", ".join(f"{role} {found.serial}".strip() for role, found in rig.identities.items())
+    )
+
+
+def _guardian(prepared: PreparedRun) -> Line:
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            took_s = try_guardian(prepared.loaded, Path(folder))
+        except BenchError as problem:
+            return Line("guardian", "NO", str(problem))
+    return Line("guardian", "ok", f"ready after {took_s:.1f} s")
+
+
+def _left_on(prepared: PreparedRun) -> Line:
+    """Whether an earlier run may have left something on."""
+    loaded = prepared.loaded
+    ours = {str(address): role for role, address in energising_addresses(loaded.bench).items()}
+    problems: list[StoreError] = []
+    left = {
+        f"{ours[address]} ({Path(each.run).name})"
+        for each in energised(problems.append)
+        for address in each.connections.values()
+        if address in ours
+    }
+    if left or problems:
+        text = ", ".join([*sorted(left), *map(str, problems)])
+        return Line("left on", "NO", f"{text}: bench make-safe --bench {loaded.document.path}")
+    return Line("left on", "ok", "no run has left an instrument of this bench on")
+
+
+def _certificates(prepared: PreparedRun) -> Line:
+    day = _ends(prepared).date()
+    due = past_due_on(day, prepared.plan, prepared.loaded.bench)
+    if due:
+        found = ", ".join(f"{name} ({on})" for name, on in due.items())
+        return Line("certificates", "NO", f"not valid until the end of the run, {day}: {found}")
+    return Line("certificates", "ok", f"valid until the end of the run, {day}")
+
+
+def _rehearsal(prepared: PreparedRun) -> Line:
+    at = last_tried("rehearsal", rehearsal_key(prepared))
+    if at is None:
+        return Line(
+            "rehearsal", "NO",
+            "these files with these parameters have not been rehearsed to their end: 'bench rehearse' with the same "
+            "sequence, --bench, --preset, --params and --set",
+        )  # fmt: skip
+    return Line("rehearsal", "ok", f"completed at {_clock_of(at, prepared)}")
+
+
+def _questions(prepared: PreparedRun) -> Line:
+    """Steps that wait for a person; those of the setup come while there is one."""
+    plan = prepared.plan
+    asking = {
+        plan.where(each.place): each.phase
+        for each in plan
+        if isinstance(each.step, Prompt) or each.step.on_failure == "ask"
+    }
+    if later := [where for where, phase in asking.items() if phase != "setup"]:
+        return Line("questions", "NO", f"the run waits for a person at {', '.join(later)}")
+    by_hand = [role for role, entry in prepared.loaded.bench.devices.items() if entry.connection.is_person]
+    if used := [role for role in by_hand if role in plan.sequence.needs]:
+        return Line("questions", "NO", f"a person turns {', '.join(used)}")
+    if asking:
+        return Line("questions", "look", f"stay until these are answered: {', '.join(asking)}")
+    return Line("questions", "ok", "the run asks nothing")
+
+
+def _alert(prepared: PreparedRun) -> Line:
+    entry = prepared.loaded.bench.alert
+    if entry is None:
+        return Line("alert", "NO", "the bench file names no program that reaches a person: alert: {exec: [PROGRAM]}")
+    at = last_tried("alert", route(entry.exec))
+    if at is None or wall_utc() - at > ALERT_TRIED_WITHIN:
+        when = "never" if at is None else f"last at {_clock_of(at, prepared)}"
+        return Line("alert", "NO", f"{entry.exec[0]} was tried {when}, not within 24 h: {ALERT_AGAIN}")
+    return Line("alert", "ok", f"{entry.exec[0]}, tried at {_clock_of(at, prepared)}")
+
+
+def _disk(prepared: PreparedRun) -> Line:
+    folder = folder_of_runs(prepared.request.runs)
+    free, wanted = shutil.disk_usage(folder).free, DISK_MARGIN * prepared.expected.size_bytes
+    text = f"{megabytes(free)} free at {folder}, the run takes about {megabytes(prepared.expected.size_bytes)}"
+    return Line("disk", "ok" if free > wanted else "NO", text)
+
+
+def _clock() -> Line:
+    """Whether the computer's clock is kept in step with others."""
+    command = ["timedatectl", "show", "--property=NTPSynchronized", "--value"]
+    try:
+        said = subprocess.run(command, capture_output=True, text=True, timeout=CLOCK_ANSWERS_S, check=True).stdout  # noqa: S603  fixed words
+    except (OSError, subprocess.SubprocessError):
+        return Line("clock", "look", "whether this computer's clock is synchronised is not known (no timedatectl)")
+    if said.strip() == "yes":
+        return Line("clock", "ok", "synchronised")
+    return Line("clock", "look", "this computer's clock is not synchronised; times in the report follow it")
+
+
+def _power() -> Line:
+    return Line(
+        "power", "look", "no uninterruptible supply is watched: if the computer loses its power, the bench stays on"
+    )
+
+
+def _protection(prepared: PreparedRun) -> Line:
+    roles = ", ".join(energising_addresses(prepared.loaded.bench))
+    return Line(
+        "protection",
+        "look",
+        f"no driver arms a communication watchdog: if this computer fails, {roles} stay as they are",
+    )
+
+
+def _times(prepared: PreparedRun) -> Line:
+    begins, ends = (_clock_of(at, prepared) for at in (wall_utc(), _ends(prepared)))
+    if prepared.loaded.bench.is_simulated:
+        return Line("times", "ok", f"about {duration(prepared.expected.total_s)} of bench time")
+    late = [remark.text for remark in prepared.warnings if remark.rule == "ends-too-late"]
+    if late:
+        return Line("times", "NO", late[0])
+    return Line("times", "ok", f"about {duration(prepared.expected.total_s)}, from {begins} to {ends}")
+
+
+def _safe_end(prepared: PreparedRun) -> Line:
+    states = []
+    for role in energising_addresses(prepared.loaded.bench):
+        entry = prepared.loaded.bench.devices[role]
+        temperature_c = getattr(entry.safe, "temperature", None)
+        states.append(f"{role} {temperature_c:g} °C" if temperature_c is not None else f"{role} off, or at rest")
+    return Line("safe end", "ok", ", ".join(states))
+
+
+def _ends(prepared: PreparedRun) -> datetime:
+    return wall_utc() + timedelta(seconds=prepared.expected.total_s)
+
+
+def _clock_of(at: datetime, prepared: PreparedRun) -> str:
+    return instant(at.isoformat(timespec="seconds"), prepared.loaded.bench.site.time_zone)
+
+
+def lines_of(found: Preflight) -> Iterator[str]:
+    """One screen."""
+    width = max(len(line.what) for line in found.lines)
+    for line in found.lines:
+        yield f"{line.what:<{width}}  {line.state:<4}  {line.text}"
+    yield found.verdict
