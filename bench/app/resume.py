@@ -17,6 +17,7 @@ from bench.sequence.custom import Custom
 from bench.sequence.values import as_written
 from bench.store.energised import energised
 from bench.store.kept_json import LIMIT_BYTES, read_kept
+from bench.store.latch import latch
 from bench.store.manifest_form import WHOLE_FORM
 from bench.store.reader import Event, RunReader
 from bench.store.runs import MANIFEST, summary
@@ -76,6 +77,11 @@ def read_interrupted(path: Path) -> Resumption:
     found = summary(path)
     if found.state != "interrupted":
         raise InputError(f"{found.id}: only an interrupted run is resumed; this one is {found.state}")
+    if (latched := latch(found)) is not None:
+        raise InputError(
+            f"{found.id}: is latched: {latched.why}. Look at the bench, then take the latch off: bench acknowledge "
+            f"{found.id} --reason TEXT"
+        )
     record = examine(path, thoroughly=False)
     if record.damage:
         raise InputError(f"{found.id}: {record.in_words}. {'; '.join(record.damage[:3])}. It is not resumed")

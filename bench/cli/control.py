@@ -81,6 +81,7 @@ def _state_of(run: RunSummary) -> dict[str, Any]:
     from bench.engine.state import replayed
     from bench.errors import StoreError
     from bench.runner.commands import state_to_json
+    from bench.store.latch import latch
     from bench.store.reader import RunReader
     from bench.store.verify import examine
 
@@ -88,9 +89,23 @@ def _state_of(run: RunSummary) -> dict[str, Any]:
         raise StoreError(
             f"{run.path}: is DAMAGED: {'; '.join(damage[:3])}; 'bench runs verify {run.id}' lists everything"
         )
+    latched = latch(run)
     with RunReader(run.path) as reader:
         over = {"state": run.state, "verdict": run.manifest.get("verdict")}
+        over |= {"latched": latched.why} if latched is not None else {}
         return over | state_to_json(replayed(reader.events()))
+
+
+def acknowledge(run: str, runs: Path, reason: str, by: str) -> None:
+    """Take the latch off a run that did not end by itself with everything safe; a person has looked at the bench."""
+    import getpass
+
+    from bench.store.latch import acknowledge as acknowledged
+    from bench.store.runs import find_run
+
+    path = find_run(run, runs)
+    why = acknowledged(path, by or getpass.getuser(), reason)
+    sys.stdout.write(f"{path.name}: acknowledged: {why}\n")
 
 
 def _tell(run: str, runs: Path, command: str, **arguments: str) -> None:
@@ -120,6 +135,12 @@ COMMANDS = (
             default="",
         ),
         option("--by NAME", "Who answers; default: $USER.", variable="USER", default=""),
+    )),
+    Command("acknowledge", acknowledge, (
+        RUN,
+        RUNS,
+        option("--reason TEXT", "What was found, and what was done.", is_required=True),
+        option("--by NAME", "Who acknowledges it; default: $USER.", variable="USER", default=""),
     )),
     Command("status", status, (RUN, RUNS, flag("--json", "Print the status as JSON.", to="as_json"))),
 )  # fmt: skip

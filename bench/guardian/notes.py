@@ -14,9 +14,9 @@ from pathlib import Path
 from bench.clock import wall_utc
 from bench.errors import StoreError
 from bench.files import append_line
+from bench.store.latch import INCIDENT
 from bench.store.user_state import state_folder
 
-INCIDENT = "incident.jsonl"
 WRITTEN_WITHIN_S = 5.0  # after which a guardian ends without
 STDERR = 2
 

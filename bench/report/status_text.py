@@ -7,6 +7,7 @@ from typing import Any
 
 from bench.report.columns import in_columns
 from bench.report.times_and_sizes import duration
+from bench.store.latch import latch
 from bench.store.runs import RunSummary
 
 HEADER = ("run", "state", "verdict", "units", "operator")
@@ -26,6 +27,8 @@ def _facts(run: RunSummary, status: Mapping[str, Any]) -> Iterator[tuple[str, st
     """Names and values, in the order in which a technician asks for them."""
     for question in status.get("questions", ()):
         yield "waits for an answer", f"{question['text']} ({question['expected']}): bench answer {run.id} ANSWER"
+    if latched := status.get("latched"):
+        yield "latched", f"{latched}: bench acknowledge {run.id} --reason TEXT"
     yield "held by", ", ".join(status["held_by"])
     yield from (("step", step) for step in status["under_way"])
     yield "steps done", str(status["done"])
@@ -50,5 +53,6 @@ def runs_table(runs: Sequence[RunSummary]) -> Iterator[str]:
     rows = []
     for run in runs:
         verdict, operator = (run.manifest.get(key) or "-" for key in ("verdict", "operator"))
-        rows.append((run.id, run.state, verdict, ", ".join(run.units), operator))
+        state = run.state if latch(run) is None else f"{run.state}, latched"
+        rows.append((run.id, state, verdict, ", ".join(run.units), operator))
     yield from in_columns([HEADER, *rows], "<<<<<", indent="")

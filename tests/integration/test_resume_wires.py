@@ -61,6 +61,10 @@ def test_a_killed_run_goes_on_and_ends_safe(bench, tmp_path):
     path = run.path
     assert path is not None
     assert bench.state() == SAFE
+    latched = bench_command("resume", str(path), "--interrupted")
+    assert latched.returncode == 2
+    assert "is latched: its guardian made the bench safe: the process of the run has died" in latched.stderr
+    assert bench_command("acknowledge", str(path), "--reason", "killed for a test").returncode == 0
     refused = bench_command("resume", str(path))
     assert refused.returncode == 2
     assert "confirm it with --interrupted" in refused.stderr

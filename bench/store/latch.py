@@ -1,0 +1,98 @@
+"""Runs that did not end by themselves with everything safe: latched until a person acknowledges it.
+
+The latch follows from what is on record; an acknowledgement names it, so that another incident latches the run again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from bench.clock import wall_utc
+from bench.errors import InputError, StoreError
+from bench.files import append_line
+from bench.store.energised import energised
+from bench.store.runs import RunSummary, summary
+
+INCIDENT, ACKNOWLEDGED = "incident.jsonl", "acknowledged.jsonl"
+LONGEST_REASON = 500
+
+
+class Latch(NamedTuple):
+    """Why a run is latched, and what an acknowledgement names it by."""
+
+    why: str
+    key: str
+
+
+def latch(run: RunSummary) -> Latch | None:
+    """The latch of a run; None where nothing has happened, or it was acknowledged."""
+    unsafe = {str(role): str(why) for role, why in run.manifest.get("unsafe", {}).items()}
+    incident = list(_lines(run.path / INCIDENT))
+    if not unsafe and not incident:
+        return None
+    key = hashlib.sha256(json.dumps([unsafe, incident], sort_keys=True).encode()).hexdigest()
+    if any(each.get("latch") == key for each in _lines(run.path / ACKNOWLEDGED)):
+        return None
+    return Latch("; ".join(_reasons(unsafe, incident)), key)
+
+
+def _reasons(unsafe: dict[str, str], incident: list[dict[str, Any]]) -> Iterator[str]:
+    yield from (f"{role} could not be made safe: {why}" for role, why in unsafe.items())
+    begins = [each for each in incident if each.get("event") == "begins"]
+    if begins:
+        yield f"its guardian made the bench safe: {begins[-1].get('why', '')}"
+    elif incident:
+        yield f"its guardian has written {INCIDENT}"
+    for each in incident:
+        if each.get("event") == "ends" and each.get("unsafe"):
+            yield f"the guardian could not make {', '.join(each['unsafe'])} safe"
+
+
+def acknowledge(path: Path, by: str, reason: str) -> str:
+    """Take the latch off a run, durably; why it was latched. Raises InputError for what cannot be acknowledged."""
+    run = summary(path)
+    if run.state == "running":
+        raise InputError(f"{run.id}: is under way; it can be acknowledged when it has ended")
+    found = latch(run)
+    if found is None:
+        raise InputError(f"{run.id}: is not latched, or was acknowledged before")
+    if not reason.strip() or not reason.isprintable() or len(reason) > LONGEST_REASON:
+        raise InputError(f"--reason: expected up to {LONGEST_REASON} printable characters")
+    if not by.strip() or not by.isprintable():
+        raise InputError("--by: expected the name of a person")
+    problems: list[StoreError] = []
+    for each in energised(problems.append):
+        if each.run == str(path.absolute()):
+            raise InputError(
+                f"{run.id}: {', '.join(each.connections)} may still be energised. Make the bench safe first: bench "
+                f"make-safe --bench {each.bench}"
+            )
+    line = {
+        "at": wall_utc().isoformat(timespec="seconds"), "by": by, "reason": reason, "of": found.why, "latch": found.key,
+    }  # fmt: skip
+    try:
+        append_line(path / ACKNOWLEDGED, json.dumps(line, ensure_ascii=False))
+    except OSError as problem:
+        raise StoreError(f"{path / ACKNOWLEDGED}: cannot be written ({problem})") from problem
+    return found.why
+
+
+def _lines(path: Path) -> Iterator[dict[str, Any]]:
+    """The entries of a file; a line that cannot be read is one without content."""
+    try:
+        text = path.read_text("utf-8", errors="replace")
+    except FileNotFoundError:
+        return
+    except OSError as problem:
+        yield {"unreadable": str(problem)}
+        return
+    for line in text.splitlines():
+        try:
+            entry = json.loads(line)
+        except (ValueError, RecursionError):
+            entry = {}
+        yield entry if isinstance(entry, dict) else {}

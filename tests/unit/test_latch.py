@@ -1,0 +1,135 @@
+"""Runs whose guardian had to act, or that left something on: latched until acknowledged, and again later."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from bench.cli.main import main
+from bench.clock import wall_utc
+from bench.errors import InputError
+from bench.guardian.notes import Notes
+from bench.store.energised import note_energised, note_safe
+from bench.store.latch import ACKNOWLEDGED, acknowledge, latch
+from bench.store.runs import MANIFEST, RunDirectory, summary
+from tests.support.runs import run_short, sealed_anew
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
+@pytest.fixture
+def run(tmp_path) -> Path:
+    """A run that ended well."""
+    return run_short(tmp_path / "runs", sequence="smoke").path
+
+
+def incident(run: Path, why: str = "the process of the run has died", unsafe: tuple[str, ...] = ()) -> None:
+    notes = Notes(run)
+    notes.entry("begins", why=why)
+    notes.entry("ends", unsafe=dict.fromkeys(unsafe, "no answer"))
+    notes.close()
+
+
+def why(run: Path) -> str:
+    found = latch(summary(run))
+    return "" if found is None else found.why
+
+
+def test_a_run_that_ended_well_is_not_latched(run):
+    assert why(run) == ""
+    with pytest.raises(InputError, match="is not latched"):
+        acknowledge(run, "A. Person", "nothing")
+
+
+def test_the_act_of_a_guardian_latches_until_it_is_acknowledged(run):
+    incident(run, unsafe=("supply",))
+    assert why(run) == (
+        "its guardian made the bench safe: the process of the run has died; the guardian could not make supply safe"
+    )
+    assert acknowledge(run, "A. Person", "the fuse was replaced").startswith("its guardian")
+    assert why(run) == ""
+    (entry,) = map(json.loads, (run / ACKNOWLEDGED).read_text("utf-8").splitlines())
+    assert (entry["by"], entry["reason"]) == ("A. Person", "the fuse was replaced")
+    with pytest.raises(InputError, match="was acknowledged before"):
+        acknowledge(run, "A. Person", "again")
+
+
+def test_another_incident_latches_again(run):
+    incident(run)
+    acknowledge(run, "A. Person", "looked at")
+    incident(run, why="the run stood still")
+    assert "the run stood still" in why(run)
+
+
+def test_the_acknowledgement_of_another_run_does_not_count(run, tmp_path):
+    other = run_short(tmp_path / "others", sequence="smoke").path
+    incident(other)
+    acknowledge(other, "A. Person", "looked at")
+    incident(run, why="no memory was left")
+    (run / ACKNOWLEDGED).write_bytes((other / ACKNOWLEDGED).read_bytes())
+    assert "no memory was left" in why(run)
+
+
+def test_what_could_not_be_made_safe_latches(run):
+    manifest = json.loads((run / MANIFEST).read_text("utf-8"))
+    (run / MANIFEST).write_text(json.dumps({**manifest, "unsafe": {"supply": "no answer"}}), "utf-8")
+    sealed_anew(run)
+    assert why(run) == "supply could not be made safe: no answer"
+    acknowledge(run, "A. Person", "switched off by hand")
+    assert why(run) == ""
+
+
+@pytest.mark.parametrize(
+    ("by", "reason"), [("A. Person", "  "), ("A. Person", "a\nb"), ("A. Person", "x" * 501), ("", "x")]
+)
+def test_a_reason_and_a_name_are_needed(run, by, reason):
+    incident(run)
+    with pytest.raises(InputError, match=r"--reason: expected|--by: expected"):
+        acknowledge(run, by, reason)
+    assert why(run)
+
+
+def test_a_run_under_way_is_not_acknowledged(run):
+    incident(run)
+    directory = RunDirectory.reopen(run)
+    manifest = json.loads((run / MANIFEST).read_text("utf-8"))
+    (run / MANIFEST).write_text(json.dumps({**manifest, "state": "running"}), "utf-8")
+    try:
+        with pytest.raises(InputError, match="is under way"):
+            acknowledge(run, "A. Person", "looked at")
+    finally:
+        directory.release()
+
+
+def test_what_may_still_be_on_comes_first(run, tmp_path):
+    incident(run)
+    note_energised(run, tmp_path / "b.yaml", wall_utc(), {"supply": "tcp://127.0.0.1:5025"})
+    with pytest.raises(InputError, match=r"supply may still be energised. Make the bench safe first: .*b\.yaml"):
+        acknowledge(run, "A. Person", "looked at")
+    note_safe({"tcp://127.0.0.1:5025"})
+    acknowledge(run, "A. Person", "looked at")
+
+
+def test_lines_that_cannot_be_read_latch_too(run):
+    (run / "incident.jsonl").write_bytes(b"\xff\x00 nonsense\n[1]\n")
+    assert "incident.jsonl" in why(run)
+
+
+def test_on_the_command_line(run, capsys):
+    incident(run)
+    assert main(["runs", "--runs", str(run.parent)]) == 0
+    assert "completed, latched" in capsys.readouterr().out
+    assert main(["status", str(run)]) == 0
+    assert "bench acknowledge" in capsys.readouterr().out
+    assert main(["acknowledge", str(run), "--reason", "looked at"]) == 0
+    assert "acknowledged: its guardian made the bench safe" in capsys.readouterr().out
+    assert main(["status", str(run)]) == 0
+    assert "latched" not in capsys.readouterr().out
+    assert main(["runs", "verify", str(run)]) == 0
+    shown = capsys.readouterr()
+    assert "not covered by the seal: acknowledged.jsonl" in shown.out + shown.err
