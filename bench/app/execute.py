@@ -39,6 +39,7 @@ from bench.runner import manifest
 from bench.runner.alert import alert
 from bench.runner.guard import guarded
 from bench.runner.held import holding, real_addresses
+from bench.runner.power import power_watched
 from bench.runner.quiet import Quiet
 from bench.runner.run import run_plan
 from bench.runner.signals import Signals
@@ -190,7 +191,12 @@ async def _run(
     try:
         write_beginning(writer, clock, prepared, resumption)
         observer.run_begins(folder, prepared.expected, clock)
-        async with wall.watched(prepared.speed), guarded(prepared.loaded, folder, signals):
+        power = None if bench.is_simulated else bench.power
+        async with (
+            wall.watched(prepared.speed),
+            power_watched(power, signals, writer, observer.notice),
+            guarded(prepared.loaded, folder, signals),
+        ):
             past = None if resumption is None else resumption.past
             outcome, identities = await _with_devices(
                 prepared, folder, laboratory, observer, keep, signals, writer, past

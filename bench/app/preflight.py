@@ -16,6 +16,7 @@ from bench.app.faults import laboratory_of
 from bench.app.inputs import inputs_of
 from bench.app.request import PreparedRun, folder_of_runs, past_due_on
 from bench.clock import wall_utc
+from bench.config.power import PowerEntry
 from bench.errors import BenchError, StoreError
 from bench.loop import run as run_loop
 from bench.report.times_and_sizes import duration, instant, megabytes
@@ -23,6 +24,8 @@ from bench.rig import OpenError, Rig
 from bench.runner.alert import route
 from bench.runner.guard import try_guardian
 from bench.runner.held import energising_addresses, holding, real_addresses
+from bench.runner.nut import Client, PowerState
+from bench.runner.power import IN_WORDS
 from bench.sequence.talk import Prompt
 from bench.sequence.values import as_written
 from bench.store.energised import energised
@@ -88,7 +91,7 @@ def preflight(prepared: PreparedRun) -> Preflight:
         looked_at = (_instruments(prepared), _guardian(prepared))
     return Preflight((
         *looked_at, _left_on(prepared), _certificates(prepared), _rehearsal(prepared), _questions(prepared),
-        _alert(prepared), _disk(prepared), _clock(), _power(), _protection(prepared), _times(prepared),
+        _alert(prepared), _disk(prepared), _clock(), _power(prepared), _protection(prepared), _times(prepared),
         _safe_end(prepared),
     ))  # fmt: skip
 
@@ -209,10 +212,27 @@ def _clock() -> Line:
     return Line("clock", "look", "this computer's clock is not synchronised; times in the report follow it")
 
 
-def _power() -> Line:
+def _power(prepared: PreparedRun) -> Line:
+    entry = prepared.loaded.bench.power
+    if entry is not None:
+        return _state_of_power(entry)
     return Line(
         "power", "look", "no uninterruptible supply is watched: if the computer loses its power, the bench stays on"
     )
+
+
+def _state_of_power(entry: PowerEntry) -> Line:
+    async def ask() -> PowerState:
+        client = Client(entry.ups)
+        try:
+            return await client.ask()
+        finally:
+            await client.close()
+
+    state = run_loop(ask())
+    if state.kind == "line":
+        return Line("power", "ok", f"on line power ({state.text}), watched at {entry.ups.name}@{entry.ups.host}")
+    return Line("power", "NO", f"{IN_WORDS[state.kind]} ({state.text})")
 
 
 def _protection(prepared: PreparedRun) -> Line:

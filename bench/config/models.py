@@ -14,6 +14,7 @@ from bench.config.devices import Calibration, CoverageFactor, DeviceEntry, Text
 from bench.config.fixture import DIRECTIONS, FixtureEntry, Vector
 from bench.config.interlocks import InterlockEntry
 from bench.config.places import PlaceEntry, drawn_together
+from bench.config.power import PowerEntry
 from bench.config.simulation import Simulation
 from drivers.can_telemetry.description import SampleOptions, TelemetryOptions
 from drivers.corrections import TemperatureTable
@@ -158,6 +159,7 @@ class BenchFile(StrictModel):
     places: Annotated[Mapping[Name, PlaceEntry], NOT_EMPTY]
     monitor: Monitor = Monitor()
     alert: AlertEntry | None = None
+    power: PowerEntry | None = None
     simulation: Simulation = Simulation()
 
     def members(self, name: str) -> tuple[str, ...]:

@@ -22,6 +22,12 @@ from bench.sequence.methods import known_methods
 from bench.store.reader import Event
 from bench.store.verify import Record
 
+POWER = {
+    "line": "The computer was on line power.",
+    "battery": "The computer was on battery.",
+    "low": "The battery of the computer was low.",
+    "unknown": "The state of the computer's power was not known.",
+}
 Facts = list[tuple[str, str]]
 """Pairs of what is told and what is to be told of it."""
 
@@ -108,6 +114,13 @@ def notes_of_steps(run: StoredRun) -> Iterator[str]:
             yield tr("{text} ({time} after the start)", text=event.data["note"], time=when)
         if "alarm" in event.data:
             yield tr("Alarm: {text} ({time} after the start)", text=event.data["alarm"], time=when)
+
+
+def power(run: StoredRun) -> Iterator[str]:
+    """How the computer was fed, where that changed in the run."""
+    found = list(run.reader.events("power"))
+    for event in found if len(found) > 1 else ():
+        yield f"{tr(POWER[event.data['state']])} ({event.data['text']}, {_since_start(run, event)})"
 
 
 def done_again(run: StoredRun) -> Iterator[str]:

@@ -140,3 +140,10 @@ def test_on_a_simulated_bench_only_what_applies_is_looked_at(tmp_path):
     found = preflight(prepare(RunRequest("smoke", runs=tmp_path)))
     assert found.is_green
     assert [line.what for line in found.lines] == ["instruments", "disk", "times"]
+
+
+def test_a_supply_that_is_named_and_not_there_keeps_a_run_from_being_left_alone(tmp_path):
+    run = prepared(tmp_path, "{wait: 1 s}", bench=wires_with(tmp_path, more="power: {ups: 'u@127.0.0.1:1'}\n"))
+    found = module._power(run)
+    assert (found.state, "is not known (upsd at 127.0.0.1:1" in found.text) == ("NO", True), found.text
+    assert module._power(prepared(tmp_path, "{wait: 1 s}")).state == "look"

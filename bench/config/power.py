@@ -1,0 +1,49 @@
+"""The uninterruptible supply of a bench computer in its bench file."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Literal, NamedTuple, Self
+
+from pydantic import BeforeValidator, Field, WithJsonSchema
+
+from drivers.fields import PositiveSeconds, StrictModel
+from drivers.wording import expected
+
+PORT = 3493  # of upsd
+_ADDRESS = r"([\w.-]+)@([\w.-]+|\[[0-9A-Fa-f:]+\])(?::(\d{1,5}))?"
+
+
+class Supply(NamedTuple):
+    """The name of a supply, and the host and port of its `upsd`."""
+
+    name: str
+    host: str
+    port: int = PORT
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """From NAME@HOST or NAME@HOST:PORT; raises ValueError."""
+        found = re.fullmatch(_ADDRESS, text)
+        if found is None or not 0 < int(found[3] or PORT) < 65536:
+            raise ValueError(text)
+        return cls(found[1], found[2].strip("[]"), int(found[3] or PORT))
+
+
+def _supply(raw: Any) -> Supply:
+    try:
+        return raw if isinstance(raw, Supply) else Supply.parse(raw)
+    except (TypeError, ValueError):
+        raise expected("NAME@HOST or NAME@HOST:PORT, as in bench@localhost", raw) from None
+
+
+class PowerEntry(StrictModel):
+    """The uninterruptible supply of the computer, by Network UPS Tools, and what a run does on battery."""
+
+    ups: Annotated[Supply, BeforeValidator(_supply), WithJsonSchema({"type": "string"})] = Field(
+        description="NAME@HOST or NAME@HOST:PORT of its upsd"
+    )
+    on_battery: Literal["stop", "continue"] = Field(
+        "continue", description="end the run at once, or go on for `after`; it always ends when the battery is low"
+    )
+    after: PositiveSeconds = Field(300.0, description="the longest time on battery with `continue`")
