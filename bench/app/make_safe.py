@@ -19,18 +19,26 @@ from bench.loop import run as run_loop
 from bench.runner.held import holding, real_addresses
 from bench.runner.takeover import take_over
 from bench.store.energised import energised, note_safe, record_made_safe
+from bench.store.runs import summary
 
 Notice = Callable[[str], object]
 
 
-def make_safe(name: str | None, notice: Notice, ended: Callable[[Lane], object]) -> Iterator[Lane]:
+def make_safe(
+    name: str | None, notice: Notice, ended: Callable[[Lane], object], *, if_left_on: bool = False
+) -> Iterator[Lane]:
     """Make the bench of a name or path safe; without one, every bench that a run may have left energised.
 
     Whoever holds a bench is ended. `notice` receives what a person should know, `ended` each lane as it ends; a bench
-    on record whose file cannot be used is one lane. Raises InputError when there is nothing to make safe.
+    on record whose file cannot be used is one lane. With `if_left_on` nothing is done unless a run that is over may
+    have left an instrument of the bench on. Raises InputError when there is nothing to make safe.
     """
     if name is not None:
-        yield from _of_bench(load_bench_named(name), notice, ended)
+        loaded = load_bench_named(name)
+        if if_left_on and not _is_left_on(loaded, notice):
+            notice(f"{loaded.document.path}: no run that is over has left an instrument on")
+            return
+        yield from _of_bench(loaded, notice, ended)
         return
     for path in _registered(notice):
         try:
@@ -40,6 +48,15 @@ def make_safe(name: str | None, notice: Notice, ended: Callable[[Lane], object])
             yield lane
         else:
             yield from _of_bench(loaded, notice, ended)
+
+
+def _is_left_on(loaded: LoadedBench, notice: Notice) -> bool:
+    """Whether a run that is over may have left an instrument of this bench on."""
+    bench = str(loaded.document.path.absolute())
+    return any(
+        each.bench == bench and summary(Path(each.run)).state != "running"
+        for each in energised(lambda problem: notice(str(problem)))
+    )
 
 
 def _registered(notice: Notice) -> list[str]:

@@ -70,7 +70,7 @@ def console(device: str, bench: str | None, *, simulate: bool, write: bool) -> i
     return BENCH_ERROR if talk(device, bench, typed_lines, say, simulate=simulate, write=write) else PASS
 
 
-def make_safe(bench: str | None) -> int:
+def make_safe(bench: str | None, *, if_left_on: bool) -> int:
     """Make every instrument of a bench safe now, also while a run holds it, or with some instruments missing.
 
     Without --bench: all benches that a run may have left on.
@@ -84,7 +84,7 @@ def make_safe(bench: str | None) -> int:
         sys.stdout.write(f"{lane.role:<16} {lane.state:<12} {lane.took_s:6.1f} s  {lane.why}".rstrip() + "\n")
         sys.stdout.flush()
 
-    left = [lane.role for lane in made_safe(bench, say, show) if lane.state != "safe"]
+    left = [lane.role for lane in made_safe(bench, say, show, if_left_on=if_left_on) if lane.state != "safe"]
     if left:
         say(f"NOT MADE SAFE: {', '.join(left)}. Switch them off by hand, then try again.")
     return NOT_SAFE if left else PASS
@@ -117,6 +117,7 @@ COMMANDS = (
     )),
     Command("make-safe", make_safe, (
         option("--bench FILE", "The bench; default: every bench that a run may have left on."),
+        flag("--if-left-on", "Only if a run that is over may have left an instrument of the bench on."),
     )),
     Command("simulate", simulate, (
         option("--bench FILE", "The bench whose instruments to simulate.", is_required=True),

@@ -210,12 +210,15 @@ def _says_yes() -> bool:
 
 def _executed(prepared: PreparedRun, resumption: Resumption | None, *, as_json: bool) -> int:
     from bench.app.execute import execute
+    from bench.app.service import Service
+    from bench.runner.notify import notify
     from bench.runner.progress import TerminalProgress
     from bench.runner.signals import Signals
 
     with Signals() as signals:
         with TerminalProgress(prepared.plan, prepared.loaded.bench, prepared.speed) as progress:
-            result = execute(prepared, progress, signals, resumption)
+            result = execute(prepared, Service(progress), signals, resumption)
+        notify("STOPPING=1", f"STATUS={result.outcome.how}")
         with signals.not_waiting():
             _show(result, progress.said, as_json=as_json)
     return of_run(result)

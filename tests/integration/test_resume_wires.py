@@ -95,7 +95,7 @@ def test_a_bench_that_nobody_has_made_safe_is_made_safe_first(bench, tmp_path):
     assert refused.returncode == 2
     assert "may still be energised. Make the bench safe first: bench make-safe" in refused.stderr
     with contextlib.suppress(ProcessLookupError):
-        assert bench_command("make-safe", "--bench", str(bench.bench)).returncode == 0
+        assert bench_command("make-safe", "--bench", str(bench.bench), "--if-left-on").returncode == 0
     assert bench.state() == SAFE
     assert bench_command("resume", str(path), "--interrupted").returncode in (0, 5)
     assert bench.state() == SAFE

@@ -5,7 +5,10 @@ from __future__ import annotations
 import pytest
 
 from bench.app.make_safe import make_safe
+from bench.clock import wall_utc
 from bench.lanes import LONGEST_S, Lane
+from bench.store.energised import note_energised, note_safe
+from bench.store.runs import RunDirectory
 from tests.support.runs import copy_bench
 
 OTHERS = {"chamber", "counter", "head", "source"}
@@ -40,3 +43,23 @@ def test_one_that_comes_back_within_the_time_to_connect_is_made_safe(tmp_path):
     found = lanes(tmp_path, "[{device: supply, kind: silent, at: 0 s, for: 4 s}]")
     assert found["supply"].state == "safe"
     assert found["supply"].took_s > 4
+
+
+def test_only_what_a_run_that_is_over_has_left_on(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    bench, run = copy_bench(tmp_path / "config"), tmp_path / "runs" / "earlier"
+    said: list[str] = []
+
+    def made_safe() -> list[Lane]:
+        return list(make_safe(str(bench), said.append, lambda _lane: None, if_left_on=True))
+
+    assert made_safe() == []
+    assert "no run that is over has left an instrument on" in said[-1]
+    note_energised(run, bench, wall_utc(), {"supply": "tcp://127.0.0.1:5025"})
+    run.mkdir(parents=True)
+    directory = RunDirectory.reopen(run)  # under way
+    assert made_safe() == []
+    directory.release()
+    assert {lane.state for lane in made_safe()} == {"safe"}
+    note_safe({"tcp://127.0.0.1:5025"})
+    assert made_safe() == []

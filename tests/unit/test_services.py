@@ -1,0 +1,76 @@
+"""Units for systemd, and what a run tells it over its socket."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from bench.app.service import Service
+from bench.lanes import LONGEST_S
+from bench.runner.notify import VARIABLE, notify
+from bench.runner.quiet import Quiet
+from tests.support.runs import ROOT
+from tests.support.sequences import plan_of, steps
+
+UNIT = ROOT / "config" / "services" / "bench-run@.service"
+needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+
+
+@pytest.fixture
+def unit(tmp_path: Path) -> Path:
+    """The unit of a run called night, with a program that is there."""
+    path = tmp_path / "bench-run@night.service"
+    path.write_text(UNIT.read_text("utf-8").replace("/opt/inertial-test-bench/bin/bench", "/bin/true"), "utf-8")
+    return path
+
+
+@needs_systemd
+@pytest.mark.integration
+def test_the_unit_is_valid(unit: Path) -> None:
+    done = subprocess.run(["systemd-analyze", "verify", str(unit)], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@needs_systemd
+@pytest.mark.integration
+def test_the_unit_is_exposed_to_little(unit: Path) -> None:
+    done = subprocess.run(
+        ["systemd-analyze", "security", "--offline=true", "--threshold=20", str(unit)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-300:]
+
+
+def test_a_stop_leaves_time_to_make_the_bench_safe_twice() -> None:
+    (line,) = (line for line in UNIT.read_text("utf-8").splitlines() if line.startswith("TimeoutStopSec="))
+    assert int(line.partition("=")[2]) > 2 * LONGEST_S  # by the guardian, and by make-safe after it
+
+
+def test_members_of_a_group_start_and_stop_runs_alone() -> None:
+    text = (UNIT.parent / "50-bench.rules").read_text("utf-8")
+    assert r"/^bench-run@[A-Za-z0-9_.-]+\.service$/" in text
+    assert '["start", "stop"]' in text
+
+
+@pytest.mark.parametrize("kind", ["path", "abstract"])
+def test_a_run_tells_its_service_manager(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    name = str(tmp_path / "notify") if kind == "path" else f"@inertial-test-bench-{tmp_path.name}"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(f"\0{name[1:]}" if kind == "abstract" else name)
+        manager.settimeout(5)
+        monkeypatch.setenv(VARIABLE, name)
+        (planned,) = plan_of(tmp_path, steps("{wait: 1 s}"))
+        Service(Quiet()).step_begins(planned, 0)
+        notify("READY=1", "STATUS=two\nlines")
+        assert manager.recv(1000) == b"STATUS=step 1: steps/wait"
+        assert manager.recv(1000) == b"READY=1\nSTATUS=two lines"
+
+
+@pytest.mark.parametrize("name", ["", "relative", "/no/such/socket", "@nobody-listens-here"])
+def test_without_a_manager_nothing_is_told(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, name)
+    notify("READY=1")
