@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from bench.app.beginning import began, instant, keep_inputs, made_directory, write_beginning
@@ -120,14 +121,14 @@ def _execute(
                     laboratory.leave_frames(HEALTHY_BLOCK_S)
             if resumption is not None and bench.is_simulated:
                 await rebuild(resumption, prepared.seed, partial(_go_through, prepared, directory.path, laboratory))
-            return await _run(prepared, directory.path, laboratory, observer, keep, signals, resumption)
+            return await _run(prepared, directory.path, laboratory, observer, keep, signals, resumption, left_on)
 
         origin_s = 0.0
         if resumption is not None and not bench.is_simulated:
             origin_s = resumption.last_s + resumption.outage_s(now)
         trace = prepared.request.trace
         register = Register(prepared.loaded, directory.path, observer.notice)
-        register.begin(now)
+        left_on = register.begin(now)
         with nullcontext() if trace is None else recording(trace) as keep:
             ran = run_loop(main(), prepared.speed, origin_s)
         if ran.made_safe:
@@ -180,6 +181,7 @@ async def _run(
     keep: Keep | None,
     signals: Signals,
     resumption: Resumption | None,
+    left_on: Mapping[str, str],
 ) -> _Run:
     bench = prepared.loaded.bench
     began_s = asyncio.get_running_loop().time() if resumption is None else resumption.began_s
@@ -199,7 +201,7 @@ async def _run(
         ):
             past = None if resumption is None else resumption.past
             outcome, identities = await _with_devices(
-                prepared, folder, laboratory, observer, keep, signals, writer, past
+                prepared, folder, laboratory, observer, keep, signals, writer, past, left_on
             )
         made_safe = True
         _keep_unsafe(folder, bench, outcome, observer)
@@ -238,6 +240,7 @@ async def _with_devices(
     signals: Signals,
     writer: RunWriter,
     past: Past | None,
+    left_on: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[Outcome, Mapping[str, Identity]]:
     """Run the plan on the devices of the bench, with the faults of the bench file in simulated ones."""
     bench = prepared.loaded.bench
@@ -269,6 +272,7 @@ async def _with_devices(
         places=tuple(prepared.serials),
         people=people,
         past=past,
+        left_on=left_on,
     )
 
 

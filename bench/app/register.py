@@ -20,21 +20,24 @@ class Register:
         self._bench, self._run, self._notice = loaded.document.path, run, notice
         self._connections = {role: str(address) for role, address in energising_addresses(loaded.bench).items()}
 
-    def begin(self, at: datetime) -> None:
-        """Name the runs that may have left these instruments on, then enter this one, before anything is opened."""
+    def begin(self, at: datetime) -> dict[str, str]:
+        """Enter this run, before anything is opened; the instruments that others may have left on, with these runs."""
+        found: dict[str, str] = {}
         if not self._connections:
-            return
+            return found
         try:
             for each in energised(lambda problem: self._notice(str(problem))):
                 left = [role for role, address in each.connections.items() if address in self._connections.values()]
                 if left:
+                    found |= dict.fromkeys(left, Path(each.run).name)
                     self._notice(
-                        f"{Path(each.run).name} ended without making {', '.join(left)} safe. Each of them is as that "
-                        "run left it until a step sets it, or until this run ends."
+                        f"{Path(each.run).name} ended without making {', '.join(left)} safe. This run makes them safe "
+                        "before its first step."
                     )
             note_energised(self._run, self._bench, at, self._connections)
         except StoreError as problem:
             self._notice(f"{problem}: 'bench make-safe' will need --bench {self._bench}")
+        return found
 
     def end(self, outcome: Outcome) -> None:
         """Take out what this run has made safe."""

@@ -63,7 +63,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
     problems = list(page.problems(run, not_evaluated, verdict))
     notes = [
         *page.past_due(instruments), *page.faults_on_purpose(run), *page.done_again(run), *page.power(run),
-        *page.notes_of_steps(run), *missed.lines(not_come), *_flags(results),
+        *page.left_on(run), *page.notes_of_steps(run), *missed.lines(not_come), *_flags(results),
     ]  # fmt: skip
     return _environment().get_template(TEMPLATE).render(
         manifest=run.manifest,

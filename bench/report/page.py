@@ -116,6 +116,14 @@ def notes_of_steps(run: StoredRun) -> Iterator[str]:
             yield tr("Alarm: {text} ({time} after the start)", text=event.data["alarm"], time=when)
 
 
+def left_on(run: StoredRun) -> Iterator[str]:
+    """What earlier runs had left on."""
+    for event in run.reader.events("found_left_on"):
+        found = event.data["devices"]
+        names = f"{', '.join(sorted(found))} ({', '.join(sorted(set(found.values())))})"
+        yield tr("Left on by an earlier run, and made safe before the first step: {names}.", names=names)
+
+
 def power(run: StoredRun) -> Iterator[str]:
     """How the computer was fed, where that changed in the run."""
     found = list(run.reader.events("power"))

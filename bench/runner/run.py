@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from bench.config.models import BenchFile
@@ -19,7 +20,7 @@ from bench.engine.people import People
 from bench.engine.questions import Desk
 from bench.engine.safety import finish
 from bench.errors import StoreError, in_words
-from bench.rig import CLOSE_S, MAKE_SAFE_S, Rig
+from bench.rig import CLOSE_S, MAKE_SAFE_S, OpenError, Rig
 from bench.runner.commands import commands_of
 from bench.runner.control import control_socket
 from bench.runner.signals import Sent, Signals
@@ -47,6 +48,7 @@ async def run_plan(
     places: Collection[str] | None = None,
     people: People | None = None,
     past: Past | None = None,
+    left_on: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[Outcome, Mapping[str, Identity]]:
     """Opens the devices, runs the plan, makes everything safe, closes; how it ended, and who the devices were.
 
@@ -54,7 +56,8 @@ async def run_plan(
     signal ends the opening, or the run as `_acting` says. `teardown_s` is the estimated duration of the teardown, to be
     told. While it runs a control socket takes commands; it is named in `folder`. `on_desk` is given the desk at which
     questions are asked, before the first one. `places` are those with a unit in them; None for all. `people` are whom
-    the devices ask. `past` is what was done before an interruption.
+    the devices ask. `past` is what was done before an interruption. `left_on` are devices that other runs may have left
+    on, with the names of these runs: everything is made safe before the first step.
     """
     rig, journal = Rig(devices), Journal(writer)
     in_use = bench.with_units_in(bench.places if places is None else places)
@@ -63,6 +66,8 @@ async def run_plan(
     try:
         await _open(rig, used, signals)
         _tell_who_is_there(rig, writer, journal, observer)
+        if left_on:
+            await _make_what_was_left_on_safe(rig, left_on, journal)
         if signals.first is None:
             interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
             monitor = Monitor(rig, bench, interlocks, writer, on_reading, places, used)
@@ -116,6 +121,14 @@ def _tell_who_is_there(rig: Rig, writer: RunWriter, journal: Journal, observer: 
             f"{why}\nThe run does not use {role} and goes on without it. Nothing was sent to it: check "
             "yourself that it is safe."
         )
+
+
+async def _make_what_was_left_on_safe(rig: Rig, left_on: Mapping[str, str], journal: Journal) -> None:
+    """Raise OpenError when something cannot be made safe."""
+    unsafe = await finish(rig.make_safe(), MAKE_SAFE_S + CLOSE_S)
+    journal.write("found_left_on", devices=dict(left_on), unsafe=unsafe)
+    if unsafe:
+        raise OpenError("\n".join(unsafe.values()))
 
 
 async def _failed(

@@ -14,6 +14,7 @@ import pytest
 
 from tests.support.energised import ENERGISED, SAFE, Process, Wires, wires
 from tests.support.guardians import guardian_of
+from tests.support.killed import journal
 from tests.support.runs import ROOT
 from tests.support.served import free_port
 
@@ -112,11 +113,20 @@ def test_one_instrument_that_is_not_there_delays_no_other_and_stays_on_record(be
     assert bench.state() == SAFE
 
 
-def test_the_next_run_names_the_one_that_left_instruments_on(bench, tmp_path, state):
+def test_the_next_run_names_the_one_that_left_instruments_on_and_makes_them_safe_first(bench, tmp_path, state):
     name = killed(bench, tmp_path / "first")
     run = Process(bench.bench, tmp_path / "second", "--set", "time=1 s")
     assert run.code() == 0
     assert f"{name} ended without making" in run.told.read_text("utf-8")
+    assert run.path is not None
+    entries = journal(run.path)
+    kinds = [entry.kind for entry in entries]
+    assert kinds.index("found_left_on") < kinds.index("step_begins")
+    found = entries[kinds.index("found_left_on")]
+    assert found.data == {"devices": dict.fromkeys(("chamber", "head", "supply", "source"), name), "unsafe": {}}
+    assert f"before the first step: chamber, head, source, supply ({name})" in (run.path / "report.html").read_text(
+        "utf-8"
+    )
     assert list((state / "energised").iterdir()) == []
     assert bench.state() == SAFE
 
