@@ -30,17 +30,20 @@ def make_safe(
     """Make the bench of a name or path safe; without one, every bench that a run may have left energised.
 
     Whoever holds a bench is ended. `notice` receives what a person should know, `ended` each lane as it ends; a bench
-    on record whose file cannot be used is one lane. With `if_left_on` nothing is done unless a run that is over may
-    have left an instrument of the bench on. Raises InputError when there is nothing to make safe.
+    on record whose file cannot be used is one lane. With `if_left_on` a bench is left as it is unless a run that is
+    over may have left an instrument of it on. Raises InputError when there is nothing to make safe.
     """
     if name is not None:
         loaded = load_bench_named(name)
-        if if_left_on and not _is_left_on(loaded, notice):
+        if if_left_on and loaded.document.path.absolute() not in map(Path, _registered(notice, over=True)):
             notice(f"{loaded.document.path}: no run that is over has left an instrument on")
             return
         yield from _of_bench(loaded, notice, ended)
         return
-    for path in _registered(notice):
+    found = _registered(notice, over=if_left_on)
+    if not found and not if_left_on:
+        raise InputError("no run is on record that may have left instruments on; name the bench: --bench FILE")
+    for path in found:
         try:
             loaded = load_bench_named(path)
         except InputError as problem:
@@ -50,23 +53,14 @@ def make_safe(
             yield from _of_bench(loaded, notice, ended)
 
 
-def _is_left_on(loaded: LoadedBench, notice: Notice) -> bool:
-    """Whether a run that is over may have left an instrument of this bench on."""
-    bench = str(loaded.document.path.absolute())
-    return any(
-        each.bench == bench and summary(Path(each.run)).state != "running"
-        for each in energised(lambda problem: notice(str(problem)))
-    )
-
-
-def _registered(notice: Notice) -> list[str]:
-    """Paths of the bench files of runs that may have left instruments on."""
+def _registered(notice: Notice, *, over: bool) -> list[str]:
+    """Paths of the bench files of runs that may have left instruments on; only of runs that are `over`, if asked."""
     found: dict[str, None] = {}
     for each in energised(lambda problem: notice(str(problem))):
+        if over and summary(Path(each.run)).state == "running":
+            continue
         notice(f"{Path(each.run).name}, begun {each.since}: {', '.join(each.connections)} not known to be safe")
         found[each.bench] = None
-    if not found:
-        raise InputError("no run is on record that may have left instruments on; name the bench: --bench FILE")
     return list(found)
 
 

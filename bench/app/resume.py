@@ -101,8 +101,11 @@ def read_interrupted(path: Path) -> Resumption:
     return Resumption(path, manifest, entries, last_s, past_of(entries))
 
 
-def prepared_again(resumption: Resumption) -> PreparedRun:
-    """The run as it was prepared when it began; raises InputError with everything that is different now."""
+def prepared_again(resumption: Resumption, *, left_on: bool = False) -> PreparedRun:
+    """The run as it was prepared when it began; raises InputError with everything that is different now.
+
+    Also where instruments may still be energised, unless `left_on`.
+    """
     manifest = resumption.manifest
     asked: dict[str, Any] = dict(manifest[REQUEST])
     for key in ("parameters", "uut_model", "answers"):
@@ -110,7 +113,7 @@ def prepared_again(resumption: Resumption) -> PreparedRun:
     for key in ("settings", "units", "calibrations"):
         asked[key] = tuple(asked[key])
     prepared = prepare(RunRequest(**asked, runs=resumption.path.parent))
-    if problems := [*_changed(prepared, manifest), *_cannot_go_on(prepared, resumption)]:
+    if problems := [*_changed(prepared, manifest), *_cannot_go_on(prepared, resumption, left_on=left_on)]:
         raise InputError(*(f"{resumption.path.name}: {problem}" for problem in problems))
     return prepared
 
@@ -148,7 +151,7 @@ def _version() -> str:
     return version(PROGRAM)
 
 
-def _cannot_go_on(prepared: PreparedRun, resumption: Resumption) -> list[str]:
+def _cannot_go_on(prepared: PreparedRun, resumption: Resumption, *, left_on: bool) -> list[str]:
     """What a person must do or decide before."""
     problems: list[str] = []
     if prepared.loaded.bench.simulation.faults or prepared.scenario is not None:
@@ -156,8 +159,7 @@ def _cannot_go_on(prepared: PreparedRun, resumption: Resumption) -> list[str]:
     steps = {planned.id: planned.step for planned in prepared.plan}
     if custom := [step for step in resumption.past.under_way if isinstance(steps.get(step), Custom)]:
         problems.append(f"{', '.join(custom)} was under way, and may not be repeatable; start it anew")
-    left = _left_on(prepared)
-    if left:
+    if not left_on and (left := _left_on(prepared)):
         problems.append(
             f"{', '.join(left)} may still be energised. Make the bench safe first: bench make-safe --bench "
             f"{prepared.loaded.document.path}"

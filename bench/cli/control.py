@@ -19,10 +19,19 @@ def pause(run: str, runs: Path) -> None:
     _tell(run, runs, "pause")
 
 
-def resume(run: str, runs: Path, *, interrupted: bool) -> int | None:
+def resume(run: str, runs: Path, *, interrupted: bool, pending: bool) -> int | None:
     """Continue a paused run, or an interrupted one from where it was."""
+    from bench.errors import InputError
     from bench.store.runs import find_run, summary
 
+    if pending:
+        if run:
+            raise InputError("--pending takes all runs that may go on by themselves; leave RUN out")
+        from bench.cli.running import resume_pending
+
+        return resume_pending(runs)
+    if not run:
+        raise InputError("give the RUN to resume")
     path = find_run(run, runs)
     if summary(path).state != "interrupted":
         _tell(run, runs, "resume")
@@ -119,7 +128,13 @@ def _tell(run: str, runs: Path, command: str, **arguments: str) -> None:
 COMMANDS = (
     Command("pause", pause, (RUN, RUNS)),
     Command("resume", resume, (
-        RUN, RUNS, flag("--interrupted", "Continue an interrupted run without asking; needed without a terminal."),
+        argument("RUN", "A run directory, an id, its first characters, or last.", default=""),
+        RUNS,
+        flag("--interrupted", "Continue an interrupted run without asking; needed without a terminal."),
+        flag(
+            "--pending",
+            "After a start of the computer: continue every run that it has interrupted, as its bench file allows.",
+        ),
     )),
     Command("skip", skip, (RUN, RUNS)),
     Command("repeat", repeat, (RUN, RUNS)),

@@ -117,7 +117,7 @@ COMMANDS = (
     )),
     Command("make-safe", make_safe, (
         option("--bench FILE", "The bench; default: every bench that a run may have left on."),
-        flag("--if-left-on", "Only if a run that is over may have left an instrument of the bench on."),
+        flag("--if-left-on", "Only benches that a run which is over may have left on."),
     )),
     Command("simulate", simulate, (
         option("--bench FILE", "The bench whose instruments to simulate.", is_required=True),

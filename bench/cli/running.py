@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bench.cli.commands import Command, argument, flag, option, options
-from bench.cli.exits import BENCH_ERROR, INPUT_ERROR, PASS, of_run
+from bench.cli.exits import BENCH_ERROR, INPUT_ERROR, NOT_SAFE, PASS, of_run
 from bench.errors import InputError
 
 if TYPE_CHECKING:  # `bench --help` loads none of it
@@ -198,6 +198,33 @@ def resume_interrupted(path: Path, *, confirmed: bool) -> int:
         if not confirmed and not _says_yes():
             raise InputError(f"{path.name}: not resumed; confirm it with --interrupted, or answer yes on a terminal")
         return _executed(prepared, resumption, as_json=False)
+
+
+def resume_pending(runs: Path) -> int:
+    """Go on with the runs that the failure of this computer has interrupted; the highest exit code."""
+    from bench.app.make_safe import make_safe
+    from bench.app.pending import pending
+    from bench.runner.output import lasting_output
+
+    def say(text: str) -> None:
+        sys.stderr.write(f"{text}\n")
+
+    code = PASS
+    with lasting_output():
+        for each in list(pending(runs)):
+            if each.found is None:
+                say(f"{each.path.name}: not resumed: {each.why_not}")
+                continue
+            resumption, prepared = each.found
+            bench = str(prepared.loaded.document.path)
+            lanes = list(make_safe(bench, say, lambda _lane: None, if_left_on=True))
+            if left := [lane.role for lane in lanes if lane.state != "safe"]:
+                say(f"{each.path.name}: not resumed: {', '.join(left)} could not be made safe")
+                code = max(code, NOT_SAFE)
+                continue
+            say(f"{each.path.name}: resumed after the start of this computer")
+            code = max(code, _executed(prepared, resumption, as_json=False))
+    return code
 
 
 def _says_yes() -> bool:

@@ -29,6 +29,7 @@ from drivers.fields import (
     Ratio,
     StrictModel,
     TextLike,
+    WholeNumber,
 )
 from drivers.wording import expected
 
@@ -141,6 +142,13 @@ class AlertEntry(StrictModel):
     )
 
 
+class ResumeEntry(StrictModel):
+    """Runs that go on without a person when their computer has started again after a failure."""
+
+    attempts: Annotated[WholeNumber, Field(ge=1, le=10)] = Field(2, description="how often one run at most")
+    within: PositiveSeconds = Field(7200.0, description="the longest time since it was interrupted")
+
+
 class BenchFile(StrictModel):
     """One `config/*.yaml`: a bench."""
 
@@ -160,6 +168,7 @@ class BenchFile(StrictModel):
     monitor: Monitor = Monitor()
     alert: AlertEntry | None = None
     power: PowerEntry | None = None
+    resume: ResumeEntry | None = None
     simulation: Simulation = Simulation()
 
     def members(self, name: str) -> tuple[str, ...]:

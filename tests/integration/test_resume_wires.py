@@ -99,3 +99,44 @@ def test_a_bench_that_nobody_has_made_safe_is_made_safe_first(bench, tmp_path):
     assert bench.state() == SAFE
     assert bench_command("resume", str(path), "--interrupted").returncode in (0, 5)
     assert bench.state() == SAFE
+
+
+AFTER_A_START = """
+import sys
+import bench.app.beginning, bench.app.pending
+bench.app.pending.boot_id = bench.app.beginning.boot_id = lambda: "another-boot"
+from bench.cli.main import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def after_a_start(*words: str) -> subprocess.CompletedProcess[str]:
+    """The command line on a computer that has started again."""
+    return subprocess.run(
+        [sys.executable, "-c", AFTER_A_START, *words], capture_output=True, text=True, cwd=ROOT, check=False,
+        stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+def test_after_a_start_of_the_computer_a_run_goes_on_as_its_bench_file_allows(bench, tmp_path):
+    file = bench.edited(tmp_path / "own", "none", lambda line: line)
+    file.write_text(file.read_text("utf-8") + "resume: {attempts: 1, within: 10 min}\n", "utf-8")
+    run = Process(file, tmp_path, "--set", "time=6 s")
+    run.until_step("steps/wait")
+    os.kill(guardian_of(run.process.pid), signal.SIGKILL)
+    run.process.kill()
+    run.process.wait(5)
+    assert run.path is not None
+    runs = str(run.runs)
+    same = bench_command("resume", "--pending", "--runs", runs)
+    assert same.returncode == 0
+    assert "not lost by it; a person decides" in same.stderr
+    done = after_a_start("resume", "--pending", "--runs", runs)
+    assert done.returncode in (0, 5), done.stderr
+    assert "resumed after the start of this computer" in done.stderr
+    assert bench.state() == SAFE
+    boots = [entry.data["boot"] for entry in journal(run.path) if "boot" in entry.data]
+    assert boots[1:] == ["another-boot"]
+    assert ended(journal(run.path))["steps/measure"] == 1
+    assert list(energised(lambda _: None)) == []
+    assert after_a_start("resume", "--pending", "--runs", runs).returncode == 0  # none is left

@@ -20,11 +20,12 @@ UNIT = ROOT / "config" / "services" / "bench-run@.service"
 needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
 
 
-@pytest.fixture
-def unit(tmp_path: Path) -> Path:
-    """The unit of a run called night, with a program that is there."""
-    path = tmp_path / "bench-run@night.service"
-    path.write_text(UNIT.read_text("utf-8").replace("/opt/inertial-test-bench/bin/bench", "/bin/true"), "utf-8")
+@pytest.fixture(params=["bench-run@night.service", "bench-resume.service"])
+def unit(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
+    """A unit, with a program that is there."""
+    path = tmp_path / request.param
+    text = (UNIT.parent / path.name.replace("night", "")).read_text("utf-8")
+    path.write_text(text.replace("/opt/inertial-test-bench/bin/bench", "/bin/true"), "utf-8")
     return path
 
 
