@@ -23,7 +23,8 @@ from tests.support.sequences import TAIL, steps
 
 BENCH = ROOT / "config" / "simulated.yaml"
 ON = "{set: supply, voltage: 15 V, current_limit: 120 mA, output: on}"
-WHERE_S = (3.0, 26.0, 30.0, 50.0, 65.0)  # of about 70 s of the smoke test
+SLOW = pytest.mark.slow
+WHERE_S = (*(pytest.param(at_s, marks=SLOW) for at_s in (3.0, 26.0, 30.0, 65.0)), 50.0)  # of about 70 s
 
 
 OFF = "teardown: [{set: supply, output: off}]\n"
@@ -86,6 +87,7 @@ def test_the_bench_is_restored_in_full_before_anything_is_done(tmp_path):
     assert all("~2" in step for step in after(path)[:4])
 
 
+@SLOW
 def test_a_resumed_run_is_read_back_as_it_was_written(tmp_path):
     path = interrupted(tmp_path, 50.0, "smoke", BENCH)
     resumed(path)
@@ -97,6 +99,7 @@ def test_a_resumed_run_is_read_back_as_it_was_written(tmp_path):
     assert "the run is INCOMPLETE" in page
 
 
+@SLOW
 def test_equal_interruptions_are_resumed_alike(tmp_path):
     digests = set()
     for folder in ("a", "b"):
@@ -106,6 +109,7 @@ def test_equal_interruptions_are_resumed_alike(tmp_path):
     assert len(digests) == 1
 
 
+@SLOW
 def test_a_run_that_is_interrupted_again_goes_on_again(tmp_path):
     path = interrupted(tmp_path, 30.0, "smoke", BENCH)
     first = journal(path)[-1].at_s
@@ -258,6 +262,7 @@ def test_altered_rows_are_not_built_upon(tmp_path):
     assert "It is not resumed" in refusal(path)
 
 
+@SLOW
 def test_a_world_that_goes_otherwise_is_noticed(tmp_path, monkeypatch):
     path = interrupted(tmp_path, 50.0, "smoke", BENCH)
     monkeypatch.setattr("bench.engine.actions.came_from", lambda *_: "above")
