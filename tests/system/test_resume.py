@@ -79,6 +79,7 @@ def test_a_run_goes_on_where_it_was(tmp_path, undisturbed, at_s):
         assert abs(value - other) < expanded + other_expanded
 
 
+@SLOW
 def test_the_bench_is_restored_in_full_before_anything_is_done(tmp_path):
     path = interrupted(tmp_path, 50.0, "smoke", BENCH)
     resumed(path)
@@ -149,6 +150,7 @@ def test_what_was_decided_and_measured_before_stays(tmp_path):
     assert sum("reading" in entry.data for entry in entries if entry.kind == "step_ended") == 1
 
 
+@SLOW
 def test_a_loop_with_a_condition_goes_on_in_its_pass(tmp_path):
     lines = (
         ON,
@@ -176,6 +178,7 @@ def test_an_acquisition_during_other_steps_is_one_and_is_done_again_with_them(tm
     assert ended(journal(path))["steps/acquire"] == 1
 
 
+@SLOW
 def test_what_was_acquired_during_a_rotation_is_kept(tmp_path):
     body = "during: [{acquire: counter, for: 5 s, label: a}, {acquire: counter, for: 30 s, label: b}]"
     turning = f"{{rotate: table, at: 10 °/s, {body}}}"
@@ -187,6 +190,7 @@ def test_what_was_acquired_during_a_rotation_is_kept(tmp_path):
     assert sum(entry.kind == "turning" for entry in journal(found)) == 2
 
 
+@SLOW
 def test_a_movement_by_an_angle_is_not_made_twice(tmp_path):
     path = cut(tmp_path, 20.0, "{move: head, to: 10°}", "{move: head, by: 20°}", "{wait: 30 s}")
     resumed(path)
@@ -195,6 +199,7 @@ def test_a_movement_by_an_angle_is_not_made_twice(tmp_path):
     assert len(moved) == 3
 
 
+@SLOW
 def test_nothing_is_switched_on_for_a_teardown(tmp_path):
     teardown = "teardown: [{wait: 20 s}, {set: supply, output: off}]\n"
     found = cut(tmp_path, 15.0, ON, "{wait: 5 s}", tail=teardown + TAIL)
