@@ -26,6 +26,7 @@ from bench.runner.guard import try_guardian
 from bench.runner.held import energising_addresses, holding, real_addresses
 from bench.runner.nut import Client, PowerState
 from bench.runner.power import IN_WORDS
+from bench.sequence.plan import Nodes, Section, within
 from bench.sequence.talk import Prompt
 from bench.sequence.values import as_written
 from bench.store.energised import energised
@@ -172,7 +173,8 @@ def _questions(prepared: PreparedRun) -> Line:
         for each in plan
         if isinstance(each.step, Prompt) or each.step.on_failure == "ask"
     }
-    if later := [where for where, phase in asking.items() if phase != "setup"]:
+    groups = [plan.where(each.place) for each in _sections((*plan.setup, *plan.steps)) if each.on_failure == "ask"]
+    if later := [*(where for where, phase in asking.items() if phase != "setup"), *groups]:
         return Line("questions", "NO", f"the run waits for a person at {', '.join(later)}")
     by_hand = [role for role, entry in prepared.loaded.bench.devices.items() if entry.connection.is_person]
     if used := [role for role in by_hand if role in plan.sequence.needs]:
@@ -180,6 +182,14 @@ def _questions(prepared: PreparedRun) -> Line:
     if asking:
         return Line("questions", "look", f"stay until these are answered: {', '.join(asking)}")
     return Line("questions", "ok", "the run asks nothing")
+
+
+def _sections(nodes: Nodes) -> Iterator[Section]:
+    for node in nodes:
+        if isinstance(node, Section):
+            yield node
+        for inner in within(node):
+            yield from _sections(inner)
 
 
 def _alert(prepared: PreparedRun) -> Line:

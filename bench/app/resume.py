@@ -26,7 +26,7 @@ from drivers.bounded import expect_bounded
 
 REQUEST, RESUMED = "request", "run_resumed"  # a key of the manifest, and a kind of entry of the journal
 _FILES = ("sequence", "bench", "parameters", "uut_model", "answers")
-_NOT_KEPT = frozenset({"runs", "unattended", "not_after", "trace", "scenario"})
+_NOT_KEPT = frozenset({"runs", "not_after", "trace", "scenario"})
 PROGRAM = "inertial-test-bench"
 
 

@@ -64,6 +64,7 @@ def test_a_certificate_that_ends_within_the_run_is_named(tmp_path):
         (("{wait: 1 s}",), "{prompt: 'Ready?'}", "look", "stay until these are answered"),
         (("{prompt: 'Turn the cube.'}",), "", "NO", "s.yaml:2:5"),
         (("{wait_until: unit_temperature, above: 1 °C, give_up_after: 1 s, on_failure: ask}",), "", "NO", "s.yaml:2:5"),
+        (("{group: g, on_failure: ask, steps: [{wait: 1 s}]}",), "", "NO", "s.yaml:2:5"),
     ],
 )
 def test_a_run_that_waits_for_a_person_is_not_left_alone(tmp_path, lines, setup, state, words):
