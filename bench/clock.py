@@ -74,7 +74,7 @@ def _since_boot_s() -> float:
 
 
 def boot_id() -> str:
-    """What is different after each start of this computer; empty where the system does not have it."""
+    """Identifier of this start of the computer, another one after each; empty where the system has none."""
     try:
         return Path("/proc/sys/kernel/random/boot_id").read_text("ascii").strip()
     except OSError:

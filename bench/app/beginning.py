@@ -1,4 +1,4 @@
-"""What a run has on the disk before anything is opened, and the entry with which its journal begins or goes on."""
+"""The directory and manifest of a run before anything is opened, and the first entry of its journal."""
 
 from __future__ import annotations
 

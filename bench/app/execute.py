@@ -277,7 +277,7 @@ async def _with_devices(
 
 
 def _alert(prepared: PreparedRun, run: str, outcome: Outcome, results: Results | None, observer: RunObserver) -> None:
-    """Tell a person who is not there how the run has ended; always, where it was left alone or is not safe."""
+    """Alert a person to the end of a run that was left alone, is not a PASS, or is not safe."""
     entry, verdict = prepared.loaded.bench.alert, "no results" if results is None else results.verdict
     is_bad = outcome.unsafe or outcome.not_reached or verdict != "PASS"
     if entry is None or prepared.loaded.bench.is_simulated or not (is_bad or prepared.request.unattended):

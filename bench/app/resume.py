@@ -54,7 +54,7 @@ class Resumption(NamedTuple):
 
     @property
     def number(self) -> int:
-        """How often the run will have been resumed."""
+        """Number of this resumption of the run, from 1."""
         return 1 + sum(entry.kind == RESUMED for entry in self.entries)
 
     def outage_s(self, now: datetime) -> float:
@@ -119,7 +119,7 @@ def prepared_again(resumption: Resumption, *, left_on: bool = False) -> Prepared
 
 
 def in_words(resumption: Resumption, prepared: PreparedRun) -> Iterator[str]:
-    """What a person should know before a run goes on."""
+    """Lines on a resumption: when the run was interrupted, what is done again, what is restored."""
     past, total = resumption.past, len(prepared.plan)
     done = len(past.over & {planned.id for planned in prepared.plan})
     last = resumption.began + timedelta(seconds=resumption.last_s - resumption.began_s)
@@ -132,7 +132,7 @@ def in_words(resumption: Resumption, prepared: PreparedRun) -> Iterator[str]:
 
 
 def _changed(prepared: PreparedRun, manifest: Mapping[str, Any]) -> list[str]:
-    """What is not any more as it was when the run began."""
+    """Differences from the run as it began: files, parameters, program."""
     now = {name: f"sha256:{sha256(text.encode()).hexdigest()}" for name, text in inputs_of(prepared).items()}
     changed = [name for name in {**now, **manifest["hashes"]} if now.get(name) != manifest["hashes"].get(name)]
     problems = [f"{name} has changed since the run began; its copy is in the run directory" for name in changed]
@@ -152,7 +152,7 @@ def _version() -> str:
 
 
 def _cannot_go_on(prepared: PreparedRun, resumption: Resumption, *, left_on: bool) -> list[str]:
-    """What a person must do or decide before."""
+    """Reasons why the run cannot go on, each with what to do."""
     problems: list[str] = []
     if prepared.loaded.bench.simulation.faults or prepared.scenario is not None:
         problems.append("its simulated faults cannot be continued; start it anew")

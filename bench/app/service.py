@@ -12,7 +12,7 @@ from bench.sequence.plan import PlannedStep
 
 
 class Service(Relay):
-    """Passes everything on to another observer, and tells the service manager."""
+    """Passes everything on to another observer, with a notification to the service manager."""
 
     def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
         """The run is ready."""

@@ -134,7 +134,7 @@ class Monitor(StrictModel):
 
 
 class AlertEntry(StrictModel):
-    """How a person who is not there is reached when a run has ended: a program of this computer."""
+    """The program that alerts a person at the end of a run."""
 
     exec: Annotated[tuple[Text, ...], NOT_EMPTY] = Field(
         description="a program and its first arguments; it is given a title as its last argument, and a text on its "
@@ -143,7 +143,7 @@ class AlertEntry(StrictModel):
 
 
 class ResumeEntry(StrictModel):
-    """Runs that go on without a person when their computer has started again after a failure."""
+    """Limits within which an interrupted run goes on without a person after a start of the computer."""
 
     attempts: Annotated[WholeNumber, Field(ge=1, le=10)] = Field(2, description="how often one run at most")
     within: PositiveSeconds = Field(7200.0, description="the longest time since it was interrupted")

@@ -1,4 +1,4 @@
-"""What an interrupted run has done of its plan, read from its journal: what a resumed one passes over."""
+"""The part of its plan that an interrupted run has done, by its journal, and what a resumed one must restore."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ATTITUDE = "attitude"  # what a step that orients sets, whatever axes it moves
 
 @dataclass
 class Past:
-    """What was done before an interruption.
+    """The part of a plan that was done before an interruption.
 
     `over` are the ids of steps and sections that ended or were left out, as the plan has them; `begun` counts how often
     each step was begun. `decisions` are those of conditions, by the ids of `decision`. `values` are the variables as
@@ -54,14 +54,14 @@ class Past:
         return True
 
     def forget(self, inside: str) -> None:
-        """What was done inside a node is to be done again."""
+        """Mark everything inside a node as not done."""
         beginning = f"{inside}/"
         self.over = {each for each in self.over if not each.startswith(beginning)}
         self.decisions = {key: taken for key, taken in self.decisions.items() if not key.startswith(beginning)}
 
 
 def past_of(entries: Iterable[Entry]) -> Past:
-    """What the entries of a journal say was done; what is done again counts from its new beginning."""
+    """Fold the entries of a journal; a step that was begun again counts from its last beginning."""
     past = Past()
     for entry in entries:
         past.state = advanced(past.state, entry.kind, entry.step, entry.data)
@@ -150,7 +150,7 @@ def to_restore(done: Iterable[PlannedStep]) -> list[PlannedStep]:
 
 
 def _stimuli(planned: PlannedStep) -> tuple[str, ...]:
-    """What a step sets that stays as it is set; empty for any other step."""
+    """Names of what a step sets for longer than it lasts; empty for any other step."""
     step = planned.step
     if isinstance(step, (Move, Ramp, SetOutput)):
         return (step.role,)

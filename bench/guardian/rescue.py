@@ -64,7 +64,7 @@ class Rescue:
         return not unsafe
 
     def _alert(self, what: str, why: str) -> None:
-        """Tell a person, where the bench file names a way to; after everything else, because it takes its time."""
+        """Alert a person, where the bench file names a program; last, because that may take its time."""
         if self._bench.alert is None:
             return
         title = f"{self._run.name}: {what}"

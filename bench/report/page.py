@@ -90,7 +90,7 @@ def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
 
 
 def _since_start(run: StoredRun, event: Event) -> str:
-    """How long after the first thing in the record; runs of earlier versions have times since the computer's start."""
+    """Time since the first entry of the record; in runs of earlier versions bench time does not begin at 0."""
     return duration(event.at_s - run.reader.span_s()[0])
 
 
@@ -117,7 +117,7 @@ def notes_of_steps(run: StoredRun) -> Iterator[str]:
 
 
 def left_on(run: StoredRun) -> Iterator[str]:
-    """What earlier runs had left on."""
+    """Instruments that earlier runs had left on."""
     for event in run.reader.events("found_left_on"):
         found = event.data["devices"]
         names = f"{', '.join(sorted(found))} ({', '.join(sorted(set(found.values())))})"
@@ -125,7 +125,7 @@ def left_on(run: StoredRun) -> Iterator[str]:
 
 
 def power(run: StoredRun) -> Iterator[str]:
-    """How the computer was fed, where that changed in the run."""
+    """States of the computer's power, where they changed in the run."""
     found = list(run.reader.events("power"))
     for event in found if len(found) > 1 else ():
         yield f"{tr(POWER[event.data['state']])} ({event.data['text']}, {_since_start(run, event)})"

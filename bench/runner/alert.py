@@ -1,4 +1,4 @@
-"""Tells a person who is not there: the program that a bench file names, with a title as its last word and a text."""
+"""Alerts to a person who is not there, by the program that a bench file names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tells systemd how a run is (sd_notify(3)): datagrams to the socket that $NOTIFY_SOCKET names, none without it."""
+"""Notifications to systemd, sd_notify(3): datagrams to the socket that $NOTIFY_SOCKET names, none without it."""
 
 from __future__ import annotations
 

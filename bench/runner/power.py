@@ -1,4 +1,4 @@
-"""What a run does when its computer is on battery: it ends before the instruments are left to themselves."""
+"""The end of a run in good time when its computer is on battery."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ async def _watch(entry: PowerEntry, signals: Signals, writer: RunWriter, notice:
 
 
 class Policy:
-    """Whether a run is to end, from one state of the power to the next."""
+    """Decides, from one state of the power to the next, whether a run ends."""
 
     def __init__(self, entry: PowerEntry) -> None:
         self._entry = entry

@@ -1,4 +1,4 @@
-"""What was tried with success on this computer, and when last: rehearsals of sequences, and alerts."""
+"""Record of successful rehearsals and alerts on this computer."""
 
 from __future__ import annotations
 
