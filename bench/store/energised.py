@@ -71,10 +71,9 @@ def _entries(unreadable: Callable[[StoreError], object]) -> Iterator[tuple[Path,
     for path in sorted(_folder().glob("*.json")):
         try:
             content = read_kept(path, _FORM)
-        except FileNotFoundError:  # made safe meanwhile
-            continue
-        except (StoreError, OSError) as problem:
-            unreadable(problem if isinstance(problem, StoreError) else StoreError(f"{path}: {problem}"))
+        except StoreError as problem:
+            if path.exists():  # else made safe meanwhile
+                unreadable(problem)
         else:
             yield path, Energised(**{name: content[name] for name in _FIELDS})
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,9 +16,10 @@ from bench.errors import InputError, StoreError
 from bench.files import append_line
 from bench.store.energised import energised
 from bench.store.runs import RunSummary, summary
+from bench.store.unsafe import kept_unsafe
 
 INCIDENT, ACKNOWLEDGED = "incident.jsonl", "acknowledged.jsonl"
-LONGEST_REASON = 500
+LONGEST_REASON, LONGEST_NAME = 500, 100
 
 
 class Latch(NamedTuple):
@@ -30,14 +31,15 @@ class Latch(NamedTuple):
 
 def latch(run: RunSummary) -> Latch | None:
     """The latch of a run; None where nothing has happened, or it was acknowledged."""
-    unsafe = {str(role): str(why) for role, why in run.manifest.get("unsafe", {}).items()}
-    incident = list(_lines(run.path / INCIDENT))
+    ended = {str(role): str(why) for role, why in run.manifest.get("unsafe", {}).items()}
+    unsafe = {**kept_unsafe(run.path), **ended}
+    incident = [entry for entry in _lines(run.path / INCIDENT) if entry.get("event") != "alert"]
     if not unsafe and not incident:
         return None
     key = hashlib.sha256(json.dumps([unsafe, incident], sort_keys=True).encode()).hexdigest()
     if any(each.get("latch") == key for each in _lines(run.path / ACKNOWLEDGED)):
         return None
-    return Latch("; ".join(_reasons(unsafe, incident)), key)
+    return Latch("; ".join(map(_printable, _reasons(unsafe, incident))), key)
 
 
 def _reasons(unsafe: dict[str, str], incident: list[dict[str, Any]]) -> Iterator[str]:
@@ -48,8 +50,13 @@ def _reasons(unsafe: dict[str, str], incident: list[dict[str, Any]]) -> Iterator
     elif incident:
         yield f"its guardian has written {INCIDENT}"
     for each in incident:
-        if each.get("event") == "ends" and each.get("unsafe"):
-            yield f"the guardian could not make {', '.join(each['unsafe'])} safe"
+        if each.get("event") == "ends" and (left := each.get("unsafe")):
+            yield f"the guardian could not make {', '.join(left) if isinstance(left, Mapping) else left} safe"
+
+
+def _printable(text: str) -> str:
+    """Text from a file that anybody may have edited, without what a terminal obeys."""
+    return "".join(each if each.isprintable() else "\N{REPLACEMENT CHARACTER}" for each in text)
 
 
 def acknowledge(path: Path, by: str, reason: str) -> str:
@@ -60,17 +67,9 @@ def acknowledge(path: Path, by: str, reason: str) -> str:
     found = latch(run)
     if found is None:
         raise InputError(f"{run.id}: is not latched, or was acknowledged before")
-    if not reason.strip() or not reason.isprintable() or len(reason) > LONGEST_REASON:
-        raise InputError(f"--reason: expected up to {LONGEST_REASON} printable characters")
-    if not by.strip() or not by.isprintable():
-        raise InputError("--by: expected the name of a person")
-    problems: list[StoreError] = []
-    for each in energised(problems.append):
-        if each.run == str(path.absolute()):
-            raise InputError(
-                f"{run.id}: {', '.join(each.connections)} may still be energised. Make the bench safe first: bench "
-                f"make-safe --bench {each.bench}"
-            )
+    _check("--reason", reason, LONGEST_REASON)
+    _check("--by", by, LONGEST_NAME)
+    _check_switched_off(run)
     line = {
         "at": wall_utc().isoformat(timespec="seconds"), "by": by, "reason": reason, "of": found.why, "latch": found.key,
     }  # fmt: skip
@@ -79,6 +78,27 @@ def acknowledge(path: Path, by: str, reason: str) -> str:
     except OSError as problem:
         raise StoreError(f"{path / ACKNOWLEDGED}: cannot be written ({problem})") from problem
     return found.why
+
+
+def _check(option: str, text: str, longest: int) -> None:
+    if not text.strip() or not text.isprintable() or len(text) > longest:
+        raise InputError(f"{option}: expected up to {longest} printable characters")
+
+
+def _check_switched_off(run: RunSummary) -> None:
+    """Raise InputError while an instrument of the run may be on, or when that is not known."""
+    problems: list[StoreError] = []
+    for each in energised(problems.append):
+        if Path(each.run).resolve() == run.path.resolve():
+            raise InputError(
+                f"{run.id}: {', '.join(each.connections)} may still be energised. Make the bench safe first: bench "
+                f"make-safe --bench {each.bench}"
+            )
+    if problems:
+        raise InputError(
+            f"{run.id}: whether its instruments are off is not known: {problems[0]}. Make the bench safe with 'bench "
+            "make-safe --bench FILE', then remove that file"
+        )
 
 
 def _lines(path: Path) -> Iterator[dict[str, Any]]:

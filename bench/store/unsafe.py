@@ -8,11 +8,14 @@ from pathlib import Path
 
 from bench.errors import StoreError
 from bench.files import write_whole
+from bench.store.kept_json import TEXT, an_object, named, one_of, read_kept
 from bench.store.runs import json_text
 from bench.store.user_state import state_folder
 
 SCHEMA = "itb-unsafe/1"
 FOLDER = "unsafe"
+_DEVICE = an_object({"why": TEXT, "connection": TEXT}, ("why",))
+_FORM = an_object({"schema": one_of(SCHEMA), "run": TEXT, "at": TEXT, "unsafe": named(_DEVICE)}, ("run", "unsafe"))
 
 
 def keep_unsafe(run: Path, at: datetime, unsafe: Mapping[str, str], connections: Mapping[str, str]) -> Path:
@@ -34,3 +37,20 @@ def keep_unsafe(run: Path, at: datetime, unsafe: Mapping[str, str], connections:
     }
     write_whole(path, json_text(content).encode())
     return path
+
+
+def kept_unsafe(run: Path) -> dict[str, str]:
+    """Why devices of a run could not be made safe, by role, as `keep_unsafe` has written it.
+
+    A file that cannot be read is an entry of that name.
+    """
+    try:
+        path = state_folder() / FOLDER / f"{run.name}.json"
+        if not path.exists():
+            return {}
+        content = read_kept(path, _FORM)
+    except (StoreError, OSError) as problem:
+        return {"a device": str(problem)}
+    if Path(content["run"]).resolve() != run.resolve():
+        return {}
+    return {role: device["why"] for role, device in content["unsafe"].items()}

@@ -14,6 +14,7 @@ from bench.guardian.notes import Notes
 from bench.store.energised import note_energised, note_safe
 from bench.store.latch import ACKNOWLEDGED, acknowledge, latch
 from bench.store.runs import MANIFEST, RunDirectory, summary
+from bench.store.unsafe import keep_unsafe
 from tests.support.runs import run_short, sealed_anew
 
 
@@ -85,7 +86,8 @@ def test_what_could_not_be_made_safe_latches(run):
 
 
 @pytest.mark.parametrize(
-    ("by", "reason"), [("A. Person", "  "), ("A. Person", "a\nb"), ("A. Person", "x" * 501), ("", "x")]
+    ("by", "reason"),
+    [("A. Person", "  "), ("A. Person", "a\nb"), ("A. Person", "x" * 501), ("", "x"), ("A" * 101, "x")],
 )
 def test_a_reason_and_a_name_are_needed(run, by, reason):
     incident(run)
@@ -113,6 +115,64 @@ def test_what_may_still_be_on_comes_first(run, tmp_path):
         acknowledge(run, "A. Person", "looked at")
     note_safe({"tcp://127.0.0.1:5025"})
     acknowledge(run, "A. Person", "looked at")
+
+
+@pytest.mark.parametrize("how", ["symlink", "parent", "relative"])
+def test_a_run_named_by_another_path_is_the_same_run(run, tmp_path, monkeypatch, how):
+    incident(run)
+    note_energised(run, tmp_path / "b.yaml", wall_utc(), {"supply": "tcp://127.0.0.1:5025"})
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "link").symlink_to(run)
+    named = {"symlink": tmp_path / "link", "parent": run / ".." / run.name, "relative": run.relative_to(tmp_path)}[how]
+    with pytest.raises(InputError, match="supply may still be energised"):
+        acknowledge(named, "A. Person", "looked at")
+    assert why(run)
+
+
+def test_a_register_that_cannot_be_read_is_not_an_empty_one(run, tmp_path):
+    incident(run)
+    note_energised(run, tmp_path / "b.yaml", wall_utc(), {"supply": "tcp://127.0.0.1:5025"})
+    (file,) = (tmp_path / "state").rglob("energised/*.json")
+    file.write_text("{", "utf-8")
+    with pytest.raises(InputError, match=r"whether its instruments are off is not known: .*cannot be read"):
+        acknowledge(run, "A. Person", "looked at")
+    assert why(run)
+
+
+@pytest.mark.parametrize("unsafe", [[1], True, 3, "supply", {"supply": 1}, None])
+def test_an_edited_incident_latches_its_run_and_hinders_no_other(run, unsafe, capsys):
+    (run / "incident.jsonl").write_text(json.dumps({"event": "ends", "unsafe": unsafe}) + "\n", "utf-8")
+    assert main(["runs", "--runs", str(run.parent)]) == 0
+    assert "completed, latched" in capsys.readouterr().out
+
+
+def test_nothing_from_an_incident_reaches_the_terminal_as_a_command(run, capsys):
+    incident(run, why="\x1b]0;owned\x07\x1b[2Jdied\u202e")
+    assert main(["status", str(run)]) == 0
+    assert {"\x1b", "\x07", "\u202e"}.isdisjoint(shown := capsys.readouterr().out)
+    assert "died" in shown
+
+
+def test_an_alert_that_fails_later_is_no_other_incident(run):
+    incident(run)
+    acknowledge(run, "A. Person", "looked at")
+    notes = Notes(run)
+    notes.entry("alert", problem="the alert program did not end")
+    notes.close()
+    assert why(run) == ""
+
+
+def test_what_is_on_record_outside_of_the_run_latches_too(run, tmp_path):
+    keep_unsafe(run, wall_utc(), {"supply": "no answer"}, {"supply": "tcp://127.0.0.1:5025"})
+    assert why(run) == "supply could not be made safe: no answer"
+    assert why(run_short(tmp_path / "others", sequence="smoke").path) == ""
+    acknowledge(run, "A. Person", "switched off by hand")
+    assert why(run) == ""
+
+
+def test_a_record_outside_of_the_run_that_cannot_be_read_latches(run, tmp_path):
+    keep_unsafe(run, wall_utc(), {"supply": "no answer"}, {}).write_text("[]", "utf-8")
+    assert "could not be made safe" in why(run)
 
 
 def test_lines_that_cannot_be_read_latch_too(run):
