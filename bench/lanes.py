@@ -10,14 +10,13 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Literal, NamedTuple
 
-from bench.rig import CLOSE_S, GRACE_S, MAKE_SAFE_S
+from bench.rig import CLOSE_S, GRACE_S
 from drivers.awake import Deadline, patience
 from drivers.capabilities import Device
 from drivers.errors import BadAnswer, CannotConnect, DriverError, InstrumentFault, LinkLost, NoAnswer
 
 CONNECT_S = 10.0
 AGAIN_S = 0.5  # an instrument with one client may hold a half-open connection for a while
-LONGEST_S = 2 * CONNECT_S + MAKE_SAFE_S + CLOSE_S + GRACE_S
 
 State = Literal["safe", "unsafe", "not reached"]
 
@@ -31,29 +30,40 @@ class Lane(NamedTuple):
     took_s: float
 
 
-async def make_safe_in_lanes(devices: Mapping[str, Device], ended: Callable[[Lane], object]) -> list[Lane]:
-    """Make every device safe, in parallel; `ended` receives each lane as it ends. None takes longer than LONGEST_S."""
+def longest_lane_s(limits_s: Mapping[str, float]) -> float:
+    """The time within which every lane has ended."""
+    return 2 * CONNECT_S + max(limits_s.values(), default=0.0) + CLOSE_S + GRACE_S
+
+
+async def make_safe_in_lanes(
+    devices: Mapping[str, Device], limits_s: Mapping[str, float], ended: Callable[[Lane], object]
+) -> list[Lane]:
+    """Make every device safe, in parallel; `ended` receives each lane as it ends.
+
+    `limits_s` are those of making safe, by role. None takes longer than `longest_lane_s`.
+    """
+    longest_s = longest_lane_s(limits_s)
 
     async def one(role: str, device: Device) -> Lane:
-        lane = await _lane(role, device)
+        lane = await _lane(role, device, limits_s[role])
         ended(lane)
         return lane
 
     lanes = {role: asyncio.create_task(one(role, device), name=f"lane {role}") for role, device in devices.items()}
     if lanes:
-        await asyncio.wait(lanes.values(), timeout=LONGEST_S)
+        await asyncio.wait(lanes.values(), timeout=longest_s)
     for role, task in lanes.items():
         if not task.done():
             task.cancel()
-            ended(_left_behind(role))
-    return [task.result() if task.done() else _left_behind(role) for role, task in lanes.items()]
+            ended(_left_behind(role, longest_s))
+    return [task.result() if task.done() else _left_behind(role, longest_s) for role, task in lanes.items()]
 
 
-def _left_behind(role: str) -> Lane:
-    return Lane(role, "unsafe", f"{role}: not within {LONGEST_S:g} s, and its driver does not end", LONGEST_S)
+def _left_behind(role: str, longest_s: float) -> Lane:
+    return Lane(role, "unsafe", f"{role}: not within {longest_s:g} s, and its driver does not end", longest_s)
 
 
-async def _lane(role: str, device: Device) -> Lane:
+async def _lane(role: str, device: Device, limit_s: float) -> Lane:
     begun_s = asyncio.get_running_loop().time()
 
     def lane(state: State, why: str = "") -> Lane:
@@ -64,10 +74,10 @@ async def _lane(role: str, device: Device) -> Lane:
     except Exception as problem:  # noqa: BLE001  the lane reports it, whatever it is
         return lane("not reached", _in_words(role, problem, CONNECT_S))
     try:
-        async with patience(MAKE_SAFE_S):
+        async with patience(limit_s):
             await device.make_safe()
     except Exception as problem:  # noqa: BLE001  the lane reports it, whatever it is
-        return lane("unsafe", _in_words(role, problem, MAKE_SAFE_S))
+        return lane("unsafe", _in_words(role, problem, limit_s))
     else:
         return lane("safe")
     finally:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Collection, Mapping
 from contextlib import AsyncExitStack
+from types import MappingProxyType
 from typing import Any, Self
 
 from bench.config.devices import DeviceEntry
+from bench.config.models import BenchFile
 from bench.errors import BenchError
 from drivers.awake import patience
 from drivers.capabilities import (
@@ -26,7 +28,8 @@ from drivers.person import NOBODY, Person
 from drivers.transport.wires import Wires
 from drivers.values import Identity
 
-MAKE_SAFE_S = 10.0
+MAKE_SAFE_S = 10.0  # for a device of which nothing is known
+OWN_LIMIT_S = 2.0  # beyond the limit of a driver, so that its own words come first
 OPEN_S = 30.0
 CLOSE_S = 10.0
 GRACE_S = 1.0  # for what is told to end, beyond its limit
@@ -44,11 +47,13 @@ class Rig:
     Lifetime: inside the context every device is connected and identified, or `OpenError` names all that are not.
     Leaving it closes them; it does not make them safe, `make_safe` does. Who must know what has opened when not all has
     calls `open` and `close`. `not_reached` are devices that could not be opened, or are others than the bench file
-    names; they are not among `devices`, and nothing is sent to them any more.
+    names; they are not among `devices`, and nothing is sent to them any more. `limits_s` are those of making safe, by
+    role.
     """
 
-    def __init__(self, devices: Mapping[str, Device]) -> None:
+    def __init__(self, devices: Mapping[str, Device], limits_s: Mapping[str, float] = MappingProxyType({})) -> None:
         self.devices = dict(devices)
+        self._limits_s = dict.fromkeys(devices, MAKE_SAFE_S) | dict(limits_s)
         self.identities: dict[str, Identity] = {}
         self.not_reached: dict[str, str] = {}
         self._open = AsyncExitStack()
@@ -156,17 +161,27 @@ class Rig:
             raise TypeError(f"{role} is no meter")
         return device
 
-    async def make_safe(self, limit_s: float = MAKE_SAFE_S) -> dict[str, str]:
-        """Makes every device safe, in parallel and in bounded time; what could not be made safe, and why."""
-        return _failed(await self._each(lambda device: device.make_safe(), limit_s))
+    @property
+    def safe_within_s(self) -> float:
+        """The time within which `make_safe` ends."""
+        return max(self._limits_s.values(), default=0.0) + 2 * GRACE_S
 
-    async def _each(self, act: Callable[[Device], Awaitable[object]], limit_s: float) -> dict[str, object]:
+    async def make_safe(self) -> dict[str, str]:
+        """Make every device safe, in parallel, each within its limit; return why, for those that could not be."""
+        return _failed(await self._each(lambda device: device.make_safe(), self._limits_s))
+
+    async def _each(
+        self, act: Callable[[Device], Awaitable[object]], limits_s: float | Mapping[str, float]
+    ) -> dict[str, object]:
         """What `act` gives or raises for each device; one that fails or hangs does not hold the others up.
 
         One that does not even end when it is cancelled is left behind.
         """
+        limit_of = limits_s if isinstance(limits_s, Mapping) else dict.fromkeys(self.devices, limits_s)
+        longest_s = max((limit_of[name] for name in self.devices), default=0.0)
 
         async def one(name: str, device: Device) -> object:
+            limit_s = limit_of[name]
             try:
                 async with patience(limit_s):
                     return await act(device)
@@ -181,13 +196,13 @@ class Rig:
         if not tasks:
             return {}
         try:
-            await asyncio.wait(tasks.values(), timeout=limit_s + GRACE_S)
+            await asyncio.wait(tasks.values(), timeout=longest_s + GRACE_S)
         finally:
             if slow := [task for task in tasks.values() if not task.done()]:
                 for task in slow:
                     task.cancel()
                 await asyncio.wait(slow, timeout=GRACE_S)
-        stuck = TimeoutError(f"not within {limit_s:g} s, and its driver does not end")
+        stuck = TimeoutError(f"not within {longest_s:g} s, and its driver does not end")
         return {name: task.result() if task.done() and not task.cancelled() else stuck for name, task in tasks.items()}
 
 
@@ -200,6 +215,11 @@ def _check(failed: Mapping[str, str], needed: Collection[str] | None) -> None:
     """Raises OpenError with all that failed, if any of them is needed."""
     if failed and (needed is None or set(needed) & failed.keys()):
         raise OpenError("\n".join(failed.values()))
+
+
+def limits_to_make_safe(bench: BenchFile) -> dict[str, float]:
+    """The longest time (s) that making each device of a bench safe may take, by role."""
+    return {role: entry.safe_state.within_s + OWN_LIMIT_S for role, entry in bench.devices.items()}
 
 
 def device_of(

@@ -20,6 +20,7 @@ from drivers.errors import WrongIdentity
 from drivers.fields import Spelled, StrictModel
 from drivers.installed import Installed
 from drivers.person import NOBODY, Person
+from drivers.safe_state import NOT_DESCRIBED, SafeState
 from drivers.shipped import DRIVERS
 
 if TYPE_CHECKING:  # a bench file is checked without what only an opened device needs
@@ -51,6 +52,7 @@ class DriverDescription(NamedTuple):
     """A driver as a bench file sees it.
 
     `reports_every_s` is how long readings may be on their way because the driver takes them in together.
+    `safe_state` is what `make_safe` does, or a function of options, limits and safe that returns it.
     `channels` are the readings that `poll` gives, with their units, or a function of the options that tells them.
     `options`, `limits`, `safe`, `uncertainty` and `corrections` are the models of those blocks of a device entry
     (`calibration.U` and `calibration.corrections` for the last two). `target` is "module:Class"; so is `simulator`,
@@ -66,6 +68,7 @@ class DriverDescription(NamedTuple):
     options: type[BaseModel] = Nothing
     limits: type[BaseModel] = Nothing
     safe: type[BaseModel] = Nothing
+    safe_state: SafeState | Callable[[Any, Any, Any], SafeState] = NOT_DESCRIBED
     uncertainty: type[BaseModel] = Nothing
     corrections: type[BaseModel] = Nothing
     simulator: str = ""
@@ -76,6 +79,10 @@ class DriverDescription(NamedTuple):
     def channels_of(self, options: BaseModel) -> Mapping[str, str]:
         """The readings of a device with these options: name → unit."""
         return self.channels(options) if callable(self.channels) else self.channels
+
+    def safe_state_of(self, options: BaseModel, limits: BaseModel, safe: BaseModel) -> SafeState:
+        """What `make_safe` does to a device with these blocks of its entry, and within what time."""
+        return self.safe_state if isinstance(self.safe_state, SafeState) else self.safe_state(options, limits, safe)
 
     def recognised_by(self) -> Recognition | None:
         """How a scan knows the instrument; imports its module. None where it does not."""

@@ -13,11 +13,12 @@ from bench.app.request import load_bench_named
 from bench.clock import wall_utc
 from bench.config.bench import LoadedBench
 from bench.errors import InputError, InUseError, StoreError
-from bench.lanes import LONGEST_S, Lane, make_safe_in_lanes
+from bench.lanes import Lane, longest_lane_s, make_safe_in_lanes
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
 from bench.loop import run as run_loop
+from bench.rig import limits_to_make_safe
 from bench.runner.held import holding, real_addresses
-from bench.runner.takeover import take_over
+from bench.runner.takeover import END_BEYOND_S, take_over
 from bench.store.energised import energised, note_safe, record_made_safe
 from bench.store.runs import summary
 
@@ -66,13 +67,14 @@ def _registered(notice: Notice, *, over: bool) -> list[str]:
 
 def _of_bench(loaded: LoadedBench, notice: Notice, ended: Callable[[Lane], object]) -> list[Lane]:
     bench, addresses = loaded.bench, list(real_addresses(loaded.bench).values())
-    notice(f"{loaded.document.path}: {len(bench.devices)} instruments, at most {LONGEST_S:g} s")
+    limits_s = limits_to_make_safe(bench)
+    notice(f"{loaded.document.path}: {len(bench.devices)} instruments, at most {longest_lane_s(limits_s):g} s")
 
     async def main() -> list[Lane]:
-        return await make_safe_in_lanes(open_devices(bench, laboratory_of(bench)), ended)
+        return await make_safe_in_lanes(open_devices(bench, laboratory_of(bench)), limits_s, ended)
 
     with _uninterrupted(), ExitStack() as in_use:
-        take_over(addresses, notice)
+        take_over(addresses, notice, max(limits_s.values(), default=0.0) + END_BEYOND_S)
         try:
             in_use.enter_context(holding(addresses, "bench make-safe"))
         except (InUseError, StoreError) as problem:  # a lock never stands in the way of an emergency

@@ -22,6 +22,7 @@ from pydantic_core import InitErrorDetails
 
 from drivers.description import DriverDescription, IdentityPin, known_drivers
 from drivers.fields import Date, Number, StrictModel, inner_errors, note_named
+from drivers.safe_state import LONGEST_S, SafeState
 from drivers.suggest import did_you_mean
 from drivers.transport.address import Address, AddressError
 from drivers.units import quoted
@@ -98,6 +99,11 @@ class DeviceEntry(StrictModel):
         """The readings that it gives: name → unit."""
         return self.description.channels_of(self.options)
 
+    @property
+    def safe_state(self) -> SafeState:
+        """What making it safe does, and within what time."""
+        return self.description.safe_state_of(self.options, self.limits, self.safe)
+
     @model_validator(mode="wrap")
     @classmethod
     def _with_the_blocks_of_its_driver(
@@ -166,6 +172,13 @@ def _misfits(
             elif beyond:
                 problem = f"does not include the default of {block}.{name}; give {block}.{name} as well"
                 yield problem_at(("limits", name), problem)
+    if {"options", "limits", "safe"} <= blocks.keys():
+        state = description.safe_state_of(blocks["options"], blocks["limits"], blocks["safe"])
+        if state.within_s > LONGEST_S:
+            yield problem_at(
+                ("limits",), f"making it safe ({state.words}) could take {state.within_s:g} s, at most "
+                f"{LONGEST_S:g} s are allowed; raise options.acceleration or lower limits.rate",
+            )  # fmt: skip
 
 
 def _beyond(allowed: object, value: float) -> str:

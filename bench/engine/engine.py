@@ -21,14 +21,14 @@ from bench.engine.stepper import Stopped, UnitFailed, Watcher
 from bench.engine.units import UnitFailure
 from bench.engine.walk import Walk
 from bench.errors import InputError, StepError, WindowError, in_words
-from bench.rig import MAKE_SAFE_S, Rig
+from bench.rig import Rig
 from bench.sequence.plan import Plan
 from bench.sequence.stimulus import Ramp
 from bench.store.writer import RunWriter
 from drivers.awake import patience
 from drivers.errors import DriverError, InstrumentFault
 
-END_WITHIN_S = MAKE_SAFE_S + 5  # for a step that is to end, with what it has set going
+END_BEYOND_S = 5.0  # for a step that is to end, beyond the time in which what it has set going can be stopped
 LOOK_S = 1.0  # how often that is looked at
 END_RECORD_S = 10.0  # for the last readings, after the devices were made safe
 
@@ -45,7 +45,7 @@ class Engine:
 
     Lifetime: one `run`. Concurrency: the methods that control it may be called from signal handlers and other callbacks
     of the same loop while it runs. Whatever happens once setup began, teardown runs (unless aborted), and the devices
-    are made safe at the end. A step that does not end when cancelled is abandoned after `END_WITHIN_S`; no other
+    are made safe at the end. A step that does not end when cancelled is abandoned after `_end_within_s`; no other
     step begins after it. With a `past` it goes on where that ended.
     """
 
@@ -170,7 +170,7 @@ class Engine:
                 if left is not None:
                     left.cancel()  # all is made safe now
             try:
-                await finish(self._make_safe(), MAKE_SAFE_S + END_RECORD_S)
+                await finish(self._make_safe(), self._rig.safe_within_s + END_RECORD_S)
             except TimeoutError:
                 self._failed(StepError("the record could not be completed after the devices were made safe"))
         return self.outcome
@@ -249,7 +249,7 @@ class Engine:
         source = self._rig.source(role)
         self._monitor.being_made_safe.add(role)
         try:
-            async with patience(MAKE_SAFE_S):
+            async with patience(self._rig.safe_within_s):
                 await source.make_safe()
                 found = await source.read()
         finally:
@@ -285,16 +285,16 @@ class Engine:
             self._settle(task)
 
     async def _wait_for_end(self, task: asyncio.Task[None]) -> None:
-        """Returns when a task that is to end has ended, or has had `END_WITHIN_S` for it.
+        """Returns when a task that is to end has ended, or has had `_end_within_s` for it.
 
         The teardowns of groups in it take as long as they take, unless the run is aborted.
         """
         loop = asyncio.get_running_loop()
-        patient_until_s = loop.time() + END_WITHIN_S
+        patient_until_s = loop.time() + self._end_within_s
         while not task.done() and loop.time() < patient_until_s:
             await asyncio.wait([task], timeout=LOOK_S)
             if self._walk.in_a_teardown and not self._control.aborting:
-                patient_until_s = loop.time() + END_WITHIN_S
+                patient_until_s = loop.time() + self._end_within_s
 
     def _settle(self, task: asyncio.Task[None]) -> None:
         """Takes over how a task ended, or that it did not."""
@@ -315,7 +315,7 @@ class Engine:
     def _left_behind(self, task: asyncio.Task[None]) -> None:
         under_way = ", ".join(self.journal.state.under_way) or task.get_name()
         problem = StepError(
-            f"{under_way} has not ended within {END_WITHIN_S:g} s after it was cancelled, and is "
+            f"{under_way} has not ended within {self._end_within_s:g} s after it was cancelled, and is "
             "abandoned. Check the code of that step, or of its driver."
         )
         if self._request is None:
@@ -334,6 +334,10 @@ class Engine:
         self.outcome.problems.append(text)
         self._observer.notice(text)
         self.journal.try_to_write("problem", text=str(problem))
+
+    @property
+    def _end_within_s(self) -> float:
+        return self._rig.safe_within_s + END_BEYOND_S
 
     async def _make_safe(self) -> None:
         """Makes every device safe while the readings are still recorded, then ends the record."""

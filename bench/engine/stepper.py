@@ -11,7 +11,6 @@ from bench.engine.control import Control, StepUnderWay, Wish
 from bench.engine.recording import acquire_during
 from bench.engine.safety import finish
 from bench.errors import BenchError, StepError, StoreError
-from bench.rig import MAKE_SAFE_S
 from bench.sequence.check_steps import limit_problems
 from bench.sequence.measuring import Acquire
 from bench.sequence.orienting import Orient
@@ -154,12 +153,13 @@ class Stepper:
         """What a step has set going ends with it, as far as the device obeys; an abort leaves it to the making safe."""
         if self._control.aborting:
             return
+        limit_s = self._bench.rig.safe_within_s
         try:
-            await finish(leave(step, self._bench), MAKE_SAFE_S, unless=lambda: self._control.aborting)
+            await finish(leave(step, self._bench), limit_s, unless=lambda: self._control.aborting)
         except DriverError as problem:
             self._watcher.notice(str(problem))
         except TimeoutError:
-            self._watcher.notice(f"The motion started by the step has not stopped within {MAKE_SAFE_S:g} s.")
+            self._watcher.notice(f"The motion started by the step has not stopped within {limit_s:g} s.")
 
     async def _begin(self, planned: PlannedStep) -> Step:
         """The step, ready; its intent is on the disk, with all before it, before anything moves.

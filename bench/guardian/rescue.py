@@ -15,7 +15,7 @@ from bench.config.bench import load_bench
 from bench.errors import InputError, InUseError, in_words
 from bench.guardian.notes import Notes
 from bench.lanes import Lane, make_safe_in_lanes
-from bench.rig import device_of
+from bench.rig import device_of, limits_to_make_safe
 from bench.runner.alert import alert
 from bench.runner.held import energising_addresses, holding
 from bench.store.energised import note_safe
@@ -47,7 +47,9 @@ class Rescue:
         notes.entry("begins", why=why)
         try:
             with _held(self._addresses.values()):
-                lanes = asyncio.run(make_safe_in_lanes(self._devices(), partial(_tell, notes)))
+                lanes = asyncio.run(
+                    make_safe_in_lanes(self._devices(), limits_to_make_safe(self._bench), partial(_tell, notes))
+                )
         except Exception as problem:  # noqa: BLE001  whatever it is, it is on record that the bench is not safe
             lanes = [Lane(role, "not reached", in_words(problem), 0.0) for role in self._addresses]
         unsafe = {lane.role: lane.why for lane in lanes if lane.state != "safe"}

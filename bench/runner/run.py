@@ -20,7 +20,7 @@ from bench.engine.people import People
 from bench.engine.questions import Desk
 from bench.engine.safety import finish
 from bench.errors import StoreError, in_words
-from bench.rig import CLOSE_S, MAKE_SAFE_S, OpenError, Rig
+from bench.rig import CLOSE_S, OpenError, Rig, limits_to_make_safe
 from bench.runner.commands import commands_of
 from bench.runner.control import control_socket
 from bench.runner.signals import Sent, Signals
@@ -59,7 +59,7 @@ async def run_plan(
     the devices ask. `past` is what was done before an interruption. `left_on` are devices that other runs may have left
     on, with the names of these runs: everything is made safe before the first step.
     """
-    rig, journal = Rig(devices), Journal(writer)
+    rig, journal = Rig(devices, limits_to_make_safe(bench)), Journal(writer)
     in_use = bench.with_units_in(bench.places if places is None else places)
     used = devices_used(plan, in_use)
     outcome: Outcome | None = None
@@ -125,7 +125,7 @@ def _tell_who_is_there(rig: Rig, writer: RunWriter, journal: Journal, observer: 
 
 async def _make_what_was_left_on_safe(rig: Rig, left_on: Mapping[str, str], journal: Journal) -> None:
     """Raise OpenError when something cannot be made safe."""
-    unsafe = await finish(rig.make_safe(), MAKE_SAFE_S + CLOSE_S)
+    unsafe = await finish(rig.make_safe(), rig.safe_within_s + CLOSE_S)
     journal.write("found_left_on", devices=dict(left_on), unsafe=unsafe)
     if unsafe:
         raise OpenError("\n".join(unsafe.values()))
@@ -156,7 +156,7 @@ async def _ended_while_opening(rig: Rig, journal: Journal, signals: Signals, obs
 async def _made_safe(rig: Rig, journal: Journal, observer: Observer) -> Outcome:
     """Makes safe what has opened of a bench on which no step has begun: it may be as a crash has left it."""
     outcome = Outcome()
-    outcome.unsafe = await finish(rig.make_safe(), MAKE_SAFE_S + CLOSE_S)
+    outcome.unsafe = await finish(rig.make_safe(), rig.safe_within_s + CLOSE_S)
     for role, why in rig.not_reached.items():
         journal.try_to_write("not_reached", device=role, text=why, used=True)
     journal.try_to_write("made_safe", unsafe=outcome.unsafe)

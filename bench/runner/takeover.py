@@ -12,19 +12,17 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 
-from bench.rig import CLOSE_S, GRACE_S, MAKE_SAFE_S
+from bench.rig import CLOSE_S, GRACE_S
 from bench.runner.held import Owner, owners
 from drivers.awake import came_true
 from drivers.transport.address import Address
 
-END_WITHIN_S = MAKE_SAFE_S + CLOSE_S + 3 * GRACE_S  # of a run that is told to end: it makes its bench safe first
+END_BEYOND_S = CLOSE_S + 3 * GRACE_S  # of a run that is told to end, beyond the time in which it makes its bench safe
 DIE_WITHIN_S = 2.0
 _pause = threading.Event().wait
 
 
-def take_over(
-    addresses: Sequence[Address], notice: Callable[[str], object], end_within_s: float = END_WITHIN_S
-) -> None:
+def take_over(addresses: Sequence[Address], notice: Callable[[str], object], end_within_s: float) -> None:
     """End whoever holds one of the addresses: SIGTERM, on which a run makes its bench safe and records why it ended.
 
     SIGKILL after `end_within_s`. A program of another user, or one that does not even die, is left with a notice.

@@ -11,7 +11,7 @@ from drivers.axes import AxisUncertainty
 from drivers.corrections import AxisCorrections
 from drivers.description import DriverDescription
 from drivers.fields import WholeNumber
-from drivers.table.description import TableLimits, TableOptions
+from drivers.table.description import TableLimits, TableOptions, safe_state
 
 
 class AclOptions(TableOptions):
@@ -31,6 +31,7 @@ DESCRIPTION = DriverDescription(
     recognition="drivers.acutronic_acl.recognition:RECOGNITION",
     options=AclOptions,
     limits=TableLimits,
+    safe_state=safe_state,
     uncertainty=AxisUncertainty,
     corrections=AxisCorrections,
     channels={"angle": "°", "rate": "°/s"},

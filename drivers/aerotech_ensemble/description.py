@@ -10,7 +10,7 @@ from drivers.axes import AxisUncertainty
 from drivers.corrections import AxisCorrections
 from drivers.description import DriverDescription
 from drivers.fields import TextLike
-from drivers.head.description import HeadLimits, HeadOptions
+from drivers.head.description import HeadLimits, HeadOptions, safe_state
 
 
 class EnsembleOptions(HeadOptions):
@@ -31,6 +31,7 @@ DESCRIPTION = DriverDescription(
     recognition="drivers.aerotech_ensemble.recognition:RECOGNITION",
     options=EnsembleOptions,
     limits=HeadLimits,
+    safe_state=safe_state,
     uncertainty=AxisUncertainty,
     corrections=AxisCorrections,
     channels={"angle": "°"},

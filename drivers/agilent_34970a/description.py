@@ -11,6 +11,7 @@ from drivers.agilent_34970a.wire import Kind, Sensor
 from drivers.capabilities import THERMOMETER
 from drivers.description import DriverDescription
 from drivers.fields import NOT_EMPTY, StrictModel, WholeNumber
+from drivers.safe_state import NOTHING
 from drivers.wording import telling
 
 KINDS: Mapping[str, Kind] = {"tc": "TC", "rtd": "RTD", "frtd": "FRTD"}
@@ -71,5 +72,6 @@ DESCRIPTION = DriverDescription(
     simulator="simulators.agilent_34970a:SimulatedScanner",
     recognition="drivers.agilent_34970a.recognition:RECOGNITION",
     options=ScannerOptions,
+    safe_state=NOTHING,
     channels=channels,
 )

@@ -7,7 +7,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from drivers.binder.wire import Kind, SetPointName
-from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions, TemperatureRange
+from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions, TemperatureRange, safe_state
 from drivers.description import DriverDescription
 from drivers.fields import Flag, PositiveSeconds, WholeNumber
 from drivers.wording import telling
@@ -43,5 +43,6 @@ DESCRIPTION = DriverDescription(
     options=BinderOptions,
     limits=ChamberLimits,
     safe=ChamberSafe,
+    safe_state=safe_state,
     channels=CHANNELS,
 )

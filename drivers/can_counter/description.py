@@ -25,6 +25,7 @@ from drivers.corrections import ClockCorrections
 from drivers.dbc_outline import frames_bits, lengths_bits
 from drivers.description import DriverDescription
 from drivers.fields import NOT_EMPTY, FileBeside, Hertz, PositiveSeconds, StrictModel
+from drivers.safe_state import NOTHING
 from drivers.wording import problem_at
 
 
@@ -134,6 +135,7 @@ DESCRIPTION = DriverDescription(
     schemes=FRAME_SCHEMES,
     target="drivers.can_counter.driver:CanCounter",
     options=CounterOptions,
+    safe_state=NOTHING,
     uncertainty=ClockUncertainty,
     corrections=ClockCorrections,
     reports_every_s=IDLE_BLOCK_S,

@@ -26,6 +26,7 @@ from drivers.can_options import (
 from drivers.dbc_outline import frames_bits, lengths_bits
 from drivers.description import DriverDescription
 from drivers.fields import NOT_EMPTY, FileBeside, PositiveSeconds, StrictModel, WholeNumber
+from drivers.safe_state import NOTHING
 from drivers.units import QuantityError, parse_unit
 from drivers.wording import problem_at, telling
 
@@ -161,6 +162,7 @@ DESCRIPTION = DriverDescription(
     schemes=FRAME_SCHEMES,
     target="drivers.can_telemetry.driver:CanTelemetry",
     options=TelemetryOptions,
+    safe_state=NOTHING,
     uncertainty=ClockUncertainty,
     reports_every_s=IDLE_BLOCK_S,
     channels=channels,

@@ -7,6 +7,9 @@ from typing import Annotated
 from pydantic import Field
 
 from drivers.fields import Celsius, CelsiusPerMinute, InUnit, PositiveCelsius, PositiveSeconds, Range, StrictModel
+from drivers.safe_state import SafeState
+
+DIALOGUE_S = 7.0  # as of any device, and to read back what the controller follows
 
 CHANNELS = {"process_value": "°C", "set_point": "°C"}
 
@@ -68,3 +71,8 @@ class ChamberSafe(StrictModel):
     """Where the set point goes when the bench is made safe."""
 
     temperature: Celsius = Field(25.0, description="the set point")
+
+
+def safe_state(options: ChamberOptions, _limits: ChamberLimits, safe: ChamberSafe) -> SafeState:
+    """The set point in the controller, read back, with one answer as late as `answer_timeout`; not the air at it."""
+    return SafeState(f"set point {safe.temperature:g} °C", DIALOGUE_S + options.answer_timeout)

@@ -8,7 +8,7 @@ from typing import Self
 
 from drivers.awake import Deadline, patience
 from drivers.chamber.controller import Control, Controller, Look
-from drivers.chamber.description import ChamberLimits, ChamberOptions, ChamberSafe, StairOptions
+from drivers.chamber.description import ChamberLimits, ChamberOptions, ChamberSafe, StairOptions, safe_state
 from drivers.chamber.following import FollowWatch
 from drivers.chamber.ramp import ARRIVED_WITHIN_C, Climb
 from drivers.chamber.standstill import STANDSTILL_S, StandstillWatch
@@ -16,7 +16,6 @@ from drivers.errors import BeyondLimit, DriverError, InstrumentFault, LinkLost, 
 from drivers.values import ChamberState, Identity, Reading
 
 RAMP_LONGER_BY, RAMP_LATER_S = 1.1, 120.0  # what a ramp may take more than distance / rate
-MAKE_SAFE_WITHIN_S = 8.0
 
 
 class Chamber:
@@ -32,7 +31,7 @@ class Chamber:
     ) -> None:
         self.name = name
         self._controller, self._limits, self._safe_c = controller, limits, safe.temperature
-        self._poll_s = options.poll
+        self._poll_s, self._safe_within_s = options.poll, safe_state(options, limits, safe).within_s
         self._step_s = options.step if isinstance(options, StairOptions) else None
         self._turn = asyncio.Lock()
         self._commanded_c: float | None = None  # the set point last written and read back, as long as it is known
@@ -117,13 +116,13 @@ class Chamber:
         }
 
     async def make_safe(self) -> None:
-        """Commands the safe temperature with the ramp as it is, read back, without waiting for it; at most 8 s.
+        """Commands the safe temperature with the ramp as it is, read back, without waiting for it.
 
         Connects anew when the connection is lost. A controller that is switched off stays off; one that follows
         something else is told to follow the set point. Raises a DriverError when that could not be proved.
         """
         try:
-            async with patience(MAKE_SAFE_WITHIN_S), self._turn:
+            async with patience(self._safe_within_s), self._turn:
                 await self._command_safe()
                 look = await self._controller.look(self._commanded_c)
                 if look.control is Control.OTHER:
@@ -132,7 +131,7 @@ class Chamber:
             raise
         except TimeoutError as late:
             raise NoAnswer(
-                self.name, f"could not be made safe within {MAKE_SAFE_WITHIN_S:g} s",
+                self.name, f"could not be made safe within {self._safe_within_s:g} s",
                 sent=f"set point {self._safe_c:g} °C", remedy="Set it by hand at the chamber.",
             ) from late  # fmt: skip
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberOptions, ChamberSafe
+from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberOptions, ChamberSafe, safe_state
 from drivers.cts.wire import ADDRESSES, RampChannel
 from drivers.description import DriverDescription
 from drivers.fields import Flag, WholeNumber
@@ -33,5 +33,6 @@ DESCRIPTION = DriverDescription(
     options=CtsOptions,
     limits=ChamberLimits,
     safe=ChamberSafe,
+    safe_state=safe_state,
     channels=CHANNELS,
 )

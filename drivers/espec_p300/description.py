@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions
+from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions, safe_state
 from drivers.description import DriverDescription
 from drivers.fields import WholeNumber
 
@@ -30,5 +30,6 @@ DESCRIPTION = DriverDescription(
     options=P300Options,
     limits=ChamberLimits,
     safe=ChamberSafe,
+    safe_state=safe_state,
     channels=CHANNELS,
 )

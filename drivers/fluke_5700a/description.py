@@ -12,6 +12,7 @@ from drivers.description import DriverDescription
 from drivers.fields import InUnit, PositiveSeconds, StrictModel
 from drivers.fluke_5700a.wire import RANGES_A, Terminator
 from drivers.ranges import SourceLimits, range_of
+from drivers.safe_state import DIALOGUE_S, SafeState
 
 KNOWN_RANGE = range_of(RANGES_A, "A", "220 µA, 2.2 mA, 22 mA, 220 mA or 2.2 A")
 
@@ -51,6 +52,7 @@ DESCRIPTION = DriverDescription(
     recognition="drivers.fluke_5700a.recognition:RECOGNITION",
     options=FlukeOptions,
     limits=SourceLimits,
+    safe_state=SafeState("0 A, then standby", DIALOGUE_S),
     uncertainty=CurrentUncertainty,
     corrections=CurrentCorrections,
     channels={"current": "A", "settled": "", "on_time": "s"},

@@ -11,7 +11,9 @@ from drivers.corrections import AxisCorrections
 from drivers.description import DriverDescription
 from drivers.fields import DocumentFile, InUnit, ModelBeside, StrictModel
 from drivers.framed.profile import FrameProfile
+from drivers.head import description as head
 from drivers.head.description import HeadLimits, HeadOptions
+from drivers.table import description as table
 from drivers.table.description import TableLimits, TableOptions
 from drivers.wording import problem_at
 
@@ -65,6 +67,7 @@ HEAD = DriverDescription(
     simulator=SIMULATOR,
     options=FramedHeadOptions,
     limits=HeadLimits,
+    safe_state=head.safe_state,
     uncertainty=AxisUncertainty,
     corrections=AxisCorrections,
     channels={"angle": "°"},
@@ -79,6 +82,7 @@ TABLE = DriverDescription(
     simulator=SIMULATOR,
     options=FramedTableOptions,
     limits=TableLimits,
+    safe_state=table.safe_state,
     uncertainty=AxisUncertainty,
     corrections=AxisCorrections,
     channels={"angle": "°", "rate": "°/s"},

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from drivers.axes import RateRange, SettleOptions
 from drivers.fields import Degrees, DegreesPerSecond, InUnit, Range, StrictModel
+from drivers.safe_state import SafeState, at_rest
 
 
 class HeadOptions(StrictModel):
@@ -36,3 +37,8 @@ class HeadLimits(StrictModel):
 
     angle: AngleRange
     rate: RateRange
+
+
+def safe_state(options: HeadOptions, limits: HeadLimits, _safe: object) -> SafeState:
+    """At rest, from the fastest rate that the bench file allows."""
+    return at_rest(limits.rate.max, options.acceleration)

@@ -12,7 +12,7 @@ from drivers.capabilities import Approach
 from drivers.errors import BeyondLimit, InstrumentFault, NotSettled, Refused
 from drivers.head.axis import ANSWER_S, Axis
 from drivers.head.bounds import check_angle
-from drivers.head.description import HeadLimits, HeadOptions
+from drivers.head.description import HeadLimits, HeadOptions, safe_state
 from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading
 
@@ -34,6 +34,7 @@ class Head:
         self.name = name
         self._axis = axis
         self._options, self._limits = options, limits
+        self._safe_within_s = safe_state(options, limits, None).within_s
         self._band_deg = options.settle.band / ARCSEC_PER_DEG
         self._order = 0  # counts moves and stops, so that a move knows when it is no longer wanted
         self._standing_at_deg: float | None = None
@@ -111,12 +112,12 @@ class Head:
         await self._come_to_rest()
 
     async def make_safe(self) -> None:
-        """Stops the axis where it is, within 5 s: no homing, no move, and the servo stays as it is.
+        """Stops the axis where it is, within `safe_state`: no homing, no move, and the servo stays as it is.
 
         Proved by the status. Raises NoAnswer when it cannot be proved; CannotConnect, WrongIdentity after a lost wire.
         """
         self._new_order()
-        async with safe_in_time(self.name):
+        async with safe_in_time(self.name, self._safe_within_s):
             await self._axis.reopen()
             self._axis.abort_at_once()
             await self._come_to_rest()

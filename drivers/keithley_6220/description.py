@@ -12,6 +12,7 @@ from drivers.description import DriverDescription
 from drivers.fields import InUnit, StrictModel
 from drivers.keithley_6220.wire import COMPLIANCE_MAX_V, COMPLIANCE_MIN_V, RANGES_A, Terminator
 from drivers.ranges import SourceLimits, range_of
+from drivers.safe_state import ZERO_THEN_OFF
 
 KNOWN_RANGE = range_of(RANGES_A, "A", "one of 2 nA to 20 mA in decades, or 100 mA")
 
@@ -42,6 +43,7 @@ DESCRIPTION = DriverDescription(
     recognition="drivers.keithley_6220.recognition:RECOGNITION",
     options=KeithleyOptions,
     limits=SourceLimits,
+    safe_state=ZERO_THEN_OFF,
     uncertainty=CurrentUncertainty,
     corrections=CurrentCorrections,
     channels={"current": "A"},

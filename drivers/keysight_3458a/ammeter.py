@@ -13,6 +13,7 @@ from drivers.fields import InUnit
 from drivers.keysight_3458a.description import MeterOptions
 from drivers.keysight_3458a.wire import RANGES_A
 from drivers.ranges import range_of
+from drivers.safe_state import NOTHING
 
 BURDEN_V = dict(zip(RANGES_A, (0.055, 0.045, 0.055, 0.075, 0.1, 0.1, 0.25, 1.5), strict=True))
 KNOWN_RANGE = range_of(RANGES_A, "A", "100 nA, 1 µA, 10 µA, 100 µA, 1 mA, 10 mA, 100 mA or 1 A")
@@ -42,6 +43,7 @@ DESCRIPTION = DriverDescription(
     schemes=frozenset({"tcp"}),
     target="drivers.keysight_3458a.driver:Keysight3458AAmmeter",
     options=AmmeterOptions,
+    safe_state=NOTHING,
     uncertainty=CurrentUncertainty,
     corrections=CurrentCorrections,
     channels={"current": "A"},

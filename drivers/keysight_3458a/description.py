@@ -11,6 +11,7 @@ from drivers.description import DriverDescription
 from drivers.fields import InUnit, Number, Ratio, StrictModel
 from drivers.keysight_3458a.wire import NPLCS, RANGES_V
 from drivers.ranges import range_of
+from drivers.safe_state import NOTHING
 from drivers.wording import telling
 
 KNOWN_RANGE = range_of(RANGES_V, "V", "100 mV, 1 V, 10 V, 100 V or 1000 V")
@@ -60,6 +61,7 @@ DESCRIPTION = DriverDescription(
     target="drivers.keysight_3458a.driver:Keysight3458A",
     recognition="drivers.keysight_3458a.recognition:RECOGNITION",
     options=VoltmeterOptions,
+    safe_state=NOTHING,
     uncertainty=VoltmeterUncertainty,
     corrections=VoltageCorrections,
     channels={"voltage": "V"},

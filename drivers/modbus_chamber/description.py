@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions
+from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions, safe_state
 from drivers.description import DriverDescription
 from drivers.fields import DocumentFile, ModelBeside, WholeNumber
 from drivers.modbus_chamber.profile import ChamberProfile
@@ -41,5 +41,6 @@ DESCRIPTION = DriverDescription(
     options=ModbusChamberOptions,
     limits=ChamberLimits,
     safe=ChamberSafe,
+    safe_state=safe_state,
     channels=CHANNELS,
 )

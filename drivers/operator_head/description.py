@@ -12,6 +12,7 @@ from drivers.corrections import TURN_DEG, AxisCorrections
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, PositiveSeconds, StrictModel
 from drivers.head.description import AngleRange
+from drivers.safe_state import NOTHING
 from drivers.wording import telling
 
 SAME_DEG = 1e-6  # what decimals leave of a fraction of a degree
@@ -58,6 +59,7 @@ DESCRIPTION = DriverDescription(
     target="drivers.operator_head.driver:OperatorHead",
     options=OperatorHeadOptions,
     limits=OperatorHeadLimits,
+    safe_state=NOTHING,
     uncertainty=AxisUncertainty,
     corrections=AxisCorrections,
     channels={"angle": "°"},

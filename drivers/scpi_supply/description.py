@@ -8,6 +8,7 @@ from pydantic import Field
 
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, StrictModel
+from drivers.safe_state import OFF
 
 Answer = Literal["maximum", "over_voltage", "over_current"]
 
@@ -50,5 +51,6 @@ DESCRIPTION = DriverDescription(
     options=SupplyOptions,
     recognition="drivers.scpi_supply.recognition:RECOGNITION",
     limits=SupplyLimits,
+    safe_state=OFF,
     channels={"voltage": "V", "current": "A"},
 )

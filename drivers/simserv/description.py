@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberOptions, ChamberSafe
+from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberOptions, ChamberSafe, safe_state
 from drivers.description import DriverDescription
 from drivers.simserv.wire import Reads
 
@@ -29,5 +29,6 @@ DESCRIPTION = DriverDescription(
     options=SimservOptions,
     limits=ChamberLimits,
     safe=ChamberSafe,
+    safe_state=safe_state,
     channels=CHANNELS,
 )

@@ -44,15 +44,6 @@ class Bounds:
         peak_dps2 = amplitude_deg * omega_per_s**2
         self._check_most("the sine's peak acceleration", peak_dps2, limits.acceleration.max, "°/s²")
 
-    def check_stop(self, acceleration_dps2: float, within_s: float) -> None:
-        """Whether the axis stops in time from its fastest rate."""
-        fastest_dps = self._limits.rate.max
-        if fastest_dps / acceleration_dps2 > within_s:
-            raise BeyondLimit(
-                self._device, f"from {fastest_dps:g} °/s a stop at {acceleration_dps2:g} °/s² takes more than "
-                f"{within_s:g} s", remedy="Raise options.acceleration or lower limits.rate in the bench file.",
-            )  # fmt: skip
-
     def _check_most(self, what: str, value: float, most: float, unit: str) -> None:
         if not 0 < value <= most:
             raise self._beyond(f"{what} of {value:g} {unit} is not between 0 and {most:g} {unit}")

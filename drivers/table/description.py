@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from drivers.axes import RateRange, SettleOptions
 from drivers.fields import Degrees, DegreesPerSecond, Hertz, InUnit, Range, StrictModel
+from drivers.safe_state import SafeState, at_rest
 from drivers.wording import telling
 
 DegreesPerSecondSquared = Annotated[float, InUnit("°/s²", above=0)]
@@ -77,3 +78,8 @@ class TableLimits(StrictModel):
     acceleration: AccelerationRange
     frequency: FrequencyRange
     torque: TorqueRange | None = Field(None, description="of a sine, worked out from options.inertia by the check")
+
+
+def safe_state(options: TableOptions, limits: TableLimits, _safe: object) -> SafeState:
+    """At rest, from the fastest rate that the bench file allows."""
+    return at_rest(limits.rate.max, options.acceleration)

@@ -14,14 +14,13 @@ from drivers.capabilities import Approach
 from drivers.errors import DriverError, InstrumentFault, NotSettled, Refused
 from drivers.table.axis import READ_BACK, Drive, Mode, State, TableAxis
 from drivers.table.bounds import Bounds
-from drivers.table.description import TableLimits, TableOptions
+from drivers.table.description import TableLimits, TableOptions, safe_state
 from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading
 
 ARCSEC_PER_DEG = 3600
 MODE_CHANGE_S = 0.5  # at rest before another mode, as drivers of others do
 RUN_UP_S, RUN_UP_PERIODS = 2.0, 4  # in which a sine grows, slowly enough to add little to its peak acceleration
-STOP_WITHIN_S = 3.5  # leaves time to prove it within what making safe may take
 ASTRAY_BANDS = 10  # this many bands off is no scatter: somebody or something has interfered
 RATE_RIPPLE = 1e-3  # of the rate: what a rate read at one instant may be off while its mean is right
 _SIDES: Mapping[Approach, int] = {"direct": 0, "from_below": -1, "from_above": 1}
@@ -41,13 +40,13 @@ class Table:
         self.name, self._axis, self._options = name, axis, options
         self._fastest_dps, self._most_dps2 = limits.rate.max, limits.acceleration.max
         self._bounds = Bounds(name, limits)
+        self._safe_within_s = safe_state(options, limits, None).within_s
         self._band_deg = options.settle.band / ARCSEC_PER_DEG
         self._order = 0  # counts motions and stops, so that a motion knows when it is no longer wanted
         self._steady: tuple[Mode, float] | None = None  # what it does since a motion was done: a mode, its ° or °/s
 
     async def __aenter__(self) -> Self:
-        """Connects and identifies; BeyondLimit when the table could not be stopped in time from its fastest rate."""
-        self._bounds.check_stop(self._options.acceleration, STOP_WITHIN_S)
+        """Connects and identifies."""
         await self._axis.open()
         return self
 
@@ -150,13 +149,13 @@ class Table:
         await self._axis.check_fault(await self._come_to_rest())
 
     async def make_safe(self) -> None:
-        """Stops the table where it is, within 5 s: no move, and the drive stays on to hold it if it was on.
+        """Stops the table where it is, within `safe_state`: no move, and the drive stays on to hold it if it was on.
 
         Proved by reading back; a table whose drive has tripped is not driven any more. Raises NoAnswer when it
         cannot be proved; CannotConnect, WrongIdentity after a lost wire.
         """
         self._new_order()
-        async with safe_in_time(self.name):
+        async with safe_in_time(self.name, self._safe_within_s):
             await self._axis.reopen()
             self._axis.stop_at_once()
             await self._come_to_rest()
@@ -243,7 +242,7 @@ class Table:
 
     async def _come_to_rest(self) -> State:
         """State of the axis after it has come to rest; NotSettled. A tripped one may tell of before for ever."""
-        deadline = Deadline(STOP_WITHIN_S + self._options.settle.give_up)
+        deadline = Deadline(self._safe_within_s + self._options.settle.give_up)
         while True:
             state = await self._axis.look()
             at_rest = state.held and abs(state.rate_dps) <= self._options.rate_band

@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from drivers.awake import patience
 from drivers.errors import LinkLost, NoAnswer
+from drivers.safe_state import DIALOGUE_S
 from drivers.transport.address import Address
 from drivers.transport.exchange import Framing, LineExchange, Pace, Proof, Wrap
 from drivers.transport.takes import Takes
@@ -20,7 +21,6 @@ T = TypeVar("T")
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 30.0  # between attempts to connect again
 SERIAL_GAP_S = 0.02  # some twenty bytes at 9600 baud
-SAFE_LIMIT_S = 5.0
 
 
 async def once_more(ask: Callable[[], Awaitable[T]], note: Callable[[str], object]) -> T:
@@ -188,15 +188,15 @@ class Dialogue:
 
 
 @asynccontextmanager
-async def safe_in_time(device: str) -> AsyncIterator[None]:
-    """Bounds what makes an instrument safe: NoAnswer after 5 s."""
+async def safe_in_time(device: str, within_s: float = DIALOGUE_S) -> AsyncIterator[None]:
+    """Bounds what makes an instrument safe: NoAnswer after `within_s`."""
     try:
-        async with patience(SAFE_LIMIT_S) as limit:
+        async with patience(within_s) as limit:
             yield
     except TimeoutError as problem:
         if not limit.expired():
             raise
         raise NoAnswer(
-            device, f"is not proved safe within {SAFE_LIMIT_S:g} s",
+            device, f"is not proved safe within {within_s:g} s",
             remedy="Look at the instrument; switch it off at its front panel if in doubt.",
         ) from problem  # fmt: skip

@@ -11,6 +11,7 @@ from drivers.current_source import CurrentUncertainty
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, StrictModel
 from drivers.ranges import SourceLimits, range_of
+from drivers.safe_state import ZERO_THEN_OFF
 from drivers.wording import telling
 from drivers.yokogawa_gs200.wire import COMPLIANCE_MAX_V, COMPLIANCE_MIN_V, RANGES_A
 
@@ -44,6 +45,7 @@ DESCRIPTION = DriverDescription(
     recognition="drivers.yokogawa_gs200.recognition:RECOGNITION",
     options=GS200Options,
     limits=SourceLimits,
+    safe_state=ZERO_THEN_OFF,
     uncertainty=CurrentUncertainty,
     corrections=CurrentCorrections,
     channels={"current": "A"},

@@ -124,15 +124,6 @@ def test_nobody_there() -> None:
     with_table(use)
 
 
-def test_a_table_that_could_not_be_stopped_in_time_is_refused_before_connecting() -> None:
-    async def use(table: Table) -> None:
-        with pytest.raises(BeyondLimit, match=r"from 400 °/s a stop at 100 °/s² takes more than 3\.5 s"):
-            await table.driver(acceleration="100 °/s²").__aenter__()
-        assert table.wire.connections == []
-
-    with_table(use)
-
-
 # Taking control
 
 

@@ -7,7 +7,6 @@ from unittest import mock
 import pytest
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from bench.rig import MAKE_SAFE_S
 from drivers.description import known_drivers
 from drivers.errors import DriverError, NoAnswer, WrongIdentity
 from tests.support.every_driver import EVERY, Opened, calls_of
@@ -15,6 +14,7 @@ from tests.support.every_driver import EVERY, Opened, calls_of
 NOT_HERE = frozenset({"operator_head"})  # without an instrument at the end of a wire
 SILENT_S = 30.0  # the longest that a call may take on an instrument that says nothing
 PACING_S = 0.35  # the longest that a line has to be still before a question
+TICK_S = 0.01
 QUESTIONS = ("identify", "poll", "angle", "rate", "read", "state", "news")
 NAMES = ("maker", "model", "serial", "firmware")
 every_driver = pytest.mark.parametrize("driver", EVERY)
@@ -154,11 +154,12 @@ def test_an_instrument_that_is_not_there_is_told_in_time(driver: str, fault: str
 
 
 @every_driver
-@pytest.mark.parametrize("fault", ["", "silent", "cut", "stuck"])
+@pytest.mark.parametrize("fault", ["", "silent", "cut", "stuck", "delay"])
 def test_making_safe_ends_in_time_from_any_state_and_twice(driver: str, fault: str) -> None:
     async def main() -> None:
         for name, call in {"nothing": None, **calls_of(driver)}.items():
-            if (fault == "stuck" and name in QUESTIONS) or (fault in ("silent", "cut") and name != "nothing"):
+            asked_only = fault in ("stuck", "delay") and name in QUESTIONS
+            if asked_only or (fault in ("silent", "cut") and name != "nothing"):
                 continue  # where that is the same again
             opened = Opened(driver)
             async with opened.driver() as device:
@@ -169,10 +170,34 @@ def test_making_safe_ends_in_time_from_any_state_and_twice(driver: str, fault: s
                 for _ in range(2):
                     began_s = now_s()
                     with suppress(DriverError) if fault else nullcontext():
-                        await asyncio.wait_for(device.make_safe(), 10 * MAKE_SAFE_S)
-                    assert now_s() - began_s <= MAKE_SAFE_S, name
+                        await asyncio.wait_for(device.make_safe(), 10 * SILENT_S)
+                    assert now_s() - began_s <= opened.entry.safe_state.within_s + TICK_S, name
                 if under_way is not None:
                     under_way.cancel()
                     await asyncio.gather(under_way, return_exceptions=True)
 
     run(main(), AS_FAST_AS_POSSIBLE)
+
+
+@every_driver
+def test_making_safe_energises_nothing(driver: str) -> None:
+    async def main() -> None:
+        opened = Opened(driver)
+        async with opened.driver() as device:
+            before = await device.poll()
+            await device.make_safe()
+            if hasattr(device, "read"):
+                assert not (await device.read()).output
+            if hasattr(device, "angle"):
+                assert [each.value for each in before["angle"]] == [(await device.angle()).value]
+                assert not opened.laboratory.world.axis.moving(now_s())
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+
+
+def test_a_driver_says_what_making_safe_does_if_it_moves_or_energises_something() -> None:
+    for name, member in EVERY.items():
+        description = known_drivers()[name]
+        words = member.bench_of(name).devices[member.role].safe_state.words
+        energising = {"positioner", "rate_table", "thermal_chamber", "power_supply", "current_source"}
+        assert bool(words) == bool(description.capabilities & energising), name

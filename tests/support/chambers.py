@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.chamber.description import ChamberLimits, ChamberSafe
+from drivers.chamber.description import ChamberLimits, ChamberSafe, safe_state
 from drivers.chamber.driver import Chamber
 from drivers.description import DriverDescription, IdentityPin, Setup, known_drivers, make_driver
 from drivers.transport.address import Address
@@ -84,6 +84,10 @@ class Rig:
         driver = make_driver(self.dialect.description, setup)
         assert isinstance(driver, Chamber)
         return driver
+
+    @property
+    def safe_within_s(self) -> float:
+        return safe_state(self.options, ChamberLimits.model_validate(LIMITS), ChamberSafe()).within_s
 
     def set_point_c(self) -> float:
         self.world.look()

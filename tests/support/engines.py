@@ -18,7 +18,7 @@ from bench.engine.monitor import Monitor
 from bench.engine.people import People
 from bench.engine.state import RunState
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from bench.rig import Rig
+from bench.rig import Rig, limits_to_make_safe
 from bench.runner.quiet import Quiet
 from bench.sequence.plan import Plan
 from bench.store.reader import Event, RunReader, Series
@@ -85,7 +85,7 @@ def run_plan(folder: Path, plan: Plan, bench: BenchFile, script: Script | None =
         writer, observer = RunWriter(folder), Quiet()
         try:
             people = People()
-            async with Rig(open_devices(bench, laboratory, person=people)) as rig:
+            async with Rig(open_devices(bench, laboratory, person=people), limits_to_make_safe(bench)) as rig:
                 interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
                 monitor = Monitor(rig, bench, interlocks, writer, observer.reading)
                 engine = Engine(plan, bench, rig, monitor, writer, observer)
