@@ -26,4 +26,4 @@ NOT_DESCRIBED = SafeState("as its driver does it", 2 * DIALOGUE_S)
 
 def at_rest(fastest_dps: float, deceleration_dps2: float) -> SafeState:
     """Of an axis that stops, from its fastest rate, and stays where it is."""
-    return SafeState("at rest where it is", round(fastest_dps / deceleration_dps2 + DIALOGUE_S, 1))
+    return SafeState("at rest where it is", fastest_dps / deceleration_dps2 + DIALOGUE_S)

@@ -60,6 +60,8 @@ def write_beginning(writer: RunWriter, clock: Clock, prepared: PreparedRun, resu
         return
     after_s = clock.monotonic() - resumption.last_s
     found: dict[str, Any] = {"number": resumption.number, "interrupted_s": resumption.last_s, **boot}
+    if resumption.past.restarted:
+        found["restarted"] = list(resumption.past.restarted)
     writer.event(RESUMED, utc=utc, outage_s=round(after_s, 3), interrupted=list(resumption.past.under_way), **found)
 
 

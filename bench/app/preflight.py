@@ -265,12 +265,10 @@ def _times(prepared: PreparedRun) -> Line:
 
 
 def _safe_end(prepared: PreparedRun) -> Line:
-    states = []
-    for role in energising_addresses(prepared.loaded.bench):
-        entry = prepared.loaded.bench.devices[role]
-        temperature_c = getattr(entry.safe, "temperature", None)
-        states.append(f"{role} {temperature_c:g} °C" if temperature_c is not None else f"{role} off, or at rest")
-    return Line("safe end", "ok", ", ".join(states))
+    bench = prepared.loaded.bench
+    states = ((role, bench.devices[role].safe_state) for role in energising_addresses(bench))
+    text = ", ".join(f"{role} {state.words} within {state.within_s:g} s" for role, state in states)
+    return Line("safe end", "ok", text)
 
 
 def _ends(prepared: PreparedRun) -> datetime:

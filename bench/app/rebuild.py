@@ -59,7 +59,7 @@ async def rebuild(resumption: Resumption, seed: int, go_through: GoThrough) -> N
         for before, stretch in _stretches(resumption.entries):
             later = next(iter(resumption.entries[len(before) + len(stretch) :]), None)
             interrupted_s = resumption.last_s if later is None else float(later.data["interrupted_s"])
-            past = past_of(before) if before else None
+            past = past_of((*before, stretch[0])) if before else None
             again = await _once_more(folder, stretch, interrupted_s, past, go_through)
             _expect_the_same(stretch, again, resumption.path.name)
             low_s, high_s = OUTAGE_S

@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 
 from bench.app.inputs import inputs_of
 from bench.app.request import PreparedRun, RunRequest, prepare
-from bench.engine.past import Past, done_of, past_of, to_restore
+from bench.engine.past import Past, done_of, interrupted_in, past_of, to_restore
 from bench.errors import InputError
 from bench.runner.held import energising_addresses
-from bench.sequence.custom import Custom
 from bench.sequence.values import as_written
 from bench.store.energised import energised
 from bench.store.kept_json import LIMIT_BYTES, read_kept
@@ -102,9 +101,10 @@ def read_interrupted(path: Path) -> Resumption:
 
 
 def prepared_again(resumption: Resumption, *, left_on: bool = False) -> PreparedRun:
-    """The run as it was prepared when it began; raises InputError with everything that is different now.
+    """The run as it was prepared when it began; groups with a restart point are marked in the past of the resumption.
 
-    Also where instruments may still be energised, unless `left_on`.
+    Raises InputError with everything that is different now; also where instruments may still be energised, unless
+    `left_on`.
     """
     manifest = resumption.manifest
     asked: dict[str, Any] = dict(manifest[REQUEST])
@@ -115,6 +115,8 @@ def prepared_again(resumption: Resumption, *, left_on: bool = False) -> Prepared
     prepared = prepare(RunRequest(**asked, runs=resumption.path.parent))
     if problems := [*_changed(prepared, manifest), *_cannot_go_on(prepared, resumption, left_on=left_on)]:
         raise InputError(*(f"{resumption.path.name}: {problem}" for problem in problems))
+    plan, past = prepared.plan, resumption.past
+    past.restart([group.id for group in interrupted_in((*plan.setup, *plan.steps), past)])
     return prepared
 
 
@@ -126,6 +128,8 @@ def in_words(resumption: Resumption, prepared: PreparedRun) -> Iterator[str]:
     yield f"{resumption.path.name}: interrupted after {last:%Y-%m-%d %H:%M:%S} UTC; {done} of {total} steps are done."
     if past.under_way:
         yield f"Under way, and to be done again: {', '.join(past.under_way)}"
+    if past.restarted:
+        yield f"Done again from the begin of the group: {', '.join(past.restarted)}"
     restored = [planned.id for planned in to_restore(done_of((*prepared.plan.setup, *prepared.plan.steps), past))]
     if restored:
         yield f"Restored before, with all waiting in full: {', '.join(restored)}"
@@ -156,9 +160,17 @@ def _cannot_go_on(prepared: PreparedRun, resumption: Resumption, *, left_on: boo
     problems: list[str] = []
     if prepared.loaded.bench.simulation.faults or prepared.scenario is not None:
         problems.append("its simulated faults cannot be continued; start it anew")
-    steps = {planned.id: planned.step for planned in prepared.plan}
-    if custom := [step for step in resumption.past.under_way if isinstance(steps.get(step), Custom)]:
-        problems.append(f"{', '.join(custom)} was under way, and may not be repeatable; start it anew")
+    plan, past = prepared.plan, resumption.past
+    groups = list(interrupted_in((*plan.setup, *plan.steps), past))
+    again = tuple(f"{group.id}/" for group in groups if group.restart_at == "begin")
+    never = [group.id for group in groups if group.restart_at == "never"]
+    never += [
+        each.id
+        for each in plan
+        if each.step.resumed == "never" and each.id in past.under_way and not each.id.startswith(again)
+    ]
+    if never:
+        problems.append(f"{', '.join(never)} was under way, and may not be done again; start the run anew")
     if not left_on and (left := _left_on(prepared)):
         problems.append(
             f"{', '.join(left)} may still be energised. Make the bench safe first: bench make-safe --bench "

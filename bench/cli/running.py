@@ -105,7 +105,7 @@ def warn(plan: Plan, warnings: Iterable[Remark]) -> None:
 def plan(*, picture: Path | None, as_json: bool, **wishes: Any) -> None:
     """List the steps of a sequence: when each begins, how long it takes, the bench after it; nothing is opened."""
     from bench.app.request import RunRequest, load_checked
-    from bench.report.timeline import plan_table, timeline_json, turned_by_hand
+    from bench.report.timeline import plan_table, safe_states, timeline_json, turned_by_hand
     from bench.report.times_and_sizes import duration, megabytes
 
     checked = load_checked(RunRequest(**wishes))
@@ -116,14 +116,17 @@ def plan(*, picture: Path | None, as_json: bool, **wishes: Any) -> None:
 
         write_picture(picture, checked.plan, expected, checked.bench)
     if as_json:
-        sys.stdout.write(json.dumps(timeline_json(expected), ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps(timeline_json(expected, checked.bench), ensure_ascii=False) + "\n")
         return
     for line in plan_table(checked.plan, expected, checked.bench):
         sys.stdout.write(line + "\n")
     for role, times in turned_by_hand(expected, checked.bench).items():
         sys.stdout.write(f"{role}: turned by hand {times} times\n")
+    sys.stdout.write("\nMade safe at the end, or if the run fails:\n")
+    for line in safe_states(checked.bench):
+        sys.stdout.write(f"  {line}\n")
     sys.stdout.write(
-        f"{len(checked.plan)} steps, about {duration(expected.total_s)}, about {megabytes(expected.size_bytes)}\n"
+        f"\n{len(checked.plan)} steps, about {duration(expected.total_s)}, about {megabytes(expected.size_bytes)}\n"
     )
 
 

@@ -19,10 +19,10 @@ from bench.sequence.plan import (
     Nodes,
     Passes,
     PlannedStep,
+    Section,
     within,
 )
 from bench.sequence.stimulus import Move, Ramp, SetOutput
-from bench.sequence.waits import Soak, Wait, WaitUntil
 
 ATTITUDE = "attitude"  # what a step that orients sets, whatever axes it moves
 
@@ -34,7 +34,8 @@ class Past:
     `over` are the ids of steps and sections that ended or were left out, as the plan has them; `begun` counts how often
     each step was begun. `decisions` are those of conditions, by the ids of `decision`. `values` are the variables as
     they were when each step last began, `angles_deg` where each movement went. `dropped` are units that take no further
-    part. `under_way` are the steps that were interrupted, `state` is that of the run without them.
+    part. `under_way` are the steps that were interrupted, `state` is that of the run without them. `restarted` are
+    groups that are done again from their first step.
     """
 
     state: RunState = field(default_factory=RunState)
@@ -45,6 +46,7 @@ class Past:
     angles_deg: dict[str, float] = field(default_factory=dict)
     dropped: list[UnitFailure] = field(default_factory=list)
     under_way: tuple[str, ...] = ()
+    restarted: tuple[str, ...] = ()
 
     def passes_over(self, step: str) -> bool:
         """Whether a step or section is over; only once, because what is asked for again is to be done."""
@@ -52,6 +54,12 @@ class Past:
             return False
         self.over.remove(step)
         return True
+
+    def restart(self, groups: Iterable[str]) -> None:
+        """Mark groups as to be done again from their first step."""
+        self.restarted = tuple(groups)
+        for group in self.restarted:
+            self.forget(group)
 
     def forget(self, inside: str) -> None:
         """Mark everything inside a node as not done."""
@@ -75,22 +83,33 @@ def past_of(entries: Iterable[Entry]) -> Past:
                 past.over.add(step)
                 if "angle_deg" in entry.data:
                     past.angles_deg[step] = float(entry.data["angle_deg"])
-            case "left_out":
+            case "left_out" | "group_ended":
                 past.over.add(step)
             case "unit_dropped":
                 place, kind, text = (entry.data[key] for key in ("place", "fault", "text"))
                 past.dropped.append(UnitFailure(place, kind, text))
-            case "retried":
-                past.forget(step)
             case "decided":
                 past.decisions[entry.step] = bool(entry.data["taken"])
-            case "answered" if entry.data.get("answer") == "repeat":
-                past.forget(step.removesuffix("?"))
             case _:
                 pass
+        for node in _begun_anew(entry):
+            past.forget(node)
     past.under_way = tuple(map(first_visit, past.state.under_way))
     past.state = advanced(past.state, "run_resumed", "", {})
     return past
+
+
+def _begun_anew(entry: Entry) -> Iterable[str]:
+    """Ids of the nodes that are done once more from their first step after an entry."""
+    match entry.kind:
+        case "retried":
+            return (first_visit(entry.step),)
+        case "answered" if entry.data.get("answer") == "repeat":
+            return (first_visit(entry.step).removesuffix("?"),)
+        case "run_resumed":
+            return tuple(entry.data.get("restarted", ()))
+        case _:
+            return ()
 
 
 def decision(node: Alternatives | Passes, number: int = 1) -> str:
@@ -126,6 +145,19 @@ def _gone_into(node: Node, past: Past) -> Iterator[Nodes]:
             yield from within(node)
 
 
+def interrupted_in(nodes: Nodes, past: Past) -> Iterator[Section]:
+    """The groups with a restart point in which a run was interrupted, outermost first."""
+    for node in nodes:
+        if isinstance(node, PlannedStep):
+            continue
+        if isinstance(node, Section) and node.restart_at is not None and node.id not in past.over:
+            beginning = f"{node.id}/"
+            if any(step.startswith(beginning) for step in past.begun):
+                yield node
+        for inner in _gone_into(node, past):
+            yield from interrupted_in(inner, past)
+
+
 def to_restore(done: Iterable[PlannedStep]) -> list[PlannedStep]:
     """The steps that bring a bench that was made safe back to where it was, in their order.
 
@@ -144,7 +176,7 @@ def to_restore(done: Iterable[PlannedStep]) -> list[PlannedStep]:
             follows = planned.id in wanted
             if follows:
                 restored.append(planned)
-        elif follows and isinstance(planned.step, (Soak, Wait, WaitUntil)):
+        elif follows and planned.step.resumed == "in full":
             restored.append(planned)
     return restored
 

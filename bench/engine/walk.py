@@ -188,6 +188,8 @@ class Walk:
         try:
             while await self._failing(node.on_failure, node.id, self.nodes(node.body)):
                 pass
+            if node.restart_at is not None:
+                self._journal.write("group_ended", node.id)
         except Exception as problem:
             why = problem
             raise

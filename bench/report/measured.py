@@ -76,13 +76,14 @@ class LeftOut:
 class Interruption:
     """The loss of the process of a run, and its resumption.
 
-    `after_s` is since the start of the run, `again` are the steps that were under way. `is_between` is whether what was
-    acquired before and after it is reduced together.
+    `after_s` is since the start of the run, `again` are the steps that were under way, `restarted` the groups that were
+    done again from their first step. `is_between` is whether what was acquired before and after it is reduced together.
     """
 
     after_s: float
     outage_s: float
     again: tuple[str, ...]
+    restarted: tuple[str, ...]
     is_between: bool
 
     @property
@@ -94,6 +95,8 @@ class Interruption:
         )  # fmt: skip
         if self.again:
             text += " " + tr("Under way and done again: {steps}.", steps=", ".join(self.again))
+        if self.restarted:
+            text += " " + tr("Done again from its first step: {groups}.", groups=", ".join(self.restarted))
         if self.is_between:
             text += " " + tr(
                 "The results combine data from before and after it. The unit was without power in between, and no "
@@ -170,6 +173,7 @@ def _interruptions(reader: RunReader, began_s: float) -> Iterator[Interruption]:
             after_s=float(event.data["interrupted_s"]) - began_s,
             outage_s=float(event.data["outage_s"]),
             again=tuple(event.data["interrupted"]),
+            restarted=tuple(event.data.get("restarted", ())),
             is_between=any(before) and not all(before),
         )
 

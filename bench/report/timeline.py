@@ -26,25 +26,37 @@ from bench.sequence.plan import (
 from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 
 WIDTH = 120
+RESUMED = "resumed"
+RESTARTED = {"begin": "again from its begin", "never": "not resumed"}
 
 
 def plan_table(plan: Plan, expected: Estimate, bench: BenchFile) -> Iterator[str]:
     """A line for each step, and one for each decision that is left to the run; what it decides on is indented.
 
-    The columns in the middle are the bench after the step, one for each device that the plan acts on.
+    The columns in the middle are the bench after the step, one for each device that the plan acts on, and what a
+    resumed run does with the step.
     """
     rows = list(_Rows(plan, expected).rows)
     columns = [_Column(role, bench) for role in acted_on(plan, bench)]
     widths = [
         max([len(column.role), *(len(column.cell(row.span.state)) for row in rows if row.span)]) for column in columns
     ]
-    yield _line("begins", "takes", [column.role for column in columns], widths, "step")
+    widths.append(max([len(RESUMED), *(len(row.span.step.step.resumed) for row in rows if row.span)]))
+    yield _line("begins", "takes", [*(column.role for column in columns), RESUMED], widths, "step")
     for row in rows:
         if row.span is None:
-            yield _line("", "", ["" for _ in columns], widths, row.text)
+            yield _line("", "", ["" for _ in widths], widths, row.text)
         else:
-            cells = [column.cell(row.span.state) for column in columns]
+            cells = [*(column.cell(row.span.state) for column in columns), row.span.step.step.resumed]
             yield _line(clock(row.span.begin_s), duration(row.span.duration_s), cells, widths, row.text)
+
+
+def safe_states(bench: BenchFile) -> Iterator[str]:
+    """A line for each device that moves or energises something: what making it safe does, and within what time."""
+    states = {role: entry.safe_state for role, entry in bench.devices.items() if entry.safe_state.words}
+    widths = [max(map(len, column), default=0) for column in (states, (state.words for state in states.values()))]
+    for role, state in states.items():
+        yield f"{role:<{widths[0]}}  {state.words:<{widths[1]}}  within {state.within_s:g} s"
 
 
 def acted_on(plan: Plan, bench: BenchFile) -> list[str]:
@@ -83,18 +95,24 @@ def turned_by_hand(expected: Estimate, bench: BenchFile) -> Mapping[str, int]:
     return times
 
 
-def timeline_json(expected: Estimate) -> dict[str, Any]:
+def timeline_json(expected: Estimate, bench: BenchFile) -> dict[str, Any]:
     """The timeline for programs; what is not known before the run is null."""
     return {
         "total_s": expected.total_s,
         "size_bytes": expected.size_bytes,
         "phases_s": dict(expected.phases_s),
+        "made_safe": {
+            role: {"state": state.words, "within_s": state.within_s}
+            for role, state in ((role, entry.safe_state) for role, entry in bench.devices.items())
+            if state.words
+        },
         "steps": [
             {
                 "id": span.step.id,
                 "begin_s": span.begin_s,
                 "duration_s": span.duration_s,
                 "times": span.times,
+                "if_resumed": span.step.step.resumed,
                 "set_point_c": span.state.set_point_c,
                 "angles_deg": _known(span.state.angles_deg),
                 "rates_dps": _known(span.state.rates_dps),
@@ -177,7 +195,8 @@ class _Rows:
                     self._inside("", node.body, indent)
                 case Section():
                     failed = f", on failure: {node.on_failure}" if node.on_failure else ""
-                    self._inside(f"group {node.id}{failed}", node.body, indent)
+                    restart = f", if interrupted: {RESTARTED[node.restart_at]}" if node.restart_at else ""
+                    self._inside(f"group {node.id}{failed}{restart}", node.body, indent)
                     if node.teardown:
                         self._inside(f"in any case after {node.id}", node.teardown, indent)
                 case Alternatives():

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, ConfigDict, Field, WithJsonSchema, model_va
 
 from bench.errors import CODES
 from bench.sequence.inside import AnyBlock, Steps
-from bench.sequence.step_fields import OnFailure
+from bench.sequence.step_fields import OnFailure, RestartAt
 from bench.sequence.values import VALUE_SCHEMA
 from drivers.errors import CODES as DEVICE_CODES
 from drivers.fields import NAME, NOT_EMPTY, Name, Seconds, StrictModel, TextLike, WholeNumber
@@ -79,6 +79,9 @@ class Group(StrictModel):
     teardown: tuple[AnyBlock, ...] = Field((), description="run at the end, also after a failure")
     on_failure: OnFailure | None = Field(
         None, description="what the run does when one of them fails; default: it stops"
+    )
+    restart_at: RestartAt | None = Field(
+        None, description="if the run is interrupted in it: done again from its begin, or never resumed"
     )
 
 

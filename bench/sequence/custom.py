@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, Field
 
 from bench.sequence.expressions import Value
-from bench.sequence.step_fields import StepBase
+from bench.sequence.step_fields import Resumed, StepBase
 from drivers.fields import Name
 from drivers.installed import Installed
 
@@ -30,8 +30,9 @@ class StepDescription(NamedTuple):
     `settings` validates the block `with`. `target` is "module:function", an
     `async def function(settings, bench: bench.engine.actions.Bench) -> Mapping[str, Any]` whose result goes into the
     journal; "value" in it, with "unit" of a number, is what `as` names in later expressions. `capability` is what the
-    step's role must be, "" when it needs no device. `takes_s` tells from the settings how long it takes. `example` is a
-    value such as it gives, for checking expressions; None when it gives none.
+    step's role must be, "" when it needs no device. `takes_s` is how long it takes, from the settings. `example` is a
+    value such as it gives, for checking expressions; None when it gives none. Only a `repeatable` step is done again
+    when a run is resumed that was interrupted in it.
     """
 
     name: str
@@ -41,6 +42,7 @@ class StepDescription(NamedTuple):
     capability: str = ""
     takes_s: Callable[[Any], float] = _no_time
     example: Value | None = None
+    repeatable: bool = False
 
 
 class Custom(StepBase):
@@ -55,6 +57,11 @@ class Custom(StepBase):
     settings: Mapping[str, Any] = Field(
         default_factory=dict, alias="with", description="the settings of the plug-in's step"
     )
+
+    @property
+    def resumed(self) -> Resumed:  # type: ignore[override]  # of a plug-in, which its description declares
+        """What a resumed run does with it."""
+        return "again" if known_steps()[self.name].repeatable else "never"
 
 
 @lru_cache(maxsize=1)

@@ -10,14 +10,14 @@ import math
 from collections.abc import Mapping
 from functools import lru_cache
 from itertools import product
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import Field, PlainValidator, WithJsonSchema
 
 from bench.analysis.attitude_names import ATTITUDES
 from bench.config.fixture import DIRECTIONS
 from bench.config.models import BenchFile
-from bench.sequence.step_fields import StepBase
+from bench.sequence.step_fields import Resumed, StepBase
 from drivers.capabilities import Approach
 from drivers.fields import Seconds, is_deferred
 from drivers.suggest import did_you_mean
@@ -117,6 +117,8 @@ class Orient(StepBase):
     A unit is oriented as it is mounted: x is its input axis, z the normal of its seat. Two axes are enough. An attitude
     that the table cannot reach with the units as mounted is an error before the run.
     """
+
+    resumed: ClassVar[Resumed] = "restored"
 
     attitude: Annotated[Attitude, PlainValidator(_attitude), WithJsonSchema(_SCHEMA)] = Field(
         alias="orient", description="where the axes point: up, down, north, south, east, west"

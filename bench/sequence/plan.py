@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple
 from bench.config.document import Document, Place
 from bench.sequence.expressions import Value
 from bench.sequence.model import Outline
-from bench.sequence.step_fields import OnFailure
+from bench.sequence.step_fields import OnFailure, RestartAt
 from bench.sequence.steps import Step
 
 Phase = Literal["setup", "steps", "teardown"]
@@ -51,13 +51,14 @@ class Meanwhile(NamedTuple):
 
 
 class Section(NamedTuple):
-    """Steps with a teardown of their own, or with something to happen when they fail."""
+    """Steps with a teardown of their own, or with something to happen when they fail or are interrupted."""
 
     id: str
     body: Nodes
     teardown: Nodes
     on_failure: OnFailure | None
     place: Place
+    restart_at: RestartAt | None = None
 
 
 class Alternatives(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -12,11 +12,20 @@ from drivers.quantities import Quantity
 from drivers.wording import telling
 
 OnFailure = Literal["stop", "continue", "ask"]
+Resumed = Literal["restored", "in full", "again", "asked", "never"]
+"""What a resumed run does with a step that an interruption cut short.
+
+A step that is *restored* sets something for longer than it lasts: it is also done again where it had ended, before the
+first other step. *In full* is a waiting, of which nothing counts as passed. *Never* refuses the resumption.
+"""
+RestartAt = Literal["begin", "never"]
 Text = Annotated[str, Field(min_length=1, max_length=500)]
 
 
 class StepBase(StrictModel):
     """Keys of every step: its timeout, and what happens if it fails."""
+
+    resumed: ClassVar[Resumed] = "again"
 
     timeout_s: PositiveSeconds | None = Field(None, alias="timeout", description="the longest it may take")
     on_failure: OnFailure | None = Field(

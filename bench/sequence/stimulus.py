@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from bench.sequence.inside import Steps
-from bench.sequence.step_fields import StepBase, choice_of, one_of
+from bench.sequence.step_fields import Resumed, StepBase, choice_of, one_of
 from drivers.capabilities import Approach
 from drivers.fields import (
     Amperes,
@@ -41,6 +41,8 @@ class Move(StepBase):
     `to` is an angle as the encoder counts it, `by` is relative to where the last move went. With a way other than
     as_written, `to` is any angle that differs by whole turns: the nearest, or the next one up or down.
     """
+
+    resumed: ClassVar[Resumed] = "restored"
 
     model_config = one_of(("to",), ("by",))
 
@@ -163,6 +165,8 @@ class SetOutput(StepBase):
     A current source may be given the `acceleration` whose current it stands for, through the nominal K1 of a place.
     """
 
+    resumed: ClassVar[Resumed] = "restored"
+
     role: Name = Field(alias="set")
     voltage_v: Volts | None = Field(None, alias="voltage", description="of a supply")
     current_limit_a: PositiveAmperes | None = Field(
@@ -197,6 +201,8 @@ class SetOutput(StepBase):
 
 class Ramp(StepBase):
     """Takes the chamber's set point to a temperature; ends when the set point in force has arrived."""
+
+    resumed: ClassVar[Resumed] = "restored"
 
     role: Name = Field(alias="ramp")
     temperature_c: Celsius = Field(alias="to", description="target of the set point")

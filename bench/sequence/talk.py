@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from bench.sequence.step_fields import StepBase, Text
+from bench.sequence.step_fields import Resumed, StepBase, Text
 from drivers.fields import NOT_EMPTY, AnyQuantity, FileBeside, Name, PositiveSeconds, StrictModel
 from drivers.quantities import Quantity
 from drivers.units import QuantityError, parse_unit
@@ -92,6 +92,8 @@ class Prompt(StepBase):
     `as` is the name that expressions in later steps know the answer by. `expect` names what the person is to change;
     confirm it by a reading in the next step.
     """
+
+    resumed: ClassVar[Resumed] = "asked"
 
     text: Text = Field(alias="prompt")
     picture: Annotated[Path, FileBeside()] | None = Field(None, description="shown with the question")

@@ -146,23 +146,24 @@ def _count(raw: Any, key: str, scope: Scope) -> int:
 
 def _group(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
     inner = scope.inside(_visit(block["group"], seen))
-    yield from _section(run, block, here, inner, block.get("on_failure"), here)
+    yield from _section(run, block, here, inner, here)
 
 
 def _call(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
     inner, phases, place = run.call(block, here, scope)
     inner = inner._replace(path=f"{scope.path}/{_visit(inner.path.rpartition('/')[2], seen)}")
-    yield from _section(run, phases, place, inner, None, here)
+    yield from _section(run, phases, place, inner, here)
     run.returned()
 
 
-def _section(run: Expansion, phases: Raw, place: Place, scope: Scope, on_failure: Any, here: Place) -> Iterator[Node]:
+def _section(run: Expansion, phases: Raw, place: Place, scope: Scope, here: Place) -> Iterator[Node]:
     """The phases of a group or a called sequence, in a section of its own where one is needed."""
     setup, steps, teardown = (
         run.nodes(phases.get(phase) or (), (*place, phase), _phase_of(scope, phase), _BESIDE[phase]) for phase in PHASES
     )
-    if teardown or on_failure:
-        yield Section(scope.path, (*setup, *steps), teardown, on_failure, here)
+    on_failure, restart_at = (phases.get(key) if place == here else None for key in ("on_failure", "restart_at"))
+    if teardown or on_failure or restart_at:
+        yield Section(scope.path, (*setup, *steps), teardown, on_failure, here, restart_at)
     else:
         yield from (*setup, *steps)
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
 from bench.config.interlocks import ReadingName
-from bench.sequence.step_fields import StepBase, is_known
+from bench.sequence.step_fields import Resumed, StepBase, is_known
 from drivers.fields import (
     AnyQuantity,
     CelsiusPerHour,
@@ -27,6 +27,8 @@ WINDOW_COVERAGE = 0.95  # of the hold time must be covered by readings before it
 
 class Wait(StepBase):
     """Waits for a time."""
+
+    resumed: ClassVar[Resumed] = "in full"
 
     duration_s: Seconds = Field(alias="wait")
 
@@ -62,6 +64,8 @@ class WaitUntil(StepBase):
     Or, with `steady`, until the outputs of the units that are in no longer drift: of all, of those that one device
     measures, or of that on one channel where one is named.
     """
+
+    resumed: ClassVar[Resumed] = "in full"
 
     reading: ReadingName = Field(alias="wait_until")
     above: AnyQuantity | None = Field(None, description="in the unit of the reading")
@@ -105,6 +109,8 @@ class Stable(StrictModel):
 
 class Soak(StepBase):
     """Waits at a temperature for at least a time, and until a reading is stable."""
+
+    resumed: ClassVar[Resumed] = "in full"
 
     role: Name = Field(alias="soak")
     at_least_s: Seconds = Field(alias="at_least", description="the shortest time")

@@ -76,8 +76,8 @@ def test_an_axis_that_does_not_stop_is_not_proved_safe() -> None:
     async def use(head: Head, driver: AerotechEnsemble) -> None:
         head.wire.alter = lambda request, answer: b"%11\n" if request.startswith(b"AXISSTATUS") else answer
         start_s = now_s()
-        with pytest.raises(NoAnswer, match=r"is not proved safe within 5\.8 s"):
+        with pytest.raises(NoAnswer, match=r"is not proved safe within 5\.75 s"):
             await driver.make_safe()
-        assert now_s() - start_s == pytest.approx(5.8)
+        assert now_s() - start_s == pytest.approx(5.75)
 
     with_driver(use)

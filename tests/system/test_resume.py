@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -208,6 +209,46 @@ def test_nothing_is_switched_on_for_a_teardown(tmp_path):
 
 
 # What is refused
+
+
+GROUP = "{group: order, restart_at: %s, steps: [{acquire: counter, for: 20 s, label: a}, {wait: 20 s}]}"
+
+
+def test_a_group_with_a_restart_point_is_done_again_as_a_whole(tmp_path):
+    path = cut(tmp_path, 50.0, ON, "{acquire: counter, for: 10 s, label: first}", GROUP % "begin", "{wait: 5 s}")
+    assert ended(journal(path))["steps/order/acquire"] == 1
+    result = resumed(path)
+    assert result.outcome.how == "completed"
+    assert after(path) == ["steps/set~2", "steps/order/acquire~2", "steps/order/wait~2", "steps/wait", "teardown/set"]
+    (entry,) = (each for each in journal(path) if each.kind == "run_resumed")
+    assert entry.data["restarted"] == ["steps/order"]
+    page = (path / "report.html").read_text("utf-8")
+    assert "Done again from its first step: steps/order." in page
+
+
+def test_a_group_with_a_restart_point_that_has_ended_is_passed_over(tmp_path):
+    path = cut(tmp_path, 55.0, ON, GROUP % "begin", "{wait: 60 s}")
+    resumed(path)
+    assert after(path) == ["steps/set~2", "steps/order/wait~2", "steps/wait~2", "teardown/set"]
+
+
+@SLOW
+def test_a_group_that_was_begun_again_is_rebuilt_and_begun_again(tmp_path):
+    path = cut(tmp_path, 40.0, ON, GROUP % "begin", "{wait: 5 s}")
+    copy = tmp_path / "copy"
+    shutil.copytree(path, copy)
+    resumed(copy)
+    begins = next(entry.at_s for entry in journal(copy) if entry.kind == "run_resumed")
+    interrupted_again(path, begins + 30.0)
+    assert resumed(path).outcome.how == "completed"
+    assert ended(journal(path))["steps/order/acquire"] == 3
+    assert after(path)[1:3] == ["steps/order/acquire~3", "steps/order/wait~3"]
+
+
+def test_a_group_that_is_never_resumed_is_refused_with_its_name(tmp_path):
+    path = cut(tmp_path, 40.0, ON, GROUP % "never", "{wait: 5 s}")
+    with pytest.raises(InputError, match="steps/order was under way, and may not be done again; start the run anew"):
+        resumed(path)
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from bench.config.bench import load_bench
 from bench.errors import InputError
 from bench.report.picture import write_picture
 from bench.report.planned import planned
-from bench.report.timeline import plan_table, timeline_json
+from bench.report.timeline import plan_table, safe_states, timeline_json
 from bench.sequence.estimate import estimate
 from bench.sequence.load import load_plan
 from tests.support.sequences import BENCH, ROOT, plan_of, steps
@@ -76,37 +76,37 @@ def turning(tmp_path):
 
 def test_each_step_has_its_time_and_the_bench_after_it_and_each_decision_a_line(tree):
     assert list(plan_table(*tree, BENCH)) == [
-        "   begins        takes  chamber  head  supply  source  step",
-        "  0:00:00          0 s    20 °C    0°    15 V     off  setup/set",
-        "  0:00:00         60 s    20 °C    0°    15 V     off  steps/prompt",
-        "  0:01:00         10 s    20 °C    0°    15 V     off  steps/measure",
-        "                                                       if ${t > '30 °C'}",
-        "  0:01:10       10 min    30 °C    0°    15 V     off    steps/then/ramp",
-        "  0:11:10       20 min    30 °C    0°    15 V     off    steps/then/wait",
-        "                                                       else",
-        "  0:01:10       20 min    40 °C    0°    15 V     off    steps/else/ramp",
-        "                                                       while ${t > '20 °C'}, at most 10 passes",
-        "  0:31:10         60 s    30 °C    0°    15 V     off    steps/while/pass=1/wait",
-        "                                                       parallel: heat",
-        "  0:41:10       15 min    60 °C    0°    15 V     off    steps/parallel/heat/ramp",
-        "  0:56:10       30 min    60 °C    0°    15 V     off    steps/parallel/heat/soak",
-        "                                                       parallel: turn",
-        "                                                         retry, 3 attempts, 10 s between them",
-        "  0:41:10          6 s    60 °C   90°    15 V     off      steps/parallel/turn/retry/move",
-        "                                                       group steps/feed, on failure: continue",
-        "  1:26:10          0 s    60 °C   90°    15 V    1 mA    steps/feed/set",
-        "  1:26:10         41 s    60 °C  270°    15 V    1 mA    steps/feed/acquire",
-        "  1:26:10         30 s    60 °C   90°    15 V    1 mA      steps/feed/acquire/wait",
-        "  1:26:40         11 s    60 °C  270°    15 V    1 mA      steps/feed/acquire/move",
-        "                                                       in any case after steps/feed",
-        "  1:26:51          0 s    60 °C  270°    15 V     off    steps/feed/teardown/set",
-        "  1:26:51          0 s    60 °C  270°     off     off  teardown/set",
+        "   begins        takes  chamber  head  supply  source   resumed  step",
+        "  0:00:00          0 s    20 °C    0°    15 V     off  restored  setup/set",
+        "  0:00:00         60 s    20 °C    0°    15 V     off     asked  steps/prompt",
+        "  0:01:00         10 s    20 °C    0°    15 V     off     again  steps/measure",
+        "                                                                 if ${t > '30 °C'}",
+        "  0:01:10       10 min    30 °C    0°    15 V     off  restored    steps/then/ramp",
+        "  0:11:10       20 min    30 °C    0°    15 V     off   in full    steps/then/wait",
+        "                                                                 else",
+        "  0:01:10       20 min    40 °C    0°    15 V     off  restored    steps/else/ramp",
+        "                                                                 while ${t > '20 °C'}, at most 10 passes",
+        "  0:31:10         60 s    30 °C    0°    15 V     off   in full    steps/while/pass=1/wait",
+        "                                                                 parallel: heat",
+        "  0:41:10       15 min    60 °C    0°    15 V     off  restored    steps/parallel/heat/ramp",
+        "  0:56:10       30 min    60 °C    0°    15 V     off   in full    steps/parallel/heat/soak",
+        "                                                                 parallel: turn",
+        "                                                                   retry, 3 attempts, 10 s between them",
+        "  0:41:10          6 s    60 °C   90°    15 V     off  restored      steps/parallel/turn/retry/move",
+        "                                                                 group steps/feed, on failure: continue",
+        "  1:26:10          0 s    60 °C   90°    15 V    1 mA  restored    steps/feed/set",
+        "  1:26:10         41 s    60 °C  270°    15 V    1 mA     again    steps/feed/acquire",
+        "  1:26:10         30 s    60 °C   90°    15 V    1 mA   in full      steps/feed/acquire/wait",
+        "  1:26:40         11 s    60 °C  270°    15 V    1 mA  restored      steps/feed/acquire/move",
+        "                                                                 in any case after steps/feed",
+        "  1:26:51          0 s    60 °C  270°    15 V     off  restored    steps/feed/teardown/set",
+        "  1:26:51          0 s    60 °C  270°     off     off  restored  teardown/set",
     ]
 
 
 def test_while_a_table_turns_its_rate_is_shown_and_what_does_not_occur_has_no_column(turning):
     lines = list(plan_table(*turning, TABLE))
-    assert lines[0].split() == ["begins", "takes", "table", "step"]
+    assert lines[0].split() == ["begins", "takes", "table", "resumed", "step"]
     assert [re.split("  +", line.strip())[2] for line in lines[1:]] == [
         "90°", "7292.25°", "30 °/s", "7292.25°", "0°"
     ]  # fmt: skip
@@ -128,14 +128,14 @@ def test_levels_that_a_measurement_will_tell_are_not_known(tmp_path):
     plan = plan_of(tmp_path, steps(measure, on) + "teardown: [{set: source, output: off}]\n")
     expected = estimate(plan, BENCH)
     assert "? A" in list(plan_table(plan, expected, BENCH))[2]
-    content = timeline_json(expected)
+    content = timeline_json(expected, BENCH)
     assert content["steps"][1]["outputs"] == {"source": None}
     assert json.dumps(content, allow_nan=False)
 
 
 def test_json_has_the_same_numbers(tree):
     plan, expected = tree
-    content = timeline_json(expected)
+    content = timeline_json(expected, BENCH)
     assert content["total_s"] == expected.total_s == sum(content["phases_s"].values())
     assert [step["id"] for step in content["steps"]] == [planned.id for planned in plan]
     loop = next(step for step in content["steps"] if step["id"] == "steps/while/pass=1/wait")
@@ -235,3 +235,28 @@ def test_a_picture_has_a_form_and_a_place(tree, tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="cannot be written"):
         write_picture(tmp_path / "file" / "plan.svg", *tree, BENCH)
+
+
+def test_every_step_says_what_a_resumed_run_does_with_it(tree):
+    plan, expected = tree
+    content = timeline_json(expected, BENCH)
+    found = {planned.id: step["if_resumed"] for planned, step in zip(plan, content["steps"], strict=True)}
+    assert set(found.values()) == {"restored", "in full", "again", "asked"}
+    table = list(plan_table(plan, expected, BENCH))
+    assert "resumed" in table[0]
+    assert re.search(r"asked +steps/prompt$", "\n".join(table), re.M)
+
+
+def test_a_group_says_where_a_resumed_run_begins_again(tmp_path):
+    plan = plan_of(tmp_path, steps("{group: order, restart_at: begin, steps: [{wait: 1 s}]}"))
+    table = list(plan_table(plan, estimate(plan, BENCH), BENCH))
+    assert table[1].endswith("group steps/order, if interrupted: again from its begin")
+
+
+def test_what_making_safe_does_and_how_long_it_may_take():
+    lines = list(safe_states(TABLE))
+    (table,) = (line for line in lines if line.startswith("table"))
+    entry = TABLE.devices["table"]
+    stop_s = entry.limits.rate.max / entry.options.acceleration
+    assert table.endswith(f"at rest where it is  within {stop_s + 5:g} s")
+    assert not [line for line in lines if line.startswith("counter")]
