@@ -358,7 +358,7 @@ def test_a_wrong_value_elsewhere_is_told_under_its_key(folder, old, new, problem
         ("{min: 30 mA, max: 110 mA}", "{min: 110 mA, max: 30 mA}", "supply_current:",
          "supply_current: min is not below max"),
         ("rate: {max: 30 °/s}", "rate: {max: 10 °/s}", "rate: 20", "rate: is above the max of limits.rate"),
-        ("rate: {max: 30 °/s}", "rate: {max: 1001 °/s}", "identity: {serial: SIM-HEAD-01}\n    limits:\n      angle",
+        ("rate: {max: 30 °/s}", "rate: {max: 1001 °/s}", "limits:\n      angle",
          "limits: making it safe (at rest where it is) could take 30.025 s, at most 30 s are allowed; raise "
          "options.acceleration or lower limits.rate"),
         ("safe: {temperature: 25 °C}", "safe: {temperature: 101 °C}", "temperature: 101",
