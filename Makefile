@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := bench drivers simulators
 
-.PHONY: demo test setup lint types contracts pytest slow newest coverage truth faults hostile trials profile benchmark peers clean
+.PHONY: demo test setup lint types contracts pytest slow newest coverage truth faults hostile trials reliability profile benchmark peers clean
 
 demo: $(VENV)/.core
 	$(BIN)/bench run sequences/tumble_static.yaml --bench config/simulated.yaml --operator demo
@@ -74,6 +74,11 @@ hostile: $(VENV)/.dev
 # Hostile trials of record, safe state, locks and control, in one table; `python -m tests.trials --scale 0.05` is a sample.
 trials: $(VENV)/.dev
 	$(BIN)/python -m tests.trials
+
+# The scorecard: trials by the hundred, which go on for MINUTES where they were stopped; without, the table as it is.
+MINUTES ?= 0
+reliability: $(VENV)/.dev
+	$(BIN)/python -m tests.reliability --minutes $(MINUTES)
 
 # Where the time of a simulated bench second goes, and our decoder beside cantools.
 profile: $(VENV)/.dev

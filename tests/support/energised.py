@@ -76,12 +76,14 @@ class Wires:
 
     def state(self) -> dict[str, float | bool]:
         """The set point in °C, and whether the outputs are on."""
+        return {role: self.state_of(role) for role in SAFE}
+
+    def state_of(self, role: str) -> float | bool:
+        """That of one of them."""
+        if role != "chamber":
+            return (self._supply if role == "supply" else self._source)("OUTP?").strip() == "1"
         low, high = struct.unpack(">HH", self._modbus(struct.pack(">BHH", 3, SET_POINT, 2))[2:6])
-        return {
-            "chamber": round(struct.unpack(">f", struct.pack(">HH", high, low))[0], 2),
-            "supply": self._supply("OUTP?").strip() == "1",
-            "source": self._source("OUTP?").strip() == "1",
-        }
+        return float(round(struct.unpack(">f", struct.pack(">HH", high, low))[0], 2))
 
     def make_safe(self, role: str) -> None:
         """What a person would do at one of them."""
@@ -120,10 +122,10 @@ class Wires:
 
 
 @contextmanager
-def wires(folder: Path) -> Iterator[Wires]:
-    """The bench on free ports, served by a process of its own."""
+def wires(folder: Path, *options: str) -> Iterator[Wires]:
+    """The bench on free ports, served by a process of its own with more options of `bench simulate`."""
     bench = on_real_wires(folder)
-    with simulating(bench):
+    with simulating(bench, *options):
         yield Wires(bench)
 
 

@@ -43,6 +43,7 @@ KILLS, CUTS, ALTERATIONS, LOST = 200, 200, 400, 10
 HALF_OF_THE_ROWS = 100  # of a smoke test
 IMAGE_BYTES = 64 * 2**20
 SHUTDOWN, NO_LOG_FLUSH = 0x8004587D, struct.pack("I", 2)  # what ext4 has for trying a power cut
+ANSWERS = ("damaged", "intact up to an earlier row", "as written, and it is")
 ENDS_WITHIN_S = 2.0
 LONG = """\
 schema: itb-sequence/1
@@ -72,57 +73,72 @@ def trials(scale: float) -> Iterator[Row]:
 def killed(folder: Path, count: int) -> Row:
     """`kill -9` at random moments from the start on."""
 
-    def trial(runs: Path, delay_s: float) -> list[str]:
-        with _running(runs) as run:
-            time.sleep(delay_s)
-        return _wrong_with(runs, run)
+    return _writers("kill -9: acknowledged rows and inputs are there", folder, count, killed_once)
 
-    return _writers("kill -9: acknowledged rows and inputs are there", folder, count, trial)
+
+def killed_once(runs: Path, delay_s: float) -> list[str]:
+    """What is wrong after a run was killed a time after it has begun."""
+    with running(runs) as run:
+        time.sleep(delay_s)
+    return wrong_with(runs, run)
 
 
 def cut(folder: Path, count: int) -> Row:
     """Power cuts of a real ext4 at random moments from the start on."""
     line = "power cut (ext4): acknowledged rows and inputs are there"
-    image, disk = folder / "ext4.img", folder / "disk"
-    disk.mkdir()
     try:
-        with image.open("wb") as file:
-            file.truncate(IMAGE_BYTES)
-        _do("mkfs.ext4", "-q", "-F", str(image))
-        with _mounted(image, disk):
-            pass
+        image, disk = ext4(folder)
     except (OSError, subprocess.CalledProcessError) as problem:
         return Row(line, 0, f"not tried: it needs root, ext4 and loop devices ({problem})", ok=True)
+    return _writers(line, folder, count, lambda _, delay_s: cut_once(image, disk, delay_s))
 
-    def trial(_: Path, delay_s: float) -> list[str]:
-        with _mounted(image, disk), _running(disk / "runs") as run:
-            time.sleep(delay_s)
-            handle = os.open(disk, os.O_RDONLY)
-            fcntl.ioctl(handle, SHUTDOWN, NO_LOG_FLUSH)
-            os.close(handle)
-        with _mounted(image, disk):
-            found = _wrong_with(disk / "runs", run)
-            shutil.rmtree(disk / "runs", ignore_errors=True)
-        return found
 
-    return _writers(line, folder, count, trial)
+def ext4(folder: Path) -> tuple[Path, Path]:
+    """The image of an empty ext4, and where to mount it. Raises OSError or CalledProcessError where there is none."""
+    image, disk = folder / "ext4.img", folder / "disk"
+    disk.mkdir()
+    with image.open("wb") as file:
+        file.truncate(IMAGE_BYTES)
+    do("mkfs.ext4", "-q", "-F", str(image))
+    with mounted(image, disk):
+        pass
+    return image, disk
+
+
+def cut_once(image: Path, disk: Path, delay_s: float) -> list[str]:
+    """What is wrong after the power of a disk was cut a time after a run has begun on it."""
+    with mounted(image, disk), running(disk / "runs") as run:
+        time.sleep(delay_s)
+        handle = os.open(disk, os.O_RDONLY)
+        fcntl.ioctl(handle, SHUTDOWN, NO_LOG_FLUSH)
+        os.close(handle)
+    with mounted(image, disk):
+        found = wrong_with(disk / "runs", run)
+        shutil.rmtree(disk / "runs", ignore_errors=True)
+    return found
 
 
 def _writers(line: str, folder: Path, count: int, trial: Callable[[Path, float], list[str]]) -> Row:
     """Trials over all of the time that a run takes, and some beyond its end."""
-    draw = np.random.default_rng(1)
-    with _running(folder / "first") as run:
-        began = time.monotonic()
-        run.process.join()
-        took_s = time.monotonic() - began
+    draw, took_s = np.random.default_rng(1), whole_s(folder / "first")
     wrong: list[str] = []
     for number, delay_s in enumerate(draw.uniform(0, 1.1 * took_s, count)):
-        wrong += trial(folder / f"{trial.__qualname__.partition('.')[0]}{number}", float(delay_s))
+        wrong += trial(folder / f"{line[:5]}{number}", float(delay_s))
     return Row(line, count, f"{len(wrong)} lost{': ' * bool(wrong)}{'; '.join(wrong[:3])}", ok=not wrong)
 
 
+def whole_s(runs: Path) -> float:
+    """How long such a run takes that nobody disturbs."""
+    with running(runs) as run:
+        began = time.monotonic()
+        run.process.join()
+        took_s = time.monotonic() - began
+    os.close(run.told)
+    return took_s
+
+
 @dataclass
-class _Running:
+class Running:
     """A run in a process of its own, which tells how many rows were acknowledged."""
 
     process: Any
@@ -139,7 +155,7 @@ class _Running:
 
 
 @contextmanager
-def _running(runs: Path) -> Iterator[_Running]:
+def running(runs: Path) -> Iterator[Running]:
     """A smoke test in virtual time; it is killed when the block ends."""
     told, tell = os.pipe()
     process = multiprocessing.get_context("fork").Process(target=_acknowledging, args=(runs, tell))
@@ -148,7 +164,7 @@ def _running(runs: Path) -> Iterator[_Running]:
         process.start()
     os.close(tell)
     try:
-        yield _Running(process, told)
+        yield Running(process, told)
     finally:
         process.kill()
         process.join()
@@ -167,7 +183,7 @@ def _acknowledging(runs: Path, tell: int) -> None:
     execute(prepare(RunRequest("smoke", runs=runs)), Quiet())
 
 
-def _wrong_with(runs: Path, run: _Running) -> list[str]:
+def wrong_with(runs: Path, run: Running) -> list[str]:
     """What was acknowledged and is not there, or is not as it was written."""
     acknowledged = run.acknowledged
     os.close(run.told)
@@ -189,15 +205,15 @@ def _wrong_with(runs: Path, run: _Running) -> list[str]:
 
 
 @contextmanager
-def _mounted(image: Path, folder: Path) -> Iterator[None]:
-    _do("mount", "-o", "loop", str(image), str(folder))
+def mounted(image: Path, folder: Path) -> Iterator[None]:
+    do("mount", "-o", "loop", str(image), str(folder))
     try:
         yield
     finally:
-        _do("umount", str(folder))
+        do("umount", str(folder))
 
 
-def _do(*command: str) -> None:
+def do(*command: str) -> None:
     subprocess.run(command, check=True, capture_output=True)
 
 
@@ -207,28 +223,35 @@ def _do(*command: str) -> None:
 def altered(folder: Path, count: int) -> Row:
     """Flipped bits, cut files and edits of runs that came to their end and of interrupted ones."""
     wrong: list[str] = []
-    said = {"damaged": 0, "intact up to an earlier row": 0, "as written, and it is": 0}
-    originals = _originals(folder)
+    said = dict.fromkeys(ANSWERS, 0)
+    runs = originals(folder)
     for number in range(count):
-        draw = np.random.default_rng([2, number])
-        original = originals[number % 2]
-        copy = folder / "altered" / original.name
-        shutil.rmtree(copy, ignore_errors=True)
-        shutil.copytree(original, copy)
-        what = _alter(copy, draw)
-        try:
-            record = examined(copy)
-            said[_judged(original, copy, record)] += 1
-            with suppress(BenchError), open_run(copy, damaged=True) as stored:
-                reduced_again(stored)
-        except Exception as problem:  # noqa: BLE001  whatever comes, it is to be told which alteration it was
-            wrong.append(f"{number}, {what}: {type(problem).__name__}: {problem}")
+        what, answer = altered_once(folder, runs[number % 2], number)
+        if answer in said:
+            said[answer] += 1
+        else:
+            wrong.append(f"{number}, {what}: {answer}")
     result = ", ".join(f"{times} {words}" for words, times in said.items())
     line = "flipped, cut, edited: none of it is called as written"
     return Row(line, count, f"{len(wrong)} wrong; {result}{'; ' * bool(wrong)}{'; '.join(wrong[:3])}", ok=not wrong)
 
 
-def _judged(original: Path, copy: Path, record: Record) -> str:
+def altered_once(folder: Path, original: Path, number: int) -> tuple[str, str]:
+    """What is altered in a copy of a run, and one of ANSWERS, or what is wrong with the answer."""
+    copy = folder / "altered" / original.name
+    shutil.rmtree(copy, ignore_errors=True)
+    shutil.copytree(original, copy)
+    what = alter(copy, np.random.default_rng([2, number]))
+    try:
+        answer = judged(original, copy, examined(copy))
+        with suppress(BenchError), open_run(copy, damaged=True) as stored:
+            reduced_again(stored)
+    except Exception as problem:  # noqa: BLE001  whatever comes, it is to be told which alteration it was
+        return what, f"{type(problem).__name__}: {problem}"
+    return what, answer
+
+
+def judged(original: Path, copy: Path, record: Record) -> str:
     """What the answer was; AssertionError when it is not true."""
     if record.damage:
         return "damaged"
@@ -256,10 +279,10 @@ def _rows(folder: Path) -> dict[str, list[Any]]:
 _NO_CONTENT = ("run.lock", "run.db-shm", "runner.json", "reserve.bin")
 
 
-def _originals(folder: Path) -> tuple[Path, Path]:
+def originals(folder: Path) -> tuple[Path, Path]:
     """A run that came to its end, and what is left of one that was killed in its middle."""
     finished = run_short(folder / "finished", sequence="smoke", operator="A. Technician").path
-    with _running(folder / "interrupted") as run:
+    with running(folder / "interrupted") as run:
         while run.acknowledged < HALF_OF_THE_ROWS:
             pass
     (interrupted,) = (folder / "interrupted").iterdir()
@@ -271,7 +294,7 @@ def _originals(folder: Path) -> tuple[Path, Path]:
     return finished, interrupted
 
 
-def _alter(copy: Path, draw: np.random.Generator) -> str:
+def alter(copy: Path, draw: np.random.Generator) -> str:
     """Do something to a run; what was done."""
     kind = draw.choice(["bit", "cut", "edit"], p=[0.7, 0.15, 0.15])
     if kind == "edit":

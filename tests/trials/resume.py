@@ -39,13 +39,13 @@ def _row(line: str, some: list[tuple[str, float, float | None]]) -> Row:
     wrong = []
     for sequence, share, again in some:
         with tempfile.TemporaryDirectory() as folder:
-            found = _killed(Path(folder), sequence, share, again)
+            found = killed(Path(folder), sequence, share, again)
         if found:
             wrong.append(f"{sequence} at {share:.4f}{'' if again is None else f' and {again:.4f}'}: {found}")
     return Row(line, len(some), "; ".join(wrong) or AS_WISHED, not wrong)
 
 
-def _killed(folder: Path, sequence: str, share: float, again: float | None) -> str:
+def killed(folder: Path, sequence: str, share: float, again: float | None) -> str:
     """What is wrong with a run that was killed after a share of its time; "" is as it should be."""
     bench = ROOT / "config" / f"{RUNS[sequence]}.yaml"
     prepared = prepare(RunRequest(sequence, bench=str(bench), preset=PRESET))

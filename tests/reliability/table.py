@@ -1,0 +1,34 @@
+"""The scorecard as text."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.table import Table
+
+from tests.reliability.campaign import Results
+from tests.reliability.scorecard import NOT_TRIED, Line
+
+
+def table(lines: Sequence[Line], results: Results) -> str:
+    """A row for each line: how many of how many trials, what failed, and when and at which commits it was tried."""
+    shown = Table("line", "claim", "trials", "wrong", "tried", "at", title="Reliability")
+    for line in lines:
+        found, failed = results.of(line), results.failed(line)
+        days = sorted({result.at[:10] for result in found})
+        commits = list(dict.fromkeys(result.commit for result in found))
+        shown.add_row(
+            line.key,
+            line.claim,
+            f"{len(found) * line.of} of {line.bar * line.of}",
+            f"{len(failed)}" + "".join(f"\n{result.trial}: {result.wrong[:160]}" for result in failed[:3]),
+            "–".join(dict.fromkeys((days[0], days[-1]))) if days else "never",
+            ", ".join(commits[-2:]),
+        )
+    for key, why in NOT_TRIED.items():
+        shown.add_row(key, why, "-", "", "", "")
+    text = io.StringIO()
+    Console(file=text, width=150).print(shown)
+    return text.getvalue()
