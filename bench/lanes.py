@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Literal, NamedTuple
 
-from bench.rig import CLOSE_S, GRACE_S
+from bench.rig import CLOSE_S, GRACE_S, bring_to_safety
 from drivers.awake import Deadline, patience
 from drivers.capabilities import Device
 from drivers.errors import BadAnswer, CannotConnect, DriverError, InstrumentFault, LinkLost, NoAnswer
@@ -36,16 +36,18 @@ def longest_lane_s(limits_s: Mapping[str, float]) -> float:
 
 
 async def make_safe_in_lanes(
-    devices: Mapping[str, Device], limits_s: Mapping[str, float], ended: Callable[[Lane], object]
-) -> list[Lane]:
+    devices: Mapping[str, Device], limits_s: Mapping[str, float], ended: Callable[[Lane], object],
+    *, only_off: bool = False,
+) -> list[Lane]:  # fmt: skip
     """Make every device safe, in parallel; `ended` receives each lane as it ends.
 
-    `limits_s` are those of making safe, by role. None takes longer than `longest_lane_s`.
+    `limits_s` are those of making safe, by role. None takes longer than `longest_lane_s`. With `only_off` outputs are
+    switched off, and everything else is stopped where it is.
     """
     longest_s = longest_lane_s(limits_s)
 
     async def one(role: str, device: Device) -> Lane:
-        lane = await _lane(role, device, limits_s[role])
+        lane = await _lane(role, device, limits_s[role], only_off=only_off)
         ended(lane)
         return lane
 
@@ -63,7 +65,7 @@ def _left_behind(role: str, longest_s: float) -> Lane:
     return Lane(role, "unsafe", f"{role}: not within {longest_s:g} s, and its driver does not end", longest_s)
 
 
-async def _lane(role: str, device: Device, limit_s: float) -> Lane:
+async def _lane(role: str, device: Device, limit_s: float, *, only_off: bool) -> Lane:
     begun_s = asyncio.get_running_loop().time()
 
     def lane(state: State, why: str = "") -> Lane:
@@ -75,7 +77,7 @@ async def _lane(role: str, device: Device, limit_s: float) -> Lane:
         return lane("not reached", _in_words(role, problem, CONNECT_S))
     try:
         async with patience(limit_s):
-            await device.make_safe()
+            await bring_to_safety(device, only_off=only_off)
     except Exception as problem:  # noqa: BLE001  the lane reports it, whatever it is
         return lane("unsafe", _in_words(role, problem, limit_s))
     else:

@@ -23,7 +23,7 @@ from drivers.capabilities import (
     ThermalChamber,
 )
 from drivers.description import Setup, make_driver, unheard
-from drivers.errors import DriverError, WrongIdentity
+from drivers.errors import DriverError, Refused, WrongIdentity
 from drivers.person import NOBODY, Person
 from drivers.transport.wires import Wires
 from drivers.values import Identity
@@ -48,11 +48,15 @@ class Rig:
     Leaving it closes them; it does not make them safe, `make_safe` does. Who must know what has opened when not all has
     calls `open` and `close`. `not_reached` are devices that could not be opened, or are others than the bench file
     names; they are not among `devices`, and nothing is sent to them any more. `limits_s` are those of making safe, by
-    role.
+    role. Of a bench that is locked out when it is made safe, outputs are switched off and everything else is stopped.
     """
 
-    def __init__(self, devices: Mapping[str, Device], limits_s: Mapping[str, float] = MappingProxyType({})) -> None:
+    def __init__(
+        self, devices: Mapping[str, Device], limits_s: Mapping[str, float] = MappingProxyType({}),
+        is_locked_out: Callable[[], bool] = lambda: False,
+    ) -> None:  # fmt: skip
         self.devices = dict(devices)
+        self._is_locked_out = is_locked_out
         self._limits_s = dict.fromkeys(devices, MAKE_SAFE_S) | dict(limits_s)
         self.identities: dict[str, Identity] = {}
         self.not_reached: dict[str, str] = {}
@@ -168,7 +172,8 @@ class Rig:
 
     async def make_safe(self) -> dict[str, str]:
         """Make every device safe, in parallel, each within its limit; return why, for those that could not be."""
-        return _failed(await self._each(lambda device: device.make_safe(), self._limits_s))
+        only_off = self._is_locked_out()
+        return _failed(await self._each(lambda device: bring_to_safety(device, only_off=only_off), self._limits_s))
 
     async def _each(
         self, act: Callable[[Device], Awaitable[object]], limits_s: float | Mapping[str, float]
@@ -204,6 +209,22 @@ class Rig:
                 await asyncio.wait(slow, timeout=GRACE_S)
         stuck = TimeoutError(f"not within {longest_s:g} s, and its driver does not end")
         return {name: task.result() if task.done() and not task.cancelled() else stuck for name, task in tasks.items()}
+
+
+async def bring_to_safety(device: Device, *, only_off: bool) -> None:
+    """Make a device safe.
+
+    With `only_off` a chamber is stopped where it is, and Refused tells at which set point.
+    """
+    if not (only_off and isinstance(device, ThermalChamber)):
+        await device.make_safe()
+        return
+    await device.hold()
+    state = await device.state()
+    raise Refused(
+        device.name, f"was stopped at a set point of {state.target_c:g} °C, since somebody works at the bench",
+        remedy="When the lockout is lifted: bench make-safe.",
+    )  # fmt: skip
 
 
 def _failed(results: Mapping[str, object]) -> dict[str, str]:

@@ -32,14 +32,14 @@ from bench.engine.ending import Outcome
 from bench.engine.past import Past
 from bench.engine.people import People
 from bench.engine.questions import Desk
-from bench.errors import StoreError, in_words
+from bench.errors import InUseError, StoreError, in_words
 from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.loop import run as run_loop
 from bench.report.findings import Results
 from bench.runner import manifest
 from bench.runner.alert import alert
 from bench.runner.guard import guarded
-from bench.runner.held import holding, real_addresses
+from bench.runner.held import holding, real_addresses, why_locked_out
 from bench.runner.power import power_watched
 from bench.runner.quiet import Quiet
 from bench.runner.run import run_plan
@@ -83,7 +83,10 @@ def execute(
     process, where its caller goes on keeping them; else they are kept until this returns.
     """
     with ExitStack() as in_use, nullcontext(signals) if signals is not None else Signals() as kept:
-        in_use.enter_context(holding(real_addresses(prepared.loaded.bench).values(), f"a run of {prepared.plan.name}"))
+        bench = prepared.loaded.bench
+        in_use.enter_context(holding(real_addresses(bench).values(), f"a run of {prepared.plan.name}"))
+        if why := why_locked_out(bench):
+            raise InUseError(f"The bench is {why}. When the work is done: bench lockout --lift --bench FILE")
         return _execute(prepared, observer, kept, in_use.close, resumption)
 
 

@@ -17,7 +17,7 @@ from bench.lanes import Lane, longest_lane_s, make_safe_in_lanes
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
 from bench.loop import run as run_loop
 from bench.rig import limits_to_make_safe
-from bench.runner.held import holding, real_addresses
+from bench.runner.held import holding, real_addresses, why_locked_out
 from bench.runner.takeover import END_BEYOND_S, take_over
 from bench.store.energised import energised, note_safe, record_made_safe
 from bench.store.runs import summary
@@ -67,11 +67,13 @@ def _registered(notice: Notice, *, over: bool) -> list[str]:
 
 def _of_bench(loaded: LoadedBench, notice: Notice, ended: Callable[[Lane], object]) -> list[Lane]:
     bench, addresses = loaded.bench, list(real_addresses(loaded.bench).values())
-    limits_s = limits_to_make_safe(bench)
+    limits_s, why = limits_to_make_safe(bench), why_locked_out(bench)
+    if why:
+        notice(f"{why}. Outputs are switched off, everything else is stopped where it is.")
     notice(f"{loaded.document.path}: {len(bench.devices)} instruments, at most {longest_lane_s(limits_s):g} s")
 
     async def main() -> list[Lane]:
-        return await make_safe_in_lanes(open_devices(bench, laboratory_of(bench)), limits_s, ended)
+        return await make_safe_in_lanes(open_devices(bench, laboratory_of(bench)), limits_s, ended, only_off=bool(why))
 
     with _uninterrupted(), ExitStack() as in_use:
         take_over(addresses, notice, max(limits_s.values(), default=0.0) + END_BEYOND_S)

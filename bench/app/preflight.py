@@ -23,7 +23,7 @@ from bench.report.times_and_sizes import duration, instant, megabytes
 from bench.rig import OpenError, Rig
 from bench.runner.alert import route
 from bench.runner.guard import try_guardian
-from bench.runner.held import energising_addresses, holding, real_addresses
+from bench.runner.held import energising_addresses, holding, real_addresses, why_locked_out
 from bench.runner.nut import Client, PowerState
 from bench.runner.power import IN_WORDS
 from bench.sequence.plan import Nodes, Section, within
@@ -91,9 +91,9 @@ def preflight(prepared: PreparedRun) -> Preflight:
     with holding(real_addresses(bench).values(), "bench preflight"):
         looked_at = (_instruments(prepared), _guardian(prepared))
     return Preflight((
-        *looked_at, _left_on(prepared), _certificates(prepared), _rehearsal(prepared), _questions(prepared),
-        _alert(prepared), _disk(prepared), _clock(), _power(prepared), _protection(prepared), _times(prepared),
-        _safe_end(prepared),
+        *looked_at, _lockout(prepared), _left_on(prepared), _certificates(prepared), _rehearsal(prepared),
+        _questions(prepared), _alert(prepared), _disk(prepared), _clock(), _power(prepared), _protection(prepared),
+        _times(prepared), _safe_end(prepared),
     ))  # fmt: skip
 
 
@@ -126,6 +126,11 @@ def _guardian(prepared: PreparedRun) -> Line:
         except BenchError as problem:
             return Line("guardian", "NO", str(problem))
     return Line("guardian", "ok", f"ready after {took_s:.1f} s")
+
+
+def _lockout(prepared: PreparedRun) -> Line:
+    why = why_locked_out(prepared.loaded.bench)
+    return Line("lockout", "NO" if why else "ok", why or "nobody has locked the bench out")
 
 
 def _left_on(prepared: PreparedRun) -> Line:

@@ -90,6 +90,26 @@ def make_safe(bench: str | None, *, if_left_on: bool) -> int:
     return NOT_SAFE if left else PASS
 
 
+def lockout(bench: str | None, reason: str, by: str, *, lift: bool) -> int:
+    """Lock a bench out while a person works at it: it is switched off and stopped, and no run begins.
+
+    Without --bench: list the benches that are locked out.
+    """
+    import getpass
+
+    from bench.app.lockout import lift_lockout, listed, set_lockout
+
+    if bench is None:
+        sys.stdout.writelines(f"{line}\n" for line in listed())
+        return PASS
+    signed = by or getpass.getuser(), reason
+    if lift:
+        lift_lockout(bench, *signed)
+        return PASS
+    set_lockout(bench, *signed)
+    return make_safe(bench, if_left_on=False)
+
+
 def _seconds(text: str) -> float:
     number = float(text)
     if not number >= 0:
@@ -118,6 +138,12 @@ COMMANDS = (
     Command("make-safe", make_safe, (
         option("--bench FILE", "The bench; default: every bench that a run may have left on."),
         flag("--if-left-on", "Only benches that a run which is over may have left on."),
+    )),
+    Command("lockout", lockout, (
+        option("--bench FILE", "The bench; default: list the benches that are locked out."),
+        option("--reason TEXT", "What is done at the bench; or, with --lift, that it is done.", default=""),
+        option("--by NAME", "Who works there; default: $USER.", default=""),
+        flag("--lift", "Take the lockout off."),
     )),
     Command("simulate", simulate, (
         option("--bench FILE", "The bench whose instruments to simulate.", is_required=True),

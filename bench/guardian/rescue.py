@@ -17,7 +17,7 @@ from bench.guardian.notes import Notes
 from bench.lanes import Lane, make_safe_in_lanes
 from bench.rig import device_of, limits_to_make_safe
 from bench.runner.alert import alert
-from bench.runner.held import energising_addresses, holding
+from bench.runner.held import energising_addresses, holding, is_locked_out
 from bench.store.energised import note_safe
 from bench.store.unsafe import keep_unsafe
 from drivers.capabilities import Device
@@ -47,9 +47,9 @@ class Rescue:
         notes.entry("begins", why=why)
         try:
             with _held(self._addresses.values()):
-                lanes = asyncio.run(
-                    make_safe_in_lanes(self._devices(), limits_to_make_safe(self._bench), partial(_tell, notes))
-                )
+                limits_s, only_off = limits_to_make_safe(self._bench), is_locked_out(self._bench)
+                telling = partial(_tell, notes)
+                lanes = asyncio.run(make_safe_in_lanes(self._devices(), limits_s, telling, only_off=only_off))
         except Exception as problem:  # noqa: BLE001  whatever it is, it is on record that the bench is not safe
             lanes = [Lane(role, "not reached", in_words(problem), 0.0) for role in self._addresses]
         unsafe = {lane.role: lane.why for lane in lanes if lane.state != "safe"}

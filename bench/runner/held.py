@@ -22,6 +22,7 @@ from typing import NamedTuple
 from bench.config.models import BenchFile
 from bench.errors import InUseError, StoreError
 from bench.runner.whereabouts import marks
+from bench.store.lockout import locked_out
 from drivers.transport.address import Address
 
 _WORDS_AT_MOST = 200
@@ -54,6 +55,17 @@ def energising_addresses(bench: BenchFile) -> dict[str, Address]:
     able = bench.with_capability("positioner", "rate_table", "thermal_chamber", "power_supply", "current_source")
     real = real_addresses(bench).items()
     return {role: at for role, at in real if role in able and not (at.is_person or at.is_recording)}
+
+
+def why_locked_out(bench: BenchFile) -> str:
+    """Who works at the bench, and why; "" where nobody does."""
+    addresses = {str(address) for address in real_addresses(bench).values()}
+    return locked_out(addresses) if addresses else ""
+
+
+def is_locked_out(bench: BenchFile) -> bool:
+    """Whether somebody works at the bench."""
+    return bool(why_locked_out(bench))
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -23,6 +24,7 @@ from bench.errors import StoreError, in_words
 from bench.rig import CLOSE_S, OpenError, Rig, limits_to_make_safe
 from bench.runner.commands import commands_of
 from bench.runner.control import control_socket
+from bench.runner.held import is_locked_out
 from bench.runner.signals import Sent, Signals
 from bench.runner.terminal import answers_from_terminal
 from bench.sequence.plan import Plan
@@ -59,7 +61,7 @@ async def run_plan(
     the devices ask. `past` is what was done before an interruption. `left_on` are devices that other runs may have left
     on, with the names of these runs: everything is made safe before the first step.
     """
-    rig, journal = Rig(devices, limits_to_make_safe(bench)), Journal(writer)
+    rig, journal = Rig(devices, limits_to_make_safe(bench), partial(is_locked_out, bench)), Journal(writer)
     in_use = bench.with_units_in(bench.places if places is None else places)
     used = devices_used(plan, in_use)
     outcome: Outcome | None = None

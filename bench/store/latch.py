@@ -16,10 +16,10 @@ from bench.errors import InputError, StoreError
 from bench.files import append_line
 from bench.store.energised import energised
 from bench.store.runs import RunSummary, summary
+from bench.store.signed import check_signed
 from bench.store.unsafe import kept_unsafe
 
 INCIDENT, ACKNOWLEDGED = "incident.jsonl", "acknowledged.jsonl"
-LONGEST_REASON, LONGEST_NAME = 500, 100
 
 
 class Latch(NamedTuple):
@@ -67,8 +67,7 @@ def acknowledge(path: Path, by: str, reason: str) -> str:
     found = latch(run)
     if found is None:
         raise InputError(f"{run.id}: is not latched, or was acknowledged before")
-    _check("--reason", reason, LONGEST_REASON)
-    _check("--by", by, LONGEST_NAME)
+    check_signed(by, reason)
     _check_switched_off(run)
     line = {
         "at": wall_utc().isoformat(timespec="seconds"), "by": by, "reason": reason, "of": found.why, "latch": found.key,
@@ -78,11 +77,6 @@ def acknowledge(path: Path, by: str, reason: str) -> str:
     except OSError as problem:
         raise StoreError(f"{path / ACKNOWLEDGED}: cannot be written ({problem})") from problem
     return found.why
-
-
-def _check(option: str, text: str, longest: int) -> None:
-    if not text.strip() or not text.isprintable() or len(text) > longest:
-        raise InputError(f"{option}: expected up to {longest} printable characters")
 
 
 def _check_switched_off(run: RunSummary) -> None:

@@ -142,3 +142,22 @@ def test_a_bench_file_that_is_gone_is_named_and_no_success(bench, tmp_path):
     assert str(own) in done.stdout
     assert make_safe("--bench", str(bench.bench)).returncode == 0
     assert bench.state() == SAFE
+
+
+def test_a_bench_is_locked_out_while_a_run_holds_it(bench, tmp_path):
+    def lockout(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "bench", "lockout", "--bench", str(bench.bench), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False, timeout=60)
+
+    run = running(bench, tmp_path)
+    done = lockout("--by", "A. Person", "--reason", "the coil is changed")
+    assert done.returncode == 6, done.stderr
+    assert run.code() == 6
+    assert bench.state() == {**SAFE, "chamber": ENERGISED["chamber"]}
+    assert "since somebody works at the bench" in run.manifest()["unsafe"]["chamber"]
+    refused = Process(bench.bench, tmp_path / "refused")
+    assert refused.code() == 3
+    assert "locked out by A. Person" in refused.told.read_text("utf-8")
+    assert lockout("--lift", "--reason", "done").returncode == 0
+    assert make_safe("--bench", str(bench.bench)).returncode == 0
+    assert bench.state() == SAFE

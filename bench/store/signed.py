@@ -1,0 +1,18 @@
+"""What a person gives as name and reason for an entry of a record."""
+
+from __future__ import annotations
+
+from bench.errors import InputError
+
+LONGEST_REASON, LONGEST_NAME = 500, 100
+
+
+def check_signed(by: str, reason: str) -> None:
+    """Raise InputError for a name or a reason that is empty, too long or not printable."""
+    _check("--reason", reason, LONGEST_REASON)
+    _check("--by", by, LONGEST_NAME)
+
+
+def _check(option: str, text: str, longest: int) -> None:
+    if not text.strip() or not text.isprintable() or len(text) > longest:
+        raise InputError(f"{option}: expected up to {longest} printable characters")

@@ -1,0 +1,55 @@
+"""A trial or two of each line of the scorecard; the campaigns are many of them."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.reliability.campaign import Result, Results, carry_on
+from tests.reliability.scorecard import LINES, Line
+from tests.reliability.table import table
+
+QUICK = {"S1": (0, 30), "S2": (0,), "S3": (0, 1), "S4": (0,), "S6": (0, 1, 2), "S9a": (0,), "S11": (0, 1)}
+TRACED = {"S9b": (0, 12), "S12": (0, 5)}
+SLOW = {"S5": (1,), "S16": (1,)}
+
+
+def _trials(lines: dict[str, tuple[int, ...]]) -> list[tuple[str, int]]:
+    return [(key, number) for key, numbers in lines.items() for number in numbers]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("key", "number"), _trials(QUICK | SLOW))
+def test_a_trial_of_a_line(key: str, number: int) -> None:
+    assert LINES[key].trial(number) == ""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("strace") is None, reason="strace alters the system calls of a process")
+@pytest.mark.parametrize(("key", "number"), _trials(TRACED))
+def test_a_trial_of_a_line_with_system_calls_that_fail(key: str, number: int) -> None:
+    assert LINES[key].trial(number) == ""
+
+
+def test_every_line_names_a_function() -> None:
+    for line in LINES.values():
+        module, _, name = line.plays.partition(":")
+        assert f"def {name}(number: int) -> str:" in Path(__file__).with_name(f"{module}.py").read_text("utf-8")
+
+
+def test_a_campaign_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
+    path, lines = tmp_path / "results.jsonl", [LINES["S3"]._replace(bar=2)]
+    carry_on(lines, Results(path), 60.0, 1, failed=False)
+    assert [result.trial for result in Results(path).of(lines[0])] == [0, 1]
+    carry_on([lines[0]._replace(bar=3)], Results(path), 60.0, 1, failed=False)
+    assert [result.trial for result in Results(path).of(lines[0])] == [0, 1, 2]
+
+
+def test_the_last_result_of_a_trial_counts(tmp_path: Path) -> None:
+    line, path = Line("S0", "a claim", 10, "nights:night", of=5), tmp_path / "results.jsonl"
+    results = Results(path)
+    for wrong, day in (("lost a row", "2026-01-01"), ("", "2026-01-02")):
+        results.add(Result("S0", 3, wrong, 1.0, f"{day}T00:00:00+00:00", "abc"))
+        assert bool(results.failed(line)) == bool(wrong)
+    assert "5 of 50" in table([line], Results(path))
+    assert len(path.read_text("utf-8").splitlines()) == 2
