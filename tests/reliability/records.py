@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import tempfile
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,10 +21,7 @@ BEYOND_THE_END = 1.1  # of the time that a run takes
 WRITING = ("write", "pwrite64", "fdatasync", "fsync", "rename", "ftruncate", "unlink", "mkdir")
 STORAGE = ("pwrite64", "fdatasync", "fsync", "rename", "ftruncate")
 ERRORS = ("ENOSPC", "EIO")
-RUN = ("-m", "bench", "run", "smoke", "--runs")
 ENDS_WITHIN_S = 120.0
-FIRST_STEP = "steps/"
-UNSAFE = ("COULD NOT BE MADE SAFE", "NOT REACHED", "Traceback")
 REASONS = ("cannot be", "cannot write", "cannot read", "Input/output error", "No space left")
 
 
@@ -50,12 +49,8 @@ def killed_at_a_call(number: int) -> str:
     """At the n-th system call of a kind in any of its threads; beyond the last one it comes to its end."""
     kind, which = WRITING[number % len(WRITING)], 1 + number // len(WRITING)
     with tempfile.TemporaryDirectory() as folder:
-        _, said = _traced(Path(folder), f"{kind}:signal=SIGKILL:when={which}")
-        for run in list_runs(Path(folder)):
-            found = examined(run.path)
-            if found.damage and (found.rows or FIRST_STEP in said):  # else nothing was acknowledged yet
-                return f"{kind} {which}: {'; '.join(found.damage)}"
-    return ""
+        _, wrong = _traced(Path(folder), f"{kind}:signal=SIGKILL:when={which}")
+    return f"{kind} {which}: {wrong}" if wrong else ""
 
 
 def storage_fails(number: int) -> str:
@@ -65,23 +60,32 @@ def storage_fails(number: int) -> str:
     which, for_good = 1 + int(draw.integers(40)), bool(draw.integers(2))
     what = f"{kind}:error={error}:when={which}{'+' * for_good}"
     with tempfile.TemporaryDirectory() as folder:
-        code, said = _traced(Path(folder), what)
-        damage = [each for run in list_runs(Path(folder)) for each in examined(run.path).damage]
-    if any(words in said for words in UNSAFE):
-        return f"{what}: {said[-400:]}"
-    if code and not any(words in said for words in REASONS):
-        return f"{what}: exit code {code} without a reason: {said[-400:]}"
-    return f"{what}: exit code {code}, {damage}" if damage and not code else ""
+        ended, wrong = _traced(Path(folder), what)
+    if not ended:
+        return f"{what}: it did not come to its end"
+    if ended["unsafe"]:
+        wrong = f"{wrong} not safe: {ended['unsafe']}"
+    if ended["how"] != "completed" and not any(word in text for word in REASONS for text in ended["problems"]):
+        wrong = f"{wrong} {ended['how']} without a reason: {ended['problems']}"
+    return f"{what}: {wrong}" if wrong else ""
 
 
-def _traced(folder: Path, inject: str) -> tuple[int, str]:
-    """Exit code of a run while its system calls are tampered with, and what it said."""
+def _traced(folder: Path, inject: str) -> tuple[dict[str, Any], str]:
+    """How a run ended whose system calls are tampered with, if it did, and what is wrong with its record."""
     command = ["strace", "-f", "-qq", "-o", "/dev/null", "-e", f"trace={inject.partition(':')[0]}", "-e"]
-    command += [f"inject={inject}", sys.executable, *RUN, str(folder)]
+    command += [f"inject={inject}", sys.executable, "-m", "tests.reliability.workload", str(folder)]
     done = subprocess.run(
         command, capture_output=True, text=True, cwd=ROOT, check=False, timeout=ENDS_WITHIN_S, stdin=subprocess.DEVNULL
     )
-    return done.returncode, done.stdout + done.stderr
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    ended = lines.pop() if lines and isinstance(lines[-1], dict) else {}
+    acknowledged = lines[-1] if lines else 0
+    wrong = [done.stderr[-400:]] if "Traceback" in done.stderr else []
+    records = [examined(run.path) for run in list_runs(folder)]
+    if acknowledged > (there := sum(found.rows for found in records)):
+        wrong.append(f"{acknowledged} rows were acknowledged, {there} are there")
+    wrong += [each for found in records if found.rows and (not ended or not ended["problems"]) for each in found.damage]
+    return ended, "; ".join(wrong)
 
 
 def _delay_s(line: int, number: int) -> float:
