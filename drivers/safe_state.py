@@ -11,15 +11,16 @@ LONGEST_S = 30.0  # no bench file may give a device longer
 class SafeState(NamedTuple):
     """What `make_safe` does, in words, and the time (s) within which it ends on a connected device.
 
-    Without words there is nothing to make safe.
+    Without words there is nothing to make safe. `alone_after_s` is when it becomes safe by itself if nothing is said to
+    it any more; None where it does not.
     """
 
     words: str
     within_s: float
+    alone_after_s: float | None = None
 
 
 NOTHING = SafeState("", DIALOGUE_S)
-OFF = SafeState("off", DIALOGUE_S)
 ZERO_THEN_OFF = SafeState("0 A, then off", DIALOGUE_S)
 NOT_DESCRIBED = SafeState("as its driver does it", 2 * DIALOGUE_S)
 

@@ -24,6 +24,7 @@ from simulators.setup import InstrumentSetup
 from simulators.world import World
 
 VOLTAGE_MAX_V = 32.0
+WATCHDOG_S, WATCHDOG_MAX_S = 60.0, 3600.0  # as it is made
 CURRENT_MAX_A = 3.0
 _CLEARS = ("OUTPut:PROTection:CLEar", "[SOURce:]VOLTage:PROTection:CLEar", "[SOURce:]CURRent:PROTection:CLEar")
 _NOTHING_HAPPENS = (
@@ -58,6 +59,7 @@ class SimulatedSupply:
         self._level_v, self._limit_a, self.output = 0.0, CURRENT_MAX_A, False
         self._measured, self._tripped = (0.0, 0.0), set[str]()
         self._kept = KeptSettings(_KEPT)
+        self._watchdog, self._watchdog_s, self._spoken_to_s = False, WATCHDOG_S, world.now()
         self._interpreter = Interpreter(
             f"INERTIAL TEST BENCH,{model},{serial},1.0",
             {
@@ -71,6 +73,11 @@ class SimulatedSupply:
                 f"{wire.MEASURE_CURRENT}?": lambda _: f"{self._measure()[1]:.5f}",
                 f"{wire.OVER_VOLTAGE}?": lambda _: str(int("over_voltage" in self._tripped)),
                 f"{wire.OVER_CURRENT}?": lambda _: str(int("over_current" in self._tripped)),
+                wire.WATCHDOG: self._arm,
+                f"{wire.WATCHDOG}?": lambda _: str(int(self._watchdog)),
+                wire.WATCHDOG_DELAY: self._set_watchdog,
+                f"{wire.WATCHDOG_DELAY}?": lambda _: f"{self._watchdog_s:.0f}",
+                f"{wire.QUESTIONABLE}?": lambda _: str(wire.PROTECTED * ("watchdog" in self._tripped)),
                 "APPLy": self._perhaps_later(self._apply),
                 "APPLy?": lambda _: f'"{self._level_v:.3f},{self._limit_a:.4f}"',
                 f"{wire.MEASURE_POWER}?": lambda _: f"{math.prod(self._measure()):.5f}",
@@ -92,7 +99,7 @@ class SimulatedSupply:
 
     def session(self) -> LineSession:
         """A new connection."""
-        return LineSession(self._interpreter.execute)
+        return LineSession(self._execute)
 
     def trip(self, protection: str = "") -> None:
         """The output switches off by itself; after a `protection` it stays off until that is cleared."""
@@ -100,6 +107,27 @@ class SimulatedSupply:
         if protection:
             self._tripped.add(protection)
         self._feed_units()
+
+    def _execute(self, message: str) -> str:
+        """A message on a remote interface, before which the watchdog may have switched the output off."""
+        now_s = self._world.now()
+        if self._watchdog and now_s - self._spoken_to_s > self._watchdog_s:
+            self._tripped.add("watchdog")
+            self._feed_units()
+        self._spoken_to_s = now_s
+        return self._interpreter.execute(message)
+
+    @property
+    def _is_on(self) -> bool:
+        """Whether there is voltage at the terminals; OUTP? tells what was asked for."""
+        return self.output and "watchdog" not in self._tripped
+
+    def _arm(self, argument: str) -> None:
+        on = switch(argument)
+        self.faults.carry_out(lambda: setattr(self, "_watchdog", on))
+
+    def _set_watchdog(self, argument: str) -> None:
+        self._watchdog_s = round(setting(argument, 1.0, WATCHDOG_MAX_S))
 
     def restart(self) -> None:
         """The mains fail for a moment: everything is as when it was switched on."""
@@ -132,20 +160,21 @@ class SimulatedSupply:
         return lambda argument: self.faults.do(lambda: handler(argument), Refusal)
 
     def _feed_units(self) -> None:
-        self._world.power(self._name, self.output and self._level_v > 0)
+        self._world.power(self._name, self._is_on and self._level_v > 0)
 
     def _measure(self) -> tuple[float, float]:
         """Voltage and current at the terminals; a load above the limit pulls the voltage down."""
         if not self.faults.active("frozen"):
-            load_a = self._world.load_a(self._name) if self.output and self._level_v > 0 else 0.0
+            load_a = self._world.load_a(self._name) if self._is_on and self._level_v > 0 else 0.0
             current_a = min(load_a, self._limit_a)
-            voltage_v = self._level_v * (current_a / load_a if load_a else 1.0) if self.output else 0.0
+            voltage_v = self._level_v * (current_a / load_a if load_a else 1.0) if self._is_on else 0.0
             self._measured = (voltage_v, current_a)
         return self._measured
 
     def _reset(self) -> None:
         self._tripped.clear()
         self._kept.reset()
+        self._watchdog, self._watchdog_s = False, WATCHDOG_S
         self._level_v, self._limit_a, self.output = 0.0, CURRENT_MAX_A, False
         self._feed_units()
 

@@ -251,12 +251,12 @@ def _state_of_power(entry: PowerEntry) -> Line:
 
 
 def _protection(prepared: PreparedRun) -> Line:
-    roles = ", ".join(energising_addresses(prepared.loaded.bench))
-    return Line(
-        "protection",
-        "look",
-        f"no driver arms a communication watchdog: if this computer fails, {roles} stay as they are",
-    )
+    bench = prepared.loaded.bench
+    alone_s = {role: bench.devices[role].safe_state.alone_after_s for role in energising_addresses(bench)}
+    words = [f"{role} goes off after {after_s:g} s" for role, after_s in alone_s.items() if after_s is not None]
+    if left := [role for role, after_s in alone_s.items() if after_s is None]:
+        words.append(f"{', '.join(left)} stay as they are")
+    return Line("protection", "look" if left else "ok", f"if this computer fails: {'; '.join(words)}")
 
 
 def _times(prepared: PreparedRun) -> Line:

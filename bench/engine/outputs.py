@@ -94,9 +94,9 @@ async def _take_frames(
                 task.cancel()
             if open_tasks:
                 await asyncio.wait(open_tasks)
-            elif not taking.cancelled():
-                taking.exception()  # looked at, also where the step was cut at the instant that it failed
-        if not taking.cancelled() and (problem := taking.exception()) is not None:
+            # Looked at also where the step was cut at the instant that it failed.
+            problem = None if taking.cancelled() else taking.exception()
+        if problem is not None:
             raise problem
     await keep(blocks)
 

@@ -56,7 +56,8 @@ def safe_states(bench: BenchFile) -> Iterator[str]:
     states = {role: entry.safe_state for role, entry in bench.devices.items() if entry.safe_state.words}
     widths = [max(map(len, column), default=0) for column in (states, (state.words for state in states.values()))]
     for role, state in states.items():
-        yield f"{role:<{widths[0]}}  {state.words:<{widths[1]}}  within {state.within_s:g} s"
+        alone = "" if state.alone_after_s is None else f"; by itself after {state.alone_after_s:g} s of silence"
+        yield f"{role:<{widths[0]}}  {state.words:<{widths[1]}}  within {state.within_s:g} s{alone}"
 
 
 def acted_on(plan: Plan, bench: BenchFile) -> list[str]:
@@ -102,7 +103,7 @@ def timeline_json(expected: Estimate, bench: BenchFile) -> dict[str, Any]:
         "size_bytes": expected.size_bytes,
         "phases_s": dict(expected.phases_s),
         "made_safe": {
-            role: {"state": state.words, "within_s": state.within_s}
+            role: {"state": state.words, "within_s": state.within_s, "alone_after_s": state.alone_after_s}
             for role, state in ((role, entry.safe_state) for role, entry in bench.devices.items())
             if state.words
         },

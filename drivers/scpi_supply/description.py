@@ -8,7 +8,7 @@ from pydantic import Field
 
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, StrictModel
-from drivers.safe_state import OFF
+from drivers.safe_state import DIALOGUE_S, SafeState
 
 Answer = Literal["maximum", "over_voltage", "over_current"]
 
@@ -19,6 +19,9 @@ class SupplyOptions(StrictModel):
     answers: tuple[Answer, ...] = Field(
         (),
         description="maximum (VOLT? MAX, CURR? MAX), over_voltage (VOLT:PROT:TRIP?), over_current (CURR:PROT:TRIP?)",
+    )
+    watchdog: Annotated[float, InUnit("s", at_least=10, at_most=3600)] | None = Field(
+        None, description="it switches itself off when nothing is said to it for so long; whole seconds, if it can"
     )
 
 
@@ -41,6 +44,11 @@ class SupplyLimits(StrictModel):
     current: CurrentRange
 
 
+def safe_state(options: SupplyOptions, _limits: SupplyLimits, _safe: object) -> SafeState:
+    """Off; by itself, too, where its watchdog is used."""
+    return SafeState("off", DIALOGUE_S, options.watchdog)
+
+
 DESCRIPTION = DriverDescription(
     name="scpi_supply",
     title="laboratory power supply with the common core of SCPI",
@@ -51,6 +59,6 @@ DESCRIPTION = DriverDescription(
     options=SupplyOptions,
     recognition="drivers.scpi_supply.recognition:RECOGNITION",
     limits=SupplyLimits,
-    safe_state=OFF,
+    safe_state=safe_state,
     channels={"voltage": "V", "current": "A"},
 )

@@ -33,6 +33,7 @@ class ScpiSupply:
         self.name = setup.name
         self._limits, self._options, self._note = setup.limits, setup.options, setup.note
         self._trips = [trip for trip in wire.TRIPS if trip in setup.options.answers]
+        self._watchdog_s = setup.options.watchdog or 0.0
         self._link = ScpiLink(setup)
         self._order = 0  # counts settings, so that one under way knows when it is no longer wanted
         self._made: Setting | None = None  # the setting that was made and read back
@@ -84,7 +85,8 @@ class ScpiSupply:
         if output:
             self._check_trips(state)
             await self._check_maximum(level, limit)
-        await self._reach(order, now, Setting(level, limit, True) if output else replace(now, output=False))
+        on, off = Setting(level, limit, True, self._watchdog_s), replace(now, output=False, watchdog_s=0.0)
+        await self._reach(order, now, on if output else off)
 
     async def make_safe(self) -> None:
         """Switches the output off within 5 s, proved by reading back.
@@ -96,7 +98,7 @@ class ScpiSupply:
             await self._link.reopen()
             self._link.cut_in(wire.OFF)
             now = (await self._state()).setting
-            await self._reach(order, now, replace(now, output=False))
+            await self._reach(order, now, replace(now, output=False, watchdog_s=0.0))
 
     async def _reach(self, order: int, now: Setting, wanted: Setting) -> None:
         """Sends one command after the other until the supply says that it is set as wanted."""
@@ -121,8 +123,10 @@ class ScpiSupply:
         return state.setting
 
     async def _state(self) -> State:
+        watched = bool(self._watchdog_s)
         return await self._link.ask(
-            wire.state_query(self._trips), lambda line: wire.read_state(line, self._trips)
+            wire.state_query(self._trips, watchdog=watched),
+            lambda line: wire.read_state(line, self._trips, watchdog=watched),
         )  # fmt: skip
 
     async def _takes(self) -> list[State]:

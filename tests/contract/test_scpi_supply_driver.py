@@ -10,10 +10,11 @@ from drivers.capabilities import Source
 from drivers.description import Nothing, known_drivers
 from drivers.errors import (
     BeyondLimit,
+    InstrumentFault,
     Refused,
     WrongIdentity,
 )
-from drivers.scpi_supply.description import DESCRIPTION, SupplyLimits
+from drivers.scpi_supply.description import DESCRIPTION, SupplyLimits, SupplyOptions
 from drivers.scpi_supply.driver import ScpiSupply
 from drivers.transport.memory import Line
 from drivers.values import SourceReading
@@ -175,3 +176,61 @@ def test_a_second_setting_ends_the_first() -> None:
         await driver.poll()
 
     with_driver(use)
+
+
+# The watchdog
+
+
+def watched(use: Any) -> None:
+    async def main(supply: Supply) -> None:
+        async with supply.driver(watchdog="30 s") as driver:
+            await use(supply, driver)
+
+    with_supply(main)
+
+
+def test_the_watchdog_is_armed_before_the_output_goes_on_and_fed_by_polls() -> None:
+    async def use(supply: Supply, driver: ScpiSupply) -> None:
+        await driver.set(15, limit=0.2, output=True)
+        assert supply.commands()[-2:] == [b"OUTP:PROT:WDOG:DEL 30", b"OUTP ON"]
+        assert supply.wire.requests[-4] == b"OUTP:PROT:WDOG:DEL 30;:OUTP:PROT:WDOG ON;:SYST:ERR?\n"
+        for _ in range(20):
+            await asyncio.sleep(10)
+            assert (await driver.poll())["voltage"][0].value == 15
+        await driver.set(0, limit=0, output=False)
+        assert supply.commands()[-2:] == [b"OUTP OFF", b"OUTP:PROT:WDOG OFF"]
+        await asyncio.sleep(100)
+        await driver.poll()
+
+    watched(use)
+
+
+def test_a_supply_that_nobody_speaks_to_goes_off_and_is_a_fault_afterwards() -> None:
+    async def use(supply: Supply, driver: ScpiSupply) -> None:
+        await driver.set(15, limit=0.2, output=True)
+        await asyncio.sleep(31)
+        with pytest.raises(InstrumentFault, match="its watchdog protection has tripped"):
+            await driver.poll()
+        assert not supply.unit_powered
+        await driver.make_safe()
+        with pytest.raises(InstrumentFault, match=r"watchdog protection has tripped.*clear the protection"):
+            await driver.set(15, limit=0.2, output=True)
+        assert not supply.unit_powered
+
+    watched(use)
+
+
+def test_a_watchdog_that_somebody_else_ends_is_a_fault() -> None:
+    async def use(supply: Supply, driver: ScpiSupply) -> None:
+        await driver.set(15, limit=0.2, output=True)
+        supply.instrument.session().feed(b"OUTP:PROT:WDOG OFF\n")
+        with pytest.raises(InstrumentFault, match="the supply was set to 15 V"):
+            await driver.poll()
+
+    watched(use)
+
+
+@pytest.mark.parametrize("watchdog", ["9 s", "3601 s", "30 V"])
+def test_a_watchdog_that_no_supply_has_is_refused(watchdog: str) -> None:
+    with pytest.raises(ValidationError, match="watchdog"):
+        SupplyOptions.model_validate({"watchdog": watchdog})

@@ -22,6 +22,7 @@ from tests.trials.signals import PHASES
 
 LEASE_S, KILL_S, LONGEST_LANE_S = 10.0, 3.0, 45.0
 PHASES_ENERGISED = ("setup", "steps", "teardown")
+WATCHDOG_S, LATE_S = 10.0, 1.0
 BURN = "while True: pass"
 BURNING, SLOWER = 20, 4.0
 DIES_AFTER_S = 25.0  # from when its simulator is there
@@ -50,6 +51,28 @@ def guardian_lost(number: int) -> str:
 def under_load(number: int) -> str:
     """While other programs take all that there is."""
     return _played(number, ("kill", "freeze")[number % 2], burning=BURNING)
+
+
+def computer_lost(number: int) -> str:
+    """The run and its guardian stand still together, as when the computer does: the supply goes off by itself."""
+    draw = np.random.default_rng([8, number])
+    with tempfile.TemporaryDirectory() as text, wires(Path(text) / "bench") as bench:
+        folder = Path(text)
+        watched = f"    driver: scpi_supply\n    options: {{watchdog: {WATCHDOG_S:g} s}}"
+        edited = bench.edited(folder, "supply", lambda line: watched if "driver:" in line else line)
+        arguments, wait = PHASES["steps"]
+        run = Process(edited, folder / "run", *arguments)
+        wait(run)
+        time.sleep(float(draw.uniform(0.0, 2.0)))
+        both = run.process.pid, guardian_of(run.process.pid)
+        for process in both:
+            os.kill(process, signal.SIGSTOP)
+        time.sleep(WATCHDOG_S + LATE_S)
+        voltage_v = bench.supply_v()
+        for process in both:
+            os.kill(process, signal.SIGKILL)
+        run.process.wait()
+        return "" if voltage_v == 0 else f"{voltage_v} V after {WATCHDOG_S:g} s"
 
 
 def _played(number: int, way: str, dead: str = "", burning: int = 0) -> str:

@@ -40,6 +40,8 @@ LINES: Mapping[str, Line] = {
         Line("S7b", "the same with one instrument that does not answer", 50, "guarded:one_device_dead"),
         Line("S7c", "the guardian killed: the run ends, and the bench is safe", 50, "guarded:guardian_lost"),
         Line("S7d", "the run killed on a machine at load 20", 50, "guarded:under_load"),
+        Line("S8", "the computer stands still: a supply with a watchdog is off by itself", 50,
+             "guarded:computer_lost"),
         Line("S9a", "kill -9: acknowledged rows and inputs are there", 200, "records:killed"),
         Line("S9b", "kill -9 at each system call that writes: the record is whole", 800, "records:killed_at_a_call"),
         Line("S10", "power cut of a real ext4: acknowledged rows and inputs are there", 200, "records:power_cut"),
@@ -54,6 +56,5 @@ LINES: Mapping[str, Line] = {
 }  # fmt: skip
 
 NOT_TRIED: Mapping[str, str] = {
-    "S8": "a computer that fails as a whole: no instrument of these drivers has a watchdog that its driver arms",
     "S15": "steps of the clock: make test (tests/unit/test_clock_watch.py, tests/unit/test_loop.py)",
 }

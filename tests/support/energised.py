@@ -85,6 +85,10 @@ class Wires:
         low, high = struct.unpack(">HH", self._modbus(struct.pack(">BHH", 3, SET_POINT, 2))[2:6])
         return float(round(struct.unpack(">f", struct.pack(">HH", high, low))[0], 2))
 
+    def supply_v(self) -> float:
+        """What the supply measures at its terminals."""
+        return float(self._supply("MEAS:VOLT?"))
+
     def make_safe(self, role: str) -> None:
         """What a person would do at one of them."""
         if role == "chamber":

@@ -36,8 +36,8 @@ class Supply:
         self._address = Address.parse(address)
         self.notes: list[str] = []
 
-    def driver(self, *, answers: tuple[str, ...] = (), **pin: str) -> ScpiSupply:
-        options = SupplyOptions.model_validate({"answers": answers})
+    def driver(self, *, answers: tuple[str, ...] = (), watchdog: str | None = None, **pin: str) -> ScpiSupply:
+        options = SupplyOptions.model_validate({"answers": answers, "watchdog": watchdog})
         setup = Setup(
             name="supply", address=self._address, wires=self.wire, options=options,
             limits=SupplyLimits.model_validate(LIMITS), safe=Nothing(),

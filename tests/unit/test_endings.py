@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import struct
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -13,14 +14,14 @@ import pytest
 
 from bench.engine import stepper
 from bench.engine.control import StepUnderWay
-from bench.engine.outputs import taken_in
+from bench.engine.outputs import _take_frames, taken_in
 from bench.engine.stepper import Stepper
 from bench.errors import StoreError
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from bench.rig import OpenError, Rig
 from bench.runner.quiet import Quiet
 from bench.store.writer import RunWriter
-from drivers.errors import NoAnswer, WrongIdentity
+from drivers.errors import LinkLost, NoAnswer, WrongIdentity
 from drivers.values import Identity
 from tests.support.engines import run_plan
 from tests.support.sequences import BENCH, plan_of, steps
@@ -261,3 +262,28 @@ def test_what_the_store_cannot_write_ends_the_run_and_not_the_answers(tmp_path):
             writer.close()
 
     run(main(), AS_FAST_AS_POSSIBLE)
+
+
+def test_frames_that_fail_at_the_instant_of_a_cancellation_are_no_forgotten_error():
+    forgotten: list[object] = []
+    tasks: list[asyncio.Task[None]] = []
+
+    async def blocks():
+        await asyncio.sleep(1.0)
+        asyncio.get_running_loop().call_soon(tasks.pop().cancel)
+        raise LinkLost("counter", "the connection was cut")
+        yield
+
+    @asynccontextmanager
+    async def acquiring():
+        yield blocks()
+
+    async def main() -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _loop, context: forgotten.append(context))
+        tasks.append(asyncio.create_task(_take_frames(acquiring(), lambda _: None, asyncio.Event())))
+        await asyncio.wait(tasks)
+        gc.collect()
+        await asyncio.sleep(0)
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+    assert forgotten == []

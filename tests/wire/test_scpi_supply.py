@@ -100,6 +100,49 @@ def test_switching_off_is_one_command() -> None:
     assert wire.next_step(Setting(15, 0.2, True), Setting(15, 0.2, False)) == "OUTP OFF"
 
 
+# The watchdog, with lines as in the examples of the N6900/N7900 guide, page 252
+
+ARMED, WATCHED = Setting(15, 0.2, True, 30.0), "OUTP:PROT:WDOG:DEL 30;:OUTP:PROT:WDOG ON"
+
+
+@pytest.mark.parametrize(
+    ("now", "wanted", "command"),
+    [
+        (Setting(15, 0.2, False), ARMED, WATCHED),
+        (Setting(15, 0.2, False, 60.0), ARMED, WATCHED),
+        (Setting(15, 0.2, True), ARMED, WATCHED),
+        (Setting(15, 0.2, False, 30.0), ARMED, "OUTP ON"),
+        (ARMED, ARMED, ""),
+        (ARMED, Setting(15, 0.2, False), "OUTP OFF"),
+        (Setting(15, 0.2, False, 30.0), Setting(15, 0.2, False), "OUTP:PROT:WDOG OFF"),
+    ],
+)
+def test_the_watchdog_is_armed_before_the_output_and_ends_after_it(now: Setting, wanted: Setting, command: str) -> None:
+    assert wire.next_step(now, wanted) == command
+
+
+def test_the_watchdog_is_asked_in_the_same_message() -> None:
+    query = wire.state_query(["over_voltage"], watchdog=True)
+    assert query.endswith(b";:VOLT:PROT:TRIP?;:OUTP:PROT:WDOG?;:OUTP:PROT:WDOG:DEL?;:STAT:QUES:COND?")
+    line = b"15;0.06;1;15;0.2;0;1;+3.0E+01;+0"
+    assert wire.read_state(line, ["over_voltage"], watchdog=True).setting == ARMED
+    tripped = wire.read_state(b"0;0;1;15;0.2;0;1;30;2048", ["over_voltage"], watchdog=True)
+    assert (tripped.tripped, tripped.setting.output) == (("watchdog",), True)
+    assert wire.read_state(b"15;0.06;1;15;0.2;0;30;0", watchdog=True).setting.watchdog_s == 0.0
+
+
+def test_a_simulated_supply_to_which_nothing_is_said_switches_itself_off() -> None:
+    clock = [0.0]
+    supply = SimulatedSupply(World(WorldSettings(seed=1, gravity_mps2=9.8), lambda: clock[0]), FaultPlan())
+    assert talk(supply, b"OUTP:PROT:WDOG?;:OUTP:PROT:WDOG:DEL?") == [b"0;60\n"]
+    talk(supply, b"VOLT 15;:OUTP:PROT:WDOG:DEL 30;:OUTP:PROT:WDOG ON;:OUTP ON")
+    for clock[0] in (29.0, 58.0):
+        assert talk(supply, b"OUTP?;:MEAS:VOLT?;:STAT:QUES:COND?") == [b"1;15.0000;0\n"]
+    clock[0] = 88.5
+    assert talk(supply, b"OUTP?;:MEAS:VOLT?;:STAT:QUES:COND?") == [b"1;0.0000;2048\n"]
+    assert talk(supply, b"OUTP:PROT:CLE;:MEAS:VOLT?;:STAT:QUES:COND?") == [b"15.0000;0\n"]
+
+
 # The simulator's side
 
 
