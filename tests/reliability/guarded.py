@@ -23,6 +23,7 @@ from tests.trials.signals import PHASES
 LEASE_S, KILL_S, LONGEST_LANE_S = 10.0, 3.0, 45.0
 PHASES_ENERGISED = ("setup", "steps", "teardown")
 WATCHDOG_S, LATE_S = 10.0, 1.0
+NEEDS_MEMORY_WITHIN_S = 15.0
 BURN = "while True: pass"
 BURNING, SLOWER = 20, 4.0
 DIES_AFTER_S = 25.0  # from when its simulator is there
@@ -104,8 +105,9 @@ def _lost(run: Process, way: str, within_s: float) -> str:
     with contextlib.suppress(ProcessLookupError):
         if way == "memory":
             resource.prlimit(victim, resource.RLIMIT_AS, (1, 1))
-        else:
-            os.kill(victim, signal.SIGSTOP if way == "freeze" else signal.SIGKILL)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                run.process.wait(NEEDS_MEMORY_WITHIN_S)  # else it needs none, and the kernel takes it
+        os.kill(victim, signal.SIGSTOP if way == "freeze" else signal.SIGKILL)
     end_s = time.monotonic() + within_s
     while run.process.poll() is None or not has_ended(guardian):
         if time.monotonic() > end_s:
