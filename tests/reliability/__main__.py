@@ -12,7 +12,7 @@ import sys
 
 from tests.reliability.campaign import Results, carry_on
 from tests.reliability.scorecard import LINES, Line
-from tests.reliability.table import table
+from tests.reliability.table import page, table
 
 
 def _trial(text: str) -> tuple[Line, int]:
@@ -28,6 +28,7 @@ def main() -> int:
     parser.add_argument("--trial", type=_trial, metavar="LINE:NUMBER", help="play one trial, here, and keep nothing")
     parser.add_argument("--failed", action="store_true", help="try those again that have failed")
     parser.add_argument("--workers", type=int, default=2, help="processes")
+    parser.add_argument("--page", action="store_true", help="print the table in Markdown")
     options = parser.parse_args()
     if options.trial is not None:
         line, number = options.trial
@@ -38,7 +39,7 @@ def main() -> int:
     results = Results()
     if options.minutes:
         carry_on(lines, results, options.minutes * 60, options.workers, failed=options.failed)
-    sys.stdout.write(table(lines, results))
+    sys.stdout.write(page(lines, results) if options.page else table(lines, results))
     return 1 if any(results.failed(line) for line in lines) else 0
 
 

@@ -1,4 +1,4 @@
-"""The scorecard as text."""
+"""The scorecard, for a terminal and for a page."""
 
 from __future__ import annotations
 
@@ -32,3 +32,15 @@ def table(lines: Sequence[Line], results: Results) -> str:
     text = io.StringIO()
     Console(file=text, width=150).print(shown)
     return text.getvalue()
+
+
+def page(lines: Sequence[Line], results: Results) -> str:
+    """The same as a table in Markdown."""
+    rows = ["| line | claim | trials | wrong | tried | at |", "|---|---|---|---|---|---|"]
+    for line in lines:
+        found, failed = results.of(line), results.failed(line)
+        when = max((result.at[:10] for result in found), default="never")
+        at = found[-1].commit if found else ""
+        counts = f"{len(found) * line.of:,} of {line.bar * line.of:,}"
+        rows.append(f"| {line.key} | {line.claim} | {counts} | {len(failed)} | {when} | {at} |")
+    return "\n".join(rows) + "\n"
