@@ -52,6 +52,7 @@ truth: $(VENV)/.dev
 	$(BIN)/python -m tests.truth.channel --seeds 40        # records: 2 s, 4 min
 	$(BIN)/python -m tests.truth.ramp --seeds 40           # records: 4 s, 6 min
 	$(BIN)/python -m tests.truth.repeatability --seeds 40  # through all wires
+	$(BIN)/python -m tests.truth.resumed --seeds 40        # through all wires, killed and resumed: 30 s, 20 min
 	$(BIN)/python -m tests.truth.imu_start_up --seeds 20
 	$(BIN)/python -m tests.truth.table --seeds 40          # records: 11 s, 18 min, three seeds through all wires
 	$(BIN)/python -m tests.truth.ladder --seeds 20

@@ -12,10 +12,11 @@ from typing import Literal, NamedTuple
 
 from bench.rig import CLOSE_S, GRACE_S, bring_to_safety
 from drivers.awake import Deadline, patience
-from drivers.capabilities import Device
+from drivers.capabilities import Device, Source
 from drivers.errors import BadAnswer, CannotConnect, DriverError, InstrumentFault, LinkLost, NoAnswer
 
 CONNECT_S = 10.0
+STAYS_S = 1.0  # after which an output is looked at once more
 AGAIN_S = 0.5  # an instrument with one client may hold a half-open connection for a while
 
 State = Literal["safe", "unsafe", "not reached"]
@@ -32,7 +33,7 @@ class Lane(NamedTuple):
 
 def longest_lane_s(limits_s: Mapping[str, float]) -> float:
     """The time within which every lane has ended."""
-    return 2 * CONNECT_S + max(limits_s.values(), default=0.0) + CLOSE_S + GRACE_S
+    return 2 * CONNECT_S + max(limits_s.values(), default=0.0) + 2 * STAYS_S + CLOSE_S + GRACE_S
 
 
 async def make_safe_in_lanes(
@@ -78,12 +79,28 @@ async def _lane(role: str, device: Device, limit_s: float, *, only_off: bool) ->
     try:
         async with patience(limit_s):
             await bring_to_safety(device, only_off=only_off)
+        if problem := await _on_again(device):
+            return lane("unsafe", f"{role}: {problem}")
     except Exception as problem:  # noqa: BLE001  the lane reports it, whatever it is
         return lane("unsafe", _in_words(role, problem, limit_s))
     else:
         return lane("safe")
     finally:
         await _close(device)
+
+
+async def _on_again(device: Device) -> str:
+    """What is wrong with an output a moment after it was switched off; "" if nothing, or if it does not answer."""
+    if not isinstance(device, Source):
+        return ""
+    await asyncio.sleep(STAYS_S)
+    with suppress(DriverError, TimeoutError):
+        async with patience(STAYS_S):
+            if (await device.read()).output:
+                return (
+                    "was switched on again after it was made safe. Look for another program, or a hand, that does it."
+                )
+    return ""
 
 
 async def _connect(device: Device) -> None:

@@ -25,6 +25,7 @@ from bench.runner.whereabouts import marks
 from bench.store.lockout import locked_out
 from drivers.transport.address import Address
 
+DISK_ANSWERS_S = 1.0
 _WORDS_AT_MOST = 200
 _OWNER_ANSWERS_S = 0.5
 _pause = threading.Event().wait
@@ -64,8 +65,15 @@ def why_locked_out(bench: BenchFile) -> str:
 
 
 def is_locked_out(bench: BenchFile) -> bool:
-    """Whether somebody works at the bench."""
-    return bool(why_locked_out(bench))
+    """Whether somebody works at the bench; False where the disk does not answer, which holds no making safe up."""
+    if not real_addresses(bench):
+        return False
+    found: list[str] = []
+    looking = threading.Thread(target=lambda: found.append(why_locked_out(bench)), name="lockout", daemon=True)
+    with suppress(RuntimeError):  # no memory is left for a thread
+        looking.start()
+        looking.join(DISK_ANSWERS_S)
+    return any(found)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from bench.lanes import Lane, make_safe_in_lanes
 from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.loop import run as run_loop
 from bench.rig import Rig, limits_to_make_safe
+from bench.runner import held
 from bench.runner.held import real_addresses, why_locked_out
 from bench.runner.quiet import Quiet
 from bench.store.lockout import lift, lock_out, lockouts
@@ -97,6 +99,16 @@ def test_on_the_command_line(bench, capsys):
     assert capsys.readouterr().out == ""
     assert main(["lockout", "--bench", "simulated", "--reason", "x"]) == 2
     assert "there is nothing to lock out" in capsys.readouterr().err
+
+
+def test_a_disk_that_does_not_answer_holds_no_making_safe_up(bench, monkeypatch):
+    locked(bench)
+    found, never = load_bench(bench).bench, threading.Event()
+    assert held.is_locked_out(found)
+    monkeypatch.setattr(held, "DISK_ANSWERS_S", 0.05)
+    monkeypatch.setattr(held, "locked_out", lambda _addresses: str(never.wait(30)))
+    assert not held.is_locked_out(found)
+    never.set()
 
 
 def energised(tmp_path: Path, use: Any) -> Any:
