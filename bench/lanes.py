@@ -79,8 +79,8 @@ async def _lane(role: str, device: Device, limit_s: float, *, only_off: bool) ->
     try:
         async with patience(limit_s):
             await bring_to_safety(device, only_off=only_off)
-        if problem := await _on_again(device):
-            return lane("unsafe", f"{role}: {problem}")
+        if on_again := await _on_again(device):
+            return lane("unsafe", f"{role}: {on_again}")
     except Exception as problem:  # noqa: BLE001  the lane reports it, whatever it is
         return lane("unsafe", _in_words(role, problem, limit_s))
     else:
