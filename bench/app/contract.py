@@ -153,16 +153,10 @@ async def is_made_safe(subject: Subject) -> None:
     within_s = subject.safe_within_s
     async with subject.driver() as driver:
         for _ in range(2):
-            _that(
-                not await _refused(driver.make_safe(), subject.safe_within_s),
-                "make_safe() fails on a healthy instrument",
-            )
+            _that(not await _refused(driver.make_safe(), within_s), "make_safe() fails on a healthy instrument")
         for kind in ("silent", "cut"):
             with subject.suffering(kind):
-                _that(
-                    await _refused(driver.make_safe(), subject.safe_within_s),
-                    f"{kind}: make_safe() says that it has worked",
-                )
+                _that(await _refused(driver.make_safe(), within_s), f"{kind}: make_safe() says that it has worked")
         await asyncio.sleep(HEALS_AFTER_S)
         _that(not await _refused(driver.make_safe(), within_s), "make_safe() does not connect again")
 

@@ -122,9 +122,9 @@ def plan(*, picture: Path | None, as_json: bool, **wishes: Any) -> None:
         sys.stdout.write(line + "\n")
     for role, times in turned_by_hand(expected, checked.bench).items():
         sys.stdout.write(f"{role}: turned by hand {times} times\n")
-    sys.stdout.write("\nMade safe at the end, or if the run fails:\n")
-    for line in safe_states(checked.bench):
-        sys.stdout.write(f"  {line}\n")
+    if states := list(safe_states(checked.bench)):
+        sys.stdout.write("\nMade safe at the end, or if the run fails:\n")
+        sys.stdout.writelines(f"  {state}\n" for state in states)
     sys.stdout.write(
         f"\n{len(checked.plan)} steps, about {duration(expected.total_s)}, about {megabytes(expected.size_bytes)}\n"
     )

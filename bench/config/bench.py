@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from bench.config.channels import period_s
 from bench.config.checks_counters import counter_misfits
 from bench.config.checks_interlocks import interlock_misfits
 from bench.config.document import Document, Place, Problem, read_document
@@ -16,6 +17,8 @@ from bench.config.simulation import FaultSimulation
 from bench.errors import InputError
 from drivers.suggest import did_you_mean
 from drivers.units import parse_unit
+
+LOOKS_WITHIN_A_WATCHDOG = 3
 
 
 class LoadedBench(NamedTuple):
@@ -53,8 +56,19 @@ def misfits(bench: BenchFile) -> Iterator[Problem]:
     for name, place in bench.places.items():
         yield from _place(bench, name, place)
     yield from counter_misfits(bench)
+    yield from _watchdogs(bench)
     yield from _axes(bench)
     yield from _simulation(bench)
+
+
+def _watchdogs(bench: BenchFile) -> Iterator[Problem]:
+    """A device that would switch itself off between two looks, or after an answer that has to be asked for again."""
+    for role, entry in bench.devices.items():
+        alone_after_s, every_s = entry.safe_state.alone_after_s, period_s(role, bench)
+        if alone_after_s is not None and alone_after_s < LOOKS_WITHIN_A_WATCHDOG * every_s:
+            least_s = LOOKS_WITHIN_A_WATCHDOG * every_s
+            problem = f"is less than {LOOKS_WITHIN_A_WATCHDOG} periods of {every_s:g} s in which it is looked at"
+            yield ("devices", role, "options", "watchdog"), f"watchdog: {problem}; give {least_s:g} s or more"
 
 
 def _axes(bench: BenchFile) -> Iterator[Problem]:

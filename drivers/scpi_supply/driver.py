@@ -33,7 +33,7 @@ class ScpiSupply:
         self.name = setup.name
         self._limits, self._options, self._note = setup.limits, setup.options, setup.note
         self._trips = [trip for trip in wire.TRIPS if trip in setup.options.answers]
-        self._watchdog_s = setup.options.watchdog or 0.0
+        self._watchdog_s = float(round(setup.options.watchdog or 0))
         self._link = ScpiLink(setup)
         self._order = 0  # counts settings, so that one under way knows when it is no longer wanted
         self._made: Setting | None = None  # the setting that was made and read back

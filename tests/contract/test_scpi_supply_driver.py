@@ -220,6 +220,16 @@ def test_a_supply_that_nobody_speaks_to_goes_off_and_is_a_fault_afterwards() -> 
     watched(use)
 
 
+def test_a_delay_is_to_the_second() -> None:
+    async def use(supply: Supply) -> None:
+        async with supply.driver(watchdog="0.51 min") as driver:
+            await driver.set(15, limit=0.2, output=True)
+            await driver.poll()
+        assert b"OUTP:PROT:WDOG:DEL 31" in supply.commands()
+
+    with_supply(use)
+
+
 def test_a_watchdog_that_somebody_else_ends_is_a_fault() -> None:
     async def use(supply: Supply, driver: ScpiSupply) -> None:
         await driver.set(15, limit=0.2, output=True)

@@ -22,8 +22,9 @@ from tests.trials.signals import PHASES
 
 LEASE_S, KILL_S, LONGEST_LANE_S = 10.0, 3.0, 45.0
 PHASES_ENERGISED = ("setup", "steps", "teardown")
-WATCHDOG_S, LATE_S = 10.0, 1.0
+WATCHDOG_S, LATE_S = 30.0, 1.0
 NEEDS_MEMORY_WITHIN_S = 15.0
+ON_V = 14.0
 BURN = "while True: pass"
 BURNING, SLOWER = 20, 4.0
 DIES_AFTER_S = 25.0  # from when its simulator is there
@@ -66,6 +67,8 @@ def computer_lost(number: int) -> str:
         wait(run)
         time.sleep(float(draw.uniform(0.0, 2.0)))
         both = run.process.pid, guardian_of(run.process.pid)
+        if (voltage_v := bench.supply_v()) < ON_V:
+            return f"{voltage_v} V before the computer stood still"
         for process in both:
             os.kill(process, signal.SIGSTOP)
         time.sleep(WATCHDOG_S + LATE_S)

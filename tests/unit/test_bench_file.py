@@ -179,7 +179,7 @@ def test_a_misspelt_key_at_any_level_is_told_the_key_that_is_meant(folder, old, 
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [
-        ("limits:\n      voltage", "options: {zzz: 1}\n    limits:\n      voltage", "expected answers"),
+        ("limits:\n      voltage", "options: {zzz: 1}\n    limits:\n      voltage", "expected answers or watchdog"),
         ("limits:\n      voltage", "safe: {zzz: 1}\n    limits:\n      voltage", "none is known here"),
         (
             "driver: watlow_f4t",
@@ -361,6 +361,8 @@ def test_a_wrong_value_elsewhere_is_told_under_its_key(folder, old, new, problem
         ("rate: {max: 30 °/s}", "rate: {max: 1001 °/s}", "limits:\n      angle",
          "limits: making it safe (at rest where it is) could take 30.025 s, at most 30 s are allowed; raise "
          "options.acceleration or lower limits.rate"),
+        ("identity: {model: SIM-PSU, serial: SIM-PSU-01}\n", "options: {watchdog: 29 s}\n", "watchdog: 29 s",
+         "watchdog: is less than 3 periods of 10 s in which it is looked at; give 30 s or more"),
         ("safe: {temperature: 25 °C}", "safe: {temperature: 101 °C}", "temperature: 101",
          "temperature: is above the max of limits.temperature"),
         ("safe: {temperature: 25 °C}", "safe: {temperature: -51 °C}", "temperature: -51",
