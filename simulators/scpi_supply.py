@@ -59,7 +59,7 @@ class SimulatedSupply:
         self._level_v, self._limit_a, self.output = 0.0, CURRENT_MAX_A, False
         self._measured, self._tripped = (0.0, 0.0), set[str]()
         self._kept = KeptSettings(_KEPT)
-        self._watchdog, self._watchdog_s, self._spoken_to_s = False, WATCHDOG_S, world.now()
+        self._watchdog, self._watchdog_s, self._spoken_to_s = False, WATCHDOG_S, 0.0
         self._interpreter = Interpreter(
             f"INERTIAL TEST BENCH,{model},{serial},1.0",
             {
@@ -110,11 +110,12 @@ class SimulatedSupply:
 
     def _execute(self, message: str) -> str:
         """A message on a remote interface, before which the watchdog may have switched the output off."""
-        now_s = self._world.now()
-        if self._watchdog and now_s - self._spoken_to_s > self._watchdog_s:
-            self._tripped.add("watchdog")
-            self._feed_units()
-        self._spoken_to_s = now_s
+        if self._watchdog:
+            now_s = self._world.now()
+            if now_s - self._spoken_to_s > self._watchdog_s:
+                self._tripped.add("watchdog")
+                self._feed_units()
+            self._spoken_to_s = now_s
         return self._interpreter.execute(message)
 
     @property
@@ -124,7 +125,10 @@ class SimulatedSupply:
 
     def _arm(self, argument: str) -> None:
         on = switch(argument)
-        self.faults.carry_out(lambda: setattr(self, "_watchdog", on))
+        self.faults.carry_out(lambda: self._watch(on))
+
+    def _watch(self, on: bool) -> None:
+        self._watchdog, self._spoken_to_s = on, self._world.now()
 
     def _set_watchdog(self, argument: str) -> None:
         self._watchdog_s = round(setting(argument, 1.0, WATCHDOG_MAX_S))

@@ -128,8 +128,9 @@ def test_plan_lists_every_step_with_its_time(bench_command):
     done = bench_command("plan", "tumble_static", "--bench", "simulated")
     lines = done.stdout.splitlines()
     assert done.returncode == 0
-    assert len(lines) == 421 + 2
-    assert lines[3].split() == ["0:00:01", "120", "min", "setup/then/wait"] or "setup/then/wait" in lines[3]
+    listed = lines[: lines.index("")]
+    assert len(listed) == 421 + 1
+    assert "setup/then/wait" in listed[3]
     assert lines[-1].startswith("421 steps, about 32 h 5")
     assert lines[-1].endswith("MB")
 
