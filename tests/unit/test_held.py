@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import pty
-import signal
 import socket
 import subprocess
 import sys
@@ -19,6 +18,7 @@ from bench.errors import InUseError
 from bench.runner.held import holding
 from bench.runner.whereabouts import marks
 from drivers.transport.address import Address
+from tests.support.guardians import stop
 from tests.support.runs import ROOT
 
 PORT = 2000 + os.getpid() % 7_990  # other tests on this machine hold other ports
@@ -145,7 +145,7 @@ def test_another_user_is_named() -> None:
 
 def test_an_owner_that_stands_still_is_named_soon() -> None:
     with another(HOST) as process:
-        os.kill(process, signal.SIGSTOP)
+        stop(process)
         os.waitpid(process, os.WUNTRACED)  # until all of its threads stand
         began_s = time.monotonic()
         assert f"by a program that does not answer, process {process}." in refused(HOST)

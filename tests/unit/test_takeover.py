@@ -9,6 +9,7 @@ import time
 from bench.runner.held import owners
 from bench.runner.takeover import take_over
 from drivers.transport.address import Address
+from tests.support.guardians import stop
 from tests.unit.test_held import HOST, NOBODY, another, hold
 
 AT = [Address.parse(HOST)]
@@ -34,7 +35,7 @@ def test_a_program_that_holds_it_is_told_to_end():
 
 def test_a_program_that_stands_still_is_killed():
     with another(HOST) as process:
-        os.kill(process, signal.SIGSTOP)
+        stop(process)
         begun_s = time.monotonic()
         _, told = taken_over(0.5)
         assert told.endswith("did not let go within 0.5 s and is killed.")
