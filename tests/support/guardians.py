@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
-import time
 from pathlib import Path
 
 
@@ -17,10 +16,9 @@ def guardian_of(run: int) -> int:
 
 
 def stop(process: int) -> None:
-    """Stop a process; returns when it stands still, before which another signal would be met first."""
+    """Stop a child; returns when all of its threads stand, before which another signal would be met first."""
     os.kill(process, signal.SIGSTOP)
-    while Path(f"/proc/{process}/stat").read_text("ascii").rpartition(")")[2].split()[0] != "T":
-        time.sleep(0.001)
+    os.waitpid(process, os.WUNTRACED)
 
 
 def has_ended(process: int) -> bool:

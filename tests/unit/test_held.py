@@ -146,7 +146,6 @@ def test_another_user_is_named() -> None:
 def test_an_owner_that_stands_still_is_named_soon() -> None:
     with another(HOST) as process:
         stop(process)
-        os.waitpid(process, os.WUNTRACED)  # until all of its threads stand
         began_s = time.monotonic()
         assert f"by a program that does not answer, process {process}." in refused(HOST)
         assert time.monotonic() - began_s < 1.5
