@@ -258,5 +258,5 @@ def test_what_making_safe_does_and_how_long_it_may_take():
     (table,) = (line for line in lines if line.startswith("table"))
     entry = TABLE.devices["table"]
     stop_s = entry.limits.rate.max / entry.options.acceleration
-    assert table.endswith(f"at rest where it is  within {stop_s + 5:g} s")
+    assert table.endswith(f"at rest where it is  within {stop_s + 5:.3g} s")
     assert not [line for line in lines if line.startswith("counter")]
