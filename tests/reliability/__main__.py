@@ -2,7 +2,8 @@
 
 Trials are numbered, and a number always draws the same. Results are appended to build/reliability/results.jsonl, so
 that a campaign goes on where it was stopped; --failed tries those again that have failed. Without --minutes the table
-is printed as it is.
+is printed as it is. --keep enters them in tests/reliability/results.tsv, from which every computer goes on, and in the
+table of docs/explanation/reliability.md.
 """
 
 from __future__ import annotations
@@ -10,9 +11,10 @@ from __future__ import annotations
 import argparse
 import sys
 
-from tests.reliability.campaign import Results, carry_on
+from tests.reliability.campaign import KEPT, Results, carry_on
+from tests.reliability.kept import write_kept
 from tests.reliability.scorecard import LINES, Line
-from tests.reliability.table import page, table
+from tests.reliability.table import PAGE, table, with_counts
 
 
 def _trial(text: str) -> tuple[Line, int]:
@@ -28,7 +30,7 @@ def main() -> int:
     parser.add_argument("--trial", type=_trial, metavar="LINE:NUMBER", help="play one trial, here, and keep nothing")
     parser.add_argument("--failed", action="store_true", help="try those again that have failed")
     parser.add_argument("--workers", type=int, default=2, help="processes")
-    parser.add_argument("--page", action="store_true", help="print the table in Markdown")
+    parser.add_argument("--keep", action="store_true", help="enter the results in the repository and its page")
     options = parser.parse_args()
     if options.trial is not None:
         line, number = options.trial
@@ -39,7 +41,10 @@ def main() -> int:
     results = Results()
     if options.minutes:
         carry_on(lines, results, options.minutes * 60, options.workers, failed=options.failed)
-    sys.stdout.write(page(lines, results) if options.page else table(lines, results))
+    if options.keep:
+        write_kept(KEPT, results.all())
+        PAGE.write_text(with_counts(PAGE.read_text("utf-8"), results), "utf-8")
+    sys.stdout.write(table(lines, results))
     return 1 if any(results.failed(line) for line in lines) else 0
 
 

@@ -13,32 +13,26 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+from tests.reliability.kept import Result, read_kept
 from tests.reliability.scorecard import LINES, Line
 from tests.support.runs import ROOT
 
 FILE = ROOT / "build" / "reliability" / "results.jsonl"
+KEPT = ROOT / "tests" / "reliability" / "results.tsv"
 TRIALS_OF_A_PROCESS = 20  # after which another one takes its place, with memory of its own
 
 
-class Result(NamedTuple):
-    """What became of a trial: "" in `wrong` is as it should be."""
-
-    line: str
-    trial: int
-    wrong: str
-    took_s: float
-    at: str
-    commit: str
-
-
 class Results:
-    """The last result of each trial."""
+    """The last result of each trial: those that are kept in the repository, then those of this computer."""
 
-    def __init__(self, path: Path = FILE) -> None:
+    def __init__(self, path: Path = FILE, kept: Path | None = KEPT) -> None:
         self._path = path
         self._found: dict[tuple[str, int], Result] = {}
+        if kept is not None:
+            for result in read_kept(kept):
+                self._keep(result)
         with suppress(FileNotFoundError):
             for text in path.read_text("utf-8").splitlines():
                 self._keep(Result(**json.loads(text)))
@@ -57,6 +51,10 @@ class Results:
     def failed(self, line: Line) -> list[Result]:
         """Those that are not as they should be."""
         return [result for result in self.of(line) if result.wrong]
+
+    def all(self) -> list[Result]:
+        """Those of all lines, by line and number."""
+        return sorted(self._found.values())
 
     def next_of(self, line: Line) -> int:
         """The number of the first trial after all that were tried."""

@@ -9,7 +9,11 @@ from rich.console import Console
 from rich.table import Table
 
 from tests.reliability.campaign import Results
-from tests.reliability.scorecard import NOT_TRIED, Line
+from tests.reliability.scorecard import LINES, NOT_TRIED, Line
+from tests.support.runs import ROOT
+
+PAGE = ROOT / "docs" / "explanation" / "reliability.md"
+_HEAD = "| line | claim | trials | wrong | tried | at |\n|---|---|---|---|---|---|\n"
 
 
 def table(lines: Sequence[Line], results: Results) -> str:
@@ -34,13 +38,17 @@ def table(lines: Sequence[Line], results: Results) -> str:
     return text.getvalue()
 
 
-def page(lines: Sequence[Line], results: Results) -> str:
-    """The same as a table in Markdown."""
-    rows = ["| line | claim | trials | wrong | tried | at |", "|---|---|---|---|---|---|"]
-    for line in lines:
-        found, failed = results.of(line), results.failed(line)
-        when = max((result.at[:10] for result in found), default="never")
-        at = found[-1].commit if found else ""
-        counts = f"{len(found) * line.of:,} of {line.bar * line.of:,}"
-        rows.append(f"| {line.key} | {line.claim} | {counts} | {len(failed)} | {when} | {at} |")
-    return "\n".join(rows) + "\n"
+def with_counts(page: str, results: Results) -> str:
+    """A page with its table of counts as the results have it."""
+    before, _, after = page.partition(_HEAD)
+    _, _, after = after.partition("\n\n")
+    rows = (_row(line, results) for line in LINES.values())
+    return f"{before}{_HEAD}{''.join(rows)}\n{after}"
+
+
+def _row(line: Line, results: Results) -> str:
+    found, failed = results.of(line), results.failed(line)
+    when = max((result.at[:10] for result in found), default="never")
+    at = found[-1].commit if found else ""
+    counts = f"{len(found) * line.of:,} of {line.bar * line.of:,}"
+    return f"| {line.key} | {line.claim} | {counts} | {len(failed)} | {when} | {at} |\n"
