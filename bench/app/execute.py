@@ -40,7 +40,7 @@ from bench.runner import manifest
 from bench.runner.alert import alert
 from bench.runner.guard import guarded
 from bench.runner.held import holding, real_addresses, why_locked_out
-from bench.runner.power import power_watched
+from bench.runner.power import Hold, power_watched
 from bench.runner.quiet import Quiet
 from bench.runner.run import run_plan
 from bench.runner.signals import Signals
@@ -159,7 +159,7 @@ async def _go_through(
     past: Past | None,
 ) -> None:
     """Run the plan on a simulated bench, unwatched."""
-    await _with_devices(prepared, folder, laboratory, Quiet(), None, signals, writer, past)
+    await _with_devices(prepared, folder, laboratory, Quiet(), None, signals, Hold(), writer, past)
 
 
 @dataclass(frozen=True)
@@ -199,12 +199,12 @@ async def _run(
         power = None if bench.is_simulated else bench.power
         async with (
             wall.watched(prepared.speed),
-            power_watched(power, signals, writer, observer.notice),
+            power_watched(power, signals, writer, observer.notice) as hold,
             guarded(prepared.loaded, folder, signals),
         ):
             past = None if resumption is None else resumption.past
             outcome, identities = await _with_devices(
-                prepared, folder, laboratory, observer, keep, signals, writer, past, left_on
+                prepared, folder, laboratory, observer, keep, signals, hold, writer, past, left_on
             )
         made_safe = True
         _keep_unsafe(folder, bench, outcome, observer)
@@ -241,6 +241,7 @@ async def _with_devices(
     observer: RunObserver,
     keep: Keep | None,
     signals: Signals,
+    hold: Hold,
     writer: RunWriter,
     past: Past | None,
     left_on: Mapping[str, str] = MappingProxyType({}),
@@ -271,6 +272,7 @@ async def _with_devices(
         folder=folder,
         can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
         signals=signals,
+        hold=hold,
         on_desk=_technician(prepared, laboratory, observer),
         places=tuple(prepared.serials),
         people=people,

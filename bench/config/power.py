@@ -43,7 +43,9 @@ class PowerEntry(StrictModel):
     ups: Annotated[Supply, BeforeValidator(_supply), WithJsonSchema({"type": "string"})] = Field(
         description="NAME@HOST or NAME@HOST:PORT of its upsd"
     )
-    on_battery: Literal["stop", "continue"] = Field(
-        "continue", description="end the run at once, or go on for `after`; it always ends when the battery is low"
+    on_battery: Literal["stop", "hold", "continue"] = Field(
+        "continue",
+        description="end the run at once, begin no step until line power is back, or go on; the last two for at most "
+        "`after`; a run always ends when the battery is low",
     )
-    after: PositiveSeconds = Field(300.0, description="the longest time on battery with `continue`")
+    after: PositiveSeconds = Field(300.0, description="the longest time on battery with `hold` and `continue`")

@@ -97,6 +97,13 @@ class Engine:
         if self._control.held:
             raise InputError(f"the run is still held by {self._control.held_by}")
 
+    def hold(self, by: str, wanted: bool = True) -> None:
+        """Begin no step, for a reason other than the operator's, or go on as far as that reason is concerned."""
+        if wanted:
+            self._control.hold(by)
+        else:
+            self._control.release(by)
+
     def skip(self) -> str:
         """Cancel the current step and go on with the next; return its id. InputError if there is none."""
         return self._cut("skip")

@@ -1,10 +1,10 @@
-"""The end of a run in good time when its computer is on battery."""
+"""A run whose computer is on battery is held, and ends in good time."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager, suppress
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager, suppress
 
 from bench.config.power import PowerEntry
 from bench.engine.ending import EndRequest
@@ -22,27 +22,56 @@ IN_WORDS = {
 }
 
 
+class Hold:
+    """Whether a run is to begin no step while its computer is on battery; `tell` is called with each change."""
+
+    def __init__(self) -> None:
+        self._wanted = False
+        self._tell: Callable[[bool], object] = lambda _wanted: None
+
+    def want(self, wanted: bool) -> None:
+        """Hold the run, or let it go on."""
+        if wanted != self._wanted:
+            self._wanted = wanted
+            self._tell(wanted)
+
+    @contextmanager
+    def told_to(self, tell: Callable[[bool], object]) -> Iterator[None]:
+        """While inside, `tell` is called with each change, and at once if the run is to be held already."""
+        self._tell = tell
+        if self._wanted:
+            tell(True)
+        try:
+            yield
+        finally:
+            self._tell = lambda _wanted: None
+
+
 @asynccontextmanager
 async def power_watched(
     entry: PowerEntry | None, signals: Signals, writer: RunWriter, notice: Callable[[str], object]
-) -> AsyncIterator[None]:
-    """Ask for the state of the power while inside, and end the run as its bench file says; nothing without an entry.
+) -> AsyncIterator[Hold]:
+    """Ask for the state of the power while inside, and hold or end the run as its bench file says.
 
-    Each change is an entry of the journal and a notice. A state that is not known ends nothing.
+    Each change is an entry of the journal and a notice. A state that is not known ends nothing. Without an entry
+    nothing is asked.
     """
+    hold = Hold()
     if entry is None:
-        yield
+        yield hold
         return
-    watching = asyncio.create_task(_watch(entry, signals, writer, notice), name="power")
+    watching = asyncio.create_task(_watch(entry, signals, hold, writer, notice), name="power")
     try:
-        yield
+        yield hold
     finally:
         watching.cancel()
         with suppress(asyncio.CancelledError):
             await watching
 
 
-async def _watch(entry: PowerEntry, signals: Signals, writer: RunWriter, notice: Callable[[str], object]) -> None:
+async def _watch(
+    entry: PowerEntry, signals: Signals, hold: Hold, writer: RunWriter, notice: Callable[[str], object]
+) -> None:
     client, policy = Client(entry.ups), Policy(entry)
     try:
         while True:
@@ -54,13 +83,14 @@ async def _watch(entry: PowerEntry, signals: Signals, writer: RunWriter, notice:
             if (why := policy.ends(state, asyncio.get_running_loop().time())) is not None:
                 signals.tell(Sent("the power failure", EndRequest("power", f"the power failed: {why}")))
                 return
+            hold.want(policy.holds)
             await asyncio.sleep(EVERY_S)
     finally:
         await client.close()
 
 
 class Policy:
-    """Decides, from one state of the power to the next, whether a run ends."""
+    """Decides, from one state of the power to the next, whether a run is held or ends."""
 
     def __init__(self, entry: PowerEntry) -> None:
         self._entry = entry
@@ -71,6 +101,11 @@ class Policy:
         """Whether the kind of the state is another one than before."""
         is_news, self._last = state.kind != self._last, state.kind
         return is_news
+
+    @property
+    def holds(self) -> bool:
+        """Whether the run is to begin no step now."""
+        return self._entry.on_battery == "hold" and self._since_s is not None
 
     def ends(self, state: PowerState, now_s: float) -> str | None:
         """Why the run is to end now, in words; None to go on."""

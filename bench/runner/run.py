@@ -25,6 +25,7 @@ from bench.rig import CLOSE_S, OpenError, Rig, limits_to_make_safe
 from bench.runner.commands import commands_of
 from bench.runner.control import control_socket
 from bench.runner.held import is_locked_out
+from bench.runner.power import Hold
 from bench.runner.signals import Sent, Signals
 from bench.runner.terminal import answers_from_terminal
 from bench.sequence.plan import Plan
@@ -32,6 +33,8 @@ from bench.sequence.used import devices_used
 from bench.store.writer import RunWriter
 from drivers.capabilities import Device
 from drivers.values import Identity, Reading
+
+POWER_FAILURE = "power failure"
 
 
 async def run_plan(
@@ -46,6 +49,7 @@ async def run_plan(
     folder: Path,
     can_pause: bool,
     signals: Signals,
+    hold: Hold,
     on_desk: Callable[[Desk], object] | None = None,
     places: Collection[str] | None = None,
     people: People | None = None,
@@ -57,7 +61,8 @@ async def run_plan(
     Whatever goes wrong is in the outcome. What has opened is made safe, also when not all has; what has not is named. A
     signal ends the opening, or the run as `_acting` says. `teardown_s` is the estimated duration of the teardown, to be
     told. While it runs a control socket takes commands; it is named in `folder`. `on_desk` is given the desk at which
-    questions are asked, before the first one. `places` are those with a unit in them; None for all. `people` are whom
+    questions are asked, before the first one. `hold` holds the run while its computer is on battery.
+    `places` are those with a unit in them; None for all. `people` are whom
     the devices ask. `past` is what was done before an interruption. `left_on` are devices that other runs may have left
     on, with the names of these runs: everything is made safe before the first step.
     """
@@ -87,6 +92,7 @@ async def run_plan(
                 on_desk(engine.desk)
             with (
                 signals.told_to(_acting(engine, observer, teardown_s)),
+                hold.told_to(partial(engine.hold, POWER_FAILURE)),
                 control_socket(folder, commands_of(engine, monitor, observer.notice, can_pause=can_pause)),
                 answers_from_terminal(engine.desk, observer, can_wait=can_pause),
             ):

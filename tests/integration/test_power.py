@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import time
 from collections.abc import Iterator
@@ -75,6 +76,26 @@ def supply(tmp_path: Path) -> Iterator[Supply]:
         yield found
     finally:
         found.end()
+
+
+def test_a_run_is_held_on_battery_and_goes_on_when_line_power_is_back(supply, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    with wires(tmp_path / "served") as bench:
+        text = bench.bench.read_text("utf-8")
+        power = f"power: {{ups: 'bench@127.0.0.1:{supply.port}', on_battery: hold, after: 1 h}}\n"
+        bench.bench.write_text(text + power, "utf-8")
+        supply.set("OB")
+        supply.until("OB")
+        run = Process(bench.bench, tmp_path / "run")
+        run.until(lambda: "Held before step" in run.told.read_text("utf-8"))
+        assert bench.supply_v() == 0
+        supply.set("OL")
+        run.until_step("steps/wait")
+        run.process.send_signal(signal.SIGTERM)
+        assert run.code() == 4
+    assert run.path is not None
+    kinds = [entry.kind for entry in journal(run.path) if entry.kind in ("power", "held", "released", "step_begins")]
+    assert kinds[:4] == ["power", "held", "power", "released"]
 
 
 def test_a_run_ends_safe_when_the_battery_is_low(supply, tmp_path, monkeypatch):

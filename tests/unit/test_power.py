@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from bench.config.power import PowerEntry, Supply
 from bench.runner import nut
 from bench.runner.nut import Client, PowerState, question, read_status
-from bench.runner.power import Policy
+from bench.runner.power import Hold, Policy
 
 Serve = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
 
@@ -145,6 +145,32 @@ def test_on_battery_a_run_stops_or_goes_on_for_a_time() -> None:
     wait = {"after": "1 min"}
     assert ends(wait, (0, BATTERY), (59, BATTERY), (60, BATTERY)) == [False, False, True]
     assert ends(wait, (0, BATTERY), (50, LINE), (70, BATTERY), (129, BATTERY)) == [False] * 4
+
+
+def test_on_battery_a_run_is_held_until_line_power_is_back_but_not_for_longer_than_allowed() -> None:
+    policy = Policy(PowerEntry.model_validate({"ups": "u@h", "on_battery": "hold", "after": "1 min"}))
+    held = []
+    for at_s, state in ((0, LINE), (5, BATTERY), (10, UNKNOWN), (15, BATTERY), (20, LINE), (25, UNKNOWN)):
+        assert policy.ends(state, at_s) is None
+        held.append(policy.holds)
+    assert held == [False, True, True, True, False, False]
+    assert [policy.ends(BATTERY, at_s) is not None for at_s in (30, 89, 90)] == [False, False, True]
+
+
+def test_a_run_that_goes_on_is_not_held() -> None:
+    policy = Policy(PowerEntry.model_validate({"ups": "u@h"}))
+    assert policy.ends(BATTERY, 0) is None
+    assert not policy.holds
+
+
+def test_who_listens_late_is_told_that_the_run_is_to_be_held() -> None:
+    hold, told = Hold(), list[bool]()
+    hold.want(True)
+    with hold.told_to(told.append):
+        hold.want(True)
+        hold.want(False)
+    hold.want(True)
+    assert told == [True, False]
 
 
 def test_a_low_battery_ends_a_run_whatever_was_chosen() -> None:
