@@ -49,6 +49,7 @@ LINES: Mapping[str, Line] = {
         Line("S12", "the n-th storage operation fails, once or for good: safe, and the reason told", 400,
              "records:storage_fails"),
         Line("S13", "runs killed at any moment are resumed: complete, nothing done twice", 200, "resumes:once"),
+        Line("S13w", "the same over wires in real time, of a run of five minutes", 20, "resumes:over_wires"),
         Line("S14", "runs killed again when resumed: complete", 20, "resumes:twice"),
         Line("S16", "faults in a night of 16 h: none unsafe, none lost, every end has its cause", 1000,
              "nights:night"),

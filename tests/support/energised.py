@@ -134,14 +134,15 @@ def wires(folder: Path, *options: str) -> Iterator[Wires]:
 
 
 class Process:
-    """`bench run` of the sequence above, as a process of its own."""
+    """`bench run` of a sequence, that above, as a process of its own."""
 
     def __init__(
-        self, bench: Path, folder: Path, *arguments: str, program: Sequence[str] = ("-m", "bench"), **options: Any
-    ) -> None:
+        self, bench: Path, folder: Path, *arguments: str, program: Sequence[str] = ("-m", "bench"),
+        text: str = SEQUENCE, **options: Any,
+    ) -> None:  # fmt: skip
         folder.mkdir(parents=True, exist_ok=True)
         sequence = folder / "energised.yaml"
-        sequence.write_text(SEQUENCE, "utf-8")
+        sequence.write_text(text, "utf-8")
         self.runs = folder / "runs"
         self.told = folder / "told.txt"
         command = [sys.executable, *program, "run", str(sequence), "--bench", str(bench), "--runs", str(self.runs)]
