@@ -1,8 +1,8 @@
 """Repeatability over power cycles in the budgets of results from both sides of an interruption of their run.
 
 A unit that was without power in between has another bias and scale factor after it, by as much as is stated of it. The
-method reduces the run again with the outputs of one stretch between interruptions shifted by one standard deviation, for
-each stretch and each sensor. By how much a result changes is what that contributes to it: one mechanism for all methods.
+run is reduced again with the outputs of one stretch between interruptions shifted by one standard deviation, for each
+stretch and each sensor. By how much a result changes is what that contributes to it: one mechanism for all methods.
 """
 
 from __future__ import annotations

@@ -117,7 +117,7 @@ class Arm(StrictModel):
 
 
 class PowerCyclesEntry(StrictModel):
-    """Repeatability over power cycles of a unit of this type: by what its bias and scale factor differ at each power-on.
+    """Repeatability over power cycles of a unit of this type: how far bias and scale factor differ at each power-on.
 
     The method `repeatability` determines both, as K0/sd and K1/sd with k = 1. A result that combines data from before
     and after an interruption has a line for it in its budget. Zero states that there is no difference.

@@ -100,7 +100,9 @@ class Interruption:
         if self.restarted:
             text += " " + tr("Done again from its first step: {groups}.", groups=", ".join(self.restarted))
         if self.is_between:
-            text += " " + tr("The results combine data from before and after it; the unit was without power in between.")
+            text += " " + tr(
+                "The results combine data from before and after it; the unit was without power in between."
+            )
         if self.unstated:
             text += " " + tr(
                 "No budget contains its repeatability over power cycles: the run is INCOMPLETE. For further runs state "
