@@ -214,8 +214,8 @@ class Acquisition:
     axes, `motion` is None where no table turned or swung. `on_since_s` are the supplies that are on, by their roles,
     each with the bench times between which it was put on. `missed` is what did not come, by device and channel.
     `came_from` is the side, "below" or "above", from which each axis came to its angle at last, without those of which
-    that is not known; `stand` counts the moves of all axes before, so that it is the same while none has moved. `stretch` counts the
-    interruptions of the run before.
+    that is not known; `stand` counts the moves of all axes before, so that it is the same while none has moved.
+    `stretch` counts the interruptions of the run before.
     """
 
     step: str

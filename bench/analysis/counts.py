@@ -115,7 +115,8 @@ def pulses_of_shift(counts: Counts, time_s: Array) -> Array:
     if counts.shift == UNCHANGED:
         return np.zeros(len(time_s))
     steps = steps_of(counts.positive, counts.counter_bits) - steps_of(counts.negative, counts.counter_bits)
-    return counts.shift.more * (time_s - time_s[:1]) + (counts.shift.times - 1) * np.concatenate(([0], np.cumsum(steps)))
+    counted = np.concatenate(([0], np.cumsum(steps)))
+    return counts.shift.more * (time_s - time_s[:1]) + (counts.shift.times - 1) * counted
 
 
 def is_irregular(latch_s: Array) -> bool:
