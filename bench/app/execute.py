@@ -104,7 +104,7 @@ def _execute(
     else:
         directory = RunDirectory.reopen(resumption.path)
         started = datetime.fromisoformat(resumption.manifest["started"])
-    watch = Stopwatch((now - started).total_seconds())
+    watch = Stopwatch(0.0 if resumption is None else resumption.passed_s(now))
     try:
         record = began(prepared, directory, started) if resumption is None else dict(resumption.manifest)
 
@@ -207,7 +207,7 @@ async def _run(
         observer.run_begins(folder, prepared.expected, clock)
         power = None if bench.is_simulated else bench.power
         async with (
-            wall.watched(prepared.speed),
+            wall.watched(),
             power_watched(power, signals, writer, observer.notice),
             guarded(prepared.loaded, folder, signals),
         ):

@@ -61,6 +61,16 @@ class Resumption(NamedTuple):
         return max(0.0, (now - self.began - timedelta(seconds=self.last_s - self.began_s)).total_seconds())
 
 
+    def passed_s(self, now: datetime) -> float:
+        """Real time since the run began, however the computer's clock was set meanwhile; never negative.
+
+        That of a simulated bench is not in its bench time, but only in what the clock says.
+        """
+        if "boot" in self.entries[0].data:
+            return self.last_s - self.began_s + self.outage_s(now)
+        return max(0.0, (now - datetime.fromisoformat(self.manifest["started"])).total_seconds())
+
+
 def request_json(request: RunRequest, prepared: PreparedRun) -> dict[str, Any]:
     """What a run was asked for, for its manifest: enough to prepare it again, with absolute paths."""
     kept: dict[str, Any] = {key: value for key, value in request._asdict().items() if key not in _NOT_KEPT}

@@ -28,7 +28,7 @@ from tests.support.runs import ROOT
 KILLED = 137
 
 
-class _Killed(Quiet):
+class Killed(Quiet):
     """An observer with which the process ends, without another instruction, at an instant of bench time."""
 
     def __init__(self, at_s: float) -> None:
@@ -78,7 +78,7 @@ def ended(entries: list[Event]) -> Counter[str]:
 
 def main(wish: dict[str, Any]) -> None:
     """Run, or resume, until killed."""
-    observer = _Killed(wish["at_s"])
+    observer = Killed(wish["at_s"])
     if "again" in wish:
         resumed(Path(wish["again"]), observer)
         return
