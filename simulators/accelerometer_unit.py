@@ -31,8 +31,8 @@ HYSTERESIS_STEP_S = 1.0  # how closely it follows the temperature, however long 
 class UnitState(NamedTuple):
     """A unit at a true time: what hysteresis, drift and warm-up add to its bias, and what the rate of temperature adds.
 
-    Beside them the temperatures of its sensor and of an ideal thermometer at it, and how much of the bias is by the
-    history of its input.
+    Beside them the temperatures of its sensor and of an ideal thermometer at it, by how much bias and scale factor
+    (relative) were stepped by the last power-on, and how much of the bias is by the history of its input.
     """
 
     true_s: float
@@ -40,6 +40,8 @@ class UnitState(NamedTuple):
     moving_g: float
     sensor_c: float
     thermometer_c: float
+    turned_on_g: float
+    turned_on_scale: float
     by_input_g: float
 
 
@@ -55,7 +57,8 @@ class SimulatedUnit:
         self._index, self._world = index, world
         self.seats_deg: list[tuple[float, float]] = []  # true time of each fixing by hand, and how askew it is since
         self._turn_on = stream(settings.seed, "uut", place, "accelerometer", "turn_on")
-        self._turned_on_g = 0.0
+        self._turn_on_scale = stream(settings.seed, "uut", place, "accelerometer", "turn_on_scale")
+        self._turned_on_g, self._turned_on_scale = 0.0, 0.0
         self._noise = noise_of(self.truth, settings.seed, place)
         self._hysteresis = Hysteresis(self.truth, settings.chamber.start_c)
         self._input_hysteresis = self._input_play() if self.truth.input_thresholds_g else None
@@ -110,10 +113,12 @@ class SimulatedUnit:
         return Sent(self.truth.clock, self.truth.zero_code, self.truth.noise_code)
 
     def power(self, since_s: float | None) -> None:
-        """It has power since a time, or none; each power-on steps the bias by a draw of its own."""
+        """It has power since a time, or none; each power-on steps bias and scale factor by draws of its own."""
         self.powered_at_s = since_s
         if since_s is not None and self.truth.turn_on_g:
             self._turned_on_g = self.truth.turn_on_g * float(self._turn_on.standard_normal())
+        if since_s is not None and self.truth.turn_on_scale:
+            self._turned_on_scale = self.truth.turn_on_scale * float(self._turn_on_scale.standard_normal())
 
     def fixed_anew(self, at_s: float) -> None:
         """Mounted anew by hand: draw its mounting angles again."""
@@ -211,7 +216,8 @@ class SimulatedUnit:
         by_input_g = float(self._by_input_g(at_s)[0])
         drifted_g = hysteresis_g + by_input_g + float(self._slow_bias_g(at_s)[0])
         warm_c = self.warmth.sensor_c, self.warmth.thermometer_c
-        return UnitState(true_s, drifted_g, self._moving_g(), *warm_c, by_input_g)
+        stepped = self._turned_on_g, self._turned_on_scale
+        return UnitState(true_s, drifted_g, self._moving_g(), *warm_c, *stepped, by_input_g)
 
     def _moving_g(self) -> float:
         """What the rate of temperature adds to the bias."""
@@ -221,7 +227,8 @@ class SimulatedUnit:
         drifting = self._slow_bias_g(at_s) + bias_g
         if self._input_hysteresis is not None:
             drifting = drifting + self._by_input_g(at_s)
-        return self.truth.current_a(self.force_g(at_s), temperature_c, drifting + noise_g)
+        current_a = self.truth.current_a(self.force_g(at_s), temperature_c, drifting + noise_g)
+        return current_a * (1 + self._turned_on_scale)
 
     def _slow_bias_g(self, at_s: Array) -> Array:
         """Drift, the step of the last power-on and, while powered, warm-up at the times `at_s`."""

@@ -24,6 +24,7 @@ from simulators.world import World
 
 Array = NDArray[np.float64]
 LEG_EVERY_S = 10.0
+STEPPED = {"turned_on_g": -3, "turned_on_scale": -2}  # columns of a unit's history, by their names in the truth
 LAST_LATCH_S = 0.1  # before the end of a leg, perhaps; a sample that ends behind it is not whole
 # Share of a further term that no other one explains, above which the angles of a run separate it. Of eight angles and
 # more these are 1, 0.32 and 0.08 to 0.15; at six, a degree off the level, K3 has 0.02 (methods.md 1.5).
@@ -178,12 +179,15 @@ def _dwell(world: World, dwell: DwellAsMeasured, extra: Sequence[str]) -> dict[s
     drifted_g = float(np.interp(true_s, history[:, 0], history[:, 1] - history[:, -1]))
     each_s = [world.true_time(at_s) for at_s in dwell.each_s]
     by_input_g = np.interp(each_s, history[:, 0], history[:, -1]).tolist() if any(history[:, -1]) else []
+    stepped = {name: float(np.interp(true_s, history[:, 0], history[:, column])) for name, column in STEPPED.items()}
     axis_deg = tuple(_axis_deg(world, dwell.place, lies) for lies in dwell.lies)
     constants = channel_constants(
         unit.truth, settings.gravity_mps2, axis_deg, dwell.temperature_c, drifted_g, unit.settings.through, extra,
         by_input_g,
     )  # fmt: skip
     found = {"temperature_c": dwell.temperature_c, "drifted_g": drifted_g, "axis_deg": axis_deg, **constants}
+    found |= {name: value for name, value in stepped.items() if value}
+    found |= {name: constants[name] * (1 + stepped["turned_on_scale"]) for name in ("K1", "K1_si")}
     found |= {"by_input_g": by_input_g} if by_input_g else {}
     return found | ({"extra": list(extra)} if extra else {})
 

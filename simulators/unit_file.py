@@ -142,6 +142,7 @@ class AccelerometerModel(StrictModel):
     drift: Annotated[Draw, DrawIn("g/s")] = Draw(0)
     warm_up: WarmUpModel = WarmUpModel()
     turn_on: Annotated[Draw, DrawIn("g")] = Draw(0)  # standard deviation of the bias step at each power-on
+    turn_on_scale: Ratio = Draw(0)  # the same of the relative step of the scale factor
     noise: NoiseModel = NoiseModel()
     bandwidth: Annotated[float, InUnit("Hz", above=0)] = 300.0  # far above what a dwell at rest contains
     damping: Annotated[float, InUnit("", above=0, at_most=0.99)] | None = None

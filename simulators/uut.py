@@ -74,6 +74,7 @@ class UnitTruth:
     converter_c: float
     supply_a: float
     turn_on_g: float = 0.0  # standard deviation of the step of the bias at each power-on
+    turn_on_scale: float = 0.0  # the same of the relative step of the scale factor
     jumps: tuple[tuple[float, float], ...] = ()  # the temperature in °C and the size in g of each
     alpha2: float = 0.0
     bandwidth_hz: float = 300.0
@@ -205,6 +206,7 @@ def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:
         converter_c=c.temperature,
         supply_a=unit.supply.current,
         turn_on_g=value(a.turn_on, "accelerometer", "turn_on"),
+        turn_on_scale=value(a.turn_on_scale, "accelerometer", "turn_on_scale"),
         jumps=tuple(
             (jump.at, value(jump.size, "accelerometer", "jumps", str(number))) for number, jump in enumerate(a.jumps)
         ),

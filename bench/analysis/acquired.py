@@ -18,6 +18,25 @@ NO_GAPS: Integers = np.empty((0, 2), np.int64)
 
 
 @dataclass(frozen=True, slots=True)
+class Shift:
+    """A change of an output: `times` its value and `more` in its unit, a rate in pulse/s where pulses are counted."""
+
+    times: float = 1.0
+    more: float = 0.0
+
+    def of(self, value: float) -> float:
+        """A changed output."""
+        return self.times * value + self.more
+
+    def of_each(self, values: Array) -> Array:
+        """Changed outputs."""
+        return self.times * values + self.more
+
+
+UNCHANGED = Shift()
+
+
+@dataclass(frozen=True, slots=True)
 class Counts:
     """One channel during one acquisition, a row for each latch that came whole; all (N,) and raw.
 
@@ -25,7 +44,7 @@ class Counts:
     `sequence` is unwrapped: a step above 1 is a gap. `host_s` is the bench time of arrival, good for finding a latch
     and for nothing else. `lost` latches did not come whole, `restarts` is how often the counter began anew.
     `max_rate_pps` is the fastest that the converter can pulse. `gaps` (G, 2) are the numbers of the first and the last
-    of each row of latches that did not come whole.
+    of each row of latches that did not come whole. `shift` is by what the rate is taken to be another than was counted.
     """
 
     sequence: Integers
@@ -40,6 +59,7 @@ class Counts:
     lost: int
     restarts: int
     gaps: Integers = field(default_factory=lambda: NO_GAPS)
+    shift: Shift = UNCHANGED
 
     def part(self, first: int, last: int) -> Counts:
         """From row `first` to row `last`, both included; its gaps, and where it began anew, are not told of a part."""
@@ -195,6 +215,7 @@ class Acquisition:
     each with the bench times between which it was put on. `missed` is what did not come, by device and channel.
     `came_from` is the side, "below" or "above", from which each axis came to its angle at last, without those of which
     that is not known; `stand` counts the moves of all axes before, so that it is the same while none has moved.
+    `stretch` counts the interruptions of the run before.
     """
 
     step: str
@@ -225,6 +246,7 @@ class Acquisition:
     missed: Mapping[tuple[str, str], Missed] = field(default_factory=dict)
     came_from: Mapping[str, str] = field(default_factory=dict)
     stand: int = 0
+    stretch: int = 0
 
     @property
     def angle_deg(self) -> float:

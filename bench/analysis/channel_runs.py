@@ -12,7 +12,7 @@ from bench.analysis.acquired import Acquisition, Array, Counts
 from bench.analysis.channel_means import Means, joined, means_of
 from bench.analysis.channel_meter import Metered, believes_meter, metered
 from bench.analysis.channel_temperature import ChannelRecord
-from bench.analysis.counts import mean_rate
+from bench.analysis.counts import mean_rate, pulses_of_shift
 from bench.analysis.orientation import specific_force_g
 from bench.analysis.outputs import mean_output, means_between, measured
 from bench.analysis.rundata import RunData, UnitUnderTest
@@ -170,10 +170,10 @@ def read_out(acquisition: Acquisition, unit: UnitUnderTest, gate_s: float) -> Ch
     due_s = np.arange(acquisition.begin_s + gate_s / 2, acquisition.end_s - gate_s / 2, gate_s)
     latches = np.searchsorted(counts.host_s, due_s)
     latches = np.unique(latches[latches < len(counts.host_s)])
-    at_s = counts.host_s[latches]
+    at_s, device_s = counts.host_s[latches], _device_s(counts)
     return ChannelRecord(
-        time_s=_device_s(counts)[latches],
-        positive=counts.positive[latches].astype(np.float64),
+        time_s=device_s[latches],
+        positive=counts.positive[latches].astype(np.float64) + pulses_of_shift(counts, device_s)[latches],
         negative=counts.negative[latches].astype(np.float64),
         converter_c=_means_around(acquisition, unit.converter, at_s, gate_s),
         accelerometer_c=_means_around(acquisition, unit.temperature, at_s, gate_s),

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.analysis.acquired import Array, Counts, Integers
+from bench.analysis.acquired import UNCHANGED, Array, Counts, Integers
 
 RESOLUTION_COUNTS = 0.408  # 1/sqrt(6): standard deviation of a count between two unsynchronised edges
 LEAST_SHARE = 0.5  # of the latches must have come
@@ -78,7 +78,7 @@ def _rate(counts: Counts, clock: _Clock) -> Rate:
     if not all(_possible(steps, RATE_MARGIN * counts.max_rate_pps, clock) for steps in (positive, negative)):
         problems.append("impossible_rate")
     net = int(positive.sum()) - int(negative.sum())
-    net_pps = net / clock.span_s if clock.span_s else float("nan")
+    net_pps = counts.shift.of(net / clock.span_s) if clock.span_s else float("nan")
     positive += negative
     if _stands_still(clock, positive, abs(net_pps)):
         problems.append("dead_band")
@@ -108,6 +108,15 @@ def steps_of(cumulative: Integers, bits: int) -> Integers:
     if bits < 64:  # which wrap by themselves, and are below 0 where they go half round
         steps &= (1 << bits) - 1
     return steps
+
+
+def pulses_of_shift(counts: Counts, time_s: Array) -> Array:
+    """Net pulses that the shift of a channel has added up to at each latch; `time_s` (n,) are their times."""
+    if counts.shift == UNCHANGED:
+        return np.zeros(len(time_s))
+    steps = steps_of(counts.positive, counts.counter_bits) - steps_of(counts.negative, counts.counter_bits)
+    counted = np.concatenate(([0], np.cumsum(steps)))
+    return counts.shift.more * (time_s - time_s[:1]) + (counts.shift.times - 1) * counted
 
 
 def is_irregular(latch_s: Array) -> bool:

@@ -22,7 +22,8 @@ class Dwell:
     `readings` (n,) of the output, in its unit, were taken at the head's angles `head_rad` (n,). `gain` turns errors
     of the readings into errors of the constants, a row (n,) for each in the order of `values`; `turn` (n,) is the
     derivative of a reading to its angle, per rad. `middle_s` is the mean bench time of the readings. `alone_u` is what
-    a reading alone tells of its standard uncertainty, `step_u` (n,) what the steps of codes hide from each.
+    a reading alone tells of its standard uncertainty, `step_u` (n,) what the steps of codes hide from each. It is
+    `interrupted` where the unit was without power between two of its readings.
     """
 
     number: int
@@ -40,6 +41,7 @@ class Dwell:
     alone_u: float
     steps: tuple[str, ...]
     step_u: Array
+    interrupted: bool = False
 
     @property
     def values(self) -> Mapping[str, float]:
@@ -145,6 +147,7 @@ def _solved(
         alone_u=float(np.mean([output.alone_u for output in outputs])),
         steps=tuple(acquisition.step for acquisition in used),
         step_u=np.array([output.step_u for output in outputs]),
+        interrupted=len({acquisition.stretch for acquisition in used}) > 1,
     )
 
 

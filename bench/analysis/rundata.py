@@ -27,6 +27,19 @@ class ReleasedCalibration:
 
 
 @dataclass(frozen=True, slots=True)
+class PowerCycles:
+    """Standard deviations of what a unit has after each power-on: biases in g and °/s, scale factors relative.
+
+    None where nobody says.
+    """
+
+    bias_g: float | None = None
+    scale: float | None = None
+    gyro_bias_dps: float | None = None
+    gyro_scale: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class UnitUnderTest:
     """One unit in its place; its output are the pulses on a `channel`, or the volts that a `voltmeter` reads.
 
@@ -37,7 +50,7 @@ class UnitUnderTest:
     K1. An inertial unit has `channels`, by acc_x to gyro_z, and a thermometer at its gyros; `channel_units` are what
     those are in that it sends. `arm_m` is where the bench file says that it is from the axis that turns it, with its
     standard uncertainty. `supply` is what powers it, "" for none; `released` is the calibration that was given to the
-    run for it.
+    run for it. `power_cycles` is its repeatability over power cycles.
     """
 
     place: str
@@ -61,6 +74,7 @@ class UnitUnderTest:
     sent_unit: str = "code"
     channel_units: Mapping[str, str] = field(default_factory=dict)
     ammeter: str = ""
+    power_cycles: PowerCycles | None = None
 
     @property
     def measured_by(self) -> str:

@@ -61,7 +61,8 @@ def _counted(acquisition: Acquisition, unit: UnitUnderTest) -> TableSamples:
     positive = _since_first(counts.positive[of_counts], counts.counter_bits)
     negative = _since_first(counts.negative[of_counts], counts.counter_bits)
     time_s = np.asarray(_since_first(counts.tick[of_counts], counts.tick_bits) * counts.tick_period_s, np.float64)
-    return _samples(acquisition, unit, encoder, (latch, of_encoder, time_s), positive - negative, problems)
+    total = counts.shift.times * (positive - negative) + counts.shift.more * time_s
+    return _samples(acquisition, unit, encoder, (latch, of_encoder, time_s), total, problems)
 
 
 def _sent(acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, problems: list[str]) -> TableSamples:

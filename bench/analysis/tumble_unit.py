@@ -36,11 +36,15 @@ class TumbleUnit:
 
     @classmethod
     def of(cls, data: RunData, unit: UnitUnderTest, dwells: tuple[Dwell, ...]) -> Self:
-        """With the scatter of its readings pooled."""
-        dof = sum(dwell.tumble.fit.dof for dwell in dwells)
+        """With the scatter of its readings pooled, over dwells in which the unit always had power where there are such.
+
+        The step of a power cycle is no scatter.
+        """
+        steady = [dwell for dwell in dwells if not dwell.interrupted] or dwells
+        dof = sum(dwell.tumble.fit.dof for dwell in steady)
         if dof == 0:
             return cls(data, unit, dwells, max((dwell.alone_u for dwell in dwells), default=0.0), 0)
-        squares = sum(float(np.sum(dwell.tumble.fit.residuals**2)) for dwell in dwells)
+        squares = sum(float(np.sum(dwell.tumble.fit.residuals**2)) for dwell in steady)
         return cls(data, unit, dwells, float(np.sqrt(squares / dof)), dof)
 
     @property

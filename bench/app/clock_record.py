@@ -8,7 +8,6 @@ from contextlib import asynccontextmanager, suppress
 
 from bench.clock import ClockWatch, Stopwatch
 from bench.errors import StoreError
-from bench.loop import REAL_TIME
 from bench.store.writer import RunWriter
 from drivers.awake import stalled_s
 
@@ -21,7 +20,7 @@ class ClockRecord:
 
     Journals `stalled` when this program did not run.
 
-    In real time it checks every `LOOK_EVERY_S`, otherwise only at the end.
+    It checks every `LOOK_EVERY_S` of bench time, and at the end.
     """
 
     def __init__(self, writer: RunWriter, notice: Callable[[str], None]) -> None:
@@ -30,14 +29,13 @@ class ClockRecord:
         self.steps: list[dict[str, float]] = []
 
     @asynccontextmanager
-    async def watched(self, speed: float) -> AsyncIterator[None]:
+    async def watched(self) -> AsyncIterator[None]:
         """Watch the clocks inside the context, and once more at its end."""
-        looking = asyncio.create_task(self._look_for_ever(), name="clock") if speed == REAL_TIME else None
+        looking = asyncio.create_task(self._look_for_ever(), name="clock")
         try:
             yield
         finally:
-            if looking is not None:
-                looking.cancel()
+            looking.cancel()
             self._look()
 
     async def _look_for_ever(self) -> None:

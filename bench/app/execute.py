@@ -10,12 +10,12 @@ from datetime import datetime
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from bench.app.beginning import began, instant, keep_inputs, made_directory, write_beginning
 from bench.app.clock_record import ClockRecord
 from bench.app.devices import open_devices
-from bench.app.faults import Cue, FaultPlayer, as_journalled
+from bench.app.faults import Faults
 from bench.app.finish import Finish
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
 from bench.app.rebuild import rebuild
@@ -27,7 +27,6 @@ from bench.app.technician import Technician
 from bench.app.tracing import Keep, recording
 from bench.clock import Clock, Stopwatch, wall_utc
 from bench.config.models import BenchFile
-from bench.config.simulation import FaultSimulation
 from bench.engine.ending import Outcome
 from bench.engine.past import Past
 from bench.engine.people import People
@@ -105,12 +104,12 @@ def _execute(
     else:
         directory = RunDirectory.reopen(resumption.path)
         started = datetime.fromisoformat(resumption.manifest["started"])
-    watch = Stopwatch((now - started).total_seconds())
+    watch = Stopwatch(0.0 if resumption is None else resumption.passed_s(now))
     try:
         record = began(prepared, directory, started) if resumption is None else dict(resumption.manifest)
 
         async def main() -> _Run:
-            laboratory = None
+            laboratory, faults = None, None
             if bench.needs_simulators:
                 laboratory = make_laboratory(
                     bench,
@@ -120,11 +119,14 @@ def _execute(
                     prepared.serials,
                     prepared.expected.total_s,
                 )
-                if not bench.simulation.faults:
+                if bench.simulation.faults:
+                    faults = Faults(laboratory, bench.simulation.faults)
+                else:
                     laboratory.leave_frames(HEALTHY_BLOCK_S)
+            world = _World(laboratory, faults)
             if resumption is not None and bench.is_simulated:
-                await rebuild(resumption, prepared.seed, partial(_go_through, prepared, directory.path, laboratory))
-            return await _run(prepared, directory.path, laboratory, observer, keep, signals, resumption, left_on)
+                await rebuild(resumption, prepared.seed, partial(_go_through, prepared, directory.path, world))
+            return await _run(prepared, directory.path, world, observer, keep, signals, resumption, left_on)
 
         origin_s = 0.0
         if resumption is not None and not bench.is_simulated:
@@ -150,16 +152,23 @@ def _execute(
         directory.release()
 
 
+class _World(NamedTuple):
+    """What is simulated of a run: its laboratory, and the faults in that."""
+
+    laboratory: Laboratory | None
+    faults: Faults | None
+
+
 async def _go_through(
     prepared: PreparedRun,
     folder: Path,
-    laboratory: Laboratory | None,
+    world: _World,
     writer: RunWriter,
     signals: Signals,
     past: Past | None,
 ) -> None:
     """Run the plan on a simulated bench, unwatched."""
-    await _with_devices(prepared, folder, laboratory, Quiet(), None, signals, Hold(), writer, past)
+    await _with_devices(prepared, folder, world, Quiet(), None, signals, Hold(), writer, past)
 
 
 @dataclass(frozen=True)
@@ -179,7 +188,7 @@ class _Run:
 async def _run(
     prepared: PreparedRun,
     folder: Path,
-    laboratory: Laboratory | None,
+    world: _World,
     observer: RunObserver,
     keep: Keep | None,
     signals: Signals,
@@ -198,13 +207,13 @@ async def _run(
         observer.run_begins(folder, prepared.expected, clock)
         power = None if bench.is_simulated else bench.power
         async with (
-            wall.watched(prepared.speed),
+            wall.watched(),
             power_watched(power, signals, writer, observer.notice) as hold,
             guarded(prepared.loaded, folder, signals),
         ):
             past = None if resumption is None else resumption.past
             outcome, identities = await _with_devices(
-                prepared, folder, laboratory, observer, keep, signals, hold, writer, past, left_on
+                prepared, folder, world, observer, keep, signals, hold, writer, past, left_on
             )
         made_safe = True
         _keep_unsafe(folder, bench, outcome, observer)
@@ -224,7 +233,7 @@ async def _run(
         outcome,
         made_safe,
         instruments,
-        laboratory,
+        world.laboratory,
         bench_s,
         digest,
         writer.beginning,
@@ -237,7 +246,7 @@ async def _run(
 async def _with_devices(
     prepared: PreparedRun,
     folder: Path,
-    laboratory: Laboratory | None,
+    world: _World,
     observer: RunObserver,
     keep: Keep | None,
     signals: Signals,
@@ -247,38 +256,32 @@ async def _with_devices(
     left_on: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[Outcome, Mapping[str, Identity]]:
     """Run the plan on the devices of the bench, with the faults of the bench file in simulated ones."""
-    bench = prepared.loaded.bench
+    bench, laboratory = prepared.loaded.bench, world.laboratory
 
     def note(device: str, text: str) -> None:
         with suppress(StoreError):  # the step that it stops tells it
             writer.event("device_note", device=device, text=text)
 
-    def tell(kind: str, fault: FaultSimulation) -> None:
-        with suppress(StoreError):
-            writer.event(kind, **as_journalled(fault))
-
-    if laboratory is not None and bench.simulation.faults:
-        observer = Cue(observer, FaultPlayer(laboratory, bench.simulation.faults, tell))
-    people = People()
-    devices = open_devices(bench, laboratory, keep, note, people)
-    return await run_plan(
-        prepared.plan,
-        bench,
-        devices,
-        writer,
-        observer,
-        observer.reading,
-        prepared.expected.of_phase("teardown"),
-        folder=folder,
-        can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
-        signals=signals,
-        hold=hold,
-        on_desk=_technician(prepared, laboratory, observer),
-        places=tuple(prepared.serials),
-        people=people,
-        past=past,
-        left_on=left_on,
-    )
+    with nullcontext(observer) if world.faults is None else world.faults.during(writer, observer) as watching:
+        people = People()
+        return await run_plan(
+            prepared.plan,
+            bench,
+            open_devices(bench, laboratory, keep, note, people),
+            writer,
+            watching,
+            watching.reading,
+            prepared.expected.of_phase("teardown"),
+            folder=folder,
+            can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
+            signals=signals,
+            hold=hold,
+            on_desk=_technician(prepared, laboratory, watching),
+            places=tuple(prepared.serials),
+            people=people,
+            past=past,
+            left_on=left_on,
+        )
 
 
 def _alert(prepared: PreparedRun, run: str, outcome: Outcome, results: Results | None, observer: RunObserver) -> None:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
 from bench.app.relay import Relay, RunObserver
 from bench.config.models import BenchFile
 from bench.config.simulation import FaultSimulation
+from bench.errors import StoreError
 from bench.sequence.dwells import first_visit
 from bench.sequence.plan import PlannedStep
+from bench.store.writer import RunWriter
 from simulators import faults
 from simulators.faults import Breakable
 
@@ -60,6 +63,36 @@ class FaultPlayer:
         if fault.unit is not None:
             victims = {**world.counted, **world.imus}
         return victims[fault.unit or fault.device or ""]
+
+
+class Faults:
+    """The faults of a simulated laboratory in all stretches of a run; they go on while the run is interrupted."""
+
+    def __init__(self, laboratory: Laboratory, to_play: Sequence[FaultSimulation]) -> None:
+        self._laboratory, self._to_play = laboratory, to_play
+        self._player: FaultPlayer | None = None
+        self._writer: RunWriter | None = None
+        self._unwritten: list[tuple[str, FaultSimulation, float]] = []  # with the bench time
+
+    @contextmanager
+    def during(self, writer: RunWriter, observer: RunObserver) -> Iterator[RunObserver]:
+        """Play them in a stretch of a run, and journal them, those first that came while it was interrupted."""
+        self._writer = writer
+        unwritten, self._unwritten = self._unwritten, []
+        for kind, fault, at_s in unwritten:
+            writer.event(kind, **as_journalled(fault), since_s=at_s)
+        self._player = self._player or FaultPlayer(self._laboratory, self._to_play, self._tell)
+        try:
+            yield Cue(observer, self._player)
+        finally:
+            self._writer = None
+
+    def _tell(self, kind: str, fault: FaultSimulation) -> None:
+        if self._writer is None:
+            self._unwritten.append((kind, fault, asyncio.get_running_loop().time()))
+            return
+        with suppress(StoreError):
+            self._writer.event(kind, **as_journalled(fault))
 
 
 def laboratory_of(bench: BenchFile) -> Laboratory | None:

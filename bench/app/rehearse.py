@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from bench.app.drawn_faults import with_drawn_faults
 from bench.app.execute import RunResult, execute
 from bench.app.faults import BEGINS, as_journalled
 from bench.app.relay import Relay, RunObserver
 from bench.app.request import PreparedRun
-from bench.app.scenario import with_faults
-from bench.config.devices import DeviceEntry
-from bench.config.models import BenchFile
 from bench.config.simulation import FaultSimulation
 from bench.report.verify import verify
 from bench.runner.signals import Signals
@@ -19,12 +17,7 @@ from bench.sequence.estimate import Estimate
 from bench.sequence.plan import PHASES, PlannedStep
 from bench.store.database import FILE_NAME
 from bench.store.reader import Event, RunReader
-from simulators.unit_file import stream
 
-MOST_FAULTS = 3
-# What each kind of instrument can suffer; others cannot measure wrongly without being silent, or restart unseen.
-_OF_A_COUNTER, _OF_A_SOURCE = ("silent", "cut", "frozen", "restart"), ("silent", "cut", "stuck")
-_OF_OTHERS, _OF_A_PERSON = ("silent", "cut", "frozen", "stuck"), ("silent", "stuck")
 _ENDS = ("step_ended", "step_failed", "step_cut")
 
 
@@ -76,10 +69,9 @@ def rehearse(
     prepared: PreparedRun, observer: RunObserver, fault_seed: int | None = None, signals: Signals | None = None
 ) -> Rehearsal:
     """Runs what was prepared with every instrument simulated, with drawn faults where a seed for them is given."""
-    expected, loaded = prepared.expected, prepared.loaded
+    expected = prepared.expected
     if fault_seed is not None:
-        drawn = draw_faults(loaded.bench, expected.total_s, fault_seed)
-        prepared = prepared._replace(loaded=loaded._replace(bench=with_faults(loaded.bench, drawn)))
+        prepared = with_drawn_faults(prepared, fault_seed)
     faults = prepared.loaded.bench.simulation.faults
     witness = _Witness(observer)
     result = execute(prepared, witness, signals)
@@ -98,36 +90,14 @@ def rehearse(
     )
 
 
-def draw_faults(bench: BenchFile, planned_s: float, seed: int) -> tuple[FaultSimulation, ...]:
-    """One to three faults of devices that the bench has, at times within the plan; the same for the same seed."""
-    draw = stream(seed, "rehearsal", "faults")
-    roles = draw.permutation(sorted(bench.devices))[: draw.integers(1, MOST_FAULTS + 1)]
-    drawn = [
-        FaultSimulation.model_validate({
-            "device": str(role), "kind": str(draw.choice(_kinds(bench.devices[role]))),
-            "at": f"{draw.uniform(0, planned_s):.1f} s",
-        })
-        for role in roles
-    ]  # fmt: skip
-    return tuple(sorted(drawn, key=lambda fault: fault.at))
-
-
-def _kinds(entry: DeviceEntry) -> tuple[str, ...]:
-    if entry.connection.is_person:
-        return _OF_A_PERSON
-    if entry.description.capabilities & {"pulse_counter", "telemetry"}:
-        return _OF_A_COUNTER
-    return _OF_A_SOURCE if "current_source" in entry.description.capabilities else _OF_OTHERS
-
-
 def _began(faults: Sequence[FaultSimulation], events: list[Event]) -> Iterator[float | None]:
     """When each of the faults began, by the journal; the same one again in its order."""
     left = [event for event in events if event.kind == BEGINS]
     for fault in faults:
-        found = next((event for event in left if event.data == as_journalled(fault)), None)
+        found = next((event for event in left if as_journalled(fault).items() <= event.data.items()), None)
         if found is not None:
             left.remove(found)
-        yield found.at_s if found is not None else None
+        yield found.data.get("since_s", found.at_s) if found is not None else None
 
 
 def _phases(expected: Estimate, events: list[Event]) -> Iterator[Compared]:

@@ -61,6 +61,7 @@ class RunRequest(NamedTuple):
     calibrations: tuple[str, ...] = ()
     trace: Path | None = None
     scenario: Path | None = None
+    fault_seed: int | None = None
 
 
 class CheckedRun(NamedTuple):

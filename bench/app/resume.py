@@ -24,8 +24,8 @@ from bench.store.verify import examine
 from drivers.bounded import expect_bounded
 
 REQUEST, RESUMED = "request", "run_resumed"  # a key of the manifest, and a kind of entry of the journal
-_FILES = ("sequence", "bench", "parameters", "uut_model", "answers")
-_NOT_KEPT = frozenset({"runs", "not_after", "trace", "scenario"})
+_FILES = ("sequence", "bench", "parameters", "uut_model", "answers", "scenario")
+_NOT_KEPT = frozenset({"runs", "not_after", "trace"})
 PROGRAM = "inertial-test-bench"
 
 
@@ -59,6 +59,16 @@ class Resumption(NamedTuple):
     def outage_s(self, now: datetime) -> float:
         """Time since the last entry; 0 where the computer's clock was set back meanwhile."""
         return max(0.0, (now - self.began - timedelta(seconds=self.last_s - self.began_s)).total_seconds())
+
+
+    def passed_s(self, now: datetime) -> float:
+        """Real time since the run began, however the computer's clock was set meanwhile; never negative.
+
+        That of a simulated bench is not in its bench time, but only in what the clock says.
+        """
+        if "boot" in self.entries[0].data:
+            return self.last_s - self.began_s + self.outage_s(now)
+        return max(0.0, (now - datetime.fromisoformat(self.manifest["started"])).total_seconds())
 
 
 def request_json(request: RunRequest, prepared: PreparedRun) -> dict[str, Any]:
@@ -108,11 +118,15 @@ def prepared_again(resumption: Resumption, *, left_on: bool = False) -> Prepared
     """
     manifest = resumption.manifest
     asked: dict[str, Any] = dict(manifest[REQUEST])
-    for key in ("parameters", "uut_model", "answers"):
-        asked[key] = None if asked[key] is None else Path(asked[key])
+    for key in ("parameters", "uut_model", "answers", "scenario"):
+        asked[key] = None if asked.get(key) is None else Path(asked[key])
     for key in ("settings", "units", "calibrations"):
         asked[key] = tuple(asked[key])
     prepared = prepare(RunRequest(**asked, runs=resumption.path.parent))
+    if (fault_seed := prepared.request.fault_seed) is not None:
+        from bench.app.drawn_faults import with_drawn_faults  # and the simulators with it
+
+        prepared = with_drawn_faults(prepared, fault_seed)
     if problems := [*_changed(prepared, manifest), *_cannot_go_on(prepared, resumption, left_on=left_on)]:
         raise InputError(*(f"{resumption.path.name}: {problem}" for problem in problems))
     plan, past = prepared.plan, resumption.past
@@ -158,8 +172,6 @@ def _version() -> str:
 def _cannot_go_on(prepared: PreparedRun, resumption: Resumption, *, left_on: bool) -> list[str]:
     """Reasons why the run cannot go on, each with what to do."""
     problems: list[str] = []
-    if prepared.loaded.bench.simulation.faults or prepared.scenario is not None:
-        problems.append("its simulated faults cannot be continued; start it anew")
     plan, past = prepared.plan, resumption.past
     groups = list(interrupted_in((*plan.setup, *plan.steps), past))
     again = tuple(f"{group.id}/" for group in groups if group.restart_at == "begin")

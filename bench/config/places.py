@@ -10,7 +10,18 @@ from pydantic import ConfigDict, Field, model_validator
 
 from bench.config.devices import CoverageFactor, Text
 from bench.config.fixture import Vector
-from drivers.fields import NOT_EMPTY, Amperes, AnyQuantity, Degrees, InUnit, Name, PositiveSeconds, Range, StrictModel
+from drivers.fields import (
+    NOT_EMPTY,
+    Amperes,
+    AnyQuantity,
+    Degrees,
+    InUnit,
+    Name,
+    PositiveSeconds,
+    Range,
+    Ratio,
+    StrictModel,
+)
 from drivers.quantities import Quantity, parse
 from drivers.wording import telling
 
@@ -105,6 +116,46 @@ class Arm(StrictModel):
         return self.x, self.y, self.z
 
 
+class PowerCyclesEntry(StrictModel):
+    """Repeatability over power cycles of a unit of this type: how far bias and scale factor differ at each power-on.
+
+    The method `repeatability` determines both, as K0/sd and K1/sd with k = 1. A result that combines data from before
+    and after an interruption has a line for it in its budget. Zero states that there is no difference.
+    """
+
+    bias: Annotated[float, InUnit("g", at_least=0)] | None = Field(
+        None, description="expanded uncertainty of the bias of an accelerometer"
+    )
+    scale: Annotated[Ratio, InUnit("", at_least=0)] | None = Field(
+        None, description="expanded relative uncertainty of its scale factor"
+    )
+    gyro_bias: Annotated[float, InUnit("°/s", at_least=0)] | None = Field(
+        None, description="the same of the bias of a gyro"
+    )
+    gyro_scale: Annotated[Ratio, InUnit("", at_least=0)] | None = Field(
+        None, description="the same of the scale factor of a gyro"
+    )
+    k: CoverageFactor = Field(1.0, description="coverage factor of all of them; of standard deviations 1")
+
+    @model_validator(mode="after")
+    def _says_both(self) -> PowerCyclesEntry:
+        accelerometer, gyro = (self.bias, self.scale), (self.gyro_bias, self.gyro_scale)
+        if any((None in pair) != (pair == (None, None)) for pair in (accelerometer, gyro)):
+            raise telling("needs bias and scale together, and gyro_bias and gyro_scale")
+        if accelerometer == gyro == (None, None):
+            raise telling("needs bias and scale, or of gyros gyro_bias and gyro_scale")
+        return self
+
+    @property
+    def standard_u(self) -> Mapping[str, float | None]:
+        """Standard uncertainties, by the names that a reduction has for them."""
+        stated = {
+            "bias_g": self.bias, "scale": self.scale,
+            "gyro_bias_dps": self.gyro_bias, "gyro_scale": self.gyro_scale,
+        }  # fmt: skip
+        return {name: None if value is None else value / self.k for name, value in stated.items()}
+
+
 class PlaceEntry(StrictModel):
     """A place for a unit under test: how it lies, what measures its output, what warms and feeds it.
 
@@ -146,6 +197,7 @@ class PlaceEntry(StrictModel):
         None, description="the reading of the thermometer at its converter, where that is in the chamber"
     )
     nominal: Nominal | None = None
+    power_cycles: PowerCyclesEntry | None = None
     range: AnyQuantity | None = Field(
         None, description="the largest input that it reads, either way: in g, or of a gyro in °/s"
     )
@@ -199,6 +251,12 @@ class PlaceEntry(StrictModel):
     def is_counted(self) -> bool:
         """Whether a counter counts its pulses."""
         return self.voltmeter is None and self.telemetry is None
+
+    @property
+    def says_power_cycles(self) -> bool:
+        """Whether the repeatability over power cycles of everything that its unit measures is stated."""
+        stated = self.power_cycles
+        return stated is not None and (self.channels is None or None not in (stated.bias, stated.gyro_bias))
 
     @property
     def makes_output_of_g(self) -> tuple[str, ...]:

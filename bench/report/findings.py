@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from bench.analysis.finding import BudgetLine, Finding, UnitResult
 from bench.analysis.limits import Limits
+from bench.analysis.power_cycles import reduced
 from bench.analysis.rundata import RunData
 from bench.analysis.unlike_nominal import compared_with_nominal
 from bench.report.measured import OnTheWay, verdicts_of
@@ -83,7 +84,7 @@ def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str,
         if entry.closure is not None:
             acquired = dataclasses.replace(acquired, closure=data(entry.closure).acquisitions)
         for part in acquired.by_length():
-            found |= {unit.place: unit for unit in reduce(part, settings)}
+            found |= {unit.place: unit for unit in reduced(reduce, part, settings)}
         for unit in acquired.units:
             dropped = found_on_the_way.dropped.get(unit.place)
             found_of_unit = found[unit.place]
@@ -113,7 +114,7 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
 def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on_the_way: OnTheWay) -> Verdict:
     """A run that left something out is incomplete, whatever the rest of it says, as a unit is (methods.md 1.10).
 
-    So is one whose results combine data from both sides of an interruption.
+    So is one whose results combine data from both sides of an interruption, unless their budgets contain it.
 
     One in which nothing has a limit passes nothing: NOT JUDGED.
     """
@@ -121,7 +122,7 @@ def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on
     if ended is not None and ended != "INCOMPLETE":
         return ended
     verdicts = {unit.verdict for unit in units} | verdicts_of(on_the_way.measurements)
-    apart = on_the_way.left_out or any(each.is_between for each in on_the_way.interruptions)
+    apart = on_the_way.left_out or any(each.unstated for each in on_the_way.interruptions)
     if ended or apart or verdicts & {"INCOMPLETE", "INVALID"} or (sequence.results and not units):
         return "INCOMPLETE"
     if "FAIL" in verdicts:

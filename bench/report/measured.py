@@ -77,7 +77,8 @@ class Interruption:
     """The loss of the process of a run, and its resumption.
 
     `after_s` is since the start of the run, `again` are the steps that were under way, `restarted` the groups that were
-    done again from their first step. `is_between` is whether what was acquired before and after it is reduced together.
+    done again from their first step. `is_between` is whether what was acquired before and after it is reduced together,
+    `unstated` then the places of units whose repeatability over power cycles the bench file does not state.
     """
 
     after_s: float
@@ -85,6 +86,7 @@ class Interruption:
     again: tuple[str, ...]
     restarted: tuple[str, ...]
     is_between: bool
+    unstated: tuple[str, ...] = ()
 
     @property
     def in_words(self) -> str:
@@ -99,9 +101,16 @@ class Interruption:
             text += " " + tr("Done again from its first step: {groups}.", groups=", ".join(self.restarted))
         if self.is_between:
             text += " " + tr(
-                "The results combine data from before and after it. The unit was without power in between, and no "
-                "budget contains its repeatability over power cycles: the run is INCOMPLETE."
+                "The results combine data from before and after it; the unit was without power in between."
             )
+        if self.unstated:
+            text += " " + tr(
+                "No budget contains its repeatability over power cycles: the run is INCOMPLETE. For further runs state "
+                "power_cycles in the bench file: {places}.",
+                places=", ".join(f"places.{place}" for place in self.unstated),
+            )
+        elif self.is_between:
+            text += " " + tr("Their budgets contain its repeatability over power cycles.")
         return text
 
 
@@ -135,8 +144,11 @@ class OnTheWay:
         }  # fmt: skip
 
 
-def on_the_way(reader: RunReader) -> OnTheWay:
-    """What the journal of a run holds."""
+def on_the_way(reader: RunReader, unstated: Sequence[str] = ()) -> OnTheWay:
+    """What the journal of a run holds.
+
+    `unstated` are the places of units whose repeatability over power cycles nobody states.
+    """
     measurements: dict[str, Measurement] = {}
     answers: list[Answered] = []
     left_out: list[LeftOut] = []
@@ -158,23 +170,25 @@ def on_the_way(reader: RunReader) -> OnTheWay:
             answers.append(Answered(event.step, str(data["question"]), answer, str(data["by"]), after_s))
         elif "reading" in data and "u" in data:
             measurements[first_visit(event.step)] = _measurement(event)
-    interruptions = tuple(_interruptions(reader, began_s))
+    interruptions = tuple(_interruptions(reader, began_s, tuple(unstated)))
     return OnTheWay(tuple(measurements.values()), tuple(answers), tuple(left_out), dropped, interruptions)
 
 
-def _interruptions(reader: RunReader, began_s: float) -> Iterator[Interruption]:
+def _interruptions(reader: RunReader, began_s: float, unstated: tuple[str, ...]) -> Iterator[Interruption]:
     resumed = list(reader.events("run_resumed"))
     if not resumed:
         return
     acquired_s = {first_visit(event.step): event.at_s for event in reader.events("step_ended") if "label" in event.data}
     for event in resumed:
         before = [at_s < event.at_s for at_s in acquired_s.values()]
+        is_between = any(before) and not all(before)
         yield Interruption(
             after_s=float(event.data["interrupted_s"]) - began_s,
             outage_s=float(event.data["outage_s"]),
             again=tuple(event.data["interrupted"]),
             restarted=tuple(event.data.get("restarted", ())),
-            is_between=any(before) and not all(before),
+            is_between=is_between,
+            unstated=unstated if is_between else (),
         )
 
 

@@ -12,7 +12,6 @@ from bench.analysis.rundata import RunData
 from bench.config.devices import Calibration
 from bench.config.fixture import FixtureEntry
 from bench.report.languages import tr
-from bench.report.measured import on_the_way
 from bench.report.shown import decimals
 from bench.report.stored import StoredRun
 from bench.report.times_and_sizes import duration, instant
@@ -75,7 +74,7 @@ def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
     if ended is None or ended.data["how"] != "completed":
         yield tr("The run did not complete.") + " " + tr(ENDINGS[manifest["state"]])
         yield from (tr("Not completed: step {step}.", step=step) for step in _unfinished(run))
-    yield from (each.in_words for each in on_the_way(run.reader).interruptions)
+    yield from (each.in_words for each in run.on_the_way.interruptions)
     for event in run.reader.events("left_out"):
         yield tr("Left out: step {step}.", step=event.step) + f" {event.data['text']}"
     if not_evaluated and not_evaluated not in manifest["problems"]:

@@ -11,7 +11,7 @@ from typing import Any
 from bench.analysis.acquired import Acquisition, Codes, Counts, Currents, Motion, Mount, Positions, Turned, Voltages
 from bench.analysis.missed import Missed, missed_of
 from bench.analysis.outputs import windows_of
-from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.analysis.rundata import PowerCycles, RunData, UnitUnderTest
 from bench.config.models import BenchFile
 from bench.report.bench_record import bench_record
 from bench.report.corrections import Corrections, corrections_of
@@ -145,6 +145,7 @@ def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnde
         sent_unit=bench.output_unit(place),
         channel_units=bench.sent_units(entry),
         ammeter=entry.ammeter or "",
+        power_cycles=None if entry.power_cycles is None else PowerCycles(**entry.power_cycles.standard_u),
     )
 
 
@@ -162,6 +163,7 @@ class _InForce:
     on_since_s: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     came_from: Mapping[str, str] = field(default_factory=dict)
     stand: int = 0
+    stretch: int = 0
 
     def after(self, event: Event, bench: BenchFile, begun_s: float) -> _InForce:
         """What it stands at when a step has ended that began at `begun_s`."""
@@ -185,6 +187,10 @@ class _InForce:
             self, angles_deg={**self.angles_deg, **angles_deg}, came_from=came_from,
             stand=self.stand + bool(moved),
         )  # fmt: skip
+
+    def interrupted(self) -> _InForce:
+        """What it stands at when the run goes on after an interruption: everything was off in between."""
+        return replace(self, input="accelerometer", sources_a={}, on_since_s={}, stretch=self.stretch + 1)
 
     def without(self, roles: set[str]) -> _InForce:
         """What it stands at when nobody knows where axes stand, or what the chamber has been told."""
@@ -242,7 +248,10 @@ def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple
     found: dict[str, tuple[Event, str, _InForce]] = {}
     begun: dict[str, tuple[float, float]] = {}
     turning: dict[str, Motion] = {}
-    for event in reader.events("step_begins", "turning", "step_ended", "step_failed", "step_cut"):
+    for event in reader.events("step_begins", "turning", "step_ended", "step_failed", "step_cut", "run_resumed"):
+        if event.kind == "run_resumed":
+            state = state.interrupted()
+            continue
         if event.kind == "turning":
             turning[first_visit(event.step)] = Motion(**event.data)
             continue
@@ -299,6 +308,7 @@ def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mappin
         on_since_s=state.on_since_s,
         came_from=state.came_from,
         stand=state.stand,
+        stretch=state.stretch,
         temperatures_c={name: series.values for name, series in meanwhile.items()},
         temperatures_at_s={name: series.at_s for name, series in meanwhile.items()},
         over_s=event.data.get("over_s"),

@@ -15,7 +15,7 @@ from bench.errors import StoreError
 from bench.report.calibration import read_calibration
 from bench.report.corrections import told
 from bench.report.findings import Results, evaluate
-from bench.report.measured import on_the_way
+from bench.report.measured import OnTheWay, on_the_way
 from bench.report.missed import MissedIn, missed_in_run
 from bench.report.rundata import run_data
 from bench.sequence.load import load_sequence
@@ -85,7 +85,7 @@ class StoredRun:
         """The findings of the methods that the sequence asks for; worked out once for a state of the run."""
         state = str(self.manifest["state"])
         if state not in self._evaluated:
-            found = evaluate(self.sequence, self.data, state, on_the_way(self.reader))
+            found = evaluate(self.sequence, self.data, state, self.on_the_way)
             self._evaluated[state] = replace(
                 found,
                 verdict="ERROR" if self.damage else found.verdict,
@@ -94,6 +94,12 @@ class StoredRun:
                 missed=self.missed(),
             )
         return self._evaluated[state]
+
+    @property
+    def on_the_way(self) -> OnTheWay:
+        """What its journal holds."""
+        places = self.bench.places
+        return on_the_way(self.reader, [place for place in self.serials if not places[place].says_power_cycles])
 
     def corrections(self) -> Iterator[str]:
         """A line for each instrument whose readings are corrected in the reduction of this run."""

@@ -14,6 +14,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from bench.app.drawn_faults import with_drawn_faults
 from bench.app.execute import RunResult, execute
 from bench.app.request import RunRequest, prepare
 from bench.app.resume import prepared_again, read_interrupted
@@ -27,7 +28,7 @@ from tests.support.runs import ROOT
 KILLED = 137
 
 
-class _Killed(Quiet):
+class Killed(Quiet):
     """An observer with which the process ends, without another instruction, at an instant of bench time."""
 
     def __init__(self, at_s: float) -> None:
@@ -77,14 +78,17 @@ def ended(entries: list[Event]) -> Counter[str]:
 
 def main(wish: dict[str, Any]) -> None:
     """Run, or resume, until killed."""
-    observer = _Killed(wish["at_s"])
+    observer = Killed(wish["at_s"])
     if "again" in wish:
         resumed(Path(wish["again"]), observer)
         return
     asked = wish["asked"]
     for key in ("settings", "units"):
         asked[key] = tuple(asked.get(key, ()))
-    execute(prepare(RunRequest(**{**asked, "runs": Path(asked["runs"])})), observer)
+    asked |= {key: Path(asked[key]) for key in ("runs", "scenario") if key in asked}
+    rehearsed = asked.pop("rehearsed", None)
+    prepared = prepare(RunRequest(**asked))
+    execute(prepared if rehearsed is None else with_drawn_faults(prepared, rehearsed), observer)
 
 
 if __name__ == "__main__":

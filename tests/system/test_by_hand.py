@@ -7,7 +7,7 @@ import json
 
 import pytest
 
-from bench.app.rehearse import draw_faults
+from bench.app.drawn_faults import draw_faults
 from bench.config.bench import load_bench
 from bench.config.models import BenchFile
 from bench.errors import InputError

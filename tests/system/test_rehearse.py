@@ -8,7 +8,8 @@ import re
 
 import pytest
 
-from bench.app.rehearse import draw_faults, rehearse
+from bench.app.drawn_faults import draw_faults
+from bench.app.rehearse import rehearse
 from bench.app.request import RunRequest, load_checked, prepare
 from bench.clock import wall_utc
 from bench.config.bench import load_bench

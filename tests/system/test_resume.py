@@ -10,6 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from bench.app.drawn_faults import with_drawn_faults
+from bench.app.request import RunRequest, prepare
+from bench.app.resume import prepared_again, read_interrupted
 from bench.cli.main import main
 from bench.engine.state import replayed
 from bench.errors import InputError
@@ -316,3 +319,61 @@ def test_a_world_that_goes_otherwise_is_noticed(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="its simulated bench cannot be rebuilt"):
         resumed(path, quiet)
     assert [entry.kind for entry in journal(path)].count("run_resumed") == 0
+
+
+# Simulated faults go on
+
+
+def faults_of(path: Path) -> list[tuple[str, str]]:
+    """Each fault that began or ended, in the order of the journal."""
+    return [(entry.kind, entry.data["fault"]) for entry in journal(path) if entry.kind.startswith("fault_")]
+
+
+def scenario(folder: Path, *faults: str) -> Path:
+    path = folder / "faults.yaml"
+    lines = "\n".join(f"  - {fault}" for fault in faults)
+    path.write_text(f"schema: itb-scenario/1\ntitle: Test\nfaults:\n{lines}\n", "utf-8")
+    return path
+
+
+ACQUIRE = "{acquire: counter, for: 10 s, label: a}"
+
+
+def test_faults_of_a_scenario_go_on_in_a_resumed_run(tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text(steps(ON, "{wait: 8 s}", "{wait: 20 s}", ACQUIRE, "{wait: 2 s}") + OFF + TAIL, "utf-8")
+    faults = scenario(
+        tmp_path,
+        "{at: 5 s, device: chamber, fault: silent, for: 1 s}",
+        "{at: 40 s, device: chamber, fault: delay, for: 5 s}",
+        "{after: steps/acquire, at: 1 s, device: head, fault: half_open, for: 500 ms}",
+    )
+    found = interrupted(tmp_path / "runs", 15.0, path, BENCH, scenario=str(faults))
+    assert faults_of(found) == [("fault_begins", "silent"), ("fault_ends", "silent")]
+    result = resumed(found)
+    assert (result.outcome.how, result.outcome.problems) == ("completed", [])
+    assert faults_of(found) == [
+        (kind, fault) for fault in ("silent", "delay", "half_open") for kind in ("fault_begins", "fault_ends")
+    ]
+    during = [entry.data["since_s"] for entry in journal(found) if "since_s" in entry.data]
+    assert during == [40.0, 45.0]  # both while the run was interrupted
+    assert examine(found).damage == ()
+
+
+def test_a_fault_that_lasts_through_an_interruption_is_there_after_it(tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text(steps("{wait: 20 s}", ON, "{wait: 1 s}") + OFF + TAIL, "utf-8")
+    faults = scenario(tmp_path, "{at: 30 s, device: supply, fault: silent}")
+    found = interrupted(tmp_path / "runs", 15.0, path, BENCH, scenario=str(faults))
+    result = resumed(found)
+    assert result.outcome.how == "error"
+    assert "supply" in result.problems[0]
+
+
+@SLOW
+def test_drawn_faults_of_a_rehearsal_are_drawn_again(tmp_path):
+    prepared = prepare(RunRequest("smoke", bench=str(BENCH), runs=tmp_path))
+    twice = [with_drawn_faults(prepared, 5).loaded.bench.simulation.faults for _ in range(2)]
+    found = interrupted(tmp_path / "runs", 8.0, "smoke", BENCH, rehearsed=5)
+    again = prepared_again(read_interrupted(found))
+    assert [again.loaded.bench.simulation.faults] * 2 == twice

@@ -128,8 +128,10 @@ def true_constants(truth: dict, finding: dict) -> dict[str, float]:
         return dwell
     place = finding["id"].split("/")[1]
     fields = {key: tuple(value) if isinstance(value, list) else value for key, value in truth["units"][place].items()}
-    return channel_constants(
+    found = channel_constants(
         UnitTruth(**fields), truth["bench"]["gravity_mps2"], dwell["axis_deg"], finding["at"]["temperature_c"],
         dwell["drifted_g"], through_of(truth, place), extra=dwell.get("extra", ()),
         by_input_g=dwell.get("by_input_g", ()),
     )  # fmt: skip
+    scale = 1 + dwell.get("turned_on_scale", 0.0)
+    return {**found, "K1": found["K1"] * scale, "K1_si": found["K1_si"] * scale}
