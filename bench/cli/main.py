@@ -9,7 +9,7 @@ import traceback
 from collections.abc import Iterator, Sequence
 
 from bench.cli import authoring, control, devices, offline, rehearsing, running, stored
-from bench.cli.commands import Command
+from bench.cli.commands import Command, Helped
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR
 from bench.cli.streams import make_usable
 from bench.errors import BenchError, InputError
@@ -45,8 +45,11 @@ def main(words: Sequence[str]) -> int:
         code = _done(words)
         sys.stdout.flush()
         return code
-    except SystemExit as ending:  # after --help
-        return ending.code if isinstance(ending.code, int) else 0
+    except Helped:
+        return 0
+    except SystemExit:  # of a plug-in, or of another module: its code would be taken for ours
+        _say("a module wants to end this program:\n" + traceback.format_exc())
+        return BENCH_ERROR
     except InputError as problem:
         _say(str(problem))
         return INPUT_ERROR

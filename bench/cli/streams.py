@@ -32,7 +32,8 @@ def _null(mode: str) -> io.TextIOWrapper:
     """The null device, under the lowest number that is free: that of the closed stream."""
     number = os.open(os.devnull, os.O_RDWR)
     os.set_inheritable(number, True)
-    return open(number, mode, encoding="utf-8", closefd=False)  # noqa: SIM115  open as long as the program
+    raw = io.FileIO(number, mode, closefd=False)
+    return io.TextIOWrapper(io.BufferedReader(raw) if mode == "r" else io.BufferedWriter(raw), encoding="utf-8")
 
 
 def _escaped(problem: UnicodeError) -> tuple[str, int]:
