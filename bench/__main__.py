@@ -1,5 +1,5 @@
 """`python -m bench` is `bench`."""
 
-from bench.cli.main import run
+from bench.cli.start import run
 
 run()

@@ -23,6 +23,9 @@ MOST = 0.9  # the share of readings that must be beyond a bound less this is at 
 GRID_DEG = 0.25  # whose multiples an indexing table is sent to
 MOST_TURNED_DEG = 361.0
 KELVIN = 273.15
+LEAST_FROZEN = 3  # readings
+LEAST_STILL = 20  # samples
+MOST_STILL = 0.25  # of them
 _NEAR = 0.05  # of a factor between two units
 _FACTORS = (
     (180 / np.pi, "as degrees for radians"),
@@ -66,6 +69,20 @@ def outputs(column: str, values_v: Array) -> Iterator[Doubt]:
     size = beyond(values_v, LARGEST_OUTPUT_V)
     if size is not None:
         yield Doubt("implausible_output", f"{column}: readings go to {size:.4g} V; are they in mV or µV?")
+
+
+def frozen(column: str, values: Array) -> Doubt | None:
+    """Doubt about readings (n,) that are one and the same number; None where they are not, or are too few to tell."""
+    known = values[np.isfinite(values)]
+    if len(known) < LEAST_FROZEN or np.ptp(known):
+        return None
+    return Doubt("implausible_output", f"{column}: all {len(known)} readings are {known[0]:.6g}: the output is frozen")
+
+
+def stands_still(values: Array) -> bool:
+    """Whether values (n,) in the order of time stay one and the same number for a good part of the time."""
+    changes = np.flatnonzero(np.diff(values, prepend=np.nan, append=np.nan) != 0)
+    return len(values) >= LEAST_STILL and int(np.max(np.diff(changes))) > MOST_STILL * len(values)
 
 
 def scale(name: str, value: float | None, bounds: tuple[float, float], unit: str) -> Iterator[Doubt]:

@@ -13,6 +13,8 @@ from bench.analysis.table_blocks import LEAST_SAMPLES, Block, TableRecord, cut_i
 
 FASTEST_DPS = 5000.0  # of any table
 LARGEST_ARM_M = 10.0
+SMALLEST_RADIUS_M = 0.01  # of a centrifuge
+LEAST_OF_RANGE = 0.01  # that the largest input of a test of it is
 LARGEST_LOW_G = 1.5  # low rates are those up to 1 g
 WITHIN = (0.5, 2.0)  # a rate over the one that was told
 GAINS = (0.1, 10.0)  # of a gyro at the lowest frequency
@@ -91,6 +93,13 @@ def _angle(seen: str, ratio: float) -> Doubt:
     return Doubt("implausible_time" if is_time else "implausible_angle", seen + slip(ratio))
 
 
+def of_range(largest: float, full_scale: float | None, setting: str) -> Iterator[Doubt]:
+    """A range of which the largest input is next to nothing."""
+    if full_scale is not None and 0 < abs(largest) < LEAST_OF_RANGE * full_scale:
+        seen = f"the largest input is {abs(largest):.4g}, and settings.{setting} is {full_scale:g}"
+        yield Doubt("implausible_scale", f"{seen}: see the units of both")
+
+
 def accelerometer_range(record: TableRecord, radius_m: float | None, bias_g: float | None) -> Iterator[Doubt]:
     """Readings at low rates beyond 1 g, an arm longer than any table, a table faster than any."""
     blocks = _blocks(record)
@@ -107,7 +116,7 @@ def accelerometer_range(record: TableRecord, radius_m: float | None, bias_g: flo
             "implausible_angle",
             f"by enc_deg and t_s the table turned at {fastest_dps:.4g} °/s: see their units",
         )
-    if radius_m is not None and np.isfinite(radius_m) and abs(radius_m) > LARGEST_ARM_M:
+    if radius_m is not None and np.isfinite(radius_m) and not SMALLEST_RADIUS_M <= abs(radius_m) <= LARGEST_ARM_M:
         yield Doubt(
             "implausible_scale",
             f"the radius is {radius_m:.4g} m: see the units of enc_deg (degrees), t_s (seconds) and acc_g (g)",

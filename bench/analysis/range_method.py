@@ -82,7 +82,7 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
     findings.append(radius)
     if _unlike(radius, usable[0], unit, data):
         blocks.flags.append("radius_unlike_bench_file")
-    if arm.u_radius_m > LARGEST_U_RADIUS * abs(arm.radius_m):
+    if arm.u_radius_m >= LARGEST_U_RADIUS * abs(arm.radius_m):
         blocks.flags.append("radius_not_determined")
         blocks.left_out.append("radius")
         return form.result(blocks, findings, None)

@@ -128,7 +128,7 @@ def accelerometer_range(
     arm = Arm(bias, low, local_g_mps2) if bias and low else None
     if len(low) < LEAST_LOW_RATES:
         blocks.flags.append("too_few_low_rates")
-    elif arm and arm.u_radius_m > LARGEST_U_RADIUS * abs(arm.radius_m):
+    elif arm and arm.u_radius_m >= LARGEST_U_RADIUS * abs(arm.radius_m):
         blocks.flags.append("radius_not_determined")
     points = []
     for phase, turning in blocks.numbered("run"):

@@ -57,17 +57,21 @@ class Tumble:
     @property
     def k0_g(self) -> float:
         """Bias K0 = c0/K1, in g."""
-        return self.c0 / self.k1
+        return self._over_k1(self.c0)
 
     @property
     def k2_g_per_g2(self) -> float:
         """Second-order coefficient K2 = c2/K1."""
-        return self.c2 / self.k1
+        return self._over_k1(self.c2)
 
     @property
     def misalignment_rad(self) -> float:
         """Misalignment d of the input axis in the plane of the tumble."""
-        return float(self.fit.coefficients[2]) / self.k1
+        return self._over_k1(float(self.fit.coefficients[2]))
+
+    def _over_k1(self, value: float) -> float:
+        """NaN of a unit that does not follow its input at all."""
+        return value / self.k1 if self.k1 else math.nan
 
     @property
     def values(self) -> dict[str, float]:

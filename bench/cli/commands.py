@@ -129,11 +129,15 @@ class Command(NamedTuple):
     def called(self, given: Sequence[str], below: str = "") -> int:
         """Carry it out with the words that follow it; `below` is a list of the commands below it, for its help.
 
-        Raises InputError, and SystemExit after --help.
+        Raises InputError, and Helped after --help.
         """
         parser = Parser(self, below)
         values = parser.values(given)
         return self.do(**values) or 0
+
+
+class Helped(Exception):
+    """The help of a command was written, which is all that was asked for."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -177,6 +181,10 @@ class Parser(argparse.ArgumentParser):
                     f"there is no option {word}" + (f"; did you mean {close}?" if close else "")
                     + ("" if close else "; a value that begins with - is written as --option=VALUE, or after --")
                 )  # fmt: skip
+
+    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        """Where argparse would end the program, which it does after the help alone."""
+        raise Helped
 
     def error(self, message: str) -> NoReturn:
         """Raise InputError with the command that the words were for."""

@@ -9,8 +9,9 @@ import traceback
 from collections.abc import Iterator, Sequence
 
 from bench.cli import authoring, control, devices, offline, rehearsing, running, stored
-from bench.cli.commands import Command
+from bench.cli.commands import Command, Helped
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR
+from bench.cli.streams import make_usable
 from bench.errors import BenchError, InputError
 from drivers.errors import DriverError
 
@@ -31,6 +32,7 @@ GROUPS = {
 def run() -> None:
     """Entry point; the exit codes are those of `bench.cli.exits`."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # searching all packages for some takes a while
+    make_usable()
     code = main(sys.argv[1:])
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
         signal.signal(number, signal.SIG_IGN)  # how it ended is decided
@@ -43,8 +45,11 @@ def main(words: Sequence[str]) -> int:
         code = _done(words)
         sys.stdout.flush()
         return code
-    except SystemExit as ending:  # after --help
-        return ending.code if isinstance(ending.code, int) else 0
+    except Helped:
+        return 0
+    except SystemExit:  # of a plug-in, or of another module: its code would be taken for ours
+        _say("a module wants to end this program:\n" + traceback.format_exc())
+        return BENCH_ERROR
     except InputError as problem:
         _say(str(problem))
         return INPUT_ERROR

@@ -16,7 +16,6 @@ from bench.engine.missed import Numbered
 from bench.engine.monitor import Monitor
 from bench.engine.orienting import orient, stop_axes
 from bench.engine.questions import Desk, Question
-from bench.errors import StepError
 from bench.rig import Rig
 from bench.sequence.custom import Custom, known_steps
 from bench.sequence.measuring import Acquire, Measure, Tare
@@ -237,10 +236,5 @@ async def _custom(step: Custom, bench: Bench) -> Found:
     description = known_steps()[step.name]
     settings = description.settings.model_validate(dict(step.settings))
     module, _, function = description.target.partition(":")
-    try:
-        found: Found = await getattr(importlib.import_module(module), function)(settings, bench)
-    except SystemExit as problem:  # which would end this program, with the bench as it is
-        raise StepError(
-            f"{description.target} wants to end the program ({problem!r}); a step raises an error"
-        ) from problem
+    found: Found = await getattr(importlib.import_module(module), function)(settings, bench)
     return found if step.value_name is None else {**found, "as": step.value_name}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import traceback
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Protocol
 
@@ -118,6 +119,11 @@ class Stepper:
                 f"takes longer than its timeout of {step.timeout_s:g} s. Check what it waits for, or increase the "
                 "timeout."
             ) from None
+        except SystemExit as problem:  # of a plug-in; it would end this program, with the bench as it is
+            where = traceback.extract_tb(problem.__traceback__)[-1]
+            raise StepError(
+                f"{where.filename}:{where.lineno}: wants to end the program ({problem!r}); a plug-in raises an error"
+            ) from problem
         finally:
             self._control.under_way.pop(planned.id, None)
 

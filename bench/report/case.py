@@ -225,7 +225,7 @@ def _tilt(case: Case) -> dict[str, Any]:
         "doubts": [
             *plausibility.kelvin("T_C", table.numbers("T_C")),
             *case_doubts.tilts(
-                len(table.columns["U_V"]) - found.excluded["missing"],
+                table.numbers("U_V"),
                 found.excluded["out_of_range"],
                 settings.scale_v_per_g,
                 settings.slope_v_per_c,

@@ -18,6 +18,7 @@ LONGEST_DWELL_S = 7200.0
 MOST_UNLIKE = 20.0  # channels of one unit
 WAYS = {"up": "falls", "down": "rises"}  # of a leg that goes against its name
 LARGEST_MOUNT_RAD = 0.02  # more than a degree is seen by eye, and corrected
+SAME_READING_C = 10.0  # between set points; no chamber comes that near to another
 LARGEST_MISFIT = 0.1  # of a reading from what the model of its sensor says, in scale factors
 SIGNS_OR_ROWS = ": see the signs of the output, and whether rows are displaced"
 NAMED = 5  # dwells
@@ -64,6 +65,15 @@ def sweep(
         yield Doubt("implausible_scale", seen + SIGNS_OR_ROWS)
 
 
+def clocked(output_v: Array, tilt_rad: float | None) -> Iterator[Doubt]:
+    """Of the clocking of M1, and the tilt of the surface that follows from it."""
+    if frozen := plausibility.frozen("clock: V", output_v):
+        yield frozen
+    elif tilt_rad is not None and abs(tilt_rad) > LARGEST_MOUNT_RAD:
+        seen = f"clock: by these readings the surface is tilted by {np.degrees(tilt_rad):.3g}°"
+        yield Doubt("implausible_scale", seen + "; is V in the unit of V_mean, and is each a reading?")
+
+
 def tumble(
     position_deg: Array, output_v: Array, measured_c: Array, set_c: Array, dwells: Iterable[Dwell]
 ) -> Iterator[Doubt]:
@@ -76,11 +86,14 @@ def tumble(
     away_c = plausibility.beyond(measured_c - set_c, 50.0)
     if away_c is not None:
         yield Doubt("implausible_temperature", f"T_meas_C is up to {away_c:.4g} °C away from T_set_C")
+    yield from _same_reading(measured_c, set_c)
     found = [(dwell.number, dwell.tumble) for dwell in dwells]
     if not found:
         return
     scale = float(np.median([tumble.k1 for _, tumble in found]))
     yield from plausibility.scale("K1", scale, plausibility.SCALES_V_PER_G, "V/g")
+    if not scale:
+        return
     odd = [
         number
         for number, tumble in found
@@ -92,6 +105,19 @@ def tumble(
         named = ", ".join(map(str, odd[:NAMED])) + (f" and {len(odd) - NAMED} more" if len(odd) > NAMED else "")
         seen = f"dwell {named}: K1 is not that of the others, or K2 or delta_rad is beyond {LARGEST_MISFIT:g}"
         yield Doubt("implausible_scale", seen + SIGNS_OR_ROWS)
+
+
+def _same_reading(measured_c: Array, set_c: Array) -> Iterator[Doubt]:
+    """A thermometer that stands still while the set point goes on."""
+    known = np.isfinite(measured_c) & np.isfinite(set_c)
+    readings, which = np.unique(measured_c[known], return_inverse=True)
+    lowest, highest = np.full(len(readings), np.inf), np.full(len(readings), -np.inf)
+    np.minimum.at(lowest, which, set_c[known])
+    np.maximum.at(highest, which, set_c[known])
+    frozen = readings[highest - lowest > SAME_READING_C]
+    if len(frozen):
+        seen = f"T_meas_C is {frozen[0]:.6g} °C at set points more than {SAME_READING_C:g} °C apart"
+        yield Doubt("implausible_temperature", f"{seen}: it is frozen")
 
 
 def ramp(legs: Sequence[Leg], temperature_c: Array, output_g: Array, slope_g_per_c: float | None) -> Iterator[Doubt]:
@@ -109,6 +135,9 @@ def ramp(legs: Sequence[Leg], temperature_c: Array, output_g: Array, slope_g_per
     frozen = [f"{leg.name} of cycle {leg.cycle}" for leg in legs if len(leg.time_s) > 2 and not np.ptp(leg.output_g)]
     if frozen:
         yield Doubt("implausible_output", f"U_V does not change on the leg {', '.join(frozen[:NAMED])}: it is frozen")
+    still = [f"{leg.name} of cycle {leg.cycle}" for leg in legs if plausibility.stands_still(leg.temperature_c)]
+    if still:
+        yield Doubt("implausible_temperature", f"T_C stands still on the leg {', '.join(still[:NAMED])}: it is frozen")
     for leg in legs:
         yield from list(plausibility.ramp(leg.time_s, leg.temperature_c))[:1]
     against = [leg for leg in legs if leg.against]
@@ -117,8 +146,11 @@ def ramp(legs: Sequence[Leg], temperature_c: Array, output_g: Array, slope_g_per
         yield Doubt("legs_exchanged", f"leg: {ways}, and is left out; are up and down exchanged?")
 
 
-def tilts(samples: int, out_of_range: int, scale_v_per_g: float, slope_v_per_c: float) -> Iterator[Doubt]:
+def tilts(output_v: Array, out_of_range: int, scale_v_per_g: float, slope_v_per_c: float) -> Iterator[Doubt]:
     """Of M4 tilt: most samples cannot be tilts, or the settings are those of no accelerometer."""
+    if frozen := plausibility.frozen("U_V", output_v):
+        yield frozen
+    samples = int(np.sum(~np.isnan(output_v)))
     yield from plausibility.scale("settings.K1_V_per_g", scale_v_per_g, plausibility.SCALES_V_PER_G, "V/g")
     if abs(slope_v_per_c / scale_v_per_g) > plausibility.LARGEST_SLOPE_G_PER_C:
         slope = f"{slope_v_per_c / scale_v_per_g * 1e6:.4g} µg/°C"
@@ -155,6 +187,8 @@ def unit(
     for key, bounds, unit_of in (
         ("K1_pps_per_g", SCALES_PPS_PER_G, "pulse/s/g"), ("KG_p_per_deg", SCALES_PULSE_PER_DEG, "pulse/°"),
     ):  # fmt: skip
+        if dead := sorted({axis for name, axis, value in scales if name == key and not value}):
+            yield Doubt("implausible_output", f"{key} of {', '.join(dead)} is 0: the counts do not follow the input")
         signs = {(axis, value > 0) for name, axis, value in scales if name == key and value}
         if both := sorted({axis for axis, _ in signs if {(axis, True), (axis, False)} <= signs}):
             yield Doubt("implausible_scale", f"{key} of {', '.join(both)} has another sign at some set points")

@@ -62,6 +62,7 @@ def _static_calibration(case: Case) -> dict[str, Any]:
         record = _sweep(table)
         found = calibrate(record, _settings(settings), _clocking(clock))
     ends = {name: end and _end(end) for name, end in found.ends.items()}
+    tilt_rad = found.both.surface_tilt_rad if found.both else None
     missing = None in ends.values()
     return {
         "ends": ends,
@@ -70,12 +71,19 @@ def _static_calibration(case: Case) -> dict[str, Any]:
         "rejected": {reason: found.excluded[reason] for reason in REJECTED},
         "flags": found.flags,
         "notes": [*found.notes, *([f"clock: rows left out because they are there twice: {copies}"] if copies else [])],
-        "doubts": case_doubts.sweep(
-            record.angle_deg,
-            record.output_v,
-            {name: (end.fit.scale_v_per_g, end.fit.linearity) for name, end in found.ends.items() if end and end.fit},
-            {"angle3_rad": settings.mount.angle3_rad, "angle4_rad": settings.mount.angle4_rad},
-        ),
+        "doubts": [
+            *case_doubts.sweep(
+                record.angle_deg,
+                record.output_v,
+                {
+                    name: (end.fit.scale_v_per_g, end.fit.linearity)
+                    for name, end in found.ends.items()
+                    if end and end.fit
+                },
+                {"angle3_rad": settings.mount.angle3_rad, "angle4_rad": settings.mount.angle4_rad},
+            ),
+            *(case_doubts.clocked(clock.numbers("V"), tilt_rad) if clock else ()),
+        ],
     }
 
 

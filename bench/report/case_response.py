@@ -100,7 +100,13 @@ def _gyro_range(case: Case) -> dict[str, Any]:
         LinearityLimit(settings.fraction, settings.full_scale_dps if by_full_scale else None),
         clip_dps=settings.clip_dps, rate_tolerance=settings.rate_tolerance,
     )  # fmt: skip
-    doubts = [*plausibility_table.clock(record), *plausibility_table.gyro_range(record, settings.commands_dps)]
+    doubts = [
+        *plausibility_table.clock(record),
+        *plausibility_table.gyro_range(record, settings.commands_dps),
+        *plausibility_table.of_range(
+            max(map(abs, settings.commands_dps.values())), settings.full_scale_dps, "full_scale_dps"
+        ),
+    ]
     return {"bias_dps": found.bias, **_range_result(found, _gyro_point), "doubts": doubts}
 
 
@@ -122,6 +128,11 @@ def _acc_range(case: Case) -> dict[str, Any]:
         "doubts": [
             *plausibility_table.clock(record),
             *plausibility_table.accelerometer_range(record, found.radius_m, found.bias),
+            *plausibility_table.of_range(
+                max((abs(point.true) for point in found.points if point.true is not None), default=0.0),
+                settings.range_g,
+                "range_g",
+            ),
         ],
     }
 

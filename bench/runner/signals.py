@@ -18,17 +18,24 @@ from typing import Any, Self
 from bench.engine.ending import EndRequest
 from bench.loop import BenchLoop
 
-TEXTS = {
+TEXTS: dict[int, tuple[str, str]] = {
     signal.SIGINT: ("interrupt", "ended by the operator with Ctrl-C"),
     signal.SIGQUIT: ("quit", "ended by the operator with Ctrl-\\"),
     signal.SIGTERM: ("terminate", "ended by SIGTERM: another program, or the shutdown of the computer"),
     signal.SIGHUP: ("hang-up", "ended by SIGHUP: the terminal was closed, or the connection to it was lost"),
     signal.SIGXCPU: ("limit", "ended by SIGXCPU: the process has used all its allowed processor time"),
-    signal.SIGUSR1: ("signal", "ended by SIGUSR1, which another program sent"),
-    signal.SIGUSR2: ("signal", "ended by SIGUSR2, which another program sent"),
-    signal.SIGALRM: ("signal", "ended by SIGALRM, which another program sent"),
+    signal.SIGPWR: ("power", "ended by SIGPWR: the power of the computer fails"),
 }
+OF_FAULTS = {  # of the program itself, which cannot go on; its guardian takes over
+    signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGSEGV, signal.SIGSYS, signal.SIGTRAP,
+}  # fmt: skip
+HARMLESS = {  # the last two in Python, which ignores them
+    signal.SIGCHLD, signal.SIGCONT, signal.SIGURG, signal.SIGWINCH, signal.SIGPIPE, signal.SIGXFSZ,
+}  # fmt: skip
 STOPPING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)  # would stop the process, with the bench as it is
+ENDING = sorted(
+    signal.valid_signals() - OF_FAULTS - HARMLESS - {*STOPPING, signal.SIGKILL, signal.SIGSTOP}
+)  # would end the process
 
 
 @dataclass(frozen=True)
@@ -55,16 +62,16 @@ class Signals:
         self._act: Callable[[Sent], object] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._raises = False
-        self._before: dict[signal.Signals, Any] = {}
+        self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
         """Take the signals over."""
         try:
-            for number in (*TEXTS, *STOPPING):
+            for number in (*ENDING, *STOPPING):
                 before = signal.getsignal(number)
                 if before is not signal.SIG_IGN:
                     self._before[number] = before
-                    signal.signal(number, self._came if number in TEXTS else signal.SIG_IGN)
+                    signal.signal(number, signal.SIG_IGN if number in STOPPING else self._came)
         except ValueError:  # not the main thread
             self._before.clear()
         return self
@@ -117,8 +124,9 @@ class Signals:
 
     def _came(self, number: int, _frame: FrameType | None) -> None:
         """Runs in the main thread between any two instructions."""
-        came = signal.Signals(number)
-        self.tell(Sent(came.name, EndRequest(*TEXTS[came]), came is signal.SIGINT))
+        name = _name(number)
+        text = TEXTS.get(number, ("signal", f"ended by {name}, which another program sent"))
+        self.tell(Sent(name, EndRequest(*text), number == signal.SIGINT))
 
     def tell(self, sent: Sent) -> None:
         """End the run as a signal does."""
@@ -128,3 +136,11 @@ class Signals:
         elif self._raises:
             self._raises = False
             raise Dropped
+
+
+def _name(number: int) -> str:
+    """Most real-time signals have no name of their own."""
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"SIGRTMIN+{number - signal.SIGRTMIN}"

@@ -85,6 +85,16 @@ def test_a_step_that_wants_to_end_the_program_ends_the_run_safely(tmp_path, plug
     path.write_text(steps("{custom: shake, with: {times: 0}}") + "teardown: [wait: 1 s]\n" + TAIL, "utf-8")
     result = run_short(tmp_path / "runs", sequence=str(path))
     assert (result.outcome.how, result.outcome.unsafe) == ("error", {})
-    assert "toy_plugin:shake wants to end the program (SystemExit(0))" in result.problems[0]
+    assert "toy_plugin.py:16: wants to end the program (SystemExit(0))" in result.problems[0]
     with RunReader(result.path) as reader:
         assert [event.step for event in reader.events("step_ended")] == ["teardown/wait"]
+
+
+def test_so_does_a_driver_that_wants_to(tmp_path, monkeypatch):
+    async def end(*_, **__):
+        raise SystemExit("no licence")
+
+    monkeypatch.setattr("drivers.head.driver.Head.move_to", end)
+    result = run_short(tmp_path / "runs", sequence="smoke")
+    assert (result.outcome.how, result.outcome.unsafe) == ("error", {})
+    assert "wants to end the program (SystemExit('no licence'))" in result.problems[0]

@@ -86,6 +86,10 @@ def _one_increment(case: GoodCase) -> None:
     case["dtheta1_rad"] = lambda values: np.where(np.arange(len(values)) == 4, 206265 * values, values)
 
 
+def _full_scale_per_hour(case: GoodCase) -> None:
+    case.settings |= {"linearity_basis": "full_scale", "full_scale_dps": 100.0 * 3600}
+
+
 def _legs_exchanged(case: GoodCase) -> None:
     case.records["ramp"]["leg"] = [{"up": "down", "down": "up"}[name] for name in case.records["ramp"]["leg"]]
 
@@ -103,6 +107,11 @@ def half(column: str) -> Callable[[GoodCase], Any]:
 def some(column: str) -> Callable[[GoodCase], Any]:
     """Half of the rows of a column, drawn."""
     return lambda case: np.random.default_rng(1).random(len(case[column])) < 0.5
+
+
+def frozen(column: str, which: Callable[[GoodCase], Any] = lambda _: True) -> Callable[[GoodCase], None]:
+    """A column that stays at its first value in some rows."""
+    return lambda case: case.__setitem__(column, np.where(which(case), case[column][0], case[column]))
 
 
 def down_a_row(column: str) -> Callable[[GoodCase], None]:
@@ -201,6 +210,17 @@ SLIPS = (
     Slip("M4", "dynamic", "temperature and output exchanged", exchanged("T_C", "U_V"), "implausible_scale"),
     Slip("M4", "dynamic", "up and down exchanged", _legs_exchanged, "legs_exchanged"),
     Slip("M4", "tilt", "output in mV", times("U_V", 1e3), "implausible_scale"),
+    Slip("M1", "", "clocking in mV", times("V", 1e3), "implausible_scale"),
+    Slip("M1", "", "clocking frozen", frozen("V"), "implausible_output"),
+    Slip("M2", "", "a gyro that counts nothing", times("Wy", 0), "implausible_output"),
+    Slip("M3", "acc_range", "output frozen", frozen("acc_g"), "implausible_scale"),
+    Slip("M3", "acc_range", "output in units of 1000 g", times("acc_g", 1e-3), "implausible_scale"),
+    Slip("M3", "acc_range", "range in mg", setting("range_g", 1000), "implausible_scale"),
+    Slip("M3", "gyro_range", "full scale in °/h", _full_scale_per_hour, "implausible_scale"),
+    Slip("M4", "static", "output 0", times("U_V", 0), "implausible_scale"),
+    Slip("M4", "static", "thermometer frozen later", frozen("T_meas_C", half("T_meas_C")), "implausible_temperature"),
+    Slip("M4", "dynamic", "thermometer frozen later", frozen("T_C", half("T_C")), "implausible_temperature"),
+    Slip("M4", "tilt", "output frozen", frozen("U_V"), "implausible_output"),
     Slip("M4", "tilt", "thermometer in kelvin", plus("T_C", 273.15), "implausible_temperature"),
     Slip("M4", "tilt", "temperature and output exchanged", exchanged("T_C", "U_V"), "implausible_scale"),
 )

@@ -32,6 +32,22 @@ def test_a_slip_is_seen(slip):
     assert missed(slip) == ""
 
 
+OUTPUTS = (
+    ("M0", "", "cum_pos"), ("M1", "", "V_mean"), ("M1", "", "V"),
+    *(("M2", "", f"{counted}{axis}") for counted in "NW" for axis in "xyz"),
+    ("M3", "gyro_range", "out_dps"), ("M3", "acc_range", "acc_g"), ("M3", "gyro_freq", "gyro_dps"),
+    ("M3", "acc_freq", "acc_g"), ("M4", "static", "U_V"), ("M4", "dynamic", "U_V"), ("M4", "tilt", "U_V"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("method", "sub", "column"), OUTPUTS)
+def test_an_output_that_never_changes_neither_passes_nor_is_reduced(tmp_path, method, sub, column):
+    for value in (0.0, 0.25):
+        case = good_case(method, sub)
+        case[column] = lambda values, value=value: np.full_like(values, value)
+        assert outcome(reduce_case(case.write(tmp_path))) in ("INCOMPLETE", "FAIL"), value
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_record_of_one_row_or_none_is_not_complete(tmp_path, kind):
     case = good_case(*kind)

@@ -1,0 +1,42 @@
+"""Signals while a run is under way."""
+
+import asyncio
+import os
+import signal
+import subprocess
+
+import pytest
+
+from bench.loop import run
+from bench.runner.signals import ENDING, STOPPING, Signals
+
+OF_FAULTS = {
+    signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGSEGV, signal.SIGSYS, signal.SIGTRAP,
+}  # fmt: skip
+IGNORED_BY_PYTHON = {signal.SIGPIPE, signal.SIGXFSZ}
+
+
+def ends_by_default(number):
+    return subprocess.run(["sh", "-c", f"kill -{number} $$"], check=False).returncode == -number
+
+
+def test_every_signal_that_ends_a_process_is_taken_but_those_of_its_own_faults():
+    tried = signal.valid_signals() - {*STOPPING, signal.SIGKILL, signal.SIGSTOP}
+    assert set(ENDING) == {number for number in tried if ends_by_default(number)} - OF_FAULTS - IGNORED_BY_PYTHON
+
+
+@pytest.mark.parametrize("number", ENDING)
+def test_a_signal_is_told_with_its_name(number):
+    told = []
+
+    async def wait_for_it():
+        came = asyncio.Event()
+        with signals.told_to(lambda sent: (told.append(sent), came.set())):
+            os.kill(os.getpid(), number)
+            await came.wait()
+
+    with Signals() as signals:
+        run(wait_for_it())
+    assert told[0].name.startswith("SIG")
+    assert told[0].name in told[0].request.text or number in (signal.SIGINT, signal.SIGQUIT)
+    assert told[0].gentle is (number == signal.SIGINT)
