@@ -30,6 +30,7 @@ from bench.sequence.plan import Nodes, Section, within
 from bench.sequence.talk import Prompt
 from bench.sequence.values import as_written
 from bench.store.energised import energised
+from bench.store.machine_state import machine_folder, problem_to_write
 from bench.store.tried import last_tried
 
 State = Literal["ok", "look", "NO", "-"]
@@ -91,7 +92,7 @@ def preflight(prepared: PreparedRun) -> Preflight:
     with holding(real_addresses(bench).values(), "bench preflight"):
         looked_at = (_instruments(prepared), _guardian(prepared))
     return Preflight((
-        *looked_at, _lockout(prepared), _left_on(prepared), _certificates(prepared), _rehearsal(prepared),
+        *looked_at, _register(), _lockout(prepared), _left_on(prepared), _certificates(prepared), _rehearsal(prepared),
         _questions(prepared), _alert(prepared), _disk(prepared), _clock(), _power(prepared), _protection(prepared),
         _times(prepared), _safe_end(prepared),
     ))  # fmt: skip
@@ -128,6 +129,16 @@ def _guardian(prepared: PreparedRun) -> Line:
     return Line("guardian", "ok", f"ready after {took_s:.1f} s")
 
 
+def _register() -> Line:
+    """Whether other users of this computer know of this run, and it of theirs."""
+    folder = machine_folder()
+    if folder is None:
+        return Line("register", "look", "of this user alone: others see neither what this run leaves on nor a lockout")
+    if problem := problem_to_write():
+        return Line("register", "NO", problem)
+    return Line("register", "ok", f"of all users, in {folder}")
+
+
 def _lockout(prepared: PreparedRun) -> Line:
     why = why_locked_out(prepared.loaded.bench)
     return Line("lockout", "NO" if why else "ok", why or "nobody has locked the bench out")
@@ -139,7 +150,7 @@ def _left_on(prepared: PreparedRun) -> Line:
     ours = {str(address): role for role, address in energising_addresses(loaded.bench).items()}
     problems: list[StoreError] = []
     left = {
-        f"{ours[address]} ({Path(each.run).name})"
+        f"{ours[address]} ({each.name})"
         for each in energised(problems.append)
         for address in each.connections.values()
         if address in ours
