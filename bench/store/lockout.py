@@ -76,8 +76,8 @@ def lift(bench: Path, at: datetime, by: str, reason: str) -> None:
 
 def lockouts() -> Iterator[Lockout]:
     """All of them. Raises StoreError for one that cannot be read, and where those of other users cannot."""
-    if problem := problem_to_read():
-        raise StoreError(problem)
+    if unknown := problem_to_read():
+        raise StoreError(unknown)
     try:
         paths = list(records(FOLDER))
     except OSError as problem:
