@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,11 +34,21 @@ def write_both(first: Path, first_data: bytes, second: Path, second_data: bytes)
         raise StoreError(f"{second}: cannot be written ({problem})") from problem
 
 
-def append_line(path: Path, text: str) -> None:
-    """Append a line, durably, after a new line where a power cut has torn the last one. Raises OSError."""
-    lines = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
+def append_line(path: Path, text: str, mode: int | None = None) -> None:
+    """Append a line, durably, after a new line where a power cut has torn the last one. Raises OSError.
+
+    With a `mode`, which others may have to the file, it is no link and no device, and has that mode whatever the umask.
+    """
+    shared = 0 if mode is None else os.O_NOFOLLOW | os.O_NONBLOCK
+    lines = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | shared, 0o600)
     try:
-        size = os.fstat(lines).st_size
+        found = os.fstat(lines)
+        if mode is not None:
+            if not stat.S_ISREG(found.st_mode):
+                raise OSError(f"{path} is no file")
+            if found.st_uid == os.geteuid():
+                os.fchmod(lines, mode)
+        size = found.st_size
         torn = size > 0 and os.pread(lines, 1, size - 1) != b"\n"
         data = f"{os.linesep * torn}{text}\n".encode()
         if os.write(lines, data) != len(data):

@@ -42,11 +42,15 @@ class Identity(NamedTuple):
 
 
 class ChamberState(NamedTuple):
-    """One coherent state of a chamber, °C; `set_point_c` is in force now and moves while the chamber ramps."""
+    """One coherent state of a chamber, °C; `set_point_c` is in force now and moves while the chamber ramps.
+
+    `is_safe` where it is switched off, or its set point is the safe one; None where the driver cannot tell.
+    """
 
     process_value_c: float
     set_point_c: float
     target_c: float
+    is_safe: bool | None = None
 
 
 class SourceReading(NamedTuple):

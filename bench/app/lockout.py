@@ -9,6 +9,7 @@ from bench.clock import wall_utc
 from bench.errors import InputError
 from bench.runner.held import real_addresses
 from bench.store.lockout import lift, lock_out, lockouts
+from bench.store.machine_state import printable
 
 
 def set_lockout(name: str, by: str, reason: str) -> None:
@@ -27,4 +28,4 @@ def lift_lockout(name: str, by: str, reason: str) -> None:
 
 def listed() -> Iterator[str]:
     """A line for each bench that is locked out."""
-    yield from (f"{each.bench}: {each.in_words}" for each in lockouts())
+    yield from (printable(f"{each.bench}: {each.in_words}") for each in lockouts())

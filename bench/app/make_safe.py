@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from bench.app.devices import open_devices
@@ -17,10 +17,12 @@ from bench.lanes import Lane, longest_lane_s, make_safe_in_lanes
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
 from bench.loop import run as run_loop
 from bench.rig import limits_to_make_safe
-from bench.runner.held import holding, real_addresses, why_locked_out
+from bench.runner.held import holding, owners, real_addresses, why_locked_out
 from bench.runner.takeover import END_BEYOND_S, take_over
-from bench.store.energised import energised, note_safe, record_made_safe
+from bench.store.energised import Energised, energised, note_safe, record_made_safe
+from bench.store.machine_state import printable, problem_to_write
 from bench.store.runs import summary
+from drivers.transport.address import Address
 
 Notice = Callable[[str], object]
 
@@ -48,7 +50,7 @@ def make_safe(
         try:
             loaded = load_bench_named(path)
         except InputError as problem:
-            ended(lane := Lane(path, "not reached", str(problem), 0.0))
+            ended(lane := Lane(printable(path), "not reached", printable(str(problem)), 0.0))
             yield lane
         else:
             yield from _of_bench(loaded, notice, ended)
@@ -58,16 +60,29 @@ def _registered(notice: Notice, *, over: bool) -> list[str]:
     """Paths of the bench files of runs that may have left instruments on; only of runs that are `over`, if asked."""
     found: dict[str, None] = {}
     for each in energised(lambda problem: notice(str(problem))):
-        if over and summary(Path(each.run)).state == "running":
+        if over and not _is_over(each):
             continue
-        notice(f"{Path(each.run).name}, begun {each.since}: {', '.join(each.connections)} not known to be safe")
+        notice(printable(f"{each.name}, begun {each.since}: {', '.join(each.connections)} not known to be safe"))
         found[each.bench] = None
     return list(found)
+
+
+def _is_over(left: Energised) -> bool:
+    """Whether a run has ended, and nobody has its instruments; the directory of another user cannot be looked into."""
+    if summary(Path(left.run)).state == "running":
+        return False
+    addresses = []
+    for text in left.connections.values():
+        with suppress(ValueError):
+            addresses.append(Address.parse(text))
+    return not owners(addresses)
 
 
 def _of_bench(loaded: LoadedBench, notice: Notice, ended: Callable[[Lane], object]) -> list[Lane]:
     bench, addresses = loaded.bench, list(real_addresses(loaded.bench).values())
     limits_s, why = limits_to_make_safe(bench), why_locked_out(bench)
+    if addresses and (problem := problem_to_write()):
+        notice(f"{problem}. Other users do not see that this bench is made safe.")
     if why:
         notice(f"{why}. Outputs are switched off, everything else is stopped where it is.")
     notice(f"{loaded.document.path}: {len(bench.devices)} instruments, at most {longest_lane_s(limits_s):g} s")

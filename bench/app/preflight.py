@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import datetime, timedelta
 from hashlib import sha256
 from pathlib import Path
@@ -22,6 +22,7 @@ from bench.loop import run as run_loop
 from bench.report.times_and_sizes import duration, instant, megabytes
 from bench.rig import OpenError, Rig
 from bench.runner.alert import route
+from bench.runner.found_on import Found, found_energised
 from bench.runner.guard import try_guardian
 from bench.runner.held import energising_addresses, holding, real_addresses, why_locked_out
 from bench.runner.nut import Client, PowerState
@@ -30,6 +31,7 @@ from bench.sequence.plan import Nodes, Section, within
 from bench.sequence.talk import Prompt
 from bench.sequence.values import as_written
 from bench.store.energised import energised
+from bench.store.machine_state import machine_folder, problem_to_write
 from bench.store.tried import last_tried
 
 State = Literal["ok", "look", "NO", "-"]
@@ -89,34 +91,34 @@ def preflight(prepared: PreparedRun) -> Preflight:
         )
         return Preflight((simulated, _disk(prepared), _times(prepared)))
     with holding(real_addresses(bench).values(), "bench preflight"):
-        looked_at = (_instruments(prepared), _guardian(prepared))
+        (instruments, found), guardian = _instruments(prepared), _guardian(prepared)
     return Preflight((
-        *looked_at, _lockout(prepared), _left_on(prepared), _certificates(prepared), _rehearsal(prepared),
-        _questions(prepared), _alert(prepared), _disk(prepared), _clock(), _power(prepared), _protection(prepared),
-        _times(prepared), _safe_end(prepared),
+        instruments, guardian, _register(), _lockout(prepared), _left_on(prepared, found), _certificates(prepared),
+        _rehearsal(prepared), _questions(prepared), _alert(prepared), _disk(prepared), _clock(), _power(prepared),
+        _protection(prepared), _times(prepared), _safe_end(prepared),
     ))  # fmt: skip
 
 
-def _instruments(prepared: PreparedRun) -> Line:
-    """Whether each is there, and is the one that the bench file names."""
+def _instruments(prepared: PreparedRun) -> tuple[Line, dict[str, Found]]:
+    """Whether each is there, and is the one that the bench file names; those that are energised."""
     bench = prepared.loaded.bench
 
-    async def look() -> tuple[Rig, str]:
+    async def look() -> tuple[Rig, str, dict[str, Found]]:
         rig, problem = Rig(open_devices(bench, laboratory_of(bench))), ""
         try:
-            await rig.open()
-        except OpenError as found:
-            problem = str(found)
+            try:
+                await rig.open()
+            except OpenError as wrong:
+                problem = str(wrong)
+            return rig, problem, await found_energised(rig, energising_addresses(bench))
         finally:
             await rig.close()
-        return rig, problem
 
-    rig, problem = run_loop(look())
+    rig, problem, found = run_loop(look())
     if problem:
-        return Line("instruments", "NO", "; ".join(problem.splitlines()))
-    return Line(
-        "instruments", "ok", ", ".join(f"{role} {found.serial}".strip() for role, found in rig.identities.items())
-    )
+        return Line("instruments", "NO", "; ".join(problem.splitlines())), found
+    there = ", ".join(f"{role} {who.serial}".strip() for role, who in rig.identities.items())
+    return Line("instruments", "ok", there), found
 
 
 def _guardian(prepared: PreparedRun) -> Line:
@@ -128,26 +130,39 @@ def _guardian(prepared: PreparedRun) -> Line:
     return Line("guardian", "ok", f"ready after {took_s:.1f} s")
 
 
+def _register() -> Line:
+    """Whether other users of this computer know of this run, and it of theirs."""
+    folder = machine_folder()
+    if folder is None:
+        return Line("register", "look", "of this user alone: others see neither what this run leaves on nor a lockout")
+    if problem := problem_to_write():
+        return Line("register", "NO", problem)
+    return Line("register", "ok", f"of all users, in {folder}")
+
+
 def _lockout(prepared: PreparedRun) -> Line:
     why = why_locked_out(prepared.loaded.bench)
     return Line("lockout", "NO" if why else "ok", why or "nobody has locked the bench out")
 
 
-def _left_on(prepared: PreparedRun) -> Line:
-    """Whether an earlier run may have left something on."""
+def _left_on(prepared: PreparedRun, found: Mapping[str, Found]) -> Line:
+    """Whether an earlier run may have left something on, and what the instruments themselves say."""
     loaded = prepared.loaded
     ours = {str(address): role for role, address in energising_addresses(loaded.bench).items()}
     problems: list[StoreError] = []
     left = {
-        f"{ours[address]} ({Path(each.run).name})"
+        f"{ours[address]} ({each.name})"
         for each in energised(problems.append)
         for address in each.connections.values()
         if address in ours
     }
-    if left or problems:
-        text = ", ".join([*sorted(left), *map(str, problems)])
+    now = [f"{role}: {what.text}" for role, what in sorted(found.items())]
+    if left or problems or any(what.is_output for what in found.values()):
+        text = ", ".join([*sorted(left), *map(str, problems), *now])
         return Line("left on", "NO", f"{text}: bench make-safe --bench {loaded.document.path}")
-    return Line("left on", "ok", "no run has left an instrument of this bench on")
+    if now:
+        return Line("left on", "look", f"{', '.join(now)}: the run goes to the safe set point first")
+    return Line("left on", "ok", "no run has left an instrument of this bench on, and none is")
 
 
 def _certificates(prepared: PreparedRun) -> Line:

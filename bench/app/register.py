@@ -11,6 +11,7 @@ from bench.engine.ending import Outcome
 from bench.errors import StoreError
 from bench.runner.held import energising_addresses
 from bench.store.energised import energised, note_energised, note_safe
+from bench.store.machine_state import problem_to_write
 
 
 class Register:
@@ -25,14 +26,17 @@ class Register:
         found: dict[str, str] = {}
         if not self._connections:
             return found
+        if problem := problem_to_write():
+            self._notice(f"{problem}. Until then 'bench make-safe' of other users does not know of this run.")
+        roles = {address: role for role, address in self._connections.items()}
         try:
             for each in energised(lambda problem: self._notice(str(problem))):
-                left = [role for role, address in each.connections.items() if address in self._connections.values()]
+                left = [roles[address] for address in each.connections.values() if address in roles]
                 if left:
-                    found |= dict.fromkeys(left, Path(each.run).name)
+                    found |= dict.fromkeys(left, each.name)
                     self._notice(
-                        f"{Path(each.run).name} ended without making {', '.join(left)} safe. This run makes them safe "
-                        "before its first step."
+                        f"{each.name} ended without making {', '.join(left)} safe. This run makes them safe before its "
+                        "first step."
                     )
             note_energised(self._run, self._bench, at, self._connections)
         except StoreError as problem:

@@ -6,7 +6,7 @@ import json
 import os
 import queue
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,7 @@ from bench.clock import wall_utc
 from bench.errors import StoreError
 from bench.files import append_line
 from bench.store.latch import INCIDENT
-from bench.store.user_state import state_folder
+from bench.store.machine_state import append_record
 
 WRITTEN_WITHIN_S = 5.0  # after which a guardian ends without
 STDERR = 2
@@ -35,7 +35,7 @@ class Notes:
         self.do(partial(_tell, f"{self._run.name}: {text}"))
 
     def entry(self, event: str, **facts: object) -> None:
-        """An entry, durable in the directory of the run and in the folder of this user's records."""
+        """An entry, durable in the directory of the run and in the records of the machine, or of this user."""
         entry = {"at": wall_utc().isoformat(timespec="milliseconds"), "run": str(self._run), "event": event, **facts}
         self.do(partial(self._append, json.dumps(entry, ensure_ascii=False)))
 
@@ -54,14 +54,10 @@ class Notes:
                 work()
 
     def _append(self, text: str) -> None:
-        for path in self._places():
-            with suppress(OSError):
-                append_line(path, text)
-
-    def _places(self) -> Iterator[Path]:
-        if self._run.is_dir():
-            yield self._run / INCIDENT
-        yield state_folder() / INCIDENT
+        with suppress(OSError):
+            if self._run.is_dir():
+                append_line(self._run / INCIDENT, text)
+        append_record(INCIDENT, text)
 
 
 def _tell(text: str) -> None:

@@ -116,7 +116,10 @@ def notes_of_steps(run: StoredRun) -> Iterator[str]:
 
 
 def left_on(run: StoredRun) -> Iterator[str]:
-    """Instruments that earlier runs had left on."""
+    """Instruments that were found energised, and those that earlier runs had left on."""
+    for event in run.reader.events("found_energised"):
+        names = "; ".join(f"{role}: {found['text']}" for role, found in sorted(event.data["devices"].items()))
+        yield tr("Found energised, and made safe before the first step: {names}.", names=names)
     for event in run.reader.events("found_left_on"):
         found = event.data["devices"]
         names = f"{', '.join(sorted(found))} ({', '.join(sorted(set(found.values())))})"

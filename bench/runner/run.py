@@ -24,7 +24,8 @@ from bench.errors import StoreError, in_words
 from bench.rig import CLOSE_S, OpenError, Rig, limits_to_make_safe
 from bench.runner.commands import commands_of
 from bench.runner.control import control_socket
-from bench.runner.held import is_locked_out
+from bench.runner.found_on import Found, found_energised
+from bench.runner.held import energising_addresses, is_locked_out
 from bench.runner.power import Hold
 from bench.runner.signals import Sent, Signals
 from bench.runner.terminal import answers_from_terminal
@@ -64,7 +65,8 @@ async def run_plan(
     questions are asked, before the first one. `hold` holds the run while its computer is on battery.
     `places` are those with a unit in them; None for all. `people` are whom
     the devices ask. `past` is what was done before an interruption. `left_on` are devices that other runs may have left
-    on, with the names of these runs: everything is made safe before the first step.
+    on, with the names of these runs. Where there are such, or a real instrument is found energised, everything is made
+    safe before the first step.
     """
     rig, journal = Rig(devices, limits_to_make_safe(bench), partial(is_locked_out, bench)), Journal(writer)
     in_use = bench.with_units_in(bench.places if places is None else places)
@@ -73,7 +75,8 @@ async def run_plan(
     try:
         await _open(rig, used, signals)
         _tell_who_is_there(rig, writer, journal, observer)
-        if left_on:
+        found = await _energised_before(rig, bench, left_on, journal, observer, signals)
+        if left_on or found:
             await _make_what_was_left_on_safe(rig, left_on, journal)
         if signals.first is None:
             interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
@@ -131,10 +134,33 @@ def _tell_who_is_there(rig: Rig, writer: RunWriter, journal: Journal, observer: 
         )
 
 
+async def _energised_before(
+    rig: Rig, bench: BenchFile, left_on: Mapping[str, str], journal: Journal, observer: Observer, signals: Signals
+) -> dict[str, Found]:
+    """What the real instruments do before this run has commanded anything, on record; {} where a signal ends it."""
+    roles = energising_addresses(bench)
+    if not roles or signals.first is not None:
+        return {}
+    found = await found_energised(rig, roles)
+    devices: dict[str, dict[str, object]] = {}
+    for role, what in found.items():
+        run = left_on.get(role, "")
+        observer.notice(
+            f"{role} was found energised: {what.text}; "
+            + (f"{run} has left it so" if run else "no run on record has left it so")
+            + ". It is made safe before the first step."
+        )
+        devices[role] = {"text": what.text, **what.values} | ({"left_by": run} if run else {})
+    if devices:
+        journal.write("found_energised", devices=devices)
+    return found
+
+
 async def _make_what_was_left_on_safe(rig: Rig, left_on: Mapping[str, str], journal: Journal) -> None:
     """Raise OpenError when something cannot be made safe."""
     unsafe = await finish(rig.make_safe(), rig.safe_within_s + CLOSE_S)
-    journal.write("found_left_on", devices=dict(left_on), unsafe=unsafe)
+    if left_on:
+        journal.write("found_left_on", devices=dict(left_on), unsafe=unsafe)
     if unsafe:
         raise OpenError("\n".join(unsafe.values()))
 

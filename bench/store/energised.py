@@ -1,27 +1,44 @@
 """Benches that may be energised: a file for each run with real connections, until its instruments are known to be safe.
 
-A run that is killed leaves its file; whoever makes the instruments safe takes them out of it.
+A run that is killed leaves its file; whoever makes the instruments safe takes them out of it. Two who change one file
+at once can only leave an instrument in it that is safe already.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
 from bench.errors import StoreError
-from bench.files import append_line, write_whole
 from bench.store.kept_json import TEXT, an_object, named, one_of, read_kept
+from bench.store.machine_state import (
+    append_record,
+    folder_to_write,
+    printable,
+    problem_to_read,
+    records,
+    remove_record,
+    write_record,
+)
 from bench.store.runs import json_text
-from bench.store.user_state import state_folder
 
 SCHEMA = "itb-energised/1"
 FOLDER = "energised"
+_UNUSABLE = "the register of energised benches cannot be used"
 MADE_SAFE = "made_safe.jsonl"
-_FIELDS = {"run": TEXT, "bench": TEXT, "since": TEXT, "connections": named(TEXT)}
+
+
+def _a_path(value: object) -> str:
+    fits = isinstance(value, str) and value.startswith("/") and "\0" not in value
+    return "" if fits else " is not the path of a file"
+
+
+_FIELDS = {"run": _a_path, "bench": _a_path, "since": TEXT, "connections": named(TEXT)}
 _FORM = an_object({"schema": one_of(SCHEMA), **_FIELDS}, required=("schema", *_FIELDS))
 
 
@@ -33,18 +50,29 @@ class Energised(NamedTuple):
     since: str
     connections: Mapping[str, str]
 
+    @property
+    def name(self) -> str:
+        """The name of the run, for a person; anybody may have written it."""
+        return printable(Path(self.run).name)
+
 
 def note_energised(run: Path, bench: Path, at: datetime, connections: Mapping[str, str]) -> None:
     """Record, durably, that a run may energise instruments from now on. Raises StoreError."""
     found = Energised(str(run.absolute()), str(bench.absolute()), at.isoformat(timespec="seconds"), connections)
-    _write(_folder() / f"{run.name}.{hashlib.sha256(found.run.encode()).hexdigest()[:8]}.json", found)
+    try:
+        folder = folder_to_write(FOLDER)
+    except OSError as problem:
+        raise StoreError(f"{_UNUSABLE} ({problem})") from problem
+    _write(folder / f"{run.name}.{hashlib.sha256(found.run.encode()).hexdigest()[:8]}.json", found)
 
 
 def energised(unreadable: Callable[[StoreError], object]) -> Iterator[Energised]:
     """The instruments that may be on, oldest run first; a file that cannot be read is passed to `unreadable`.
 
-    Raises StoreError when the folder cannot be read.
+    So is the folder of the machine. Raises StoreError when the user's own cannot be read.
     """
+    if problem := problem_to_read():
+        unreadable(StoreError(f"what runs of other users have left on is not known: {problem}"))
     yield from (found for _, found in sorted(_entries(unreadable), key=lambda entry: entry[1].since))
 
 
@@ -53,7 +81,7 @@ def note_safe(connections: Collection[str]) -> None:
     for path, found in list(_entries(lambda _problem: None)):
         left = {role: address for role, address in found.connections.items() if address not in connections}
         if not left:
-            _remove(path)
+            remove_record(path)
         elif len(left) < len(found.connections):
             _write(path, found._replace(connections=left))
 
@@ -62,37 +90,25 @@ def record_made_safe(bench: Path, at: datetime, lanes: Sequence[Mapping[str, obj
     """Append how each instrument of a bench was made safe by hand, durably. Raises StoreError."""
     line = {"bench": str(bench.absolute()), "at": at.isoformat(timespec="seconds"), "lanes": list(lanes)}
     try:
-        append_line(state_folder() / MADE_SAFE, json.dumps(line, ensure_ascii=False))
+        append_record(MADE_SAFE, json.dumps(line, ensure_ascii=False))
     except OSError as problem:
         raise StoreError(f"how the bench was made safe cannot be recorded ({problem})") from problem
 
 
 def _entries(unreadable: Callable[[StoreError], object]) -> Iterator[tuple[Path, Energised]]:
-    for path in sorted(_folder().glob("*.json")):
+    try:
+        paths = list(records(FOLDER))
+    except OSError as problem:
+        raise StoreError(f"{_UNUSABLE} ({problem})") from problem
+    for path in paths:
         try:
             content = read_kept(path, _FORM)
         except StoreError as problem:
-            if path.exists():  # else made safe meanwhile
-                unreadable(problem)
+            if os.path.lexists(path):  # else made safe meanwhile
+                unreadable(StoreError(printable(str(problem))))
         else:
             yield path, Energised(**{name: content[name] for name in _FIELDS})
 
 
-def _folder() -> Path:
-    try:
-        folder = state_folder() / FOLDER
-        folder.mkdir(exist_ok=True)
-    except OSError as problem:
-        raise StoreError(f"the register of energised benches cannot be used ({problem})") from problem
-    return folder
-
-
 def _write(path: Path, found: Energised) -> None:
-    write_whole(path, json_text({"schema": SCHEMA, **found._asdict()}).encode())
-
-
-def _remove(path: Path) -> None:
-    try:
-        path.unlink(missing_ok=True)
-    except OSError as problem:
-        raise StoreError(f"{path}: cannot be removed ({problem})") from problem
+    write_record(path, json_text({"schema": SCHEMA, **found._asdict()}).encode())

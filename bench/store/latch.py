@@ -15,6 +15,7 @@ from bench.clock import wall_utc
 from bench.errors import InputError, StoreError
 from bench.files import append_line
 from bench.store.energised import energised
+from bench.store.machine_state import printable
 from bench.store.runs import RunSummary, summary
 from bench.store.signed import check_signed
 from bench.store.unsafe import kept_unsafe
@@ -39,7 +40,7 @@ def latch(run: RunSummary) -> Latch | None:
     key = hashlib.sha256(json.dumps([unsafe, incident], sort_keys=True).encode()).hexdigest()
     if any(each.get("latch") == key for each in _lines(run.path / ACKNOWLEDGED)):
         return None
-    return Latch("; ".join(map(_printable, _reasons(unsafe, incident))), key)
+    return Latch("; ".join(map(printable, _reasons(unsafe, incident))), key)
 
 
 def _reasons(unsafe: dict[str, str], incident: list[dict[str, Any]]) -> Iterator[str]:
@@ -52,11 +53,6 @@ def _reasons(unsafe: dict[str, str], incident: list[dict[str, Any]]) -> Iterator
     for each in incident:
         if each.get("event") == "ends" and (left := each.get("unsafe")):
             yield f"the guardian could not make {', '.join(left) if isinstance(left, Mapping) else left} safe"
-
-
-def _printable(text: str) -> str:
-    """Text from a file that anybody may have edited, without what a terminal obeys."""
-    return "".join(each if each.isprintable() else "\N{REPLACEMENT CHARACTER}" for each in text)
 
 
 def acknowledge(path: Path, by: str, reason: str) -> str:
@@ -85,8 +81,8 @@ def _check_switched_off(run: RunSummary) -> None:
     for each in energised(problems.append):
         if Path(each.run).resolve() == run.path.resolve():
             raise InputError(
-                f"{run.id}: {', '.join(each.connections)} may still be energised. Make the bench safe first: bench "
-                f"make-safe --bench {each.bench}"
+                f"{run.id}: {printable(', '.join(each.connections))} may still be energised. Make the bench safe "
+                f"first: bench make-safe --bench {printable(each.bench)}"
             )
     if problems:
         raise InputError(

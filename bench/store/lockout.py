@@ -4,20 +4,30 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Collection, Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
 from bench.errors import InputError, StoreError
-from bench.files import append_line, write_whole
 from bench.store.kept_json import TEXT, an_object, named, one_of, read_kept
+from bench.store.machine_state import (
+    append_record,
+    folder_to_write,
+    folders_to_read,
+    printable,
+    problem_to_read,
+    records,
+    remove_record,
+    write_record,
+)
 from bench.store.runs import json_text
 from bench.store.signed import check_signed
-from bench.store.user_state import state_folder
 
 SCHEMA = "itb-lockout/1"
 FOLDER, LOG = "lockouts", "lockouts.jsonl"
+_UNUSABLE = "the records of lockouts cannot be used"
 _FIELDS = {"bench": TEXT, "since": TEXT, "by": TEXT, "reason": TEXT, "connections": named(TEXT)}
 _FORM = an_object({"schema": one_of(SCHEMA), **_FIELDS}, required=("schema", *_FIELDS))
 
@@ -34,14 +44,18 @@ class Lockout(NamedTuple):
     @property
     def in_words(self) -> str:
         """Who has locked it out, and why."""
-        return f"locked out by {self.by} since {self.since}: {self.reason}"
+        return printable(f"locked out by {self.by} since {self.since}: {self.reason}")
 
 
 def lock_out(bench: Path, at: datetime, by: str, reason: str, connections: Mapping[str, str]) -> Lockout:
     """Record a lockout durably, in place of an earlier one of the same bench. Raises InputError, StoreError."""
     check_signed(by, reason)
     found = Lockout(str(bench.resolve()), at.isoformat(timespec="seconds"), by, reason, connections)
-    write_whole(_path(bench), json_text({"schema": SCHEMA, **found._asdict()}).encode())
+    try:
+        folder = folder_to_write(FOLDER)
+    except OSError as problem:
+        raise StoreError(f"{_UNUSABLE} ({problem})") from problem
+    write_record(folder / _name(bench), json_text({"schema": SCHEMA, **found._asdict()}).encode())
     _log("set", at, found.bench, by, reason)
     return found
 
@@ -49,21 +63,33 @@ def lock_out(bench: Path, at: datetime, by: str, reason: str, connections: Mappi
 def lift(bench: Path, at: datetime, by: str, reason: str) -> None:
     """Take the lockout off a bench. Raises InputError where there is none, StoreError."""
     check_signed(by, reason)
-    path = _path(bench)
-    if not path.exists():
+    try:
+        found = [path for folder in folders_to_read(FOLDER) if os.path.lexists(path := folder / _name(bench))]
+    except OSError as problem:
+        raise StoreError(f"{_UNUSABLE} ({problem})") from problem
+    if not found:
         raise InputError(f"{bench}: is not locked out")
     _log("lifted", at, str(bench.resolve()), by, reason)
-    try:
-        path.unlink()
-    except OSError as problem:
-        raise StoreError(f"{path}: cannot be removed ({problem})") from problem
+    for path in found:
+        remove_record(path)
 
 
 def lockouts() -> Iterator[Lockout]:
-    """All of them. Raises StoreError for one that cannot be read."""
-    for path in sorted(_folder().glob("*.json")):
-        content = read_kept(path, _FORM)
-        yield Lockout(**{name: content[name] for name in _FIELDS})
+    """All of them. Raises StoreError for one that cannot be read, and where those of other users cannot."""
+    if unknown := problem_to_read():
+        raise StoreError(unknown)
+    try:
+        paths = list(records(FOLDER))
+    except OSError as problem:
+        raise StoreError(f"{_UNUSABLE} ({problem})") from problem
+    for path in paths:
+        try:
+            content = read_kept(path, _FORM)
+        except StoreError as problem:
+            if os.path.lexists(path):  # else lifted meanwhile
+                raise StoreError(printable(str(problem))) from problem
+        else:
+            yield Lockout(**{name: content[name] for name in _FIELDS})
 
 
 def locked_out(connections: Collection[str]) -> str:
@@ -77,23 +103,14 @@ def locked_out(connections: Collection[str]) -> str:
         return f"whether it is locked out is not known ({problem})"
 
 
-def _path(bench: Path) -> Path:
+def _name(bench: Path) -> str:
     resolved = bench.resolve()
-    return _folder() / f"{resolved.stem}.{hashlib.sha256(str(resolved).encode()).hexdigest()[:8]}.json"
-
-
-def _folder() -> Path:
-    try:
-        folder = state_folder() / FOLDER
-        folder.mkdir(exist_ok=True)
-    except OSError as problem:
-        raise StoreError(f"the records of lockouts cannot be used ({problem})") from problem
-    return folder
+    return f"{resolved.stem}.{hashlib.sha256(str(resolved).encode()).hexdigest()[:8]}.json"
 
 
 def _log(what: str, at: datetime, bench: str, by: str, reason: str) -> None:
     line = {"at": at.isoformat(timespec="seconds"), "what": what, "bench": bench, "by": by, "reason": reason}
     try:
-        append_line(state_folder() / LOG, json.dumps(line, ensure_ascii=False))
+        append_record(LOG, json.dumps(line, ensure_ascii=False))
     except OSError as problem:
         raise StoreError(f"the lockout cannot be recorded ({problem})") from problem

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 
 from bench.errors import StoreError
-from bench.files import write_whole
 from bench.store.kept_json import TEXT, an_object, named, one_of, read_kept
+from bench.store.machine_state import folder_to_write, records, write_record
 from bench.store.runs import json_text
-from bench.store.user_state import state_folder
 
 SCHEMA = "itb-unsafe/1"
 FOLDER = "unsafe"
@@ -24,18 +24,18 @@ def keep_unsafe(run: Path, at: datetime, unsafe: Mapping[str, str], connections:
     `connections` are the addresses of devices by role.
     """
     try:
-        folder = state_folder() / FOLDER
-        folder.mkdir(exist_ok=True)
+        folder = folder_to_write(FOLDER)
     except OSError as problem:
         raise StoreError(f"the record of devices that are not safe cannot be written ({problem})") from problem
-    path = folder / f"{run.name}.json"
+    of_path = hashlib.sha256(str(run.absolute()).encode()).hexdigest()[:8]  # runs of two users may have one name
+    path = folder / f"{run.name}.{of_path}.json"
     content = {
         "schema": SCHEMA,
         "run": str(run.absolute()),
         "at": at.isoformat(timespec="seconds"),
         "unsafe": {role: {"why": why, "connection": connections.get(role, "")} for role, why in unsafe.items()},
     }
-    write_whole(path, json_text(content).encode())
+    write_record(path, json_text(content).encode())
     return path
 
 
@@ -44,13 +44,13 @@ def kept_unsafe(run: Path) -> dict[str, str]:
 
     A file that cannot be read is an entry of that name.
     """
+    found: dict[str, str] = {}
     try:
-        path = state_folder() / FOLDER / f"{run.name}.json"
-        if not path.exists():
-            return {}
-        content = read_kept(path, _FORM)
+        for path in records(FOLDER):
+            if path.name.startswith(f"{run.name}."):
+                content = read_kept(path, _FORM)
+                if Path(content["run"]).resolve() == run.resolve():
+                    found |= {role: device["why"] for role, device in content["unsafe"].items()}
     except (StoreError, OSError) as problem:
-        return {"a device": str(problem)}
-    if Path(content["run"]).resolve() != run.resolve():
-        return {}
-    return {role: device["why"] for role, device in content["unsafe"].items()}
+        found["a device"] = str(problem)
+    return found

@@ -131,6 +131,28 @@ def test_the_next_run_names_the_one_that_left_instruments_on_and_makes_them_safe
     assert bench.state() == SAFE
 
 
+def test_what_somebody_else_has_switched_on_is_recorded_and_made_safe_before_the_first_step(bench, tmp_path, state):
+    bench.energise()
+    run = Process(bench.bench, tmp_path, "--set", "time=1 s")
+    assert run.code() == 0
+    assert run.path is not None
+    entries = journal(run.path)
+    kinds = [entry.kind for entry in entries]
+    assert kinds.index("identified") < kinds.index("found_energised") < kinds.index("step_begins")
+    assert "found_left_on" not in kinds
+    found = entries[kinds.index("found_energised")].data["devices"]
+    assert found.keys() == {"chamber", "supply", "source"}
+    assert found["supply"]["voltage_v"] == pytest.approx(15, abs=0.1)
+    assert found["source"]["current_a"] == pytest.approx(0.005)
+    assert found["chamber"]["set_point_c"] == HOT_C
+    assert "supply was found energised: output on, 15 V, " in (told := run.told.read_text("utf-8"))
+    assert "no run on record has left it so" in told
+    assert "Found energised, and made safe before the first step: chamber: set point 60 °C" in (
+        run.path / "report.html"
+    ).read_text("utf-8")
+    assert bench.state() == SAFE
+
+
 def test_a_bench_file_that_is_gone_is_named_and_no_success(bench, tmp_path):
     own = bench.edited(tmp_path / "own", "supply", str)
     run = Process(own, tmp_path)

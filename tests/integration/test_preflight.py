@@ -93,6 +93,24 @@ def test_a_bench_that_is_not_ready_is_not_energised(served, tmp_path):
     assert served.state() == before
 
 
+def test_what_the_instruments_themselves_say_is_shown_and_left_as_it_is(served, tmp_path):
+    try:
+        served.energise()
+        before = served.state()
+        found = states(bench_command("preflight", "smoke", "--bench", str(served.bench), "--json", *QUICK))["left on"]
+        assert found[0] == "NO"
+        for words in ("chamber: set point 60 °C, air", "source: output on, 0.005 A", "supply: output on, 15 V"):
+            assert words in found[1]
+        assert served.state() == before
+        served.make_safe("supply")
+        served.make_safe("source")
+        found = states(bench_command("preflight", "smoke", "--bench", str(served.bench), "--json", *QUICK))["left on"]
+        assert (found[0], "supply" in found[1]) == ("look", False)
+    finally:
+        for role in served.state():
+            served.make_safe(role)
+
+
 def test_an_absent_bench_is_named_instrument_by_instrument(tmp_path):
     found = states(bench_command("preflight", "smoke", "--bench", "config/simulated_wires.yaml", "--json", *QUICK))
     assert found["instruments"][0] == "NO"

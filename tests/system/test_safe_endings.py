@@ -8,6 +8,7 @@ import errno
 import json
 import os
 import signal
+from pathlib import Path
 
 import pytest
 
@@ -23,6 +24,7 @@ from bench.runner import run as runner
 from bench.runner.quiet import Quiet
 from bench.runner.signals import TEXTS
 from bench.store.reader import RunReader
+from bench.store.unsafe import kept_unsafe
 from bench.store.user_state import state_folder
 from bench.store.writer import RunWriter
 from tests.support.engines import run_plan
@@ -264,11 +266,12 @@ def test_what_is_not_safe_is_in_two_places_also_when_the_store_fails(tmp_path, m
     manifest = read_json(result, "manifest.json")
     assert "no answer" in manifest["unsafe"]["supply"]
     assert manifest["instruments"]["chamber"]["serial"] == "SIM-F4T-01"
-    record = state_folder() / "unsafe" / f"{result.path.name}.json"
+    (notice,) = (text for text in observer.notices if text.startswith("What is not safe is recorded in "))
+    record = Path(notice.rpartition(" ")[2])
+    assert record.parent == state_folder() / "unsafe"
     kept = json.loads(record.read_text("utf-8"))
     assert kept["run"] == str(result.path)
     assert kept["unsafe"]["supply"]["connection"].startswith("sim+tcp://")
-    assert f"What is not safe is recorded in {record}" in observer.notices
     assert any("the run store" in problem for problem in result.problems)
 
 
@@ -281,7 +284,7 @@ def test_what_is_not_safe_is_recorded_elsewhere_where_the_directory_takes_nothin
     result = smoke(tmp_path, Quiet(), bench, settings=("soak=10 min",))
     assert of_run(result) == 6
     assert "manifest.json: cannot be written" in result.problems
-    assert (state_folder() / "unsafe" / f"{result.path.name}.json").is_file()
+    assert "no answer" in kept_unsafe(result.path)["supply"]
 
 
 def test_what_opened_is_made_safe_when_an_instrument_is_missing(tmp_path):
