@@ -115,6 +115,28 @@ class Interruption:
 
 
 @dataclass(frozen=True, slots=True)
+class Superseded:
+    """An attempt at an acquisition that a later one stands in for; it began `after_s` after the start of the run.
+
+    `ended` is whether it came to its end, as where its group was done again, or an operator repeated it.
+    """
+
+    step: str
+    attempt: int
+    after_s: float
+    ended: bool
+
+    @property
+    def in_words(self) -> str:
+        """For a report."""
+        return tr(
+            "Superseded: attempt {number} of step {step}, begun {time} after the start. Its data are kept in the "
+            "record and not used.",
+            number=self.attempt, step=self.step, time=duration(self.after_s),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
 class OnTheWay:
     """Everything of a run that stands in its journal and not in its frames; of a step done again the last time.
 
@@ -126,12 +148,15 @@ class OnTheWay:
     left_out: tuple[LeftOut, ...] = ()
     dropped: Mapping[str, Dropped] = field(default_factory=dict)
     interruptions: tuple[Interruption, ...] = ()
+    superseded: tuple[Superseded, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """Its part of `results.json`; `interruptions` only where there were some."""
-        interruptions = {"interruptions": [asdict(each) for each in self.interruptions]} if self.interruptions else {}
+        """Its part of `results.json`; `interruptions` and `superseded` only where there were some."""
+        sometimes: dict[str, tuple[Interruption | Superseded, ...]] = {
+            "interruptions": self.interruptions, "superseded": self.superseded,
+        }  # fmt: skip
         return {
-            **interruptions,
+            **{name: [asdict(each) for each in found] for name, found in sometimes.items() if found},
             "measurements": [
                 {
                     "step": found.step, "reading": found.reading, "name": found.name, "value": found.value,
@@ -171,7 +196,8 @@ def on_the_way(reader: RunReader, unstated: Sequence[str] = ()) -> OnTheWay:
         elif "reading" in data and "u" in data:
             measurements[first_visit(event.step)] = _measurement(event)
     interruptions = tuple(_interruptions(reader, began_s, tuple(unstated)))
-    return OnTheWay(tuple(measurements.values()), tuple(answers), tuple(left_out), dropped, interruptions)
+    superseded = tuple(_superseded(reader, began_s))
+    return OnTheWay(tuple(measurements.values()), tuple(answers), tuple(left_out), dropped, interruptions, superseded)
 
 
 def _interruptions(reader: RunReader, began_s: float, unstated: tuple[str, ...]) -> Iterator[Interruption]:
@@ -190,6 +216,23 @@ def _interruptions(reader: RunReader, began_s: float, unstated: tuple[str, ...])
             is_between=is_between,
             unstated=unstated if is_between else (),
         )
+
+
+def _superseded(reader: RunReader, began_s: float) -> Iterator[Superseded]:
+    """Attempts at acquisitions before the last one that ended, in their order."""
+    begun: dict[str, list[Event]] = {}
+    ended: dict[str, list[str]] = {}
+    for event in reader.events("step_begins", "step_ended"):
+        step = first_visit(event.step)
+        if event.kind == "step_begins":
+            begun.setdefault(step, []).append(event)
+        elif "label" in event.data:
+            ended.setdefault(step, []).append(event.step)
+    for step, complete in ended.items():
+        for number, event in enumerate(begun[step], start=1):
+            if event.step == complete[-1]:
+                break
+            yield Superseded(step, number, event.at_s - began_s, event.step in complete)
 
 
 def _measurement(event: Event) -> Measurement:

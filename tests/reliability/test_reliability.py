@@ -11,7 +11,7 @@ from tests.reliability.table import table
 
 QUICK = {"S1": (0, 30), "S2": (0,), "S3": (0, 1), "S4": (0,), "S6": (0, 1, 2), "S9a": (0,), "S11": (0, 1)}
 TRACED = {"S9b": (0, 12), "S12": (0, 5)}
-SLOW = {"S5": (1,), "S16": (1,)}
+SLOW = {"S5": (1,), "S15": (0, 1, 3), "S16": (1,)}
 
 
 def _trials(lines: dict[str, tuple[int, ...]]) -> list[tuple[str, int]]:

@@ -241,7 +241,7 @@ def test_every_step_says_what_a_resumed_run_does_with_it(tree):
     plan, expected = tree
     content = timeline_json(expected, BENCH)
     found = {planned.id: step["if_resumed"] for planned, step in zip(plan, content["steps"], strict=True)}
-    assert set(found.values()) == {"restored", "in full", "again", "asked"}
+    assert set(found.values()) == {"restored", "in full", "again", "new attempt", "asked"}
     table = list(plan_table(plan, expected, BENCH))
     assert "resumed" in table[0]
     assert re.search(r"asked +steps/prompt$", "\n".join(table), re.M)
