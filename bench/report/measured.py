@@ -78,7 +78,8 @@ class Interruption:
 
     `after_s` is since the start of the run, `again` are the steps that were under way, `restarted` the groups that were
     done again from their first step. `is_between` is whether what was acquired before and after it is reduced together,
-    `unstated` then the places of units whose repeatability over power cycles the bench file does not state.
+    `unstated` then the places of units whose repeatability over power cycles the bench file does not state, and
+    `of_history` whether the run has a course of temperatures, which it cut.
     """
 
     after_s: float
@@ -87,6 +88,7 @@ class Interruption:
     restarted: tuple[str, ...]
     is_between: bool
     unstated: tuple[str, ...] = ()
+    of_history: bool = False
 
     @property
     def in_words(self) -> str:
@@ -111,6 +113,8 @@ class Interruption:
             )
         elif self.is_between:
             text += " " + tr("Their budgets contain its repeatability over power cycles.")
+        if self.of_history:
+            text += " " + tr("The temperature in between was not that of the sequence, which hysteresis contains.")
         return text
 
 
@@ -204,7 +208,9 @@ def _interruptions(reader: RunReader, began_s: float, unstated: tuple[str, ...])
     resumed = list(reader.events("run_resumed"))
     if not resumed:
         return
-    acquired_s = {first_visit(event.step): event.at_s for event in reader.events("step_ended") if "label" in event.data}
+    ended = list(reader.events("step_ended"))
+    acquired_s = {first_visit(event.step): event.at_s for event in ended if "label" in event.data}
+    set_points_c = {event.data["set_point_c"] for event in ended if "set_point_c" in event.data}
     for event in resumed:
         before = [at_s < event.at_s for at_s in acquired_s.values()]
         is_between = any(before) and not all(before)
@@ -215,6 +221,7 @@ def _interruptions(reader: RunReader, began_s: float, unstated: tuple[str, ...])
             restarted=tuple(event.data.get("restarted", ())),
             is_between=is_between,
             unstated=unstated if is_between else (),
+            of_history=is_between and len(set_points_c) > 1,
         )
 
 
