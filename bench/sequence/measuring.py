@@ -35,7 +35,7 @@ class Acquire(StepBase):
     """
 
     model_config = one_of(("for",), ("turns", "of"), ("during",), ("until_stable", "give_up_after"))
-    resumed: ClassVar[Resumed] = "new attempt"
+    resumed: ClassVar[Resumed] = "anew"
 
     role: Name = Field(alias="acquire")
     duration_s: PositiveSeconds | None = Field(None, alias="for", description="how long")
