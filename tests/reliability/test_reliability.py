@@ -1,13 +1,16 @@
 """A trial or two of each line of the scorecard; the campaigns are many of them."""
 
+import re
 import shutil
 from pathlib import Path
 
 import pytest
 
 from tests.reliability.campaign import Result, Results, carry_on
+from tests.reliability.clocks import HEAD, TABLE
 from tests.reliability.scorecard import LINES, Line
 from tests.reliability.table import table
+from tests.support.runs import ROOT
 
 QUICK = {"S1": (0, 30), "S2": (0,), "S3": (0, 1), "S4": (0,), "S6": (0, 1, 2), "S9a": (0,), "S11": (0, 1)}
 TRACED = {"S9b": (0, 12), "S12": (0, 5)}
@@ -53,3 +56,9 @@ def test_the_last_result_of_a_trial_counts(tmp_path: Path) -> None:
         assert bool(results.failed(line)) == bool(wrong)
     assert "5 of 50" in table([line], Results(path))
     assert len(path.read_text("utf-8").splitlines()) == 2
+
+
+def test_the_runs_with_a_clock_that_is_set_have_every_type_of_step() -> None:
+    names = re.findall(r"^## (\w+)$", (ROOT / "docs/reference/steps.md").read_text("utf-8"), re.MULTILINE)
+    assert len(names) > 20
+    assert [name for name in names if f"- {name}:" not in HEAD + TABLE] == ["custom"]  # which a plug-in brings

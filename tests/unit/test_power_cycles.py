@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from bench.analysis.acquired import Acquisition, Codes, Shift, Voltages
 from bench.analysis.bench_record import AxisRecord, BenchRecord
-from bench.analysis.counts import mean_rate, pulses_of_shift
+from bench.analysis.counts import mean_rate, shifted_counts
 from bench.analysis.finding import Finding, Interval, UnitResult
 from bench.analysis.outputs import mean_of
 from bench.analysis.power_cycles import SOURCE, reduced
@@ -164,9 +164,15 @@ def test_counts_are_shifted_to_a_fraction_of_a_pulse():
     counts = counted(1000.0)
     shifted = replace(counts, shift=Shift(1 + 1e-5, 0.003))
     assert mean_rate(shifted).net_pps - mean_rate(counts).net_pps == pytest.approx(0.013, rel=1e-6)
-    seconds = np.arange(101) * 0.1
-    assert pulses_of_shift(shifted, seconds)[-1] == pytest.approx(0.13, rel=1e-3)
-    assert not pulses_of_shift(counts, seconds).any()
+
+
+def test_whole_counts_are_shifted_without_a_counter_that_runs_backwards():
+    counts, seconds = counted(-1000.0), np.arange(101) * 0.1
+    for shift, pps in ((Shift(more=5.0), -995.0), (Shift(more=1500.0), 500.0), (Shift(1.01), -1010.0)):
+        positive, negative = (np.diff(each) % 2**24 for each in shifted_counts(replace(counts, shift=shift), seconds))
+        assert (positive.sum() - negative.sum()) / 10.0 == pytest.approx(pps, abs=0.1)
+        assert max(positive.max(), negative.max()) < 200
+    assert shifted_counts(counts, seconds) == (counts.positive, counts.negative)
 
 
 def test_codes_and_volts_are_shifted():
