@@ -112,7 +112,7 @@ class Interruption:
                 places=", ".join(f"places.{place}" for place in self.unstated),
             )
         elif self.is_between:
-            text += " " + tr("Their budgets contain its repeatability over power cycles.")
+            text += " " + tr("Budgets that it concerns contain its repeatability over power cycles.")
         if self.of_history:
             text += " " + tr("The temperature in between was not that of the sequence, which hysteresis contains.")
         return text

@@ -117,7 +117,7 @@ def test_with_a_stated_repeatability_over_power_cycles_a_resumed_run_is_judged(t
     assert sum(line.u for line in k0.budget if line.source == SOURCE) > 20e-6
     page = (path / "report.html").read_text("utf-8")
     assert "made safe, and resumed" in page
-    assert "Their budgets contain its repeatability over power cycles." in page
+    assert "Budgets that it concerns contain its repeatability over power cycles." in page
 
 
 def test_without_it_the_message_says_what_to_state_and_where(tmp_path):
