@@ -12,7 +12,7 @@ from bench.analysis.acquired import Acquisition, Array, Counts
 from bench.analysis.channel_means import Means, joined, means_of
 from bench.analysis.channel_meter import Metered, believes_meter, metered
 from bench.analysis.channel_temperature import ChannelRecord
-from bench.analysis.counts import mean_rate, pulses_of_shift
+from bench.analysis.counts import mean_rate, shifted_counts
 from bench.analysis.orientation import specific_force_g
 from bench.analysis.outputs import mean_output, means_between, measured
 from bench.analysis.rundata import RunData, UnitUnderTest
@@ -171,10 +171,11 @@ def read_out(acquisition: Acquisition, unit: UnitUnderTest, gate_s: float) -> Ch
     latches = np.searchsorted(counts.host_s, due_s)
     latches = np.unique(latches[latches < len(counts.host_s)])
     at_s, device_s = counts.host_s[latches], _device_s(counts)
+    positive, negative = shifted_counts(counts, device_s)
     return ChannelRecord(
         time_s=device_s[latches],
-        positive=counts.positive[latches].astype(np.float64) + pulses_of_shift(counts, device_s)[latches],
-        negative=counts.negative[latches].astype(np.float64),
+        positive=positive[latches].astype(np.float64),
+        negative=negative[latches].astype(np.float64),
         converter_c=_means_around(acquisition, unit.converter, at_s, gate_s),
         accelerometer_c=_means_around(acquisition, unit.temperature, at_s, gate_s),
     )

@@ -110,13 +110,21 @@ def steps_of(cumulative: Integers, bits: int) -> Integers:
     return steps
 
 
-def pulses_of_shift(counts: Counts, time_s: Array) -> Array:
-    """Net pulses that the shift of a channel has added up to at each latch; `time_s` (n,) are their times."""
-    if counts.shift == UNCHANGED:
-        return np.zeros(len(time_s))
+def shifted_counts(counts: Counts, time_s: Array) -> tuple[Integers, Integers]:
+    """Positive and negative counts as they would be with the shift of the channel, in whole pulses that wrap.
+
+    `time_s` (n,) are the times of the latches. The shift goes to the pulses of the sign that the net rate has with it,
+    so that no counter runs backwards.
+    """
+    if counts.shift == UNCHANGED or len(time_s) < 2:
+        return counts.positive, counts.negative
     steps = steps_of(counts.positive, counts.counter_bits) - steps_of(counts.negative, counts.counter_bits)
-    counted = np.concatenate(([0], np.cumsum(steps)))
-    return counts.shift.more * (time_s - time_s[:1]) + (counts.shift.times - 1) * counted
+    added = counts.shift.more * np.diff(time_s) + (counts.shift.times - 1) * steps
+    is_positive = steps + added >= 0
+    shares = np.where(is_positive, added, 0.0), np.where(is_positive, 0.0, -added)
+    more, less = (np.concatenate(([0], np.round(np.cumsum(share)).astype(np.int64))) for share in shares)
+    size = 1 << counts.counter_bits
+    return (counts.positive + more) % size, (counts.negative + less) % size
 
 
 def is_irregular(latch_s: Array) -> bool:

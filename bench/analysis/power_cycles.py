@@ -17,7 +17,7 @@ from bench.analysis.finding import BudgetLine, Finding, UnitResult, combined
 from bench.analysis.limits import U_UNKNOWN
 from bench.analysis.rundata import RunData, UnitUnderTest
 
-SOURCE = "unit: repeatability over power cycles"
+SOURCE = "power cycles: repeatability of the unit"
 DEPENDS = 1e-6  # of the largest change of a result: what is less is rounding
 Reduce = Callable[[RunData, Mapping[str, Any]], Sequence[UnitResult]]
 Shifts = Mapping[str, Shift]
@@ -104,9 +104,7 @@ def _sensors(unit: UnitUnderTest, result: UnitResult, settings: Mapping[str, Any
         yield _Sensor(measured_by, bias or 0.0, scale or 0.0, per_input)
 
 
-def _per_input(
-    unit: UnitUnderTest, result: UnitResult, settings: Mapping[str, Any], quantity: str, axis: str
-) -> float:
+def _per_input(unit: UnitUnderTest, result: UnitResult, settings: Mapping[str, Any], quantity: str, axis: str) -> float:
     """The scale factor of a sensor: as found, else as the sequence or the bench file states it; NaN for none."""
     place = f"{unit.place}/{axis}" if axis else unit.place
     found = [

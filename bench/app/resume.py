@@ -60,7 +60,6 @@ class Resumption(NamedTuple):
         """Time since the last entry; 0 where the computer's clock was set back meanwhile."""
         return max(0.0, (now - self.began - timedelta(seconds=self.last_s - self.began_s)).total_seconds())
 
-
     def passed_s(self, now: datetime) -> float:
         """Real time since the run began, however the computer's clock was set meanwhile; never negative.
 

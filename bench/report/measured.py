@@ -78,7 +78,8 @@ class Interruption:
 
     `after_s` is since the start of the run, `again` are the steps that were under way, `restarted` the groups that were
     done again from their first step. `is_between` is whether what was acquired before and after it is reduced together,
-    `unstated` then the places of units whose repeatability over power cycles the bench file does not state.
+    `unstated` then the places of units whose repeatability over power cycles the bench file does not state, and
+    `of_history` whether the run has a course of temperatures, which it cut.
     """
 
     after_s: float
@@ -87,6 +88,7 @@ class Interruption:
     restarted: tuple[str, ...]
     is_between: bool
     unstated: tuple[str, ...] = ()
+    of_history: bool = False
 
     @property
     def in_words(self) -> str:
@@ -110,8 +112,32 @@ class Interruption:
                 places=", ".join(f"places.{place}" for place in self.unstated),
             )
         elif self.is_between:
-            text += " " + tr("Their budgets contain its repeatability over power cycles.")
+            text += " " + tr("Budgets that it concerns contain its repeatability over power cycles.")
+        if self.of_history:
+            text += " " + tr("The temperature in between was not that of the sequence, which hysteresis contains.")
         return text
+
+
+@dataclass(frozen=True, slots=True)
+class Superseded:
+    """An attempt at an acquisition that a later one stands in for; it began `after_s` after the start of the run.
+
+    `ended` is whether it came to its end, as where its group was done again, or an operator repeated it.
+    """
+
+    step: str
+    attempt: int
+    after_s: float
+    ended: bool
+
+    @property
+    def in_words(self) -> str:
+        """For a report."""
+        return tr(
+            "Superseded: attempt {number} of step {step}, begun {time} after the start. Its data are kept in the "
+            "record and not used.",
+            number=self.attempt, step=self.step, time=duration(self.after_s),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,12 +152,15 @@ class OnTheWay:
     left_out: tuple[LeftOut, ...] = ()
     dropped: Mapping[str, Dropped] = field(default_factory=dict)
     interruptions: tuple[Interruption, ...] = ()
+    superseded: tuple[Superseded, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """Its part of `results.json`; `interruptions` only where there were some."""
-        interruptions = {"interruptions": [asdict(each) for each in self.interruptions]} if self.interruptions else {}
+        """Its part of `results.json`; `interruptions` and `superseded` only where there were some."""
+        sometimes: dict[str, tuple[Interruption | Superseded, ...]] = {
+            "interruptions": self.interruptions, "superseded": self.superseded,
+        }  # fmt: skip
         return {
-            **interruptions,
+            **{name: [asdict(each) for each in found] for name, found in sometimes.items() if found},
             "measurements": [
                 {
                     "step": found.step, "reading": found.reading, "name": found.name, "value": found.value,
@@ -171,14 +200,17 @@ def on_the_way(reader: RunReader, unstated: Sequence[str] = ()) -> OnTheWay:
         elif "reading" in data and "u" in data:
             measurements[first_visit(event.step)] = _measurement(event)
     interruptions = tuple(_interruptions(reader, began_s, tuple(unstated)))
-    return OnTheWay(tuple(measurements.values()), tuple(answers), tuple(left_out), dropped, interruptions)
+    superseded = tuple(_superseded(reader, began_s))
+    return OnTheWay(tuple(measurements.values()), tuple(answers), tuple(left_out), dropped, interruptions, superseded)
 
 
 def _interruptions(reader: RunReader, began_s: float, unstated: tuple[str, ...]) -> Iterator[Interruption]:
     resumed = list(reader.events("run_resumed"))
     if not resumed:
         return
-    acquired_s = {first_visit(event.step): event.at_s for event in reader.events("step_ended") if "label" in event.data}
+    ended = list(reader.events("step_ended"))
+    acquired_s = {first_visit(event.step): event.at_s for event in ended if "label" in event.data}
+    set_points_c = {event.data["set_point_c"] for event in ended if "set_point_c" in event.data}
     for event in resumed:
         before = [at_s < event.at_s for at_s in acquired_s.values()]
         is_between = any(before) and not all(before)
@@ -189,7 +221,25 @@ def _interruptions(reader: RunReader, began_s: float, unstated: tuple[str, ...])
             restarted=tuple(event.data.get("restarted", ())),
             is_between=is_between,
             unstated=unstated if is_between else (),
+            of_history=is_between and len(set_points_c) > 1,
         )
+
+
+def _superseded(reader: RunReader, began_s: float) -> Iterator[Superseded]:
+    """Attempts at acquisitions before the last one that ended, in their order."""
+    begun: dict[str, list[Event]] = {}
+    ended: dict[str, list[str]] = {}
+    for event in reader.events("step_begins", "step_ended"):
+        step = first_visit(event.step)
+        if event.kind == "step_begins":
+            begun.setdefault(step, []).append(event)
+        elif "label" in event.data:
+            ended.setdefault(step, []).append(event.step)
+    for step, complete in ended.items():
+        for number, event in enumerate(begun[step], start=1):
+            if event.step == complete[-1]:
+                break
+            yield Superseded(step, number, event.at_s - began_s, event.step in complete)
 
 
 def _measurement(event: Event) -> Measurement:

@@ -135,6 +135,7 @@ def power(run: StoredRun) -> Iterator[str]:
 
 def done_again(run: StoredRun) -> Iterator[str]:
     """What was asked or read once more, or done again, after a failure or because the operator wanted it."""
+    yield from (each.in_words for each in run.on_the_way.superseded)
     kinds = ("retried", "operator", "device_note", "doubted", "clock_step", "stalled", "device_left_out", "not_reached")
     for event in run.reader.events(*kinds):
         when = _since_start(run, event)

@@ -52,6 +52,7 @@ REASONS = {
 # What sources of uncertainty are of, besides the names of readings.
 SOURCES = (
     "head", "fixture", "platform", "counter", "site", "readings", "samples", "bias", "K1", "ladder", "power-on",
+    "power cycles",
     "asymmetry of the converter", "read-outs", "points", "accelerometer", "source", "sensor", "encoder", "axis",
     "low rates", "lever arm", "scale factor", "residuals of the model", "computer",
     "temperature", "readings of the rates", "gyro", "stretch of the arm", "misalignment of the input axis",

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
 from bench.config.interlocks import ReadingName
 from bench.sequence.inside import Steps
 from bench.sequence.limits import LimitEntry
-from bench.sequence.step_fields import StepBase, choice_of, one_of
+from bench.sequence.step_fields import Resumed, StepBase, choice_of, one_of
 from drivers.fields import AnyQuantity, Flag, InUnit, Name, PositiveSeconds, StrictModel
 from drivers.wording import telling
 
@@ -35,6 +35,7 @@ class Acquire(StepBase):
     """
 
     model_config = one_of(("for",), ("turns", "of"), ("during",), ("until_stable", "give_up_after"))
+    resumed: ClassVar[Resumed] = "anew"
 
     role: Name = Field(alias="acquire")
     duration_s: PositiveSeconds | None = Field(None, alias="for", description="how long")

@@ -51,11 +51,9 @@ LINES: Mapping[str, Line] = {
         Line("S13", "runs killed at any moment are resumed: complete, nothing done twice", 200, "resumes:once"),
         Line("S13w", "the same over wires in real time, of a run of five minutes", 20, "resumes:over_wires"),
         Line("S14", "runs killed again when resumed: complete", 20, "resumes:twice"),
+        Line("S15", "clock set, slewed, asleep, in every step and over interruptions: order and durations as without",
+             200, "clocks:clock"),
         Line("S16", "faults in a night of 16 h: none unsafe, none lost, every end has its cause", 1000,
              "nights:night"),
     )
 }  # fmt: skip
-
-NOT_TRIED: Mapping[str, str] = {
-    "S15": "steps of the clock: make test (tests/unit/test_clock_watch.py, tests/unit/test_loop.py)",
-}

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tests.reliability.campaign import Results
-from tests.reliability.scorecard import LINES, NOT_TRIED, Line
+from tests.reliability.scorecard import LINES, Line
 from tests.support.runs import ROOT
 
 PAGE = ROOT / "docs" / "explanation" / "reliability.md"
@@ -31,8 +31,6 @@ def table(lines: Sequence[Line], results: Results) -> str:
             "–".join(dict.fromkeys((days[0], days[-1]))) if days else "never",
             ", ".join(commits[-2:]),
         )
-    for key, why in NOT_TRIED.items():
-        shown.add_row(key, why, "-", "", "", "")
     text = io.StringIO()
     Console(file=text, width=150).print(shown)
     return text.getvalue()

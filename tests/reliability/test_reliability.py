@@ -1,18 +1,21 @@
 """A trial or two of each line of the scorecard; the campaigns are many of them."""
 
+import re
 import shutil
 from pathlib import Path
 
 import pytest
 
 from tests.reliability.campaign import KEPT, Results, carry_on
+from tests.reliability.clocks import HEAD, TABLE
 from tests.reliability.kept import Result, read_kept, write_kept
 from tests.reliability.scorecard import LINES, Line
 from tests.reliability.table import PAGE, table, with_counts
+from tests.support.runs import ROOT
 
 QUICK = {"S1": (0, 30), "S2": (0,), "S3": (0, 1), "S4": (0,), "S6": (0, 1, 2), "S9a": (0,), "S11": (0, 1)}
 TRACED = {"S9b": (0, 12), "S12": (0, 5)}
-SLOW = {"S5": (1,), "S16": (1,)}
+SLOW = {"S5": (1,), "S15": (0, 1, 3), "S16": (1,)}
 
 
 def _trials(lines: dict[str, tuple[int, ...]]) -> list[tuple[str, int]]:
@@ -70,3 +73,9 @@ def test_results_are_kept_by_runs_of_trials(tmp_path: Path) -> None:
 def test_the_page_has_the_counts_that_are_kept(tmp_path: Path) -> None:
     page = PAGE.read_text("utf-8")
     assert with_counts(page, Results(tmp_path / "none.jsonl", KEPT)) == page
+
+
+def test_the_runs_with_a_clock_that_is_set_have_every_type_of_step() -> None:
+    names = re.findall(r"^## (\w+)$", (ROOT / "docs/reference/steps.md").read_text("utf-8"), re.MULTILINE)
+    assert len(names) > 20
+    assert [name for name in names if f"- {name}:" not in HEAD + TABLE] == ["custom"]  # which a plug-in brings

@@ -11,7 +11,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime, tzinfo
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -48,10 +48,8 @@ class WallClock:
         self._epoch_s, self._changes, self._seen_s = epoch_s, changes, seen_s
 
     def _bench_s(self) -> float:
-        try:
+        with suppress(RuntimeError):  # no loop is running: nothing has passed since it did
             self._seen_s = max(self._seen_s, asyncio.get_running_loop().time())
-        except RuntimeError:  # no loop is running: nothing has passed since it did
-            pass
         return self._seen_s
 
     def monotonic(self) -> float:

@@ -10,12 +10,14 @@ from pathlib import Path
 
 import pytest
 
+from bench.analysis.power_cycles import SOURCE
 from bench.app.drawn_faults import with_drawn_faults
 from bench.app.request import RunRequest, prepare
 from bench.app.resume import prepared_again, read_interrupted
 from bench.cli.main import main
 from bench.engine.state import replayed
 from bench.errors import InputError
+from bench.report.stored import open_run
 from bench.runner.quiet import Quiet
 from bench.sequence.dwells import first_visit
 from bench.store.reader import digest_of
@@ -24,6 +26,7 @@ from bench.store.verify import examine
 from tests.support.killed import ended, interrupted, interrupted_again, journal, resumed
 from tests.support.runs import ROOT, copy_bench, run_short
 from tests.support.sequences import TAIL, steps
+from tests.truth.resumed import stepping_bench
 
 BENCH = ROOT / "config" / "simulated.yaml"
 ON = "{set: supply, voltage: 15 V, current_limit: 120 mA, output: on}"
@@ -102,6 +105,49 @@ def test_a_resumed_run_is_read_back_as_it_was_written(tmp_path):
     page = (path / "report.html").read_text("utf-8")
     assert "made safe, and resumed" in page
     assert "the run is INCOMPLETE" in page
+
+
+def test_with_a_stated_repeatability_over_power_cycles_a_resumed_run_is_judged(tmp_path):
+    bench = stepping_bench(tmp_path / "config")
+    path = interrupted(tmp_path / "runs", 50.0, "smoke", bench)
+    result = resumed(path)
+    assert result.results is not None
+    assert result.results.verdict == "PASS"
+    (k0,) = (each for unit in result.results.units for each in unit.findings if each.quantity == "K0")
+    assert sum(line.u for line in k0.budget if line.source == SOURCE) > 20e-6
+    page = (path / "report.html").read_text("utf-8")
+    assert "made safe, and resumed" in page
+    assert "Budgets that it concerns contain its repeatability over power cycles." in page
+
+
+def test_without_it_the_message_says_what_to_state_and_where(tmp_path):
+    path = interrupted(tmp_path, 50.0, "smoke", BENCH)
+    result = resumed(path)
+    assert result.results is not None
+    (found,) = result.results.on_the_way.interruptions
+    assert "state power_cycles in the bench file: places.a." in found.in_words
+
+
+def test_a_supply_is_on_since_the_resumption(tmp_path):
+    path = interrupted(tmp_path, 50.0, "smoke", BENCH)
+    resumed(path)
+    again_s = next(entry.at_s for entry in journal(path) if entry.kind == "run_resumed")
+    with open_run(path) as run:
+        acquired = [each for entry in run.sequence.results for each in run.data(entry.data).acquisitions]
+    assert {each.stretch for each in acquired} == {0, 1}
+    assert all((each.on_since_s["supply"][0] > again_s) == (each.stretch == 1) for each in acquired)
+
+
+@SLOW
+def test_an_attempt_that_was_cut_short_is_named_as_superseded(tmp_path):
+    path = cut(tmp_path, 25.0, ON, "{wait: 5 s}", "{acquire: counter, for: 30 s, label: a}", "{wait: 2 s}")
+    result = resumed(path)
+    assert result.results is not None
+    (found,) = result.results.on_the_way.superseded
+    assert (found.step, found.attempt, found.ended) == ("steps/acquire", 1, False)
+    (kept,) = json.loads((path / "results.json").read_text("utf-8"))["superseded"]
+    assert kept["step"] == "steps/acquire"
+    assert "Superseded: attempt 1 of step steps/acquire" in (path / "report.html").read_text("utf-8")
 
 
 @SLOW
@@ -227,6 +273,10 @@ def test_a_group_with_a_restart_point_is_done_again_as_a_whole(tmp_path):
     assert entry.data["restarted"] == ["steps/order"]
     page = (path / "report.html").read_text("utf-8")
     assert "Done again from its first step: steps/order." in page
+    assert result.results is not None
+    assert [(each.step, each.attempt, each.ended) for each in result.results.on_the_way.superseded] == [
+        ("steps/order/acquire", 1, True)
+    ]
 
 
 def test_a_group_with_a_restart_point_that_has_ended_is_passed_over(tmp_path):

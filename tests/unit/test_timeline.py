@@ -95,7 +95,7 @@ def test_each_step_has_its_time_and_the_bench_after_it_and_each_decision_a_line(
         "  0:41:10          6 s    60 °C   90°    15 V     off  restored      steps/parallel/turn/retry/move",
         "                                                                 group steps/feed, on failure: continue",
         "  1:26:10          0 s    60 °C   90°    15 V    1 mA  restored    steps/feed/set",
-        "  1:26:10         41 s    60 °C  270°    15 V    1 mA     again    steps/feed/acquire",
+        "  1:26:10         41 s    60 °C  270°    15 V    1 mA      anew    steps/feed/acquire",
         "  1:26:10         30 s    60 °C   90°    15 V    1 mA   in full      steps/feed/acquire/wait",
         "  1:26:40         11 s    60 °C  270°    15 V    1 mA  restored      steps/feed/acquire/move",
         "                                                                 in any case after steps/feed",
@@ -241,7 +241,7 @@ def test_every_step_says_what_a_resumed_run_does_with_it(tree):
     plan, expected = tree
     content = timeline_json(expected, BENCH)
     found = {planned.id: step["if_resumed"] for planned, step in zip(plan, content["steps"], strict=True)}
-    assert set(found.values()) == {"restored", "in full", "again", "asked"}
+    assert set(found.values()) == {"restored", "in full", "again", "anew", "asked"}
     table = list(plan_table(plan, expected, BENCH))
     assert "resumed" in table[0]
     assert re.search(r"asked +steps/prompt$", "\n".join(table), re.M)
