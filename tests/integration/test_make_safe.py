@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.energised import ENERGISED, SAFE, Process, Wires, wires
+from tests.support.energised import ENERGISED, HOT_C, SAFE, Process, Wires, wires
 from tests.support.guardians import guardian_of
 from tests.support.killed import journal
 from tests.support.runs import ROOT
