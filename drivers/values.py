@@ -44,13 +44,14 @@ class Identity(NamedTuple):
 class ChamberState(NamedTuple):
     """One coherent state of a chamber, °C; `set_point_c` is in force now and moves while the chamber ramps.
 
-    `is_safe` where it is switched off, or its set point is the safe one; None where the driver cannot tell.
+    `from_safe_c` is how far the last command is from the safe set point: 0 where the controller is switched off, None
+    where the driver does not report it.
     """
 
     process_value_c: float
     set_point_c: float
     target_c: float
-    is_safe: bool | None = None
+    from_safe_c: float | None = None
 
 
 class SourceReading(NamedTuple):

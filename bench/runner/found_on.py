@@ -13,6 +13,7 @@ from drivers.errors import DriverError
 
 LOOKED_AT_WITHIN_S = 5.0
 LOOKS_APART_S = 0.5  # of an axis: one that swings is at rest for a moment
+AWAY_C = 10.0  # a chamber that somebody has set to the temperature of the room is not left on
 AT_REST_DPS = 0.05  # slower, an encoder's last digits and a stiff position loop look the same
 
 
@@ -28,7 +29,7 @@ class Found(NamedTuple):
 
 
 async def found_energised(rig: Rig, roles: Collection[str]) -> dict[str, Found]:
-    """Those devices whose output is on, that move, or that are at another temperature than the safe one.
+    """Those devices whose output is on, that move, or whose set point is far from the safe one.
 
     One that does not say what it does counts as energised.
     """
@@ -64,7 +65,7 @@ async def _output(source: Source) -> Found | None:
 
 async def _temperature(chamber: ThermalChamber) -> Found | None:
     state = await chamber.state()
-    if state.is_safe is not False:
+    if state.from_safe_c is None or state.from_safe_c < AWAY_C:
         return None
     values = {"set_point_c": state.target_c, "process_value_c": state.process_value_c}
     text = f"set point {state.target_c:g} °C, air {state.process_value_c:.4g} °C"

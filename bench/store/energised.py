@@ -77,13 +77,22 @@ def energised(unreadable: Callable[[StoreError], object]) -> Iterator[Energised]
 
 
 def note_safe(connections: Collection[str]) -> None:
-    """Take instruments at these addresses out of all files; a run without any left has none. Raises StoreError."""
+    """Take instruments at these addresses out of all files; a run without any left has none.
+
+    Raises StoreError, after all others, where one cannot be changed.
+    """
+    problems: list[StoreError] = []
     for path, found in list(_entries(lambda _problem: None)):
         left = {role: address for role, address in found.connections.items() if address not in connections}
-        if not left:
-            remove_record(path)
-        elif len(left) < len(found.connections):
-            _write(path, found._replace(connections=left))
+        try:
+            if not left:
+                remove_record(path)
+            elif len(left) < len(found.connections):
+                _write(path, found._replace(connections=left))
+        except StoreError as problem:
+            problems.append(problem)
+    if problems:
+        raise problems[0]
 
 
 def record_made_safe(bench: Path, at: datetime, lanes: Sequence[Mapping[str, object]]) -> None:

@@ -99,9 +99,10 @@ class Chamber:
         """
         async with self._turn:
             look = await self._look()
-        at_safe = look.control is Control.SET_POINT and look.target_c == self._controller.kept(self._safe_c)
-        is_safe = at_safe or look.control is Control.NOBODY
-        return ChamberState(look.process_value_c, look.set_point_c, look.target_c, is_safe)
+        from_safe_c = (
+            0.0 if look.control is Control.NOBODY else abs(look.target_c - self._controller.kept(self._safe_c))
+        )
+        return ChamberState(look.process_value_c, look.set_point_c, look.target_c, from_safe_c)
 
     async def hold(self) -> None:
         """Makes the set point in force the set point, read back."""

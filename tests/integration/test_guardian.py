@@ -40,7 +40,6 @@ def state(tmp_path, monkeypatch) -> Path:
 
 
 def running(bench: Wires, folder: Path, step: str = "steps/wait") -> tuple[Process, int]:
-    bench.energise()
     run = Process(bench.bench, folder)
     run.until_step(step)
     return run, guardian_of(run.process.pid)
@@ -108,7 +107,6 @@ def test_a_guardian_is_not_ended_by_signals_and_ends_with_its_run(bench, tmp_pat
 
 
 def test_a_terminal_that_nobody_reads_holds_no_rescue_up(bench, tmp_path):
-    bench.energise()
     reads, writes = os.pipe()
     os.set_blocking(writes, False)
     with contextlib.suppress(BlockingIOError):

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.energised import ENERGISED, SAFE, Process, Wires, wires
+from tests.support import energised
+from tests.support.energised import ENERGISED, HOT_C, SAFE, SAFE_C, Process, Wires, wires
 from tests.support.guardians import guardian_of
 from tests.support.killed import journal
 from tests.support.runs import ROOT
@@ -46,7 +47,6 @@ def lanes(done: subprocess.CompletedProcess[str]) -> dict[str, str]:
 
 def running(bench: Wires, folder: Path) -> Process:
     """A run that has energised the bench."""
-    bench.energise()
     run = Process(bench.bench, folder)
     run.until_step("steps/wait")
     return run
@@ -131,9 +131,17 @@ def test_the_next_run_names_the_one_that_left_instruments_on_and_makes_them_safe
     assert bench.state() == SAFE
 
 
-def test_what_somebody_else_has_switched_on_is_recorded_and_made_safe_before_the_first_step(bench, tmp_path, state):
+def test_what_somebody_else_has_switched_on_is_recorded_and_made_safe_before_the_first_step(
+    bench, tmp_path, monkeypatch
+):
+    waits_first = energised.SEQUENCE.replace("  - wait: 2 s\nsteps:", "steps:").replace(
+        "setup:", "setup:\n  - wait: 5 s"
+    )
+    monkeypatch.setattr(energised, "SEQUENCE", waits_first)
     bench.energise()
     run = Process(bench.bench, tmp_path, "--set", "time=1 s")
+    run.until_step("setup/wait")
+    assert {role: bench.state_of(role) for role in ("chamber", "supply")} == {"chamber": SAFE_C, "supply": False}
     assert run.code() == 0
     assert run.path is not None
     entries = journal(run.path)

@@ -103,7 +103,6 @@ def test_a_run_ends_safe_when_the_battery_is_low(supply, tmp_path, monkeypatch):
     with wires(tmp_path / "served") as bench:
         text = bench.bench.read_text("utf-8")
         bench.bench.write_text(f"{text}power: {{ups: 'bench@127.0.0.1:{supply.port}', after: 1 h}}\n", "utf-8")
-        bench.energise()
         run = Process(bench.bench, tmp_path / "run")
         run.until_step("steps/wait")
         supply.set("OB")

@@ -77,7 +77,9 @@ def test_a_killed_run_goes_on_and_ends_safe(bench, tmp_path):
     again = next(entry for entry in entries if entry.kind == "run_resumed")
     assert again.data["boot"] == entries[0].data["boot"] != ""
     assert 0 < again.data["outage_s"] < 120
-    assert [step for step, count in ended(entries).items() if count > 1] == ["setup/set", "setup/set#2", "setup/wait"]
+    assert [step for step, count in ended(entries).items() if count > 1] == [
+        "setup/ramp", "setup/set", "setup/set#2", "setup/wait",
+    ]  # fmt: skip
     assert ended(entries)["steps/measure"] == 1
     assert examine(path).damage == ()
     assert list(energised(lambda _: None)) == []

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.support.energised import ENERGISED, SAFE, Process, Wires, wires
+from tests.support.energised import SAFE, Process, Wires, wires
 from tests.support.guardians import guardian_of, has_ended
 from tests.trials.signals import PHASES
 
@@ -89,8 +89,6 @@ def _played(number: int, way: str, dead: str = "", burning: int = 0) -> str:
             options, phase = ["--scenario", str(folder / "dead.yaml")], "steps"
         bench = others.enter_context(wires(folder / "bench", *options))
         begun_s = time.monotonic()
-        bench.energise()
-        assert bench.state() == ENERGISED
         arguments, wait = PHASES[phase]
         run = Process(bench.bench, folder / "run", *arguments)
         others.callback(run.process.kill)

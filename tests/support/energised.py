@@ -31,6 +31,7 @@ needs: {supply: power_supply, source: current_source, chamber: thermal_chamber}
 parameters:
   time: {help: how long the supply is on, default: 1 h}
 setup:
+  - {ramp: chamber, to: 60 °C, at: 1200 °C/min}
   - {set: supply, voltage: 15 V, current_limit: 120 mA, output: on}
   - {set: source, current: 5 mA, compliance: 10 V, output: on}
   - wait: 2 s

@@ -162,6 +162,18 @@ def test_who_may_only_read_is_held_back_by_a_lockout_and_told_that_its_own_recor
 
 
 @as_root
+def test_an_entry_that_a_user_may_not_change_keeps_none_of_its_own(machine):
+    note = "note_energised(Path('/runs/a'), Path('/b.yaml'), AT, {'supply': SUPPLY})"
+    by(BOB, note)
+    machine.joinpath("energised").chmod(0o2755)
+    next((machine / "energised").iterdir()).chmod(0o664)
+    tried = f"{note}\ntry: note_safe([SUPPLY])\nexcept Exception as problem: print(type(problem).__name__)"
+    assert by(ALICE, tried) == "StoreError"
+    own = Path(os.environ[VARIABLE]).parent / str(ALICE) / "inertial-test-bench" / "energised"
+    assert list(own.iterdir()) == []
+
+
+@as_root
 def test_a_folder_into_which_a_user_may_not_even_look_counts_as_there(place, machine):
     machine.rename(place / "closed")
     (outer := place / "outer").mkdir()

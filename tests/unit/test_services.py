@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import socket
 import subprocess
@@ -14,6 +15,8 @@ from bench.lanes import longest_lane_s
 from bench.rig import OWN_LIMIT_S
 from bench.runner.notify import VARIABLE, notify
 from bench.runner.quiet import Quiet
+from bench.store.machine_state import FOLDERS, STANDARD, problem_to_write
+from bench.store.machine_state import VARIABLE as MACHINE
 from drivers.safe_state import LONGEST_S
 from tests.support.runs import ROOT
 from tests.support.sequences import plan_of, steps
@@ -46,6 +49,23 @@ def test_the_unit_is_exposed_to_little(unit: Path) -> None:
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout[-300:]
+
+
+@pytest.mark.integration
+@pytest.mark.skipif(shutil.which("systemd-tmpfiles") is None or os.geteuid() != 0, reason="needs root and systemd")
+def test_the_folder_of_all_users_is_made_for_their_group(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "etc").mkdir()
+    (tmp_path / "etc" / "passwd").write_text("bench:x:47110:47110::/:/bin/false\n", "utf-8")
+    (tmp_path / "etc" / "group").write_text("bench:x:47110:\n", "utf-8")
+    text = (UNIT.parent / "bench.tmpfiles.conf").read_text("utf-8")
+    command = ["systemd-tmpfiles", f"--root={tmp_path}", "--create", "-"]
+    done = subprocess.run(command, input=text, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    machine = tmp_path / STANDARD.lstrip("/")
+    for path in (machine, *(machine / name for name in FOLDERS)):
+        assert (path.stat().st_mode & 0o7777, path.stat().st_gid) == (0o2770, 47110)
+    monkeypatch.setenv(MACHINE, str(machine))
+    assert problem_to_write() == ""
 
 
 def test_a_stop_leaves_time_to_make_the_bench_safe_twice() -> None:
