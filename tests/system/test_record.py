@@ -124,6 +124,13 @@ def test_another_file_in_the_place_of_the_database_is_not_taken_for_it(tmp_path)
     is_kept(result, state_folder() / "rescued" / result.path.name)
 
 
+def test_a_run_whose_log_is_removed_does_not_go_on_without_it(tmp_path):
+    """What is committed to a log without a name would be lost with the process."""
+    result = meddled(tmp_path / "runs", lambda folder: (folder / "run.db-wal").unlink())
+    is_kept(result, state_folder() / "rescued" / result.path.name)
+    assert "run.db-wal was removed while the run went on" in result.problems[0]
+
+
 def test_where_nothing_can_be_kept_the_run_ends_in_words(tmp_path, monkeypatch):
     (tmp_path / "state").write_text("no folder")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
