@@ -282,11 +282,8 @@ class RunWriter:
             kept = f"everything recorded until then is in {self.folder}"
         except StoreError as problem:
             kept = str(problem)
-        self._fail(
-            StoreError(
-                f"{'the run directory ' if missing == lost else ''}{missing} was removed while the run went on; {kept}"
-            )
-        )
+        what = f"the run directory {lost}" if missing == lost else str(missing)
+        self._fail(StoreError(f"{what} was removed while the run went on; {kept}"))
 
     def _insert(self, rows: Rows) -> None:
         self._database.execute("BEGIN IMMEDIATE")

@@ -61,7 +61,7 @@ def test_ctrl_c_before_a_run_is_never_lost(tmp_path):
         "    def __del__(self):\n"
         "        os.kill(os.getpid(), signal.SIGINT)\n"
         "def seen(event, of):\n"
-        "    if event == 'import' and of[0] == 'cantools':\n"
+        "    if event == 'import' and of[0] == 'pydantic':\n"
         "        Dying()\n"
         "sys.addaudithook(seen)\n",
         "utf-8",
