@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from bench.cli import authoring, control, devices, offline, rehearsing, running, stored
 from bench.cli.commands import Command, Helped
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR
+from bench.cli.interrupts import end_at_once
 from bench.cli.streams import make_usable
 from bench.errors import BenchError, InputError
 from drivers.errors import DriverError
@@ -33,6 +34,8 @@ def run() -> None:
     """Entry point; the exit codes are those of `bench.cli.exits`."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # searching all packages for some takes a while
     make_usable()
+    if sys.argv[1:2] in (["run"], ["rehearse"]):
+        end_at_once()
     code = main(sys.argv[1:])
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
         signal.signal(number, signal.SIG_IGN)  # how it ended is decided

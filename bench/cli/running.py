@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from bench.cli.commands import Command, argument, flag, option, options
 from bench.cli.exits import BENCH_ERROR, INPUT_ERROR, NOT_SAFE, PASS, of_run
+from bench.cli.interrupts import raise_again
 from bench.errors import InputError
 
 if TYPE_CHECKING:  # `bench --help` loads none of it
@@ -142,6 +143,8 @@ def run(*, as_json: bool, **wishes: Any) -> int:
         warn(prepared.plan, prepared.warnings)
         if prepared.request.unattended:
             from bench.app.preflight import lines_of, preflight
+
+            raise_again()
 
             found = preflight(prepared)
             for line in lines_of(found):

@@ -7,11 +7,11 @@ import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from bench.analysis.compensation import Beyond, Compensation
 from bench.analysis.finding import UnitResult
@@ -22,13 +22,17 @@ from bench.analysis.response_compensation import ResponseCompensation
 from bench.analysis.rundata import ReleasedCalibration
 from bench.analysis.second_order import NAMES
 from bench.config.models import BenchFile
-from bench.errors import InputError
+from bench.errors import InputError, StoreError
 from bench.report.case_file import Tolerant, read_json, validated
 from bench.report.table import Table, read_table
+from bench.store.runs import SEAL
+from bench.store.seal import file_hash, read_seal
 from drivers.suggest import did_you_mean
+from drivers.wording import telling
 
 SCHEMA = "itb-calibration/1"
 LIMIT_BYTES = 2**24
+SAME_CURVE = 1e-9  # of the sum of the magnitudes of its terms
 CHANNEL, TEMPERATURE, OUTPUT, FREQUENCY, PHASE = "channel", "T_C", "output", "f_Hz", "phase_deg"
 ADDED = ("value", "extrapolated")
 ADDED_PHASE = "value_phase_deg"
@@ -70,6 +74,20 @@ class _Polynomial(Tolerant):
     scale: float = Field(gt=0)
     coefficients: tuple[float, ...] = Field(min_length=1)
     valid_c: tuple[float, float]
+    powers_of_t: tuple[float, ...] | None = Field(None, alias="powers_of_T")
+
+    @model_validator(mode="after")
+    def _is_one_curve(self) -> Self:
+        """The same curve is in the file twice; who edits one of them has not measured it."""
+        if not self.powers_of_t:
+            return self
+        at_c = np.linspace(self.centre - self.scale, self.centre + self.scale, 1 + len(self.coefficients))
+        powers = np.polynomial.polynomial.polyval(at_c, self.powers_of_t)
+        curve = np.polynomial.polynomial.polyval((at_c - self.centre) / self.scale, self.coefficients)
+        size = np.abs(self.powers_of_t) @ np.max(np.abs(at_c)) ** np.arange(len(self.powers_of_t))
+        if not np.allclose(powers, curve, rtol=0, atol=SAME_CURVE * size):
+            raise telling("coefficients and powers_of_T are not the same curve: the file was edited")
+        return self
 
     def curve(self) -> TemperatureModel:
         return TemperatureModel(
@@ -98,7 +116,7 @@ class _Constant(Tolerant):
 
 def _kind(raw: Any) -> str:
     """Which curve it is, by what only this one has."""
-    keys = {"coefficients": "polynomial", "knots_c": "knots"}
+    keys = {"coefficients": "polynomial", "knots_c": "knots"} if isinstance(raw, dict) else {}
     return next((kind for key, kind in keys.items() if key in raw), "constant")
 
 
@@ -188,7 +206,14 @@ class CalibrationFile(Tolerant):
 
 
 def read_calibration(path: Path) -> CalibrationFile:
-    """The calibration in a file; InputError names every problem with its place."""
+    """The calibration in a file; InputError names every problem with its place.
+
+    StoreError where a run has written it that is sealed, and it has changed since.
+    """
+    if (path.parent / SEAL).exists():
+        written = read_seal(path.parent).files.get(path.name)
+        if written is not None and path.is_file() and file_hash(path) != written:
+            raise StoreError(f"{path}: has changed since it was written; 'bench runs verify {path.parent}' has more")
     return validated(CalibrationFile, read_json(path, LIMIT_BYTES), f"{path.name}: ")
 
 

@@ -23,11 +23,12 @@ from bench.files import write_whole
 from bench.report.findings import Results
 from bench.store.kept_json import TEXT, WHOLE, an_object, every, named, one_of, read_kept
 from bench.store.manifest_form import instant
-from bench.store.runs import json_text
+from bench.store.runs import SEAL, json_text
 from bench.store.seal import file_hash
 from drivers.bounded import UnfitFileError, expect_bounded
 
 REVISIONS = "report_revisions.json"
+FORMS = ("html", "pdf", "json", "csv")
 SCHEMA = "itb-reports/1"
 
 
@@ -80,6 +81,11 @@ def changed_reports(folder: Path) -> Iterator[str]:
     for name, expected in files.items():
         if told := _problem_of(folder / name, expected):
             yield f"{folder / name}: {told} 'bench report {folder.name}' writes it again"
+    if not (folder / SEAL).exists():  # of versions that kept no list of reports
+        return
+    for report in sorted(folder.glob("report.*")):
+        if report.suffix.removeprefix(".") in FORMS and report.name not in files:
+            yield f"{report}: is not in {REVISIONS}; 'bench report {folder.name}' writes it again"
 
 
 def _problem_of(report: Path, expected: str) -> str:

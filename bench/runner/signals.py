@@ -63,6 +63,7 @@ class Signals:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._raises = False
         self._before: dict[int, Any] = {}
+        self._blocked: set[int] = set()
 
     def __enter__(self) -> Self:
         """Take the signals over."""
@@ -72,6 +73,7 @@ class Signals:
                 if before is not signal.SIG_IGN:
                     self._before[number] = before
                     signal.signal(number, signal.SIG_IGN if number in STOPPING else self._came)
+            self._blocked = signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)  # whoever began us may have blocked them
         except ValueError:  # not the main thread
             self._before.clear()
         return self
@@ -80,6 +82,8 @@ class Signals:
         """Let them do again what they did before."""
         for number, before in self._before.items():
             signal.signal(number, before)
+        if self._before:
+            signal.pthread_sigmask(signal.SIG_SETMASK, self._blocked)
         self._before.clear()
 
     @property

@@ -20,6 +20,7 @@ from drivers.frame_block import FrameBlock
 VERSION = 2
 READABLE = (1, 2)  # 1 has no chain
 FILE_NAME = "run.db"
+LOG_NAME = f"{FILE_NAME}-wal"
 TABLES = {"journal": 5, "block": 8, "channel": 3, "reading": 4, "sample": 5}  # and how many columns they have
 CHAIN = "chain"
 CHAIN_COLUMNS = 2 + len(TABLES)

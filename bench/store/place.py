@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sqlite3
+from collections.abc import Iterable
 from pathlib import Path
 
 from bench.errors import StoreError
@@ -15,24 +16,27 @@ RESCUED = "rescued"  # records of runs whose directory was removed, in the folde
 
 
 class Place:
-    """A file in a folder, both as they were when this was made; the folder is followed wherever it is moved to.
+    """Files in a folder, all as they were when this was made; the folder is followed wherever it is moved to.
 
-    The file itself is never opened: closing it would let go of the locks that SQLite has on it.
+    The files themselves are never opened: closing one would let go of the locks that SQLite has on it.
     """
 
-    def __init__(self, file: Path) -> None:
-        self._file, self._inode = file, _inode(file)
-        self._folder = os.open(file.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    def __init__(self, folder: Path, names: Iterable[str]) -> None:
+        self._path, self._inodes = folder, {name: _inode(folder / name) for name in names}
+        self._folder = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
 
-    def is_left(self) -> bool:
-        """Whether the file is not any more where it was."""
-        return _inode(self._file) != self._inode
+    def missing(self) -> Path | None:
+        """What is not any more where it was: the folder, or a file in it; None where all are."""
+        gone = [name for name, inode in self._inodes.items() if _inode(self._path / name) != inode]
+        if not gone:
+            return None
+        return self._path if len(gone) == len(self._inodes) else self._path / gone[0]
 
     def found(self) -> Path | None:
-        """The folder with the file, wherever it is now; None where the file has no name any more."""
+        """The folder with the files, wherever it is now; None where one of them has no name any more."""
         with contextlib.suppress(OSError):
             folder = Path(os.readlink(f"/proc/self/fd/{self._folder}"))
-            if _inode(folder / self._file.name) == self._inode:
+            if all(_inode(folder / name) == inode for name, inode in self._inodes.items()):
                 return folder
         return None
 

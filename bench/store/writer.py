@@ -63,7 +63,7 @@ class RunWriter:
         except (sqlite3.Error, ValueError) as problem:
             self._database.close()
             raise StoreError(f"{folder}: the run store cannot write ({problem})") from problem
-        self._place = Place(folder / database.FILE_NAME)
+        self._place = Place(folder, (database.FILE_NAME, database.LOG_NAME))
         self.on_failure: Callable[[StoreError], object] = lambda _: None
         self._is_noted = noted
         self._noted: Stopwatch | None = None
@@ -267,7 +267,8 @@ class RunWriter:
 
     def _look_after(self, place: Place) -> None:
         """Fail where the directory was moved or removed; `folder` is then where the record is."""
-        if not place.is_left():
+        missing = place.missing()
+        if missing is None:
             return
         lost, found = self.folder, place.found()
         if found is not None:
@@ -281,7 +282,8 @@ class RunWriter:
             kept = f"everything recorded until then is in {self.folder}"
         except StoreError as problem:
             kept = str(problem)
-        self._fail(StoreError(f"the run directory {lost} was removed while the run went on; {kept}"))
+        what = f"the run directory {lost}" if missing == lost else str(missing)
+        self._fail(StoreError(f"{what} was removed while the run went on; {kept}"))
 
     def _insert(self, rows: Rows) -> None:
         self._database.execute("BEGIN IMMEDIATE")

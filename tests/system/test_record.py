@@ -10,7 +10,9 @@ import pytest
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
 from bench.errors import StoreError
+from bench.report.stored import open_run
 from bench.report.verify import examined, verify
+from bench.report.write import write_report
 from bench.runner.quiet import Quiet
 from bench.store.reader import RunReader
 from bench.store.user_state import state_folder
@@ -122,6 +124,27 @@ def test_another_file_in_the_place_of_the_database_is_not_taken_for_it(tmp_path)
 
     result = meddled(tmp_path / "runs", replace)
     is_kept(result, state_folder() / "rescued" / result.path.name)
+
+
+def test_a_run_whose_log_is_removed_does_not_go_on_without_it(tmp_path):
+    """What is committed to a log without a name would be lost with the process."""
+    result = meddled(tmp_path / "runs", lambda folder: (folder / "run.db-wal").unlink())
+    is_kept(result, state_folder() / "rescued" / result.path.name)
+    assert "run.db-wal was removed while the run went on" in result.problems[0]
+
+
+def test_a_report_of_which_the_list_says_nothing_is_not_as_it_was_written(tmp_path):
+    folder = run_short(tmp_path / "runs", sequence="smoke").path
+    report = folder / "report.html"
+    report.write_text(report.read_text("utf-8").replace("PASS", "FAIL"), "utf-8")
+    (folder / "report_revisions.json").unlink()
+    assert verify(folder) == [
+        f"{report}: is not in report_revisions.json; 'bench report {folder.name}' writes it again"
+    ]
+    with open_run(folder) as run:
+        write_report(run)
+    (folder / "report.docx").write_bytes(b"somebody's own")
+    assert verify(folder) == []
 
 
 def test_where_nothing_can_be_kept_the_run_ends_in_words(tmp_path, monkeypatch):

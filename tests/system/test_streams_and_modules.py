@@ -51,3 +51,21 @@ def test_a_module_that_ends_the_program_is_an_error(tmp_path, module):
     ended = done((), *SMOKE, "--runs", tmp_path / "runs", PYTHONPATH=f"{tmp_path}{os.pathsep}{ROOT}")
     assert ended.returncode == exits.BENCH_ERROR
     assert b"SystemExit" in ended.stderr
+
+
+def test_ctrl_c_before_a_run_is_never_lost(tmp_path):
+    """It comes within a `__del__`, from which Python raises nothing."""
+    (tmp_path / "sitecustomize.py").write_text(
+        "import os, signal, sys\n"
+        "class Dying:\n"
+        "    def __del__(self):\n"
+        "        os.kill(os.getpid(), signal.SIGINT)\n"
+        "def seen(event, of):\n"
+        "    if event == 'import' and of[0] == 'pydantic':\n"
+        "        Dying()\n"
+        "sys.addaudithook(seen)\n",
+        "utf-8",
+    )
+    ended = done((), *SMOKE, "--runs", tmp_path / "runs", PYTHONPATH=f"{tmp_path}{os.pathsep}{ROOT}")
+    assert (ended.returncode, ended.stderr) == (exits.ABORTED, b"interrupted\n")
+    assert not (tmp_path / "runs").exists()

@@ -14,7 +14,7 @@ from bench.analysis.linearity import Linearity
 from bench.analysis.models import Constant, KnotModel, TemperatureModel
 from bench.analysis.response_compensation import ResponseCompensation
 from bench.analysis.second_order import NAMES, second_order
-from bench.errors import InputError
+from bench.errors import InputError, StoreError
 from bench.report.calibration import compensated, read_calibration
 from tests.support.runs import run_short
 
@@ -166,3 +166,29 @@ def test_a_run_writes_one_that_gives_back_the_gravity_it_was_made_in(tmp_path):
     warm_c = sum(scale.valid_c) / 2
     (row,) = rows(tmp_path, f"T_C,output\n{warm_c},{scale.coefficients[0] * 1.001}\n", read_calibration(path))
     assert float(row["value"]) == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_calibration_that_was_edited_in_its_run_is_refused(tmp_path):
+    run = run_short(tmp_path / "runs", units=("QF-7",)).path
+    path = run / "calibration_a.json"
+    assert read_calibration(path).uut == "QF-7"
+    path.write_text(path.read_text("utf-8").replace('"QF-7"', '"QF-8"'), "utf-8")
+    with pytest.raises(StoreError, match=r"calibration_a\.json: has changed since it was written; 'bench runs verify"):
+        read_calibration(path)
+
+
+@pytest.mark.parametrize("key", ["coefficients", "powers_of_T", "centre", "scale"])
+def test_a_copy_whose_curve_was_edited_is_refused(tmp_path, key):
+    at_t = np.polynomial.Polynomial(POLYNOMIAL["coefficients"])(np.polynomial.Polynomial([-20 / 50, 1 / 50]))
+    curve = {**POLYNOMIAL, "powers_of_T": at_t.coef.tolist()}
+    calibration(tmp_path, channels=[{**CHANNEL, "scale": curve}])
+    before = curve[key]
+    edited = {**curve, key: [before[0] * 1.000001, *before[1:]] if isinstance(before, list) else before * 1.01}
+    with pytest.raises(InputError, match="coefficients and powers_of_T are not the same curve: the file was edited"):
+        calibration(tmp_path, channels=[{**CHANNEL, "scale": edited}])
+
+
+@pytest.mark.parametrize("value", [1.0, None, [], "x", True])
+def test_a_curve_that_is_no_mapping_is_refused_in_words(tmp_path, value):
+    with pytest.raises(InputError, match="scale"):
+        calibration(tmp_path, channels=[{**CHANNEL, "scale": value}])

@@ -40,3 +40,14 @@ def test_a_signal_is_told_with_its_name(number):
     assert told[0].name.startswith("SIG")
     assert told[0].name in told[0].request.text or number in (signal.SIGINT, signal.SIGQUIT)
     assert told[0].gentle is (number == signal.SIGINT)
+
+
+def test_a_signal_that_is_blocked_when_the_process_begins_comes_all_the_same():
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
+    try:
+        with Signals() as signals:
+            os.kill(os.getpid(), signal.SIGTERM)
+            assert [sent.name for sent in signals.received] == ["SIGTERM"]
+        assert signal.SIGTERM in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
