@@ -31,6 +31,7 @@ from bench.config.simulation import FaultSimulation
 from bench.engine.ending import Outcome
 from bench.engine.past import Past
 from bench.engine.people import People
+from bench.engine.pulse import Pulse
 from bench.engine.questions import Desk
 from bench.errors import InUseError, StoreError, in_words
 from bench.loop import AS_FAST_AS_POSSIBLE
@@ -200,12 +201,13 @@ async def _run(
         async with (
             wall.watched(prepared.speed),
             power_watched(power, signals, writer, observer.notice),
-            guarded(prepared.loaded, folder, signals),
+            guarded(prepared.loaded, folder, signals, writer) as guard,
         ):
             past = None if resumption is None else resumption.past
             outcome, identities = await _with_devices(
-                prepared, folder, laboratory, observer, keep, signals, writer, past, left_on
+                prepared, folder, laboratory, observer, keep, signals, writer, past, left_on, guard.pulse
             )
+            guard.leaves(outcome)
         made_safe = True
         _keep_unsafe(folder, bench, outcome, observer)
         if writer.ledger_problem:
@@ -244,6 +246,7 @@ async def _with_devices(
     writer: RunWriter,
     past: Past | None,
     left_on: Mapping[str, str] = MappingProxyType({}),
+    pulse: Pulse | None = None,
 ) -> tuple[Outcome, Mapping[str, Identity]]:
     """Run the plan on the devices of the bench, with the faults of the bench file in simulated ones."""
     bench = prepared.loaded.bench
@@ -276,6 +279,7 @@ async def _with_devices(
         people=people,
         past=past,
         left_on=left_on,
+        pulse=pulse,
     )
 
 

@@ -40,8 +40,8 @@ class Register:
         return found
 
     def end(self, outcome: Outcome) -> None:
-        """Take out what this run has made safe."""
-        left = {*outcome.unsafe, *outcome.not_reached}
+        """Take out what this run has made safe; a chamber that is held is not safe yet."""
+        left = {*outcome.unsafe, *outcome.not_reached, *outcome.held}
         try:
             note_safe({address for role, address in self._connections.items() if role not in left})
         except StoreError as problem:

@@ -14,7 +14,6 @@ from pathlib import Path
 from bench.clock import wall_utc
 from bench.errors import StoreError
 from bench.files import append_line
-from bench.store.latch import INCIDENT
 from bench.store.user_state import state_folder
 
 WRITTEN_WITHIN_S = 5.0  # after which a guardian ends without
@@ -22,36 +21,39 @@ STDERR = 2
 
 
 class Notes:
-    """Lines for the terminal and entries of the incident, written in their order by a thread of their own."""
+    """Lines for the terminal and entries of a file, written in their order by a thread of their own.
 
-    def __init__(self, run: Path) -> None:
-        self._run = run
+    The file is in the directory of the run, and once more in the folder of this user's records. The thread begins with
+    the first of them.
+    """
+
+    def __init__(self, run: Path, file: str) -> None:
+        self._run, self._file = run, file
         self._work: queue.SimpleQueue[Callable[[], object] | None] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._write, name="notes", daemon=True)
-        self._thread.start()
+        self._thread: threading.Thread | None = None
 
     def line(self, text: str) -> None:
         """A line for a person."""
         self.do(partial(_tell, f"{self._run.name}: {text}"))
 
     def entry(self, event: str, **facts: object) -> None:
-        """An entry, durable in the directory of the run and in the folder of this user's records."""
+        """An entry, durable in both places."""
         entry = {"at": wall_utc().isoformat(timespec="milliseconds"), "run": str(self._run), "event": event, **facts}
         self.do(partial(self._append, json.dumps(entry, ensure_ascii=False)))
 
     def do(self, work: Callable[[], object]) -> None:
         """Anything else that writes."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=_write, args=(self._work,), name="notes", daemon=True)
+            self._thread.start()
         self._work.put(work)
 
     def close(self) -> None:
-        """Return when everything is written, or WRITTEN_WITHIN_S later."""
-        self._work.put(None)
-        self._thread.join(WRITTEN_WITHIN_S)
-
-    def _write(self) -> None:
-        while (work := self._work.get()) is not None:
-            with suppress(OSError, ValueError, StoreError):  # no disk, or no terminal any more
-                work()
+        """Return when everything is written, or WRITTEN_WITHIN_S later; more may follow."""
+        if self._thread is not None:
+            self._work.put(None)
+            self._thread.join(WRITTEN_WITHIN_S)
+            self._work, self._thread = queue.SimpleQueue(), None
 
     def _append(self, text: str) -> None:
         for path in self._places():
@@ -60,8 +62,14 @@ class Notes:
 
     def _places(self) -> Iterator[Path]:
         if self._run.is_dir():
-            yield self._run / INCIDENT
-        yield state_folder() / INCIDENT
+            yield self._run / self._file
+        yield state_folder() / self._file
+
+
+def _write(works: queue.SimpleQueue[Callable[[], object] | None]) -> None:
+    while (work := works.get()) is not None:
+        with suppress(OSError, ValueError, StoreError):  # no disk, or no terminal any more
+            work()
 
 
 def _tell(text: str) -> None:

@@ -18,6 +18,7 @@ from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.engine.past import Past
 from bench.engine.people import People
+from bench.engine.pulse import Pulse
 from bench.engine.questions import Desk
 from bench.engine.safety import finish
 from bench.errors import StoreError, in_words
@@ -51,6 +52,7 @@ async def run_plan(
     people: People | None = None,
     past: Past | None = None,
     left_on: Mapping[str, str] = MappingProxyType({}),
+    pulse: Pulse | None = None,
 ) -> tuple[Outcome, Mapping[str, Identity]]:
     """Opens the devices, runs the plan, makes everything safe, closes; how it ended, and who the devices were.
 
@@ -59,7 +61,7 @@ async def run_plan(
     told. While it runs a control socket takes commands; it is named in `folder`. `on_desk` is given the desk at which
     questions are asked, before the first one. `places` are those with a unit in them; None for all. `people` are whom
     the devices ask. `past` is what was done before an interruption. `left_on` are devices that other runs may have left
-    on, with the names of these runs: everything is made safe before the first step.
+    on, with the names of these runs: everything is made safe before the first step. `pulse` is what its guardian looks at.
     """
     rig, journal = Rig(devices, limits_to_make_safe(bench), partial(is_locked_out, bench)), Journal(writer)
     in_use = bench.with_units_in(bench.places if places is None else places)
@@ -73,7 +75,9 @@ async def run_plan(
         if signals.first is None:
             interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
             monitor = Monitor(rig, bench, interlocks, writer, on_reading, places, used)
-            engine = Engine(plan, in_use, rig, monitor, writer, observer, past)
+            pulse = pulse or Pulse()
+            engine = Engine(plan, in_use, rig, monitor, writer, observer, past, pulse.may_be_held)
+            pulse.polls, pulse.may_hold = monitor.polls, lambda: engine.may_hold
             loop = asyncio.get_running_loop()
 
             def end_run(failure: StoreError) -> None:

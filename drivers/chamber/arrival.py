@@ -34,7 +34,7 @@ class Arrival:
             return f"somebody changed the set point from {self.target_c:g} °C to {state.target_c:g} °C"
         if wrong := self._watch.problem(at_s, state.process_value_c, state.set_point_c, commanded=True):
             return f"{wrong}; it is at {state.process_value_c:.1f} °C"
-        if at_s > self._due_s:
+        if at_s > self._due_s and not self.has_arrived(state):
             return f"the air is at {state.process_value_c:.1f} °C, and should have been at {self.target_c:g} °C by now"
         return ""
 
