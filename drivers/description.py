@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from pydantic import BaseModel, Field
 
+from drivers.busy import BUSY_S
 from drivers.capabilities import Device
 from drivers.errors import WrongIdentity
 from drivers.fields import Spelled, StrictModel
@@ -29,7 +30,6 @@ if TYPE_CHECKING:  # a bench file is checked without what only an opened device 
     from drivers.transport.wires import Wires
     from drivers.values import Identity
 
-BUSY_S = 120.0  # of a device that only answers: its dialogue, asked again, and its connection made anew
 ENTRY_POINTS = "inertial_test_bench.drivers"
 OptionsT = TypeVar("OptionsT", bound=BaseModel)
 LimitsT = TypeVar("LimitsT", bound=BaseModel)

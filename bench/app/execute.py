@@ -45,6 +45,7 @@ from bench.runner.power import power_watched
 from bench.runner.quiet import Quiet
 from bench.runner.run import run_plan
 from bench.runner.signals import Signals
+from bench.runner.takeover import relieve
 from bench.store.chain import Link
 from bench.store.runs import RunDirectory
 from bench.store.unsafe import keep_unsafe
@@ -133,6 +134,7 @@ def _execute(
         trace = prepared.request.trace
         register = Register(prepared.loaded, directory.path, observer.notice)
         left_on = register.begin(now)
+        relieve(list(real_addresses(bench).values()), observer.notice)
         with nullcontext() if trace is None else recording(trace) as keep:
             ran = run_loop(main(), prepared.speed, origin_s)
         if ran.made_safe:

@@ -9,7 +9,7 @@ from pathlib import Path
 from bench.config.bench import LoadedBench
 from bench.engine.ending import Outcome
 from bench.errors import StoreError
-from bench.runner.held import energising_addresses
+from bench.runner.held import energising_addresses, is_followed
 from bench.store.energised import energised, note_energised, note_safe
 
 
@@ -27,7 +27,13 @@ class Register:
             return found
         try:
             for each in energised(lambda problem: self._notice(str(problem))):
-                left = [role for role, address in each.connections.items() if address in self._connections.values()]
+                mine = {role: at for role, at in each.connections.items() if at in self._connections.values()}
+                held = [role for role, at in mine.items() if is_followed(at)]
+                left = [role for role in mine if role not in held]
+                if held:
+                    self._notice(
+                        f"{', '.join(held)}: held at its set point since {Path(each.run).name}; goes on from there."
+                    )
                 if left:
                     found |= dict.fromkeys(left, Path(each.run).name)
                     self._notice(

@@ -365,7 +365,8 @@ class Engine:
         self._monitor.being_made_safe.update(self._rig.devices)
         unsafe = self.outcome.unsafe = await self._rig.make_safe(self._to_hold())
         self.outcome.held = sorted(self._rig.held)
-        self.journal.try_to_write("made_safe", unsafe=unsafe, **({"held": self.outcome.held} if self._rig.held else {}))
+        held: dict[str, Any] = {"held": self.outcome.held} if self.outcome.held else {}
+        self.journal.try_to_write("made_safe", unsafe=unsafe, **held)
         for device in self.outcome.held:
             self._observer.notice(f"{device} stays at its set point for now; the guardian of the run ends that.")
         for device, problem in unsafe.items():

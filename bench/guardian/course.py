@@ -1,4 +1,4 @@
-"""The course of one chamber after a run: held if so, commanded to its safe set point, arrived or not. Nothing is opened."""
+"""The course of one chamber after a run: held, commanded to its safe set point, arrived or not. Opens nothing."""
 
 from __future__ import annotations
 

@@ -10,13 +10,13 @@ import asyncio
 import os
 import signal
 import threading
-import time
 from collections.abc import Callable, Collection
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 from typing import Self
 
+from bench.clock import Stopwatch
 from bench.config.models import BenchFile
 from bench.errors import InUseError, StoreError, in_words
 from bench.guardian.course import Course, Noted
@@ -26,7 +26,7 @@ from bench.runner.alert import alert
 from bench.runner.held import (
     A_RUN,
     A_VISIT,
-    FOLLOWED,
+    LOOKS,
     energising_addresses,
     holding,
     is_locked_out,
@@ -34,7 +34,7 @@ from bench.runner.held import (
     why_locked_out,
 )
 from bench.store.energised import note_safe
-from bench.store.followed import FOLLOWED_FILE
+from bench.store.followed import FOLLOWED
 from drivers.awake import patience
 from drivers.capabilities import ThermalChamber
 from drivers.chamber.description import ChamberOptions, ChamberSafe
@@ -57,7 +57,7 @@ class Following:
     def __init__(self, run: Path, bench: BenchFile, safe: Collection[str], held: Collection[str], runner: int) -> None:
         self._run, self._bench, self._runner = run, bench, runner
         self._addresses = energising_addresses(bench)
-        self._notes = Notes(run, FOLLOWED_FILE)
+        self._notes, self._now_s = Notes(run, FOLLOWED), Stopwatch().elapsed_s
         self._courses: dict[str, Course] = {}
         self._ends, self._locks = threading.Event(), ExitStack()
         for role in (*safe, *held):
@@ -66,14 +66,14 @@ class Following:
             if role not in held:
                 self._notes.entry("commanded", role=role, what=entry.safe_state.words, is_complete=not is_chamber)
             if is_chamber:
-                self._courses[role] = Course(entry, time.monotonic(), held=role in held)
+                self._courses[role] = Course(entry, self._now_s(), held=role in held)
 
     def __enter__(self) -> Self:
         """Take the locks by which others find who follows a chamber; SIGTERM ends the following from now on."""
         signal.signal(signal.SIGTERM, lambda _number, _frame: self._ends.set())
         addresses = [self._addresses[role] for role in self._courses]
         with suppress(InUseError, StoreError):  # another user's guardian follows one, and does not end
-            self._locks.enter_context(holding(addresses, f"{A_VISIT}{self._run.name}", FOLLOWED))
+            self._locks.enter_context(holding(addresses, f"{A_VISIT}{self._run.name}", LOOKS))
         return self
 
     def __exit__(self, *exc: object) -> None:
@@ -90,14 +90,14 @@ class Following:
                 good &= self._write(role, course)
             if self._ends.is_set():
                 return self._end() and good
-            now_s = time.monotonic()
+            now_s = self._now_s()
             due_s = [course.hold_ends_s - now_s for course in left.values() if course.is_held and not course.is_over]
             self._ends.wait(max(0.0, min([EVERY_S, *(each for each in due_s if each > 0)])))
         return good
 
     def _look(self, role: str, course: Course) -> None:
         """One look, after the run has let go; a failure is for the course to judge."""
-        address, now_s = self._addresses[role], time.monotonic
+        address, now_s = self._addresses[role], self._now_s
         while others := {each for each in owners([address]) if each.process != os.getpid()}:
             other = others.pop()
             if other.process != self._runner:
@@ -126,15 +126,15 @@ class Following:
             async with patience(VISIT_S):
                 await device.__aenter__()
                 await device.identify()
-                course.seen(time.monotonic(), await device.state())
+                course.seen(self._now_s(), await device.state())
             if course.is_held and (course.hold_is_over or self._ends.is_set()):
                 course.hold_is_over = course.hold_is_over or "its guardian was ended"
                 async with patience(limits_to_make_safe(self._bench)[role]):
                     await device.make_safe()
-                course.commanded(time.monotonic())
+                course.commanded(self._now_s())
                 self._notes.do(partial(note_safe, {str(self._addresses[role])}))
                 async with patience(VISIT_S):
-                    course.seen(time.monotonic(), await device.state())
+                    course.seen(self._now_s(), await device.state())
         finally:
             with suppress(Exception):
                 async with patience(CLOSE_S):

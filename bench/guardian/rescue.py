@@ -63,13 +63,12 @@ class Rescue:
         notes = self._notes
         notes.line(f"{lost.why}. Its guardian makes the bench safe: {', '.join(self._addresses)}.")
         notes.entry("begins", why=lost.why)
-        following = None
+        following: Following | None = None
         try:
             with _held(self._addresses.values(), f"{A_RESCUE}{self._run.name}"):
                 lanes = self._lanes(may_hold=lost.may_hold)
                 unsafe = self._record(lanes)
-                ended = {state: [each.role for each in lanes if each.state == state] for state in ("safe", "held")}
-                following = Following(self._run, self._bench, ended["safe"], ended["held"], self._runner).__enter__()
+                following = self._following(lanes)
         except Exception as problem:  # noqa: BLE001  whatever it is, it is on record that the bench is not safe
             unsafe = self._record([Lane(role, "not reached", in_words(problem), 0.0) for role in self._addresses])
         notes.close()
@@ -79,6 +78,15 @@ class Rescue:
             with following:
                 following.follow()
         return not unsafe
+
+    def _following(self, lanes: Sequence[Lane]) -> Following | None:
+        """The following of the chambers, which can be found from now on; None where it fails, with that on record."""
+        safe, held = ([lane.role for lane in lanes if lane.state == state] for state in ("safe", "held"))
+        try:
+            return Following(self._run, self._bench, safe, held, self._runner).__enter__()
+        except Exception as problem:  # noqa: BLE001  the bench is safe all the same
+            self._notes.entry("alert", problem=f"the chambers cannot be followed: {in_words(problem)}")
+            return None
 
     def _lanes(self, *, may_hold: bool) -> list[Lane]:
         limits_s, only_off = limits_to_make_safe(self._bench), is_locked_out(self._bench)

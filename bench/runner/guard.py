@@ -48,7 +48,7 @@ class Guard:
 
     roles: tuple[str, ...] = ()
     pulse: Pulse = field(default_factory=Pulse)
-    end: Over = Over()
+    end: Over = field(default_factory=Over)
 
     def leaves(self, outcome: Outcome) -> None:
         """The run has made its bench safe as far as its outcome says."""

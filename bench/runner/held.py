@@ -27,7 +27,7 @@ from drivers.transport.address import Address
 
 DISK_ANSWERS_S = 1.0
 A_RUN, A_VISIT, A_RESCUE = "a run of ", "a short look of the guardian of ", "the guardian of "  # who has a lock
-FOLLOWED = "followed "  # before a mark: the lock of who follows a chamber, which refuses nobody the address itself
+LOOKS = "followed "  # before a mark: the lock of who follows a chamber, which refuses nobody the address itself
 _WORDS_AT_MOST = 200
 _OWNER_ANSWERS_S = 0.5
 _pause = threading.Event().wait
@@ -83,7 +83,7 @@ def is_locked_out(bench: BenchFile) -> bool:
 def holding(addresses: Iterable[Address], who: str, kind: str = "") -> Iterator[None]:
     """Holds the addresses while inside, as `who`; InUseError names who has one of them already.
 
-    A guardian that only looks lets go soon, and is waited for. `kind` is FOLLOWED for the lock of who follows them.
+    A guardian that only looks lets go soon, and is waited for. `kind` is LOOKS for the lock of who follows them.
     """
     places = {kind + mark: address for address in addresses for mark in marks(address)}  # several may share a line
     with ExitStack() as held:
@@ -94,9 +94,14 @@ def holding(addresses: Iterable[Address], who: str, kind: str = "") -> Iterator[
 
 
 def owners(addresses: Iterable[Address], kind: str = "") -> set[Owner]:
-    """The programs that hold any of the addresses, or with FOLLOWED that follow one."""
+    """The programs that hold any of the addresses, or with LOOKS that follow one."""
     places = {kind + mark for address in addresses for mark in marks(address)}
     return {owner for mark in places if (owner := _owner(_name(mark))) is not None}
+
+
+def is_followed(address: str) -> bool:
+    """Whether a guardian looks at the chamber of an address until its air has arrived, or ends its hold."""
+    return bool(owners([Address.parse(address)], LOOKS))
 
 
 def peer(connection: socket.socket) -> tuple[int, int]:

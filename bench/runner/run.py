@@ -61,7 +61,7 @@ async def run_plan(
     told. While it runs a control socket takes commands; it is named in `folder`. `on_desk` is given the desk at which
     questions are asked, before the first one. `places` are those with a unit in them; None for all. `people` are whom
     the devices ask. `past` is what was done before an interruption. `left_on` are devices that other runs may have left
-    on, with the names of these runs: everything is made safe before the first step. `pulse` is what its guardian looks at.
+    on, with the names of these runs: everything is made safe before the first step. Its guardian looks at `pulse`.
     """
     rig, journal = Rig(devices, limits_to_make_safe(bench), partial(is_locked_out, bench)), Journal(writer)
     in_use = bench.with_units_in(bench.places if places is None else places)

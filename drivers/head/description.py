@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from drivers.axes import RateRange, SettleOptions
-from drivers.description import BUSY_S
+from drivers.busy import BUSY_S
 from drivers.fields import Degrees, DegreesPerSecond, InUnit, Range, StrictModel
 from drivers.safe_state import SafeState, at_rest
 
