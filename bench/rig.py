@@ -49,8 +49,8 @@ class Rig:
     Leaving it closes them; it does not make them safe, `make_safe` does. Who must know what has opened when not all has
     calls `open` and `close`. `not_reached` are devices that could not be opened, or are others than the bench file
     names; they are not among `devices`, and nothing is sent to them any more. `limits_s` are those of making safe, by
-    role. `held` are chambers that `make_safe` has left at their set point. Of a bench that is locked out when it is made
-    safe, outputs are switched off and everything else is stopped.
+    role. `held` are chambers that `make_safe` has left at their set point. Of a bench that is locked out when it is
+    made safe, outputs are switched off and everything else is stopped.
     """
 
     def __init__(

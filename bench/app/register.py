@@ -32,7 +32,7 @@ class Register:
                 left = [role for role in mine if role not in held]
                 if held:
                     self._notice(
-                        f"{', '.join(held)}: held at its set point since {Path(each.run).name}; goes on from there."
+                        f"{', '.join(held)}: held at its set point after {Path(each.run).name}, and stays there."
                     )
                 if left:
                     found |= dict.fromkeys(left, Path(each.run).name)
