@@ -6,29 +6,30 @@ A lane connects, identifies, makes safe and closes. Nothing is sent to an instru
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from typing import Literal, NamedTuple
 
 from bench.rig import CLOSE_S, GRACE_S, bring_to_safety
 from drivers.awake import Deadline, patience
-from drivers.capabilities import Device, Source
+from drivers.capabilities import Device, Source, ThermalChamber
 from drivers.errors import BadAnswer, CannotConnect, DriverError, InstrumentFault, LinkLost, NoAnswer
 
 CONNECT_S = 10.0
 STAYS_S = 1.0  # after which an output is looked at once more
 AGAIN_S = 0.5  # an instrument with one client may hold a half-open connection for a while
 
-State = Literal["safe", "unsafe", "not reached"]
+State = Literal["safe", "held", "unsafe", "not reached"]
 
 
 class Lane(NamedTuple):
-    """How a lane ended: `why` it did not end safe, and what it took."""
+    """How a lane ended: `why` it did not end safe, and what it took. `air_c` is where the air of a chamber then is."""
 
     role: str
     state: State
     why: str
     took_s: float
+    air_c: float | None = None
 
 
 def longest_lane_s(limits_s: Mapping[str, float]) -> float:
@@ -38,17 +39,17 @@ def longest_lane_s(limits_s: Mapping[str, float]) -> float:
 
 async def make_safe_in_lanes(
     devices: Mapping[str, Device], limits_s: Mapping[str, float], ended: Callable[[Lane], object],
-    *, only_off: bool = False,
+    *, only_off: bool = False, hold: Collection[str] = (),
 ) -> list[Lane]:  # fmt: skip
     """Make every device safe, in parallel; `ended` receives each lane as it ends.
 
     `limits_s` are those of making safe, by role. None takes longer than `longest_lane_s`. With `only_off` outputs are
-    switched off, and everything else is stopped where it is.
+    switched off, and everything else is stopped where it is; chambers to `hold` stay at their set point.
     """
     longest_s = longest_lane_s(limits_s)
 
     async def one(role: str, device: Device) -> Lane:
-        lane = await _lane(role, device, limits_s[role], only_off=only_off)
+        lane = await _lane(role, device, limits_s[role], only_off=only_off, hold=role in hold)
         ended(lane)
         return lane
 
@@ -66,7 +67,7 @@ def _left_behind(role: str, longest_s: float) -> Lane:
     return Lane(role, "unsafe", f"{role}: not within {longest_s:g} s, and its driver does not end", longest_s)
 
 
-async def _lane(role: str, device: Device, limit_s: float, *, only_off: bool) -> Lane:
+async def _lane(role: str, device: Device, limit_s: float, *, only_off: bool, hold: bool) -> Lane:
     begun_s = asyncio.get_running_loop().time()
 
     def lane(state: State, why: str = "") -> Lane:
@@ -78,15 +79,24 @@ async def _lane(role: str, device: Device, limit_s: float, *, only_off: bool) ->
         return lane("not reached", _in_words(role, problem, CONNECT_S))
     try:
         async with patience(limit_s):
-            await bring_to_safety(device, only_off=only_off)
+            held = await bring_to_safety(device, only_off=only_off, hold=hold)
         if on_again := await _on_again(device):
             return lane("unsafe", f"{role}: {on_again}")
     except Exception as problem:  # noqa: BLE001  the lane reports it, whatever it is
         return lane("unsafe", _in_words(role, problem, limit_s))
     else:
-        return lane("safe")
+        return lane("held" if held else "safe")._replace(air_c=await _air_c(device))
     finally:
         await _close(device)
+
+
+async def _air_c(device: Device) -> float | None:
+    """Temperature of the air of a chamber that answers; None for anything else."""
+    if isinstance(device, ThermalChamber):
+        with suppress(DriverError, TimeoutError):
+            async with patience(STAYS_S):
+                return (await device.state()).process_value_c
+    return None
 
 
 async def _on_again(device: Device) -> str:

@@ -32,6 +32,7 @@ MAKE_SAFE_S = 10.0  # for a device of which nothing is known
 OWN_LIMIT_S = 2.0  # beyond the limit of a driver, so that its own words come first
 OPEN_S = 30.0
 CLOSE_S = 10.0
+HOLD_S = 5.0  # to see that a chamber is in order, and to stop it where it is
 GRACE_S = 1.0  # for what is told to end, beyond its limit
 
 
@@ -48,7 +49,8 @@ class Rig:
     Leaving it closes them; it does not make them safe, `make_safe` does. Who must know what has opened when not all has
     calls `open` and `close`. `not_reached` are devices that could not be opened, or are others than the bench file
     names; they are not among `devices`, and nothing is sent to them any more. `limits_s` are those of making safe, by
-    role. Of a bench that is locked out when it is made safe, outputs are switched off and everything else is stopped.
+    role. `held` are chambers that `make_safe` has left at their set point. Of a bench that is locked out when it is
+    made safe, outputs are switched off and everything else is stopped.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class Rig:
         self._limits_s = dict.fromkeys(devices, MAKE_SAFE_S) | dict(limits_s)
         self.identities: dict[str, Identity] = {}
         self.not_reached: dict[str, str] = {}
+        self.held: set[str] = set()
         self._open = AsyncExitStack()
 
     async def __aenter__(self) -> Self:
@@ -170,10 +173,19 @@ class Rig:
         """The time within which `make_safe` ends."""
         return max(self._limits_s.values(), default=0.0) + 2 * GRACE_S
 
-    async def make_safe(self) -> dict[str, str]:
-        """Make every device safe, in parallel, each within its limit; return why, for those that could not be."""
+    async def make_safe(self, hold: Collection[str] = ()) -> dict[str, str]:
+        """Make every device safe, in parallel, each within its limit; return why, for those that could not be.
+
+        Chambers to `hold` stay at their set point if they are in order.
+        """
         only_off = self._is_locked_out()
-        return _failed(await self._each(lambda device: bring_to_safety(device, only_off=only_off), self._limits_s))
+
+        async def act(device: Device) -> bool:
+            return await bring_to_safety(device, only_off=only_off, hold=device.name in hold)
+
+        ended = await self._each(act, self._limits_s)
+        self.held = {role for role, held in ended.items() if held is True}
+        return _failed(ended)
 
     async def _each(
         self, act: Callable[[Device], Awaitable[object]], limits_s: float | Mapping[str, float]
@@ -211,14 +223,17 @@ class Rig:
         return {name: task.result() if task.done() and not task.cancelled() else stuck for name, task in tasks.items()}
 
 
-async def bring_to_safety(device: Device, *, only_off: bool) -> None:
-    """Make a device safe.
+async def bring_to_safety(device: Device, *, only_off: bool, hold: bool = False) -> bool:
+    """Make a device safe; whether it is a chamber that is held instead.
 
-    With `only_off` a chamber is stopped where it is, and Refused tells at which set point.
+    With `hold` a chamber in order is stopped at its set point of now. With `only_off` any chamber is, and Refused names
+    the set point.
     """
     if not (only_off and isinstance(device, ThermalChamber)):
+        if hold and isinstance(device, ThermalChamber) and await _is_held(device):
+            return True
         await device.make_safe()
-        return
+        return False
     await device.hold()
     state = await device.state()
     raise Refused(
@@ -238,9 +253,21 @@ def _check(failed: Mapping[str, str], needed: Collection[str] | None) -> None:
         raise OpenError("\n".join(failed.values()))
 
 
+async def _is_held(chamber: ThermalChamber) -> bool:
+    """Stop a chamber where it is; False where it does not answer, or is not in order."""
+    try:
+        async with patience(HOLD_S):
+            await chamber.state()
+            await chamber.hold()
+    except (DriverError, TimeoutError):
+        return False
+    return True
+
+
 def limits_to_make_safe(bench: BenchFile) -> dict[str, float]:
     """The longest time (s) that making each device of a bench safe may take, by role."""
-    return {role: entry.safe_state.within_s + OWN_LIMIT_S for role, entry in bench.devices.items()}
+    states = {role: entry.safe_state for role, entry in bench.devices.items()}
+    return {role: state.within_s + OWN_LIMIT_S + HOLD_S * bool(state.hold_s) for role, state in states.items()}
 
 
 def device_of(

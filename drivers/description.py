@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from pydantic import BaseModel, Field
 
+from drivers.busy import BUSY_S
 from drivers.capabilities import Device
 from drivers.errors import WrongIdentity
 from drivers.fields import Spelled, StrictModel
@@ -51,6 +52,8 @@ class IdentityPin(StrictModel):
 class DriverDescription(NamedTuple):
     """A driver as a bench file sees it.
 
+    `busy_s` is the longest time for which one in order may give no reading, since it moves, averages or is slow; or a
+    function of options and limits that returns it.
     `reports_every_s` is how long readings may be on their way because the driver takes them in together.
     `safe_state` is what `make_safe` does, or a function of options, limits and safe that returns it.
     `channels` are the readings that `poll` gives, with their units, or a function of the options that tells them.
@@ -74,6 +77,7 @@ class DriverDescription(NamedTuple):
     simulator: str = ""
     recognition: str = ""
     reports_every_s: float = 0.0
+    busy_s: float | Callable[[Any, Any], float] = BUSY_S
     channels: Mapping[str, str] | Callable[[Any], Mapping[str, str]] = MappingProxyType({})
 
     def channels_of(self, options: BaseModel) -> Mapping[str, str]:
@@ -83,6 +87,10 @@ class DriverDescription(NamedTuple):
     def safe_state_of(self, options: BaseModel, limits: BaseModel, safe: BaseModel) -> SafeState:
         """What `make_safe` does to a device with these blocks of its entry, and within what time."""
         return self.safe_state if isinstance(self.safe_state, SafeState) else self.safe_state(options, limits, safe)
+
+    def busy_s_of(self, options: BaseModel, limits: BaseModel) -> float:
+        """For how long one with these blocks of its entry may give no reading."""
+        return self.busy_s(options, limits) if callable(self.busy_s) else self.busy_s
 
     def recognised_by(self) -> Recognition | None:
         """How a scan knows the instrument; imports its module. None where it does not."""

@@ -12,12 +12,14 @@ class SafeState(NamedTuple):
     """What `make_safe` does, in words, and the time (s) within which it ends on a connected device.
 
     Without words there is nothing to make safe. `alone_after_s` is when it becomes safe by itself if nothing is said to
-    it any more; None where it does not.
+    it any more; None where it does not. `hold_s` is for how long a guardian may keep it as it is before, after a run
+    that failed.
     """
 
     words: str
     within_s: float
     alone_after_s: float | None = None
+    hold_s: float = 0.0
 
 
 NOTHING = SafeState("", DIALOGUE_S)

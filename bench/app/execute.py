@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from bench.app.beginning import began, instant, keep_inputs, made_directory, write_beginning
@@ -30,6 +29,7 @@ from bench.config.models import BenchFile
 from bench.engine.ending import Outcome
 from bench.engine.past import Past
 from bench.engine.people import People
+from bench.engine.pulse import Pulse
 from bench.engine.questions import Desk
 from bench.errors import InUseError, StoreError, in_words
 from bench.loop import AS_FAST_AS_POSSIBLE
@@ -37,12 +37,14 @@ from bench.loop import run as run_loop
 from bench.report.findings import Results
 from bench.runner import manifest
 from bench.runner.alert import alert
+from bench.runner.found_on import NOTHING, LeftOn
 from bench.runner.guard import guarded
-from bench.runner.held import holding, real_addresses, why_locked_out
+from bench.runner.held import A_RUN, holding, real_addresses, why_locked_out
 from bench.runner.power import Hold, power_watched
 from bench.runner.quiet import Quiet
 from bench.runner.run import run_plan
 from bench.runner.signals import Signals
+from bench.runner.takeover import relieve
 from bench.store.chain import Link
 from bench.store.runs import RunDirectory
 from bench.store.unsafe import keep_unsafe
@@ -83,7 +85,7 @@ def execute(
     """
     with ExitStack() as in_use, nullcontext(signals) if signals is not None else Signals() as kept:
         bench = prepared.loaded.bench
-        in_use.enter_context(holding(real_addresses(bench).values(), f"a run of {prepared.plan.name}"))
+        in_use.enter_context(holding(real_addresses(bench).values(), f"{A_RUN}{prepared.plan.name}"))
         if why := why_locked_out(bench):
             raise InUseError(f"The bench is {why}. When the work is done: bench lockout --lift --bench FILE")
         return _execute(prepared, observer, kept, in_use.close, resumption)
@@ -134,6 +136,7 @@ def _execute(
         trace = prepared.request.trace
         register = Register(prepared.loaded, directory.path, observer.notice)
         left_on = register.begin(now)
+        relieve(list(real_addresses(bench).values()), observer.notice)
         with nullcontext() if trace is None else recording(trace) as keep:
             ran = run_loop(main(), prepared.speed, origin_s)
         if ran.made_safe:
@@ -193,7 +196,7 @@ async def _run(
     keep: Keep | None,
     signals: Signals,
     resumption: Resumption | None,
-    left_on: Mapping[str, str],
+    left_on: LeftOn,
 ) -> _Run:
     bench = prepared.loaded.bench
     began_s = asyncio.get_running_loop().time() if resumption is None else resumption.began_s
@@ -209,12 +212,13 @@ async def _run(
         async with (
             wall.watched(),
             power_watched(power, signals, writer, observer.notice) as hold,
-            guarded(prepared.loaded, folder, signals),
+            guarded(prepared.loaded, folder, signals, writer) as guard,
         ):
             past = None if resumption is None else resumption.past
             outcome, identities = await _with_devices(
-                prepared, folder, world, observer, keep, signals, hold, writer, past, left_on
+                prepared, folder, world, observer, keep, signals, hold, writer, past, left_on, guard.pulse
             )
+            guard.leaves(outcome)
         made_safe = True
         _keep_unsafe(folder, bench, outcome, observer)
         if writer.ledger_problem:
@@ -253,7 +257,8 @@ async def _with_devices(
     hold: Hold,
     writer: RunWriter,
     past: Past | None,
-    left_on: Mapping[str, str] = MappingProxyType({}),
+    left_on: LeftOn = NOTHING,
+    pulse: Pulse | None = None,
 ) -> tuple[Outcome, Mapping[str, Identity]]:
     """Run the plan on the devices of the bench, with the faults of the bench file in simulated ones."""
     bench, laboratory = prepared.loaded.bench, world.laboratory
@@ -281,6 +286,7 @@ async def _with_devices(
             people=people,
             past=past,
             left_on=left_on,
+            pulse=pulse,
         )
 
 

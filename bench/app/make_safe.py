@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -16,14 +17,17 @@ from bench.errors import InputError, InUseError, StoreError
 from bench.lanes import Lane, longest_lane_s, make_safe_in_lanes
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
 from bench.loop import run as run_loop
-from bench.rig import limits_to_make_safe
-from bench.runner.held import holding, owners, real_addresses, why_locked_out
+from bench.rig import OWN_LIMIT_S, limits_to_make_safe
+from bench.runner.held import A_RESCUE, holding, is_followed, owners, real_addresses, why_locked_out
 from bench.runner.takeover import END_BEYOND_S, take_over
 from bench.store.energised import Energised, energised, note_safe, record_made_safe
 from bench.store.machine_state import printable, problem_to_write
 from bench.store.runs import summary
+from drivers.awake import came_true
+from drivers.safe_state import LONGEST_S
 from drivers.transport.address import Address
 
+_pause = threading.Event().wait
 Notice = Callable[[str], object]
 
 
@@ -34,7 +38,8 @@ def make_safe(
 
     Whoever holds a bench is ended. `notice` receives what a person should know, `ended` each lane as it ends; a bench
     on record whose file cannot be used is one lane. With `if_left_on` a bench is left as it is unless a run that is
-    over may have left an instrument of it on. Raises InputError when there is nothing to make safe.
+    over may have left an instrument of it on, and no guardian makes it safe or ends its hold. Raises InputError when
+    there is nothing to make safe.
     """
     if name is not None:
         loaded = load_bench_named(name)
@@ -59,8 +64,13 @@ def make_safe(
 def _registered(notice: Notice, *, over: bool) -> list[str]:
     """Paths of the bench files of runs that may have left instruments on; only of runs that are `over`, if asked."""
     found: dict[str, None] = {}
+    if over:
+        _let_guardians_finish(notice)
     for each in energised(lambda problem: notice(str(problem))):
         if over and not _is_over(each):
+            continue
+        if over and all(map(is_followed, each.connections.values())):
+            notice(printable(f"{each.name}: {', '.join(each.connections)} held; its guardian ends that"))
             continue
         notice(printable(f"{each.name}, begun {each.since}: {', '.join(each.connections)} not known to be safe"))
         found[each.bench] = None
@@ -69,13 +79,28 @@ def _registered(notice: Notice, *, over: bool) -> list[str]:
 
 def _is_over(left: Energised) -> bool:
     """Whether a run has ended, and nobody has its instruments; the directory of another user cannot be looked into."""
-    if summary(Path(left.run)).state == "running":
-        return False
+    return summary(Path(left.run)).state != "running" and not owners(_addresses(left))
+
+
+def _addresses(left: Energised) -> list[Address]:
+    """The addresses of an entry that anybody may have edited."""
     addresses = []
     for text in left.connections.values():
         with suppress(ValueError):
             addresses.append(Address.parse(text))
-    return not owners(addresses)
+    return addresses
+
+
+def _let_guardians_finish(notice: Notice) -> None:
+    """Return when no guardian makes a bench safe any more, at most after the time that this may take."""
+    addresses = [address for found in energised(lambda _: None) for address in _addresses(found)]
+
+    def nobody_does(limit_s: float) -> bool:
+        busy = [owner for owner in owners(addresses) if owner.words.startswith(A_RESCUE)]
+        return not busy or bool(_pause(limit_s))
+
+    if not came_true(nobody_does, longest_lane_s({"": LONGEST_S + OWN_LIMIT_S})):
+        notice("A guardian has not made a bench safe in time.")
 
 
 def _of_bench(loaded: LoadedBench, notice: Notice, ended: Callable[[Lane], object]) -> list[Lane]:

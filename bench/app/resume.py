@@ -12,7 +12,7 @@ from bench.app.inputs import inputs_of
 from bench.app.request import PreparedRun, RunRequest, prepare
 from bench.engine.past import Past, done_of, interrupted_in, past_of, to_restore
 from bench.errors import InputError
-from bench.runner.held import energising_addresses
+from bench.runner.held import energising_addresses, is_followed
 from bench.sequence.values import as_written
 from bench.store.energised import energised
 from bench.store.kept_json import LIMIT_BYTES, read_kept
@@ -195,5 +195,5 @@ def _left_on(prepared: PreparedRun) -> Sequence[str]:
     connections = {str(address): role for role, address in energising_addresses(prepared.loaded.bench).items()}
     if not connections:
         return []
-    left = (address for each in energised(lambda _: None) for address in each.connections.values())
-    return sorted({connections[address] for address in left if address in connections})
+    left = {address for each in energised(lambda _: None) for address in each.connections.values()}
+    return sorted(connections[address] for address in left & connections.keys() if not is_followed(address))

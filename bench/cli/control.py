@@ -90,6 +90,7 @@ def _state_of(run: RunSummary) -> dict[str, Any]:
     from bench.engine.state import replayed
     from bench.errors import StoreError
     from bench.runner.commands import state_to_json
+    from bench.store.followed import course_of
     from bench.store.latch import latch
     from bench.store.reader import RunReader
     from bench.store.verify import examine
@@ -102,6 +103,7 @@ def _state_of(run: RunSummary) -> dict[str, Any]:
     with RunReader(run.path) as reader:
         over = {"state": run.state, "verdict": run.manifest.get("verdict")}
         over |= {"latched": latched.why} if latched is not None else {}
+        over |= {"made_safe": made_safe} if (made_safe := course_of(run.path)) else {}
         return over | state_to_json(replayed(reader.events()))
 
 
@@ -109,11 +111,12 @@ def acknowledge(run: str, runs: Path, reason: str, by: str) -> None:
     """Take the latch off a run that did not end by itself with everything safe; a person has looked at the bench."""
     import getpass
 
+    from bench.runner.held import is_followed
     from bench.store.latch import acknowledge as acknowledged
     from bench.store.runs import find_run
 
     path = find_run(run, runs)
-    why = acknowledged(path, by or getpass.getuser(), reason)
+    why = acknowledged(path, by or getpass.getuser(), reason, is_followed)
     sys.stdout.write(f"{path.name}: acknowledged: {why}\n")
 
 

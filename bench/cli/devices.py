@@ -81,7 +81,8 @@ def make_safe(bench: str | None, *, if_left_on: bool) -> int:
         sys.stderr.write(text + "\n")
 
     def show(lane: Lane) -> None:
-        sys.stdout.write(f"{lane.role:<16} {lane.state:<12} {lane.took_s:6.1f} s  {lane.why}".rstrip() + "\n")
+        air = "" if lane.air_c is None or lane.why else f"commanded; its air is at {lane.air_c:.1f} °C"
+        sys.stdout.write(f"{lane.role:<16} {lane.state:<12} {lane.took_s:6.1f} s  {lane.why}{air}".rstrip() + "\n")
         sys.stdout.flush()
 
     left = [lane.role for lane in made_safe(bench, say, show, if_left_on=if_left_on) if lane.state != "safe"]

@@ -104,6 +104,11 @@ class DeviceEntry(StrictModel):
         """What making it safe does, and within what time."""
         return self.description.safe_state_of(self.options, self.limits, self.safe)
 
+    @property
+    def busy_s(self) -> float:
+        """The longest time for which it may give no reading while it is in order."""
+        return self.description.busy_s_of(self.options, self.limits)
+
     @model_validator(mode="wrap")
     @classmethod
     def _with_the_blocks_of_its_driver(

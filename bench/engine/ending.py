@@ -25,13 +25,14 @@ class Outcome:
 
     `problems` are for people, the first one is why. `unsafe` names devices that could not be made safe, `not_reached`
     those that could not be opened, so that nothing was sent to them; both with the reason. `ended_by` is who asked for
-    the end before the plan was done.
+    the end before the plan was done. `held` are chambers that were left at their set point, for their guardian to end.
     """
 
     how: How = "completed"
     problems: list[str] = field(default_factory=list)
     unsafe: dict[str, str] = field(default_factory=dict)
     not_reached: dict[str, str] = field(default_factory=dict)
+    held: list[str] = field(default_factory=list)
     ended_by: EndRequest | None = None
 
     def ended(self, request: EndRequest) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Collection
 from typing import Any, Literal, Protocol
 
 from bench.config.models import BenchFile
@@ -46,7 +47,8 @@ class Engine:
     Lifetime: one `run`. Concurrency: the methods that control it may be called from signal handlers and other callbacks
     of the same loop while it runs. Whatever happens once setup began, teardown runs (unless aborted), and the devices
     are made safe at the end. A step that does not end when cancelled is abandoned after `_end_within_s`; no other
-    step begins after it. With a `past` it goes on where that ended.
+    step begins after it. With a `past` it goes on where that ended. Chambers that `may_be_held` keep their set point
+    after a failure that is not theirs and not one of a reading.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class Engine:
         writer: RunWriter,
         observer: Observer,
         past: Past | None = None,
+        may_be_held: Collection[str] = (),
     ) -> None:
         self._plan, self._rig, self._monitor, self._observer = plan, rig, monitor, observer
         self.journal = Journal(writer, past.state if past is not None else None)
@@ -80,12 +83,21 @@ class Engine:
         self._switching_off: set[asyncio.Task[None]] = set()
         self._interlocks = {**file.interlocks, **plan.sequence.interlocks}
         self._giving_up: dict[str, asyncio.TimerHandle] = {}
+        self._may_be_held = frozenset(may_be_held)
+        self._tripped: set[str] = set()  # interlocks on a temperature
+        self._is_hold_ruled_out = False
         self.outcome = Outcome()
 
     @property
     def in_teardown(self) -> bool:
         """Whether the teardown has begun."""
         return self._teardown_task is not None
+
+    @property
+    def may_hold(self) -> bool:
+        """Whether chambers may be held if this process is lost now: steps are under way, and nothing is wrong."""
+        under_way = self._body_task is not None and not self._body_task.done() and not self._body_task.cancelling()
+        return under_way and not self._tripped and not self._monitor.fault.done()
 
     def pause(self) -> None:
         """Holds before the next step; the devices stay as they are and go on being watched. Not in teardown."""
@@ -197,6 +209,8 @@ class Engine:
         """Apply an interlock that has tripped or recovered to the run."""
         by = f"interlock {change.name}"
         self._observer.notice(change.text)
+        if self._monitor.unit_of(self._interlocks[change.name].names[0]) == "°C":
+            (self._tripped.add if change.tripped else self._tripped.discard)(change.name)
         if not change.tripped:
             self._let_go(change.name)
         elif change.action in ("hold", "pause"):
@@ -335,12 +349,19 @@ class Engine:
 
     def _failed(self, problem: BaseException) -> None:
         self.outcome.how = "error"
+        of_chamber = isinstance(problem, DriverError) and problem.device in self._may_be_held
+        self._is_hold_ruled_out |= of_chamber or isinstance(problem, WindowError)
         text = in_words(problem)
         if text in self.outcome.problems:  # a store that fails fails the teardown too
             return
         self.outcome.problems.append(text)
         self._observer.notice(text)
         self.journal.try_to_write("problem", text=str(problem))
+
+    def _to_hold(self) -> frozenset[str]:
+        """Chambers that keep their set point: after a failure, not on request, of anything but them or a reading."""
+        failed = self.outcome.how == "error" and self._request is None
+        return self._may_be_held if failed and not (self._is_hold_ruled_out or self._tripped) else frozenset()
 
     @property
     def _end_within_s(self) -> float:
@@ -349,8 +370,12 @@ class Engine:
     async def _make_safe(self) -> None:
         """Makes every device safe while the readings are still recorded, then ends the record."""
         self._monitor.being_made_safe.update(self._rig.devices)
-        unsafe = self.outcome.unsafe = await self._rig.make_safe()
-        self.journal.try_to_write("made_safe", unsafe=unsafe)
+        unsafe = self.outcome.unsafe = await self._rig.make_safe(self._to_hold())
+        self.outcome.held = sorted(self._rig.held)
+        held: dict[str, Any] = {"held": self.outcome.held} if self.outcome.held else {}
+        self.journal.try_to_write("made_safe", unsafe=unsafe, **held)
+        for device in self.outcome.held:
+            self._observer.notice(f"{device} stays at its set point for now; the guardian of the run ends that.")
         for device, problem in unsafe.items():
             if device in self._monitor.used:
                 self.outcome.how = "error"

@@ -68,6 +68,7 @@ class Monitor:
         self.on_left_out: Callable[[str, DriverError], None] = lambda _role, _problem: None
         self.used = frozenset(rig.devices if used is None else used)
         self.being_made_safe: set[str] = set()  # devices that the engine switches off or makes safe
+        self.polls: dict[str, int] = {}  # how often each device has answered, while it is polled
         self._channels: dict[str, Channel] = {}
         self._names = {reading.from_: name for name, reading in bench.readings.items()}
         self._tasks: list[asyncio.Task[None]] = []
@@ -149,10 +150,12 @@ class Monitor:
         news = device.news if isinstance(device, FrameSource) and not self._interlocks.judge_age_of(role) else None
         loop = asyncio.get_running_loop()
         due_s = loop.time()
+        self.polls[role] = 0
         try:
             while True:
                 try:
                     self._take(role, await device.poll(), units)
+                    self.polls[role] += 1
                 except DriverError:
                     if role not in self.being_made_safe:  # which cuts the answer to a poll short
                         raise
@@ -167,6 +170,8 @@ class Monitor:
         except Exception as problem:  # noqa: BLE001  nobody looks at the device any more, which the run must not outlast
             self._writer_event("fault", device=role, problem=str(problem))
             self.report(problem)
+        finally:
+            self.polls.pop(role, None)
 
     def _take(self, role: str, readings: Mapping[str, Sequence[Reading]], units: Mapping[str, str]) -> None:
         accepted = {
@@ -201,9 +206,9 @@ class Monitor:
             self._writer_event("doubted", reading=channel.name, read_s=each.at_s, text=f"{channel.name} {each.why}")
         if accepted:
             self._writer.readings(channel.name, channel.unit, accepted)
-        newest = channel.rejected if channel.matters else None
-        if (newest := newest or channel.newest) is not None:
-            self._on_reading(channel.name, newest)
+        shown: Latest | None = (channel.rejected if channel.matters else None) or channel.newest
+        if shown is not None:
+            self._on_reading(channel.name, shown)
         return accepted
 
     def _problem_of(self, source: str) -> str:

@@ -7,7 +7,7 @@ import signal
 import socket
 from pathlib import Path
 
-from bench.guardian.watch import ARMED, CANNOT, LONGEST, watch
+from bench.guardian.watch import ARMED, CANNOT, LONGEST, Over, watch
 
 
 def main(link_number: str, runner_number: str, run: str, bench: str, digest: str) -> int:
@@ -24,10 +24,14 @@ def main(link_number: str, runner_number: str, run: str, bench: str, digest: str
     try:
         from bench.guardian.rescue import Rescue
 
-        rescue = Rescue(Path(run), Path(bench), digest)
+        rescue = Rescue(Path(run), Path(bench), digest, int(runner_number))
     except Exception as problem:  # noqa: BLE001  the run is told and refuses to start, whatever it is
         link.send((CANNOT + str(problem).encode())[:LONGEST])
         return 2
     link.send(ARMED)
-    why = watch(link, runner)
-    return 0 if why is None or rescue.make_safe(why) else 6
+    end = watch(link, runner, polls_within_s=rescue.polls_within_s, alarm=rescue.alarm)
+    if isinstance(end, Over):
+        link.close()
+        rescue.leave(end)
+        return 0
+    return 0 if rescue.make_safe(end) else 6

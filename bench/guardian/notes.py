@@ -14,7 +14,6 @@ from pathlib import Path
 from bench.clock import wall_utc
 from bench.errors import StoreError
 from bench.files import append_line
-from bench.store.latch import INCIDENT
 from bench.store.machine_state import append_record
 
 WRITTEN_WITHIN_S = 5.0  # after which a guardian ends without
@@ -22,13 +21,16 @@ STDERR = 2
 
 
 class Notes:
-    """Lines for the terminal and entries of the incident, written in their order by a thread of their own."""
+    """Lines for the terminal and entries of a file, written in their order by a thread of their own.
 
-    def __init__(self, run: Path) -> None:
-        self._run = run
+    The file is in the directory of the run, and once more in the folder of this user's records. The thread begins with
+    the first of them.
+    """
+
+    def __init__(self, run: Path, file: str) -> None:
+        self._run, self._file = run, file
         self._work: queue.SimpleQueue[Callable[[], object] | None] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._write, name="notes", daemon=True)
-        self._thread.start()
+        self._thread: threading.Thread | None = None
 
     def line(self, text: str) -> None:
         """A line for a person."""
@@ -41,23 +43,29 @@ class Notes:
 
     def do(self, work: Callable[[], object]) -> None:
         """Anything else that writes."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=_write, args=(self._work,), name="notes", daemon=True)
+            self._thread.start()
         self._work.put(work)
 
     def close(self) -> None:
-        """Return when everything is written, or WRITTEN_WITHIN_S later."""
-        self._work.put(None)
-        self._thread.join(WRITTEN_WITHIN_S)
-
-    def _write(self) -> None:
-        while (work := self._work.get()) is not None:
-            with suppress(OSError, ValueError, StoreError):  # no disk, or no terminal any more
-                work()
+        """Return when everything is written, or WRITTEN_WITHIN_S later; more may follow."""
+        if self._thread is not None:
+            self._work.put(None)
+            self._thread.join(WRITTEN_WITHIN_S)
+            self._work, self._thread = queue.SimpleQueue(), None
 
     def _append(self, text: str) -> None:
         with suppress(OSError):
             if self._run.is_dir():
-                append_line(self._run / INCIDENT, text)
-        append_record(INCIDENT, text)
+                append_line(self._run / self._file, text)
+        append_record(self._file, text)
+
+
+def _write(works: queue.SimpleQueue[Callable[[], object] | None]) -> None:
+    while (work := works.get()) is not None:
+        with suppress(OSError, ValueError, StoreError):  # no disk, or no terminal any more
+            work()
 
 
 def _tell(text: str) -> None:

@@ -5,20 +5,24 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import threading
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 
 from bench.clock import wall_utc
 from bench.config.bench import load_bench
+from bench.config.channels import period_s
 from bench.errors import InputError, InUseError, in_words
+from bench.guardian.follow import Following, in_a_process_of_its_own, to_nothing
 from bench.guardian.notes import Notes
+from bench.guardian.watch import Lost, Over
 from bench.lanes import Lane, make_safe_in_lanes
 from bench.rig import device_of, limits_to_make_safe
 from bench.runner.alert import alert
-from bench.runner.held import energising_addresses, holding, is_locked_out
+from bench.runner.held import A_RESCUE, energising_addresses, holding, is_locked_out
 from bench.store.energised import note_safe
+from bench.store.latch import INCIDENT
 from bench.store.unsafe import keep_unsafe
 from drivers.capabilities import Device
 from drivers.transport.address import Address
@@ -31,28 +35,68 @@ _pause = threading.Event().wait
 class Rescue:
     """A bench that is loaded and ready to be made safe. Raises InputError when the file is not the one of the run."""
 
-    def __init__(self, run: Path, bench: Path, digest: str) -> None:
+    def __init__(self, run: Path, bench: Path, digest: str, runner: int) -> None:
         loaded = load_bench(bench)
         if hashlib.sha256(loaded.document.text.encode()).hexdigest() != digest:
             raise InputError(f"{bench}: has changed since the run has read it")
-        self._run, self._bench = run, loaded.bench
+        self._run, self._bench, self._runner = run, loaded.bench, runner
         self._addresses = energising_addresses(loaded.bench)
-        self._notes = Notes(run)
+        self.polls_within_s = {
+            role: loaded.bench.devices[role].busy_s + period_s(role, loaded.bench) for role in self._addresses
+        }
+        self._notes = Notes(run, INCIDENT)
         self._devices()  # imports them while there is memory
 
-    def make_safe(self, why: str) -> bool:
-        """Make every instrument safe, and record how; whether all of them are."""
+    def alarm(self, why: str) -> None:
+        """Record that something of the run is late, and alert a person; returns at once."""
+        self._notes.entry("alarm", why=why)
+        threading.Thread(target=self._alert, args=("look at it", why), name="alert", daemon=True).start()
+
+    def leave(self, end: Over) -> None:
+        """Follow the chambers of a run that is over, in a process of its own."""
+        self._notes.close()
+        if end.safe or end.held:
+            in_a_process_of_its_own(partial(Following, self._run, self._bench, end.safe, end.held, self._runner))
+
+    def make_safe(self, lost: Lost) -> bool:
+        """Make every instrument safe, record how, and follow the chambers; whether all of them are safe."""
         notes = self._notes
-        notes.line(f"{why}. Its guardian makes the bench safe: {', '.join(self._addresses)}.")
-        notes.entry("begins", why=why)
+        notes.line(f"{lost.why}. Its guardian makes the bench safe: {', '.join(self._addresses)}.")
+        notes.entry("begins", why=lost.why)
+        following: Following | None = None
         try:
-            with _held(self._addresses.values()):
-                limits_s, only_off = limits_to_make_safe(self._bench), is_locked_out(self._bench)
-                telling = partial(_tell, notes)
-                lanes = asyncio.run(make_safe_in_lanes(self._devices(), limits_s, telling, only_off=only_off))
+            with _held(self._addresses.values(), f"{A_RESCUE}{self._run.name}"):
+                lanes = self._lanes(may_hold=lost.may_hold)
+                unsafe = self._record(lanes)
+                following = self._following(lanes)
         except Exception as problem:  # noqa: BLE001  whatever it is, it is on record that the bench is not safe
-            lanes = [Lane(role, "not reached", in_words(problem), 0.0) for role in self._addresses]
-        unsafe = {lane.role: lane.why for lane in lanes if lane.state != "safe"}
+            unsafe = self._record([Lane(role, "not reached", in_words(problem), 0.0) for role in self._addresses])
+        notes.close()
+        self._alert(f"NOT MADE SAFE: {', '.join(unsafe)}" if unsafe else "ended by its guardian", lost.why)
+        if following is not None:
+            to_nothing()
+            with following:
+                following.follow()
+        return not unsafe
+
+    def _following(self, lanes: Sequence[Lane]) -> Following | None:
+        """The following of the chambers, which can be found from now on; None where it fails, with that on record."""
+        safe, held = ([lane.role for lane in lanes if lane.state == state] for state in ("safe", "held"))
+        try:
+            return Following(self._run, self._bench, safe, held, self._runner).__enter__()
+        except Exception as problem:  # noqa: BLE001  the bench is safe all the same
+            self._notes.entry("alert", problem=f"the chambers cannot be followed: {in_words(problem)}")
+            return None
+
+    def _lanes(self, *, may_hold: bool) -> list[Lane]:
+        limits_s, only_off = limits_to_make_safe(self._bench), is_locked_out(self._bench)
+        hold = [role for role in self._addresses if may_hold and self._bench.devices[role].safe_state.hold_s]
+        telling = partial(_tell, self._notes)
+        return asyncio.run(make_safe_in_lanes(self._devices(), limits_s, telling, only_off=only_off, hold=hold))
+
+    def _record(self, lanes: Sequence[Lane]) -> dict[str, str]:
+        """Write how the lanes have ended; why those are not safe that are not. Returns when it is on the disk."""
+        notes, unsafe = self._notes, {lane.role: lane.why for lane in lanes if lane.state not in ("safe", "held")}
         for lane in lanes:
             notes.entry("lane", **lane._asdict())
         notes.entry("ends", unsafe=unsafe)
@@ -62,8 +106,7 @@ class Rescue:
             connections = {role: str(address) for role, address in self._addresses.items()}
             notes.do(partial(keep_unsafe, self._run, wall_utc(), unsafe, connections))
         notes.close()
-        self._alert(f"NOT MADE SAFE: {', '.join(unsafe)}" if unsafe else "ended by its guardian", why)
-        return not unsafe
+        return unsafe
 
     def _alert(self, what: str, why: str) -> None:
         """Alert a person, where the bench file names a program; last, because that may take its time."""
@@ -71,7 +114,7 @@ class Rescue:
             return
         title = f"{self._run.name}: {what}"
         if problem := alert(self._bench.alert.exec, title, f"{title}\n{why}\n"):
-            notes = Notes(self._run)
+            notes = Notes(self._run, INCIDENT)
             notes.line(problem)
             notes.entry("alert", problem=problem)
             notes.close()
@@ -85,12 +128,12 @@ def _tell(notes: Notes, lane: Lane) -> None:
 
 
 @contextmanager
-def _held(addresses: Collection[Address]) -> Iterator[None]:
+def _held(addresses: Collection[Address], who: str) -> Iterator[None]:
     """Hold the addresses; InUseError when another program has one of them for longer than the dead run can."""
     with ExitStack() as held:
         for left in reversed(range(ATTEMPTS)):
             try:
-                held.enter_context(holding(addresses, "the guardian of a run"))
+                held.enter_context(holding(addresses, who))
                 break
             except InUseError:
                 if not left:

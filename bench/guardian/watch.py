@@ -1,49 +1,139 @@
 """The supervising core: it waits for the death or the silence of a run's process. Nothing but the standard library.
 
 Silence counts in ticks of this process: on a computer that stands still, or has too much else to do, the guardian does
-not tick either, and nobody is taken for dead.
+not tick either, and nobody is taken for dead. What a beat counts stands still in beats: while no beat comes, nothing
+else is late.
 """
 
 from __future__ import annotations
 
+import json
 import select
 import signal
 import socket
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 TICK_S = 0.25
+BEAT_S = 0.5
 LEASE_S = 10.0  # of silence, after which the run's process is killed
+COMMIT_S = 30.0  # for which what is to be written may wait for the disk
 DIE_WITHIN_S = 5.0
 LONGEST = 4096  # bytes of a message
 
-ARMED, CANNOT, BEAT, OVER = b"armed", b"cannot ", b"beat", b"over"
+ARMED, CANNOT, BEAT, OVER = b"armed", b"cannot ", b"beat ", b"over "
 
 
-def watch(link: socket.socket, runner: int, lease_s: float = LEASE_S) -> str | None:
-    """Return why the bench must be made safe, as soon as it must; None when the run has said that it is over.
+class Lost(NamedTuple):
+    """Why the bench must be made safe; whether a chamber may be held, as the run has said at last."""
+
+    why: str
+    may_hold: bool = False
+
+
+class Over(NamedTuple):
+    """A run has made its bench safe: these roles, and those of chambers that are held at their set point."""
+
+    safe: tuple[str, ...] = ()
+    held: tuple[str, ...] = ()
+
+
+def beat(turns: int, commits: int, polls: Mapping[str, int], *, waits: bool, may_hold: bool) -> bytes:
+    """A message: turns of the loop, what was committed and whether more waits for the disk, polls by role."""
+    content = {"turns": turns, "commits": commits, "waits": waits, "polls": dict(polls), "may_hold": may_hold}
+    return BEAT + json.dumps(content).encode()
+
+
+def over(end: Over) -> bytes:
+    """The message with which a run dismisses its guardian."""
+    return OVER + json.dumps(end._asdict()).encode()
+
+
+class Counters:
+    """For how long what a beat counts has not advanced.
+
+    `alarm` is called once for each counter that is late; `stuck` is why the run is to be killed, or "".
+    """
+
+    def __init__(self, polls_within_s: Mapping[str, float], alarm: Callable[[str], object]) -> None:
+        self._limits_s, self._alarm = polls_within_s, alarm
+        self._last: dict[str, Any] = {}
+        self._standing_s: dict[str, float] = {}
+        self._alarmed: set[str] = set()
+        self.turns, self.may_hold, self.stuck = -1, False, ""
+
+    def take(self, message: bytes) -> bool:
+        """Take a message in; whether it is a beat of a loop that has turned since the last one."""
+        content = _content(message, BEAT)
+        turns, polls = content.get("turns"), content.get("polls")
+        if not isinstance(turns, int) or turns == self.turns or not isinstance(polls, dict):
+            return False
+        self.turns, self.may_hold = turns, content.get("may_hold") is True
+        counts = {role: polls.get(role) for role in self._limits_s}  # None: it is not polled, or no more
+        counts["commits of the record"] = content.get("commits") if content.get("waits") is True else None
+        for name, count in counts.items():
+            stands = count is not None and count == self._last.get(name)
+            self._standing_s[name] = self._standing_s.get(name, 0.0) + BEAT_S if stands else 0.0
+        self._last = counts
+        self._judge()
+        return True
+
+    def _judge(self) -> None:
+        for name, standing_s in self._standing_s.items():
+            limit_s = self._limits_s.get(name)
+            late = standing_s > (COMMIT_S if limit_s is None else limit_s)
+            if late and name not in self._alarmed:
+                self._alarmed.add(name)
+                what = "nothing was committed to the disk" if limit_s is None else f"{name} was not polled"
+                self._alarm(f"{what} for {standing_s:g} s, while the loop of the run turns")
+            if limit_s is not None and standing_s > 2 * limit_s:
+                self.stuck = f"{name} was not polled for {standing_s:g} s; the process of the run was killed"
+
+
+def watch(
+    link: socket.socket, runner: int, lease_s: float = LEASE_S,
+    polls_within_s: Mapping[str, float] = MappingProxyType({}), alarm: Callable[[str], object] = lambda _text: None,
+) -> Lost | Over:  # fmt: skip
+    """Return why the bench must be made safe, as soon as it must; or how it was left when the run is over.
 
     `link` receives messages of the run; `runner` is the pidfd of its process, which is killed after `lease_s` without
-    a message.
+    a beat, or where an instrument was not polled for twice the time of `polls_within_s`, by role. `alarm` receives what
+    is late, and must return at once.
     """
-    silent_s = 0.0
-    while silent_s < lease_s:
+    counters, silent_s = Counters(polls_within_s, alarm), 0.0
+    while silent_s < lease_s and not counters.stuck:
         ready, _, _ = select.select([link.fileno(), runner], [], [], TICK_S)
         if link.fileno() in ready:
             message = _received(link)
-            if message == OVER:
-                return None
+            if message.startswith(OVER):
+                return _left(message)
             if not message:
-                return _gone(runner)
-            silent_s = 0.0
+                return Lost(_gone(runner), counters.may_hold)
+            silent_s = 0.0 if counters.take(message) else silent_s
         elif runner in ready:
-            return "the process of the run has died"
+            return Lost("the process of the run has died", counters.may_hold)
         else:
             silent_s += TICK_S
     with suppress(ProcessLookupError):
         signal.pidfd_send_signal(runner, signal.SIGKILL)
     dead, _, _ = select.select([runner], [], [], DIE_WITHIN_S)
-    was = f"the process of the run stood still for {lease_s:g} s and was killed"
-    return was if dead else f"{was}, but does not end: it may still write"
+    was = counters.stuck or f"the process of the run stood still for {lease_s:g} s and was killed"
+    return Lost(was if dead else f"{was}, but does not end: it may still write", counters.may_hold)
+
+
+def _left(message: bytes) -> Over:
+    content = _content(message, OVER)
+    return Over(*(tuple(content.get(key) or ()) for key in Over._fields))
+
+
+def _content(message: bytes, kind: bytes) -> dict[str, Any]:
+    """What a message of a kind says; nothing where it is another, or cannot be read."""
+    with suppress(ValueError, RecursionError):
+        if message.startswith(kind) and isinstance(content := json.loads(message[len(kind) :]), dict):
+            return content
+    return {}
 
 
 def _received(link: socket.socket) -> bytes:

@@ -38,6 +38,7 @@ def _facts(run: RunSummary, status: Mapping[str, Any]) -> Iterator[tuple[str, st
     yield from (("left out", step) for step in status["left_out"])
     yield from (("dropped", f"{place}: {text}") for place, text in status["dropped"].items())
     yield from (("lost on the bus", f"{name}: {count} latches or samples") for name, count in status["lost"].items())
+    yield from (("made safe", f"{role}: {course}") for role, course in status.get("made_safe", {}).items())
     yield from (("problem", line) for text in status["problems"] for line in text.splitlines())
 
 

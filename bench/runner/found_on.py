@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Collection, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from bench.rig import Rig
@@ -15,6 +16,16 @@ LOOKED_AT_WITHIN_S = 5.0
 LOOKS_APART_S = 0.5  # of an axis: one that swings is at rest for a moment
 AWAY_C = 10.0  # a chamber that somebody has set to the temperature of the room is not left on
 AT_REST_DPS = 0.05  # slower, an encoder's last digits and a stiff position loop look the same
+
+
+class LeftOn(NamedTuple):
+    """What earlier runs have left on: those runs by device, and the chambers that a guardian has held until now."""
+
+    by: Mapping[str, str] = MappingProxyType({})
+    held: Collection[str] = ()
+
+
+NOTHING = LeftOn()
 
 
 class Found(NamedTuple):

@@ -11,17 +11,20 @@ import subprocess
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 
 from bench.clock import Stopwatch
 from bench.config.bench import LoadedBench
-from bench.engine.ending import EndRequest
+from bench.engine.ending import EndRequest, Outcome
+from bench.engine.pulse import Pulse
 from bench.errors import BenchError
-from bench.guardian.watch import ARMED, BEAT, CANNOT, LONGEST, OVER
+from bench.guardian.watch import ARMED, BEAT_S, CANNOT, LONGEST, Over, beat, over
 from bench.runner.held import energising_addresses
 from bench.runner.signals import Sent, Signals
+from bench.store.writer import RunWriter
 
-BEAT_S = 0.5
 ARMED_WITHIN_S = 60.0  # on a computer with much else to do
 ENDS_WITHIN_S = 5.0
 PROGRAM = (  # with the search path of the run, so that it is the same program whatever lies in this directory
@@ -39,28 +42,45 @@ class GuardError(BenchError):
     code = "guardian"
 
 
+@dataclass
+class Guard:
+    """The guardian of a run: what it is shown, and how the bench was left when it is dismissed."""
+
+    roles: tuple[str, ...] = ()
+    pulse: Pulse = field(default_factory=Pulse)
+    end: Over = field(default_factory=Over)
+
+    def leaves(self, outcome: Outcome) -> None:
+        """The run has made its bench safe as far as its outcome says."""
+        open_ = {*outcome.unsafe, *outcome.not_reached, *outcome.held}
+        self.end = Over(tuple(role for role in self.roles if role not in open_), tuple(outcome.held))
+
+
 @asynccontextmanager
-async def guarded(loaded: LoadedBench, run: Path, signals: Signals) -> AsyncIterator[None]:
+async def guarded(loaded: LoadedBench, run: Path, signals: Signals, writer: RunWriter) -> AsyncIterator[Guard]:
     """A guardian for everything inside: the opening of the instruments of a bench, its run, and making it safe.
 
     It is ready at the beginning, or GuardError is raised. Its death ends the run. At the end, also after an error, it
-    is dismissed; if the end never comes it makes the bench safe. Nothing real to energise, no guardian.
+    is dismissed, and follows the chambers alone; if the end never comes it makes the bench safe. Nothing real to
+    energise, no guardian.
     """
-    if not energising_addresses(loaded.bench):
-        yield
+    roles = tuple(energising_addresses(loaded.bench))
+    if not roles:
+        yield Guard()
         return
     link, process = _start(loaded, run)
+    guard = Guard(roles, Pulse([role for role in roles if loaded.bench.devices[role].safe_state.hold_s]))
     try:
         _wait_until_armed(link)
-        beating = asyncio.create_task(_beat(link, signals), name="guardian")
+        beating = asyncio.create_task(_beat(link, signals, guard, writer), name="guardian")
         try:
-            yield
+            yield guard
         finally:
             beating.cancel()
     except Exception:
-        _dismiss(link, process)
+        _dismiss(link, process, Over())
         raise
-    _dismiss(link, process)
+    _dismiss(link, process, guard.end)
 
 
 def try_guardian(loaded: LoadedBench, folder: Path) -> float:
@@ -73,7 +93,7 @@ def try_guardian(loaded: LoadedBench, folder: Path) -> float:
         _wait_until_armed(link)
         return watch.elapsed_s()
     finally:
-        _dismiss(link, process)
+        _dismiss(link, process, Over())
 
 
 def _start(loaded: LoadedBench, run: Path) -> tuple[socket.socket, subprocess.Popen[bytes]]:
@@ -96,10 +116,12 @@ def _start(loaded: LoadedBench, run: Path) -> tuple[socket.socket, subprocess.Po
     return near, process
 
 
-async def _beat(link: socket.socket, signals: Signals) -> None:
-    while True:
+async def _beat(link: socket.socket, signals: Signals, guard: Guard, writer: RunWriter) -> None:
+    for turns in count():
+        polls = {role: polls for role, polls in guard.pulse.polls.items() if role in guard.roles}
+        commits, waits = writer.commits
         try:
-            link.send(BEAT)
+            link.send(beat(turns, commits, polls, waits=waits, may_hold=guard.pulse.may_hold()))
         except BlockingIOError:  # it stands still, and has not died
             pass
         except OSError:
@@ -108,11 +130,11 @@ async def _beat(link: socket.socket, signals: Signals) -> None:
         await asyncio.sleep(BEAT_S)
 
 
-def _dismiss(link: socket.socket, process: subprocess.Popen[bytes]) -> None:
-    """End the guardian; one that stands still is killed."""
+def _dismiss(link: socket.socket, process: subprocess.Popen[bytes], end: Over) -> None:
+    """End the guardian; one that stands still is killed. What follows the chambers is another process by then."""
     with link, suppress(OSError):
         link.settimeout(ENDS_WITHIN_S)
-        link.send(OVER)
+        link.send(over(end))
     try:
         process.wait(ENDS_WITHIN_S)
     except subprocess.TimeoutExpired:

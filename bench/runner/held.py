@@ -26,10 +26,13 @@ from bench.store.lockout import locked_out
 from drivers.transport.address import Address
 
 DISK_ANSWERS_S = 1.0
+A_RUN, A_VISIT, A_RESCUE = "a run of ", "a short look of the guardian of ", "the guardian of "  # who has a lock
+LOOKS = "followed "  # before a mark: the lock of who follows a chamber, which refuses nobody the address itself
 _WORDS_AT_MOST = 200
 _OWNER_ANSWERS_S = 0.5
 _pause = threading.Event().wait
 _ATTEMPTS, _BETWEEN_ATTEMPTS_S = 3, 0.02  # the owner may end before it is asked who it is, or have just begun
+_LOOKS_AT_A_VISIT, _BETWEEN_LOOKS_S = 150, 0.1  # of a guardian, which ends within 10 s
 
 
 class Owner(NamedTuple):
@@ -77,9 +80,12 @@ def is_locked_out(bench: BenchFile) -> bool:
 
 
 @contextmanager
-def holding(addresses: Iterable[Address], who: str) -> Iterator[None]:
-    """Holds the addresses while inside, as `who`; InUseError names who has one of them already."""
-    places = {mark: address for address in addresses for mark in marks(address)}  # several may share a line
+def holding(addresses: Iterable[Address], who: str, kind: str = "") -> Iterator[None]:
+    """Holds the addresses while inside, as `who`; InUseError names who has one of them already.
+
+    A guardian that only looks lets go soon, and is waited for. `kind` is LOOKS for the lock of who follows them.
+    """
+    places = {kind + mark: address for address in addresses for mark in marks(address)}  # several may share a line
     with ExitStack() as held:
         locks = [held.enter_context(_lock(mark, places[mark])) for mark in sorted(places)]
         if locks:
@@ -87,10 +93,15 @@ def holding(addresses: Iterable[Address], who: str) -> Iterator[None]:
         yield
 
 
-def owners(addresses: Iterable[Address]) -> set[Owner]:
-    """The programs that hold any of the addresses."""
-    places = {mark for address in addresses for mark in marks(address)}
+def owners(addresses: Iterable[Address], kind: str = "") -> set[Owner]:
+    """The programs that hold any of the addresses, or with LOOKS that follow one."""
+    places = {kind + mark for address in addresses for mark in marks(address)}
     return {owner for mark in places if (owner := _owner(_name(mark))) is not None}
+
+
+def is_followed(address: str) -> bool:
+    """Whether a guardian looks at the chamber of an address until its air has arrived, or ends its hold."""
+    return bool(owners([Address.parse(address)], LOOKS))
 
 
 def peer(connection: socket.socket) -> tuple[int, int]:
@@ -101,8 +112,9 @@ def peer(connection: socket.socket) -> tuple[int, int]:
 
 
 def _lock(mark: str, address: Address) -> socket.socket:
-    name, owner = _name(mark), None
-    for _ in range(_ATTEMPTS):
+    name, visited = _name(mark), 0
+    owner, attempts = None, 0
+    while attempts < _ATTEMPTS:
         lock = socket.socket(socket.AF_UNIX)
         try:
             lock.bind(name)
@@ -111,12 +123,18 @@ def _lock(mark: str, address: Address) -> socket.socket:
             lock.close()
             if problem.errno != errno.EADDRINUSE:
                 raise StoreError(f"{address} cannot be locked ({problem})") from problem
-            if owner := _owner(name):
-                break
-            _pause(_BETWEEN_ATTEMPTS_S)
         else:
             lock.setblocking(False)
             return lock
+        owner = _owner(name)
+        if owner is not None and owner.words.startswith(A_VISIT) and visited < _LOOKS_AT_A_VISIT:
+            visited += 1
+            _pause(_BETWEEN_LOOKS_S)
+        elif owner is not None:
+            break
+        else:
+            attempts += 1
+            _pause(_BETWEEN_ATTEMPTS_S)
     raise InUseError(
         f"{address} is in use by {owner or 'another program'}. Wait until it has ended, or end it: "
         "'bench status' shows what is running"
@@ -139,8 +157,14 @@ def _owner(name: str) -> Owner | None:
         except OSError:  # it has stood still for long, and many have asked
             return Owner(0, -1, "another program, which does not answer")
         process, user = peer(client)
-        with suppress(OSError):
+        try:
             words = client.recv(_WORDS_AT_MOST).decode(errors="replace")
+            if not words:
+                return None  # it has let go before it could answer
+        except TimeoutError:
+            pass
+        except OSError:
+            return None
     return Owner(process, user, "".join(letter if letter.isprintable() else "?" for letter in words))
 
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from bench.config.models import BenchFile
@@ -18,6 +17,7 @@ from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.engine.past import Past
 from bench.engine.people import People
+from bench.engine.pulse import Pulse
 from bench.engine.questions import Desk
 from bench.engine.safety import finish
 from bench.errors import StoreError, in_words
@@ -25,7 +25,7 @@ from bench.quality import Latest
 from bench.rig import CLOSE_S, OpenError, Rig, limits_to_make_safe
 from bench.runner.commands import commands_of
 from bench.runner.control import control_socket
-from bench.runner.found_on import Found, found_energised
+from bench.runner.found_on import NOTHING, Found, LeftOn, found_energised
 from bench.runner.held import energising_addresses, is_locked_out
 from bench.runner.power import Hold
 from bench.runner.signals import Sent, Signals
@@ -56,7 +56,8 @@ async def run_plan(
     places: Collection[str] | None = None,
     people: People | None = None,
     past: Past | None = None,
-    left_on: Mapping[str, str] = MappingProxyType({}),
+    left_on: LeftOn = NOTHING,
+    pulse: Pulse | None = None,
 ) -> tuple[Outcome, Mapping[str, Identity]]:
     """Opens the devices, runs the plan, makes everything safe, closes; how it ended, and who the devices were.
 
@@ -65,9 +66,9 @@ async def run_plan(
     told. While it runs a control socket takes commands; it is named in `folder`. `on_desk` is given the desk at which
     questions are asked, before the first one. `hold` holds the run while its computer is on battery.
     `places` are those with a unit in them; None for all. `people` are whom
-    the devices ask. `past` is what was done before an interruption. `left_on` are devices that other runs may have left
-    on, with the names of these runs. Where there are such, or a real instrument is found energised, everything is made
-    safe before the first step.
+    the devices ask. `past` is what was done before an interruption. Where other runs may have `left_on` devices, or a
+    real instrument is found energised, everything but a chamber that was held is made safe before the first step.
+    The guardian of the run looks at `pulse`.
     """
     rig, journal = Rig(devices, limits_to_make_safe(bench), partial(is_locked_out, bench)), Journal(writer)
     in_use = bench.with_units_in(bench.places if places is None else places)
@@ -77,12 +78,14 @@ async def run_plan(
         await _open(rig, used, signals)
         _tell_who_is_there(rig, writer, journal, observer)
         found = await _energised_before(rig, bench, left_on, journal, observer, signals)
-        if left_on or found:
+        if left_on.by or found:
             await _make_what_was_left_on_safe(rig, left_on, journal)
         if signals.first is None:
             interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
             monitor = Monitor(rig, bench, interlocks, writer, on_reading, places, used)
-            engine = Engine(plan, in_use, rig, monitor, writer, observer, past)
+            pulse = pulse or Pulse()
+            engine = Engine(plan, in_use, rig, monitor, writer, observer, past, pulse.may_be_held)
+            pulse.polls, pulse.may_hold = monitor.polls, lambda: engine.may_hold
             loop = asyncio.get_running_loop()
 
             def end_run(failure: StoreError) -> None:
@@ -136,16 +139,16 @@ def _tell_who_is_there(rig: Rig, writer: RunWriter, journal: Journal, observer: 
 
 
 async def _energised_before(
-    rig: Rig, bench: BenchFile, left_on: Mapping[str, str], journal: Journal, observer: Observer, signals: Signals
+    rig: Rig, bench: BenchFile, left_on: LeftOn, journal: Journal, observer: Observer, signals: Signals
 ) -> dict[str, Found]:
     """What the real instruments do before this run has commanded anything, on record; {} where a signal ends it."""
-    roles = energising_addresses(bench)
+    roles = energising_addresses(bench).keys() - left_on.held
     if not roles or signals.first is not None:
         return {}
     found = await found_energised(rig, roles)
     devices: dict[str, dict[str, object]] = {}
     for role, what in found.items():
-        run = left_on.get(role, "")
+        run = left_on.by.get(role, "")
         observer.notice(
             f"{role} was found energised: {what.text}; "
             + (f"{run} has left it so" if run else "no run on record has left it so")
@@ -157,11 +160,11 @@ async def _energised_before(
     return found
 
 
-async def _make_what_was_left_on_safe(rig: Rig, left_on: Mapping[str, str], journal: Journal) -> None:
+async def _make_what_was_left_on_safe(rig: Rig, left_on: LeftOn, journal: Journal) -> None:
     """Raise OpenError when something cannot be made safe."""
-    unsafe = await finish(rig.make_safe(), rig.safe_within_s + CLOSE_S)
-    if left_on:
-        journal.write("found_left_on", devices=dict(left_on), unsafe=unsafe)
+    unsafe = await finish(rig.make_safe(left_on.held), rig.safe_within_s + CLOSE_S)
+    if left_on.by:
+        journal.write("found_left_on", devices=dict(left_on.by), unsafe=unsafe)
     if unsafe:
         raise OpenError("\n".join(unsafe.values()))
 

@@ -13,21 +13,25 @@ from contextlib import suppress
 from functools import partial
 
 from bench.rig import CLOSE_S, GRACE_S
-from bench.runner.held import Owner, owners
+from bench.runner.held import A_VISIT, LOOKS, Owner, owners
 from drivers.awake import came_true
 from drivers.transport.address import Address
 
 END_BEYOND_S = CLOSE_S + 3 * GRACE_S  # of a run that is told to end, beyond the time in which it makes its bench safe
 DIE_WITHIN_S = 2.0
+RELIEVED_WITHIN_S = 3.0  # a guardian that does not stand still
 _pause = threading.Event().wait
 
 
 def take_over(addresses: Sequence[Address], notice: Callable[[str], object], end_within_s: float) -> None:
     """End whoever holds one of the addresses: SIGTERM, on which a run makes its bench safe and records why it ended.
 
-    SIGKILL after `end_within_s`. A program of another user, or one that does not even die, is left with a notice.
+    SIGKILL after `end_within_s`. A program of another user, or one that does not even die, is left with a notice. A
+    guardian that looks at a chamber lets go by itself.
     """
     for owner in owners(addresses):
+        if owner.words.startswith(A_VISIT):
+            continue
         if owner.process in (0, os.getpid()):
             notice(f"{owner} has instruments of this bench and cannot be ended.")
             continue
@@ -42,6 +46,20 @@ def take_over(addresses: Sequence[Address], notice: Callable[[str], object], end
             notice(f"{owner} has instruments of this bench, and this user may not end it. End it: it can still write.")
         finally:
             os.close(process)
+
+
+def relieve(addresses: Sequence[Address], notice: Callable[[str], object]) -> None:
+    """End the guardians that follow a chamber at one of the addresses, on behalf of the run that has them now."""
+    for owner in owners(addresses, LOOKS):
+        with suppress(ProcessLookupError, PermissionError):
+            process = os.pidfd_open(owner.process)
+            try:
+                if owner in owners(addresses, LOOKS):
+                    signal.pidfd_send_signal(process, signal.SIGTERM)
+                    notice(f"{owner.words.removeprefix(A_VISIT)}: its guardian hands the bench over.")
+            finally:
+                os.close(process)
+    came_true(lambda limit_s: not owners(addresses, LOOKS) or bool(_pause(limit_s)), RELIEVED_WITHIN_S)
 
 
 def _end(

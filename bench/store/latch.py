@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,6 +15,7 @@ from bench.clock import wall_utc
 from bench.errors import InputError, StoreError
 from bench.files import append_line
 from bench.store.energised import energised
+from bench.store.followed import FOLLOWED, read_lines
 from bench.store.machine_state import printable
 from bench.store.runs import RunSummary, summary
 from bench.store.signed import check_signed
@@ -34,13 +35,15 @@ def latch(run: RunSummary) -> Latch | None:
     """The latch of a run; None where nothing has happened, or it was acknowledged."""
     ended = {str(role): str(why) for role, why in run.manifest.get("unsafe", {}).items()}
     unsafe = {**kept_unsafe(run.path), **ended}
-    incident = [entry for entry in _lines(run.path / INCIDENT) if entry.get("event") != "alert"]
-    if not unsafe and not incident:
+    incident = [entry for entry in read_lines(run.path / INCIDENT) if entry.get("event") not in ("alert", "alarm")]
+    late = [entry for entry in read_lines(run.path / FOLLOWED) if entry.get("event", "not_arrived") == "not_arrived"]
+    if not unsafe and not incident and not late:
         return None
-    key = hashlib.sha256(json.dumps([unsafe, incident], sort_keys=True).encode()).hexdigest()
-    if any(each.get("latch") == key for each in _lines(run.path / ACKNOWLEDGED)):
+    found = [unsafe, incident, *late]
+    key = hashlib.sha256(json.dumps(found, sort_keys=True).encode()).hexdigest()
+    if any(each.get("latch") == key for each in read_lines(run.path / ACKNOWLEDGED)):
         return None
-    return Latch("; ".join(map(printable, _reasons(unsafe, incident))), key)
+    return Latch("; ".join(map(printable, [*_reasons(unsafe, incident), *_not_arrived(late)])), key)
 
 
 def _reasons(unsafe: dict[str, str], incident: list[dict[str, Any]]) -> Iterator[str]:
@@ -55,8 +58,16 @@ def _reasons(unsafe: dict[str, str], incident: list[dict[str, Any]]) -> Iterator
             yield f"the guardian could not make {', '.join(left) if isinstance(left, Mapping) else left} safe"
 
 
-def acknowledge(path: Path, by: str, reason: str) -> str:
-    """Take the latch off a run, durably; why it was latched. Raises InputError for what cannot be acknowledged."""
+def _not_arrived(late: list[dict[str, Any]]) -> Iterator[str]:
+    for each in late:
+        yield f"{each.get('role', 'a chamber')} has not arrived at its safe set point: {each.get('why', 'unreadable')}"
+
+
+def acknowledge(path: Path, by: str, reason: str, is_followed: Callable[[str], bool] = lambda _address: False) -> str:
+    """Take the latch off a run, durably; why it was latched. Raises InputError for what cannot be acknowledged.
+
+    An instrument at an address that `is_followed` may be on: its guardian holds it.
+    """
     run = summary(path)
     if run.state == "running":
         raise InputError(f"{run.id}: is under way; it can be acknowledged when it has ended")
@@ -64,7 +75,7 @@ def acknowledge(path: Path, by: str, reason: str) -> str:
     if found is None:
         raise InputError(f"{run.id}: is not latched, or was acknowledged before")
     check_signed(by, reason)
-    _check_switched_off(run)
+    _check_switched_off(run, is_followed)
     line = {
         "at": wall_utc().isoformat(timespec="seconds"), "by": by, "reason": reason, "of": found.why, "latch": found.key,
     }  # fmt: skip
@@ -75,34 +86,18 @@ def acknowledge(path: Path, by: str, reason: str) -> str:
     return found.why
 
 
-def _check_switched_off(run: RunSummary) -> None:
+def _check_switched_off(run: RunSummary, is_followed: Callable[[str], bool]) -> None:
     """Raise InputError while an instrument of the run may be on, or when that is not known."""
     problems: list[StoreError] = []
     for each in energised(problems.append):
-        if Path(each.run).resolve() == run.path.resolve():
+        left = [role for role, address in each.connections.items() if not is_followed(address)]
+        if left and Path(each.run).resolve() == run.path.resolve():
             raise InputError(
-                f"{run.id}: {printable(', '.join(each.connections))} may still be energised. Make the bench safe "
-                f"first: bench make-safe --bench {printable(each.bench)}"
+                f"{run.id}: {printable(', '.join(left))} may still be energised. Make the bench safe first: bench "
+                f"make-safe --bench {printable(each.bench)}"
             )
     if problems:
         raise InputError(
             f"{run.id}: whether its instruments are off is not known: {problems[0]}. Make the bench safe with 'bench "
             "make-safe --bench FILE', then remove that file"
         )
-
-
-def _lines(path: Path) -> Iterator[dict[str, Any]]:
-    """The entries of a file; a line that cannot be read is one without content."""
-    try:
-        text = path.read_text("utf-8", errors="replace")
-    except FileNotFoundError:
-        return
-    except OSError as problem:
-        yield {"unreadable": str(problem)}
-        return
-    for line in text.splitlines():
-        try:
-            entry = json.loads(line)
-        except (ValueError, RecursionError):
-            entry = {}
-        yield entry if isinstance(entry, dict) else {}

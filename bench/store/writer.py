@@ -75,6 +75,7 @@ class RunWriter:
         self._tickets: list[concurrent.futures.Future[None]] = []
         self._in_hand: list[concurrent.futures.Future[None]] = []  # taken by the thread
         self._closing = False
+        self._commits, self._is_writing = 0, False
         self._failure: StoreError | None = None
         self._numbers = dict(self._link.rows)
         self._thread = threading.Thread(target=self._write_for_ever, name="run store", daemon=True)
@@ -121,6 +122,11 @@ class RunWriter:
             self._changed.notify_all()
         self._thread.join()
         self._raise_failure()
+
+    @property
+    def commits(self) -> tuple[int, bool]:
+        """How often something was made durable, and whether more is on its way to the disk."""
+        return self._commits, self._is_writing or bool(self._tickets)
 
     @property
     def beginning(self) -> bytes:
@@ -208,10 +214,12 @@ class RunWriter:
 
     def _write(self, group: _Group, tickets: Sequence[concurrent.futures.Future[None]]) -> None:
         """One transaction; the tickets are answered when it is durable where it belongs, or with why it is not."""
+        self._is_writing = True
         if any(group.rows.values()):
             self._try(self._append, group)
             self._note()
         self._try(self._look_after, self._place)
+        self._commits, self._is_writing = self._commits + 1, False
         self._answer(tickets)
 
     def _answer(self, tickets: Sequence[concurrent.futures.Future[None]]) -> None:

@@ -11,7 +11,7 @@ from drivers.axes import AxisUncertainty
 from drivers.corrections import AxisCorrections
 from drivers.description import DriverDescription
 from drivers.fields import WholeNumber
-from drivers.table.description import TableLimits, TableOptions, safe_state
+from drivers.table.description import TableLimits, TableOptions, busy_s, safe_state
 
 
 class AclOptions(TableOptions):
@@ -32,6 +32,7 @@ DESCRIPTION = DriverDescription(
     options=AclOptions,
     limits=TableLimits,
     safe_state=safe_state,
+    busy_s=busy_s,
     uncertainty=AxisUncertainty,
     corrections=AxisCorrections,
     channels={"angle": "°", "rate": "°/s"},

@@ -10,7 +10,7 @@ from drivers.axes import AxisUncertainty
 from drivers.corrections import AxisCorrections
 from drivers.description import DriverDescription
 from drivers.fields import TextLike
-from drivers.head.description import HeadLimits, HeadOptions, safe_state
+from drivers.head.description import HeadLimits, HeadOptions, busy_s, safe_state
 
 
 class EnsembleOptions(HeadOptions):
@@ -32,6 +32,7 @@ DESCRIPTION = DriverDescription(
     options=EnsembleOptions,
     limits=HeadLimits,
     safe_state=safe_state,
+    busy_s=busy_s,
     uncertainty=AxisUncertainty,
     corrections=AxisCorrections,
     channels={"angle": "°"},

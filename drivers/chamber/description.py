@@ -11,6 +11,8 @@ from drivers.safe_state import SafeState
 
 DIALOGUE_S = 7.0  # as of any device, and to read back what the controller follows
 
+LONGEST_HOLD_S = 12 * 3600.0
+
 CHANNELS = {"process_value": "°C", "set_point": "°C"}
 
 
@@ -71,8 +73,13 @@ class ChamberSafe(StrictModel):
     """Where the set point goes when the bench is made safe."""
 
     temperature: Celsius = Field(25.0, description="the set point")
+    hold: Annotated[float, InUnit("s", at_least=0, at_most=LONGEST_HOLD_S)] = Field(
+        0.0,
+        description="how long it stays as it is before, after a run that failed or was lost, so that another goes on "
+        "without a new soak; its guardian ends this",
+    )
 
 
 def safe_state(options: ChamberOptions, _limits: ChamberLimits, safe: ChamberSafe) -> SafeState:
     """The set point in the controller, read back, with one answer as late as `answer_timeout`; not the air at it."""
-    return SafeState(f"set point {safe.temperature:g} °C", DIALOGUE_S + options.answer_timeout)
+    return SafeState(f"set point {safe.temperature:g} °C", DIALOGUE_S + options.answer_timeout, hold_s=safe.hold)

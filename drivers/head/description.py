@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from drivers.axes import RateRange, SettleOptions
+from drivers.busy import BUSY_S
 from drivers.fields import Degrees, DegreesPerSecond, InUnit, Range, StrictModel
 from drivers.safe_state import SafeState, at_rest
 
@@ -37,6 +38,13 @@ class HeadLimits(StrictModel):
 
     angle: AngleRange
     rate: RateRange
+
+
+def busy_s(options: HeadOptions, limits: HeadLimits) -> float:
+    """The longest move, with an approach from one side, where the controller answers at its end; and a dialogue."""
+    way_deg = limits.angle.max - limits.angle.min + 2 * options.approach_distance
+    settle = options.settle
+    return BUSY_S + way_deg / options.rate + 2 * options.rate / options.acceleration + settle.hold + settle.give_up
 
 
 def safe_state(options: HeadOptions, limits: HeadLimits, _safe: object) -> SafeState:

@@ -10,7 +10,7 @@ from drivers.axes import AxisUncertainty
 from drivers.corrections import AxisCorrections
 from drivers.description import DriverDescription
 from drivers.fields import InUnit, TextLike
-from drivers.head.description import HeadLimits, HeadOptions, safe_state
+from drivers.head.description import HeadLimits, HeadOptions, busy_s, safe_state
 
 Name = Annotated[str, TextLike("[A-Za-z][A-Za-z0-9_-]{0,31}", "a name such as HEAD")]
 
@@ -34,6 +34,7 @@ DESCRIPTION = DriverDescription(
     options=XpsOptions,
     limits=HeadLimits,
     safe_state=safe_state,
+    busy_s=busy_s,
     uncertainty=AxisUncertainty,
     corrections=AxisCorrections,
     channels={"angle": "°"},

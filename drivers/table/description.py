@@ -7,10 +7,12 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from drivers.axes import RateRange, SettleOptions
+from drivers.busy import BUSY_S
 from drivers.fields import Degrees, DegreesPerSecond, Hertz, InUnit, Range, StrictModel
 from drivers.safe_state import SafeState, at_rest
 from drivers.wording import telling
 
+TURN_DEG = 360.0
 DegreesPerSecondSquared = Annotated[float, InUnit("°/s²", above=0)]
 
 
@@ -78,6 +80,13 @@ class TableLimits(StrictModel):
     acceleration: AccelerationRange
     frequency: FrequencyRange
     torque: TorqueRange | None = Field(None, description="of a sine, worked out from options.inertia by the check")
+
+
+def busy_s(options: TableOptions, limits: TableLimits) -> float:
+    """The longest move or change of rate; and a dialogue."""
+    way_deg = TURN_DEG if limits.angle is None else limits.angle.max - limits.angle.min
+    motion_s = (way_deg + 2 * options.approach_distance) / options.rate + 2 * limits.rate.max / options.acceleration
+    return BUSY_S + motion_s + options.settle.hold + options.settle.give_up
 
 
 def safe_state(options: TableOptions, limits: TableLimits, _safe: object) -> SafeState:

@@ -1,0 +1,99 @@
+"""The course of one chamber after a run: held, commanded to its safe set point, arrived or not. Opens nothing."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+from bench.config.devices import DeviceEntry
+from drivers.chamber.arrival import KEPT_WITHIN_C, Arrival
+from drivers.chamber.following import FollowWatch
+from drivers.values import ChamberState
+
+GONE_S = 600.0  # for which nobody could look at a chamber, after which its course is over
+
+Event = Literal["held", "reading", "hold_ends", "commanded", "arrived", "not_arrived", "handed_over", "ended"]
+
+
+class Noted(NamedTuple):
+    """Something for the record: temperatures in °C, `why` for what is not as it should be."""
+
+    event: Event
+    why: str = ""
+    air_c: float | None = None
+    set_point_c: float | None = None
+
+
+class Course:
+    """What looks at a chamber, from when its run is over, come to; `noted` is what is new for the record.
+
+    A chamber that is `held` is to be commanded to its safe set point as soon as `hold_is_over`, which is a reason.
+    Times are those of any clock that never goes back, in s.
+    """
+
+    def __init__(self, entry: DeviceEntry, at_s: float, *, held: bool) -> None:
+        self._entry, self._seen_s, self._held_c = entry, at_s, float("nan")
+        self._arrival = Arrival(entry.safe.temperature, entry.options.follow, entry.limits.temperature)
+        self._watch = FollowWatch(entry.options.follow, entry.limits.temperature)
+        self.hold_ends_s = at_s + entry.safe.hold if held else at_s
+        self.hold_is_over = ""
+        self.is_held, self.is_over = held, False
+        self.noted: list[Noted] = []
+
+    def seen(self, at_s: float, state: ChamberState) -> None:
+        """Take a look that succeeded."""
+        self._seen_s = at_s
+        if self.is_held:
+            self._seen_held(at_s, state)
+        elif problem := self._arrival.problem(at_s, state):
+            self._end(Noted("not_arrived", problem, state.process_value_c, state.target_c))
+        elif self._arrival.has_arrived(state):
+            self._end(Noted("arrived", "", state.process_value_c, state.target_c))
+
+    def unseen(self, at_s: float, why: str, *, in_use: bool = False) -> None:
+        """Take a look that failed; a bench that is `in_use` for long is that of another program."""
+        if self.is_held and at_s >= self.hold_ends_s:
+            self.hold_is_over = self.hold_is_over or "its time is over"
+        if at_s - max(self._seen_s, self.hold_ends_s) <= GONE_S:
+            return
+        if in_use and not self.is_held:
+            self.hand_over(why)
+            return
+        left = "it is still held, and COULD NOT BE MADE SAFE" if self.is_held else "its air could not be looked at"
+        self._end(Noted("not_arrived", f"{left} for {GONE_S / 60:g} min: {why}"))
+
+    def commanded(self, at_s: float) -> None:
+        """The safe set point is in the controller."""
+        if self.is_held:
+            self.noted.append(Noted("hold_ends", self.hold_is_over))
+        self.is_held, self.hold_ends_s, self._seen_s = False, at_s, at_s
+        self.noted.append(Noted("commanded", set_point_c=self._arrival.target_c))
+
+    def hand_over(self, why: str) -> None:
+        """Another program has the chamber from now on."""
+        self._end(Noted("handed_over", why))
+
+    def lock_out(self, why: str) -> None:
+        """Somebody works at the bench, and nothing more is commanded."""
+        self._end(Noted("not_arrived", f"the bench is {why}"))
+
+    def end(self, why: str) -> None:
+        """Nobody follows the chamber any more."""
+        self._end(Noted("ended", why))
+
+    def _seen_held(self, at_s: float, state: ChamberState) -> None:
+        noted = Noted("held", "", state.process_value_c, state.target_c)
+        if self._held_c != self._held_c:  # the first look
+            self._held_c = state.target_c
+        else:
+            noted = noted._replace(event="reading")
+        self.noted.append(noted)
+        wrong = self._watch.problem(at_s, state.process_value_c, state.set_point_c, commanded=True)
+        if abs(state.target_c - self._held_c) > KEPT_WITHIN_C:
+            wrong = f"somebody changed the set point from {self._held_c:g} °C to {state.target_c:g} °C"
+        if not wrong and at_s >= self.hold_ends_s:
+            wrong = "its time is over"
+        self.hold_is_over = self.hold_is_over or wrong
+
+    def _end(self, noted: Noted) -> None:
+        self.is_over = True
+        self.noted.append(noted)
