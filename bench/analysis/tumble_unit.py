@@ -92,7 +92,8 @@ class TumbleUnit:
         """What an error of 1 °C of the thermometer does to a constant at each dwell, (n,); None without a model."""
         if model is None:
             return None
-        return reversible_slope(self.temperatures_c, self.values(quantity), model)
+        scatter = float(np.sqrt(np.mean(self.own_u(quantity) ** 2)))
+        return reversible_slope(self.temperatures_c, self.values(quantity), scatter, model)
 
     def drifted(self, per_c: Array | None) -> Array:
         """What one standard uncertainty of the thermometer's drift does to a constant at each dwell: (n,).
