@@ -100,7 +100,10 @@ def _gyro_range(case: Case) -> dict[str, Any]:
         LinearityLimit(settings.fraction, settings.full_scale_dps if by_full_scale else None),
         clip_dps=settings.clip_dps, rate_tolerance=settings.rate_tolerance,
     )  # fmt: skip
-    doubts = [*plausibility_table.clock(record), *plausibility_table.gyro_range(record, settings.commands_dps)]
+    doubts = [
+        *plausibility_table.clock(record),
+        *plausibility_table.gyro_range(record, settings.commands_dps, settings.clip_dps),
+    ]
     return {"bias_dps": found.bias, **_range_result(found, _gyro_point), "doubts": doubts}
 
 
@@ -121,7 +124,7 @@ def _acc_range(case: Case) -> dict[str, Any]:
         **_range_result(found, lambda point: _accelerometer_point(point, found.bias), gravity_notes),
         "doubts": [
             *plausibility_table.clock(record),
-            *plausibility_table.accelerometer_range(record, found.radius_m, found.bias),
+            *plausibility_table.accelerometer_range(record, found.radius_m, found.bias, settings.clip_g),
         ],
     }
 
