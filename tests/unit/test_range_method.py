@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.analysis.bench_record import Drift
 from bench.analysis.range_blocks import range_blocks
 from bench.analysis.range_form import OTHERWISE_WARM
 from bench.analysis.range_method import reduce_accelerometer, reduce_gyro
@@ -294,9 +295,22 @@ def test_the_square_of_a_change_of_temperature_is_not_larger_for_the_noise_of_th
         means = [
             MeanTemperature.of(20 + changes * u_c * each + 0.01 * rng.standard_normal(10)) for each in share.tolist()
         ]
-        found_c = temperatures_c(share.tolist(), means)
+        found_c = temperatures_c(share.tolist(), means, np.zeros(24))
         squares.append((float(np.polyfit(share, found_c, 1)[0]) / u_c) ** 2)
     assert changes**2 - 0.3 < np.mean(squares) < changes**2 + 0.6  # 1 more without noise taken off
+
+
+def test_a_thermometer_that_drifts_within_the_run_is_no_change_of_temperature():
+    """A thermometer that goes up by 0.06 °C within the run, of a unit that is as warm all along: as stated, or not."""
+    points = noisy_thermometer(*REST, *STEADY, *REST, rate_c_per_s=0.06 / (60 * 15))
+    settings = GYRO_RANGE.settings.model_validate(GYRO).model_dump()
+    lines = []
+    for drift_c in (0.0, 0.1):
+        bench = replace(BENCH, thermometer_drifts={"warm": Drift(drift_c)})
+        (unit,) = reduce_gyro(data(*points, bench=bench), settings)
+        lines.append(line_of(unit, "nonlinearity/cubic", OTHERWISE_WARM))
+    assert lines[0] > 0.5e-6
+    assert lines[1] < 0.1 * lines[0]
 
 
 def test_a_radius_is_as_uncertain_as_a_scale_factor_that_is_stated_at_another_temperature():
