@@ -106,7 +106,7 @@ def test_budgets_of_a_tumble_hold_what_a_thermometer_makes_of_the_unit_without_i
     assert u_of(slope, "t: offset", "t: gain") == pytest.approx(1e-8, rel=0.1)
     (local,) = (each for each in unit.findings if each.quantity == "K0T1")
     assert u_of(local, "t: offset", "t: gain") == pytest.approx(1e-8, rel=0.2)
-    for each in unit.findings:
-        if each.quantity == "K0":
-            expected = 10e-6 * np.hypot(0.3, each.at["temperature_c"] * 1e-3)
-            assert u_of(each, "t: offset, gain") == pytest.approx(expected, rel=0.15)
+    for found in unit.findings:
+        if found.quantity == "K0":
+            expected = 10e-6 * np.hypot(0.3, found.at["temperature_c"] * 1e-3)
+            assert u_of(found, "t: offset, gain") == pytest.approx(expected, rel=0.15)
