@@ -17,16 +17,12 @@ CONTAINED = "residuals of the model: contained"
 class Origin:
     """Where a model comes from: of whom it is, and the steps of the run.
 
-    `thermometer_u` are the standard uncertainties of its offset (°C) and of its gain. `own` are the budget lines,
-    of what is new in every reading, and of the thermometer's drift, of what depends on the values that were fitted by
-    weights (n,).
+    `budget` makes the lines of what depends on the values that were fitted by weights (n,).
     """
 
     subject: Subject
     steps: tuple[str, ...]
-    thermometer: str
-    thermometer_u: tuple[float, float]
-    own: Callable[[Array], Sequence[BudgetLine]]
+    budget: Callable[[Array], Sequence[BudgetLine]]
 
 
 def coefficient_findings(quantity: str, model: PolynomialFit, reference_c: float, origin: Origin) -> Iterator[Finding]:
@@ -38,14 +34,8 @@ def coefficient_findings(quantity: str, model: PolynomialFit, reference_c: float
     """
     of_bias = quantity == "K0"
     found = (bias_coefficients if of_bias else scale_coefficients)(model, reference_c)
-    by_offset, by_gain = found.by_thermometer(*origin.thermometer_u)
     for index, value in enumerate((found.t1, found.t2)[: model.degree]):
-        lines = [
-            *origin.own(found.gain[index]),
-            BudgetLine(f"{origin.thermometer}: gain", "B", float(by_gain[index]), None, origin.thermometer),
-            BudgetLine(f"{origin.thermometer}: offset", "B", float(by_offset[index]), None, origin.thermometer),
-            BudgetLine(CONTAINED, "alias", 0),
-        ]
+        lines = [*origin.budget(found.gain[index]), BudgetLine(CONTAINED, "alias", 0)]
         name = f"{TERMS[index]} temperature coefficient of the {'bias' if of_bias else 'scale factor'}"
         unit = ("g/°C" if of_bias else "1/°C") + "²" * index
         yield origin.subject.finding(

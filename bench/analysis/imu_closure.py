@@ -22,6 +22,7 @@ from bench.analysis.finding import BudgetLine, Finding
 from bench.analysis.fit import LinearFit, NotDetermined, least_squares
 from bench.analysis.orientation import unit_axes
 from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.analysis.thermometer_drift import DriftInRun
 
 LEVEL = 0.1  # of g along an axis that counts as level
 DIRECTIONS = ("east", "north")
@@ -43,6 +44,8 @@ class Sensitivity:
 class _Entry:
     """One time at which it was looked: biases in g by axis, tilts in rad by direction, and what they come from.
 
+    `at_s` is the mean bench time of its windows.
+
     A reading is of a window and an axis; `fit` has the biases of `axes`, then the tilts.
     """
 
@@ -50,6 +53,7 @@ class _Entry:
     axes: tuple[int, ...]
     readings: tuple[tuple[Acquisition, int], ...]
     temperature_c: float
+    at_s: float
 
     @property
     def names(self) -> list[tuple[str, str]]:
@@ -98,22 +102,27 @@ def _entry(
     except NotDetermined:
         return None
     read_c = np.concatenate([window.temperatures_c.get(unit.temperature, np.empty(0)) for window in windows])
-    return _Entry(fit, axes, tuple(readings), float(np.nanmean(read_c)) if np.isfinite(read_c).any() else math.nan)
+    temperature_c = float(np.nanmean(read_c)) if np.isfinite(read_c).any() else math.nan
+    at_s = float(np.mean([(window.begin_s + window.end_s) / 2 for window in windows]))
+    return _Entry(fit, axes, tuple(readings), temperature_c, at_s)
 
 
 def _changes(
     data: RunData, unit: UnitUnderTest, sensitive: Mapping[int, Sensitivity], first: _Entry, last: _Entry, suffix: str
 ) -> Iterator[Finding]:
     steps = tuple(dict.fromkeys(window.step for entry in (first, last) for window, _ in entry.readings))
-    warmer_c = last.temperature_c - first.temperature_c
+    warmer_c, drift = last.temperature_c - first.temperature_c, DriftInRun(data, unit.temperature)
+    drifted_c = float(np.diff(drift.error_c(np.array([first.at_s, last.at_s])))[0])
     for index, (quantity, of) in enumerate(first.names):
         change = float(last.fit.coefficients[index] - first.fit.coefficients[index])
         lines = [*_scatter(first, last, index, sensitive), *_of_table(first, last, index, unit, data.bench)]
         at: dict[str, str] = {"direction": of}
         name = "change of the tilt of the table from the beginning of the run to its end; positive raises that side"
         if quantity == "K0":
-            followed_g = sensitive[AXES.index(of)].bias_g_per_c * warmer_c
-            change -= followed_g if math.isfinite(followed_g) else 0.0
+            per_c = sensitive[AXES.index(of)].bias_g_per_c
+            if math.isfinite(per_c * warmer_c):
+                change -= per_c * warmer_c
+                lines.append(drift.line(per_c * drifted_c))
             at = {"axis": of}
             name = "change of the bias from the beginning of the run to its end, brought to one temperature"
         subject, symbol = data.subject(unit).part(of), "g" if quantity == "K0" else "rad"

@@ -21,6 +21,7 @@ GAINS = (0.1, 10.0)  # of a gyro at the lowest frequency
 OUT_OF_ORDER = 0.01  # of the samples of a block
 MOST_FALLING = 0.9  # of its steps in time
 NAMED = 5  # blocks
+BELOW_CLIP = 0.9  # of the clip level, below which a sensor is not at the end of its range
 LIKE = 0.1  # two rates are alike
 SWINGS_HZ = (0.5, 2.0)  # a frequency over the one that was told
 INTERVALS = (0.5, 2.0)  # the time between samples over the interval of one
@@ -66,9 +67,13 @@ def _goes_back(time_s: Array) -> bool:
     )  # one time far away makes many of one kind
 
 
-def gyro_range(record: TableRecord, commands_dps: Mapping[str, float]) -> Iterator[Doubt]:
+def gyro_range(
+    record: TableRecord, commands_dps: Mapping[str, float], clip_dps: float | None = None
+) -> Iterator[Doubt]:
     """A table rate, by its encoder, or an output that is another one by far than what was told."""
-    told = [(block, commands_dps[name]) for name, block in _blocks(record).items() if name in commands_dps]
+    blocks = _blocks(record)
+    yield from _stuck(blocks, clip_dps)
+    told = [(block, commands_dps[name]) for name, block in blocks.items() if name in commands_dps]
     told = [(block, rate_dps) for block, rate_dps in told if len(block.time_s) > 1]
     if not told:
         return
@@ -88,6 +93,27 @@ def gyro_range(record: TableRecord, commands_dps: Mapping[str, float]) -> Iterat
         yield Doubt("implausible_scale", f"out_dps is {read:.4g} times the commands{slip(read)}")
 
 
+def _stuck(blocks: Mapping[str, Block], clip: float | None) -> Iterator[Doubt]:
+    """An output that is one and the same number in a whole block, and to the end of another at an unlike rate.
+
+    It may be 0 in a dead band, the same where its steps are coarse beside the difference of two rates, and stay at the
+    end of the range of a sensor, which is the largest output where no clip level is stated.
+    """
+    seen = np.unique(np.concatenate([block.output for block in blocks.values()] or [np.empty(0)]))
+    step = np.min(np.diff(seen), initial=np.inf)
+    most = np.max(np.abs(seen), initial=0.0) if clip is None else BELOW_CLIP * clip
+    still: dict[float, list[str]] = {}
+    for name, block in blocks.items():
+        last = float(block.output[-1]) if block.complete else 0.0
+        if step / LIKE < abs(last) < most and not np.ptp(block.output[-LEAST_SAMPLES:]):
+            still.setdefault(last, []).append(name)
+    for names in still.values():
+        rates_dps = [abs(_slope(blocks[name], blocks[name].table)) for name in names]
+        whole = any(not np.ptp(blocks[name].output) for name in names)
+        if whole and np.ptp(rates_dps) > LIKE * max(rates_dps):
+            yield Doubt("implausible_output", f"the output is the same number in {', '.join(names[:NAMED])}: frozen")
+
+
 def _angle(seen: str, ratio: float) -> Doubt:
     is_time = min(abs(abs(ratio) / each - 1) for each in (1e3, 1e-3, 60, 1 / 60)) < 0.02
     return Doubt("implausible_time" if is_time else "implausible_angle", seen + slip(ratio))
@@ -100,9 +126,12 @@ def of_range(largest: float, full_scale: float | None, setting: str) -> Iterator
         yield Doubt("implausible_scale", f"{seen}: see the units of both")
 
 
-def accelerometer_range(record: TableRecord, radius_m: float | None, bias_g: float | None) -> Iterator[Doubt]:
+def accelerometer_range(
+    record: TableRecord, radius_m: float | None, bias_g: float | None, clip_g: float | None = None
+) -> Iterator[Doubt]:
     """Readings at low rates beyond 1 g, an arm longer than any table, a table faster than any."""
     blocks = _blocks(record)
+    yield from _stuck(blocks, clip_g)
     low_g = [abs(float(np.median(b.output)) - (bias_g or 0.0)) for name, b in blocks.items() if name.startswith("low")]
     rates_dps = [abs(_slope(block, block.table)) for block in blocks.values() if len(block.time_s) > 1]
     fastest_dps = max(rates_dps, default=0.0)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from bench.analysis.acquired import Counts
 from bench.analysis.bench_record import AxisRecord
 from bench.analysis.counts import mean_rate
@@ -15,6 +17,7 @@ from bench.analysis.steady_turning import Steady
 from bench.analysis.table_intake import table_samples
 from bench.analysis.table_samples import harmonics_u_dps, steady
 from bench.analysis.table_warmth import MeanTemperature, temperatures_c
+from bench.analysis.thermometer_drift import DriftInRun
 
 AT_REST_DPS = 0.01
 
@@ -90,7 +93,9 @@ def range_blocks(
             found.leave_out(acquisition.step, ["not_at_rest"])
     if at_rest:
         found.rest = fit_rest(at_rest, axis_wobbles=feels_gravity)
-        as_warm_c = dict(zip(warmth, temperatures_c(list(warmth), list(warmth.values())).tolist(), strict=True))
+        drift_c = DriftInRun(data, unit.temperature).error_c(np.array(list(warmth)))
+        all_c = temperatures_c(list(warmth), list(warmth.values()), drift_c)
+        as_warm_c = dict(zip(warmth, all_c.tolist(), strict=True))
         turning = [(at_s, replace(each, temperature_c=as_warm_c[at_s])) for at_s, each in turning]
         found.turning = _of_one_scatter(list(_without_drift(turning, found.rest)))
     else:

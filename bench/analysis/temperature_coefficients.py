@@ -23,17 +23,14 @@ class TemperatureCoefficients:
     """T1 and T2 of a quantity: per °C and per °C², in the unit of the quantity or relative to it.
 
     `gain` (2, n) is what one unit more in each value that was fitted adds to T1 and T2. `covariance` (2, 2) is type A,
-    from the residuals of the fit, NaN where there are none to spare. `shift` (2,) is what one °C more in the reference
-    temperature adds to T1 and T2. T2 of a straight line is NaN. `extrapolated` says that the reference temperature lies
-    outside of what was fitted.
+    from the residuals of the fit, NaN where there are none to spare. T2 of a straight line is NaN. `extrapolated` says
+    that the reference temperature lies outside of what was fitted.
     """
 
     t1: float
     t2: float
     gain: Array
     covariance: Array
-    shift: Array
-    reference_c: float
     extrapolated: bool
 
     @property
@@ -47,44 +44,34 @@ class TemperatureCoefficients:
         (t1, both), (_, t2) = self.gain @ self.gain.T
         return float(both / np.sqrt(t1 * t2))
 
-    def by_thermometer(self, offset_u_c: float, gain_u: float) -> tuple[Array, Array]:
-        """What the thermometer's errors give to u of T1 and T2: its offset (2,), and its gain on °C (2,).
-
-        Both make another temperature the reference; the gain stretches the °C that T1 is per, and twice those of T2.
-        """
-        stretched = np.array([self.t1, 2 * self.t2]) + self.reference_c * self.shift
-        return np.abs(self.shift) * offset_u_c, np.abs(stretched) * gain_u
-
 
 def bias_coefficients(bias: PolynomialFit, reference_c: float) -> TemperatureCoefficients:
     """K0T1 and K0T2, in the unit of the bias per °C and per °C². `bias` is at least a straight line."""
     series = _series(bias, reference_c)
-    _, t1, t2, t3 = series @ bias.coefficients
-    return _told(bias, reference_c, (t1, t2), series[1:-1], (2 * t2, 3 * t3))
+    _, t1, t2 = series @ bias.coefficients
+    return _told(bias, reference_c, (t1, t2), series[1:])
 
 
 def scale_coefficients(scale: PolynomialFit, reference_c: float) -> TemperatureCoefficients:
     """K1T1 and K1T2, relative to K1 at the reference temperature. `scale` is at least a straight line, and not 0."""
     series = _series(scale, reference_c)
     k1, *slopes = series @ scale.coefficients
-    t1, t2, t3 = np.array(slopes) / k1
-    jacobian = (series[1:-1] - np.outer((t1, t2), series[0])) / k1
-    return _told(scale, reference_c, (t1, t2), jacobian, (2 * t2 - t1**2, 3 * t3 - t1 * t2))
+    t1, t2 = np.array(slopes) / k1
+    jacobian = (series[1:] - np.outer((t1, t2), series[0])) / k1
+    return _told(scale, reference_c, (t1, t2), jacobian)
 
 
 def _series(model: PolynomialFit, reference_c: float) -> Array:
-    """What turns the coefficients (p,) of a model into those of the powers 0 to 3 of T - reference: (4, p)."""
+    """What turns the coefficients (p,) of a model into those of the powers 0 to 2 of T - reference: (3, p)."""
     z = (reference_c - model.centre) / model.scale
-    series = np.zeros((HIGHEST + 2, model.degree + 1))
-    for power in range(min(HIGHEST + 1, model.degree) + 1):
+    series = np.zeros((HIGHEST + 1, model.degree + 1))
+    for power in range(min(HIGHEST, model.degree) + 1):
         shifted = [comb(k, power) * z ** max(k - power, 0) for k in range(model.degree + 1)]  # of (z + d)^k, at d^power
         series[power] = np.array(shifted) / model.scale**power
     return series
 
 
-def _told(
-    model: PolynomialFit, reference_c: float, values: Pair, jacobian: Array, shift: Pair
-) -> TemperatureCoefficients:
+def _told(model: PolynomialFit, reference_c: float, values: Pair, jacobian: Array) -> TemperatureCoefficients:
     """T1 and T2 (2,) with what they get from the coefficients of the model, (2, p)."""
     low_c, high_c = model.valid
     known = np.array([1.0, 1.0 if model.degree >= HIGHEST else np.nan])
@@ -94,7 +81,5 @@ def _told(
         t2=float(values[1] * known[1]),
         gain=jacobian @ model.fit.gain,
         covariance=jacobian @ model.covariance @ jacobian.T,
-        shift=np.array(shift) * known,
-        reference_c=reference_c,
         extrapolated=not low_c <= reference_c <= high_c,
     )

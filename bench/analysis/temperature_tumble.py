@@ -10,8 +10,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from bench.analysis.compensation import Compensation
 from bench.analysis.dwells import solve_dwells
 from bench.analysis.finding import NOT_CLOSED, UnitResult
@@ -58,9 +56,10 @@ class _Unit:
 
     def result(self) -> UnitResult:
         per_c_u = {"K0": self._settings["bias_per_c_u"], "K1": self._settings["scale_per_c_u"]}
-        constants = TumbleConstants(self._of, self._models, self._extra, per_c_u)
-        over = TumbleOverTemperature(self._of, self._models, self._lines, self._settings["reference_c"])
-        findings = [finding for dwell in self._of.dwells for finding in constants.findings(dwell)]
+        per_c = {quantity: self._of.per_c(quantity, model) for quantity, model in self._models.items()}
+        constants = TumbleConstants(self._of, per_c, self._extra, per_c_u)
+        over = TumbleOverTemperature(self._of, self._models, self._lines, per_c, self._settings["reference_c"])
+        findings = [finding for index in range(len(self._of.dwells)) for finding in constants.findings(index)]
         findings += [finding for quantity in MODELLED for finding in over.findings(quantity)]
         findings += over.tilt()
         if (closure := over.closure()) is not None:
@@ -95,9 +94,8 @@ class _Unit:
         if allowed < 1:
             self._flags.append(f"{quantity}:temperature_slope_unknown")
             return None
-        values = np.array([dwell.values[quantity] for dwell in self._of.dwells])
         try:
-            return fit_polynomial(np.array([dwell.temperature_c for dwell in self._of.dwells]), values, allowed)
+            return fit_polynomial(self._of.temperatures_c, self._of.values(quantity), allowed)
         except NotDetermined:
             self._flags.append(f"{quantity}:ill_conditioned")
             return None

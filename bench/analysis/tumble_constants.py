@@ -12,7 +12,6 @@ from bench.analysis.acquired import Array
 from bench.analysis.codes import by_position
 from bench.analysis.dwells import Dwell
 from bench.analysis.finding import BudgetLine, Finding
-from bench.analysis.fit import PolynomialFit
 from bench.analysis.instrument import STEPS, instrument_u, shared_as
 from bench.analysis.tumble_unit import TumbleUnit, type_b
 
@@ -32,19 +31,20 @@ WEIGHT_SHOWN = 0.05  # of the largest weight: readings with less are not named a
 
 @dataclass(frozen=True, slots=True)
 class TumbleConstants:
-    """`models` over temperature turn errors of the thermometer into errors of constants, None where there is no model.
+    """`per_c` is what an error of 1 °C of the thermometer does to constants at the dwells (n,), None if not known.
 
     Then it is by `per_c_u`, what K0 in g, and K1 relative to itself, may change by with 1 °C. `extra` are the further
     terms that the angles separate.
     """
 
     of: TumbleUnit
-    models: Mapping[str, PolynomialFit | None]
+    per_c: Mapping[str, Array | None]
     extra: tuple[str, ...]
     per_c_u: Mapping[str, float]
 
-    def findings(self, dwell: Dwell) -> Iterator[Finding]:
-        """All constants at a dwell, the scale factor also per m/s²."""
+    def findings(self, index: int) -> Iterator[Finding]:
+        """All constants at the dwell of an index, the scale factor also per m/s²."""
+        dwell = self.of.dwells[index]
         at = {
             "cycle": dwell.cycle,
             "dwell": dwell.number,
@@ -59,7 +59,7 @@ class TumbleConstants:
             steps = tuple(s for s, weight in zip(dwell.steps, weights, strict=True) if weight > WEIGHT_SHOWN)
             finding = self.of.subject.finding(
                 quantity, self._name(quantity), dwell.values[quantity], self.of.units[quantity],
-                self._budget(quantity, gain, dwell), at, steps, _tail(dwell), self._contains(quantity),
+                self._budget(quantity, gain, index), at, steps, _tail(dwell), self._contains(quantity),
             )  # fmt: skip
             yield finding
             if quantity == "K1":
@@ -85,9 +85,10 @@ class TumbleConstants:
             self._contains("K1_si"),
         )  # fmt: skip
 
-    def _budget(self, quantity: str, gain: Array, dwell: Dwell) -> list[BudgetLine]:
+    def _budget(self, quantity: str, gain: Array, index: int) -> list[BudgetLine]:
         """Each source by its derivative; the head's errors turn the input axis at every reading."""
-        bench, turned = self.of.bench, gain * dwell.turn
+        bench, dwell = self.of.bench, self.of.dwells[index]
+        turned = gain * dwell.turn
         together = abs(float(turned.sum()))  # all positions turned alike
         harmonics = [
             float(turned @ shape(order * dwell.head_rad)) * np.radians(u_deg)
@@ -101,21 +102,21 @@ class TumbleConstants:
             type_b("fixture: level", together * np.radians(bench.level_u_deg), "fixture.level"),
             *self._of_the_instrument(gain, dwell),
         ]
-        if quantity in self.models:
+        if quantity in self.per_c:
             thermometer, u_c = self.of.unit.temperature, self.of.temperature_u_c(dwell.temperature_c)
-            lines.append(type_b(f"{thermometer}: offset, gain", self._per_c(quantity, dwell) * u_c, thermometer))
+            lines.append(type_b(f"{thermometer}: offset, gain", self._per_c(quantity, index) * u_c, thermometer))
         if quantity == "K2" and "asymmetry" not in self.extra:
             instrument = "converter" if self.of.unit.voltmeter is None else "voltmeter"
             contained = f"asymmetry of the {instrument}: contained, inseparable at these angles"
             lines.append(BudgetLine(contained, "alias", 0))
         return lines
 
-    def _per_c(self, quantity: str, dwell: Dwell) -> float:
+    def _per_c(self, quantity: str, index: int) -> float:
         """By how much a constant changes with 1 °C, without its sign."""
-        model = self.models[quantity]
-        if model is not None:
-            return abs(float(model.slope(dwell.temperature_c)))
-        return self.per_c_u[quantity] * (abs(dwell.values["K1"]) if quantity == "K1" else 1.0)
+        per_c = self.per_c[quantity]
+        if per_c is not None:
+            return abs(float(per_c[index]))
+        return self.per_c_u[quantity] * (abs(self.of.dwells[index].values["K1"]) if quantity == "K1" else 1.0)
 
     def _of_the_instrument(self, gain: Array, dwell: Dwell) -> list[BudgetLine]:
         """What the certificate of the counter or of the voltmeter gives; an error of the gain is as the output is.

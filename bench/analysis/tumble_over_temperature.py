@@ -16,32 +16,34 @@ from bench.analysis.finding import BudgetLine, Finding, Interval
 from bench.analysis.fit import PolynomialFit, fit_polynomial
 from bench.analysis.tilt_findings import TiltOrigin, tilt_findings
 from bench.analysis.tumble import hysteresis
-from bench.analysis.tumble_unit import TumbleUnit, type_b
+from bench.analysis.tumble_unit import TumbleUnit
 
 
 @dataclass(frozen=True, slots=True)
 class TumbleOverTemperature:
     """`models` are those of the highest degree, `lines` the straight ones; None where the temperatures allow none.
 
-    Coefficients are told about `reference_c`.
+    `per_c` is what an error of 1 °C of the thermometer does at the dwells (n,), None without a model. Coefficients are
+    told about `reference_c`.
     """
 
     of: TumbleUnit
     models: Mapping[str, PolynomialFit | None]
     lines: Mapping[str, PolynomialFit | None]
+    per_c: Mapping[str, Array | None]
     reference_c: float
 
     def findings(self, quantity: str) -> Iterator[Finding]:
         """Slope, hysteresis and residual of the model; of the scale factor relative to its value at the centre."""
-        model, line = self.models[quantity], self.lines[quantity]
-        if model is None or line is None:
+        model, line, per_c = self.models[quantity], self.lines[quantity], self.per_c[quantity]
+        if model is None or line is None or per_c is None:
             return
         relative = 1.0 if quantity == "K0" else 1 / float(line.value(line.centre))
-        yield self._coefficient(quantity, model, line, relative)
-        yield from self._about_reference(quantity, model)
+        yield self._coefficient(quantity, line, per_c, relative)
+        yield from self._about_reference(quantity, model, per_c)
         loop = hysteresis(
-            np.array([dwell.values[quantity] for dwell in self.of.dwells]),
-            np.array([dwell.temperature_c for dwell in self.of.dwells]),
+            self.of.values(quantity),
+            self.of.temperatures_c,
             np.array([dwell.set_c for dwell in self.of.dwells]),
             rising=np.array([dwell.rising for dwell in self.of.dwells]),
             cycle=np.array([dwell.cycle for dwell in self.of.dwells]),
@@ -50,15 +52,14 @@ class TumbleOverTemperature:
         if loop is not None:
             dwells = (self.of.dwells[loop.rising], self.of.dwells[loop.falling])
             name = "largest difference between rising and falling temperature"
-            own, drifted = self.of.own_u(quantity)[loop.pairs], self.of.drifted(model)
+            own, drifted = self.of.own_u(quantity)[loop.pairs], self.of.drifted(per_c)
             apart = drifted[loop.pairs[:, 0]] - drifted[loop.pairs[:, 1]]
             interval = interval_of_largest(loop.differences, np.hypot(np.hypot(*own.T), apart)).times(relative)
             by_drift = float(drifted[loop.rising] - drifted[loop.falling])
             yield self._of_dwells(f"{quantity}/hysteresis", name, loop.value, abs(relative), dwells, by_drift, interval)
         worst = int(np.argmax(np.abs(model.residuals)))
         name = f"largest residual of the model of degree {model.degree}"
-        at_c = np.array([dwell.temperature_c for dwell in self.of.dwells])
-        left = fit_polynomial(at_c, self.of.drifted(model), model.degree).residuals
+        left = fit_polynomial(self.of.temperatures_c, self.of.drifted(per_c), model.degree).residuals
         interval = interval_of_largest(model.residuals, np.hypot(self.of.own_u(quantity), left)).times(relative)
         yield self._of_dwells(
             f"{quantity}/model_residual", name, model.max_residual, abs(relative), (self.of.dwells[worst],),
@@ -70,7 +71,7 @@ class TumbleOverTemperature:
         model = self.models["K0"]
         if model is None:
             return iter(())
-        bias_g = np.array([dwell.values["K0"] for dwell in self.of.dwells])
+        bias_g = self.of.values("K0")
         sd_g = float(np.mean(self.of.own_u("K0")))
         origin = TiltOrigin(self.of.subject, (self.of.root,), sd_g, self.of.dof or None)
         return tilt_findings(bias_g, bias_g - model.residuals, origin)
@@ -89,19 +90,15 @@ class TumbleOverTemperature:
         middle_c, apart_c = (first.temperature_c + last.temperature_c) / 2, last.temperature_c - first.temperature_c
         expected = float(model.slope(middle_c)) * apart_c if model is not None else 0.0
         name = "closure: last dwell less first, both at the first temperature"
-        change, drifted = last.values["K0"] - first.values["K0"] - expected, self.of.drifted(model)
+        change, drifted = last.values["K0"] - first.values["K0"] - expected, self.of.drifted(self.per_c["K0"])
         return self._of_dwells("K0/closure", name, change, 1.0, (first, last), float(drifted[-1] - drifted[0]))
 
-    def _coefficient(self, quantity: str, model: PolynomialFit, line: PolynomialFit, relative: float) -> Finding:
+    def _coefficient(self, quantity: str, line: PolynomialFit, per_c: Array, relative: float) -> Finding:
         """The slope of the straight line through the unit as it was at the dwells (docs/decisions/0057)."""
         gain = line.fit.gain[1] / line.scale * relative
-        by_offset, by_gain = self._by_thermometer(model, gain)
-        thermometer = self.of.unit.temperature
         lines = [
             *self.of.own_over_dwells(quantity, gain),
-            type_b(f"{thermometer}: gain", by_gain, thermometer),
-            type_b(f"{thermometer}: offset", by_offset, thermometer),
-            self.of.drift.line(float(gain @ self.of.drifted(model))),
+            *self.of.by_thermometer(gain, per_c),
             BudgetLine(CONTAINED, "alias", 0),
         ]
         slope = float(line.coefficients[1]) / line.scale * relative
@@ -111,29 +108,17 @@ class TumbleOverTemperature:
             f"{quantity}/temperature_coefficient", name, slope, unit, lines, at, (self.of.root,)
         )
 
-    def _about_reference(self, quantity: str, model: PolynomialFit) -> Iterator[Finding]:
+    def _about_reference(self, quantity: str, model: PolynomialFit, per_c: Array) -> Iterator[Finding]:
         """The first coefficients of the model's series about the reference temperature."""
         origin = Origin(
             subject=self.of.subject,
             steps=(self.of.root,),
-            thermometer=self.of.unit.temperature,
-            thermometer_u=self.of.thermometer_u,
-            own=lambda weights: [
+            budget=lambda weights: [
                 *self.of.own_over_dwells(quantity, weights),
-                self.of.drift.line(float(weights @ self.of.drifted(model))),
+                *self.of.by_thermometer(weights, per_c),
             ],
         )
         return coefficient_findings(quantity, model, self.reference_c, origin)
-
-    def _by_thermometer(self, model: PolynomialFit, gain: Array) -> tuple[float, float]:
-        """What offset and gain of the thermometer give to what depends on the values at the dwells by `gain` (n,).
-
-        One error moves the temperatures of all dwells together, and each value as steeply as its model is there.
-        """
-        offset_u_c, gain_u = self.of.thermometer_u
-        at_c = np.array([dwell.temperature_c for dwell in self.of.dwells])
-        steep = model.slope(at_c)
-        return abs(float(gain @ steep)) * offset_u_c, abs(float(gain @ (steep * at_c))) * gain_u
 
     def _of_dwells(
         self,

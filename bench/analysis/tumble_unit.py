@@ -13,6 +13,7 @@ from bench.analysis.bench_record import BenchRecord
 from bench.analysis.dwells import Dwell
 from bench.analysis.finding import BudgetLine, Subject
 from bench.analysis.fit import PolynomialFit
+from bench.analysis.reversible import reversible_slope
 from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.analysis.thermometer_drift import DriftInRun
 
@@ -82,15 +83,43 @@ class TumbleUnit:
         """Drift of the thermometer at the unit."""
         return DriftInRun(self.data, self.unit.temperature)
 
-    def drifted(self, model: PolynomialFit | None) -> Array:
-        """What one standard uncertainty of the thermometer's drift moves the values of a model at each dwell by: (n,).
+    @property
+    def temperatures_c(self) -> Array:
+        """Temperatures of the dwells (n,)."""
+        return np.array([dwell.temperature_c for dwell in self.dwells])
+
+    def values(self, quantity: str) -> Array:
+        """A constant at each dwell, (n,)."""
+        return np.array([dwell.values[quantity] for dwell in self.dwells])
+
+    def per_c(self, quantity: str, model: PolynomialFit | None) -> Array | None:
+        """What an error of 1 °C of the thermometer does to a constant at each dwell, (n,); None without a model."""
+        if model is None:
+            return None
+        scatter = float(np.sqrt(np.mean(self.own_u(quantity) ** 2)))
+        return reversible_slope(self.temperatures_c, self.values(quantity), scatter, model)
+
+    def drifted(self, per_c: Array | None) -> Array:
+        """What one standard uncertainty of the thermometer's drift does to a constant at each dwell: (n,).
 
         Nothing without a model, which takes no temperature into account.
         """
-        if model is None:
+        if per_c is None:
             return np.zeros(len(self.dwells))
-        temperature_c, at_s = np.array([(each.temperature_c, each.middle_s) for each in self.dwells]).T
-        return np.asarray(model.slope(temperature_c) * self.drift.error_c(at_s))
+        return np.asarray(per_c * self.drift.error_c(np.array([dwell.middle_s for dwell in self.dwells])))
+
+    def by_thermometer(self, gain: Array, per_c: Array) -> list[BudgetLine]:
+        """What the thermometer gives to what depends on a constant at the dwells by `gain` (n,).
+
+        One error moves the temperatures of all dwells together, and the constant by `per_c` (n,).
+        """
+        (offset_u_c, gain_u), thermometer = self.thermometer_u, self.unit.temperature
+        each = gain * per_c
+        return [
+            type_b(f"{thermometer}: gain", abs(float(each @ self.temperatures_c)) * gain_u, thermometer),
+            type_b(f"{thermometer}: offset", abs(float(each.sum())) * offset_u_c, thermometer),
+            self.drift.line(float(gain @ self.drifted(per_c))),
+        ]
 
     def scatter(self, gain: Array) -> BudgetLine:
         """The uncertainty that the readings give to what depends on them by `gain` (n,)."""

@@ -102,7 +102,7 @@ def _gyro_range(case: Case) -> dict[str, Any]:
     )  # fmt: skip
     doubts = [
         *plausibility_table.clock(record),
-        *plausibility_table.gyro_range(record, settings.commands_dps),
+        *plausibility_table.gyro_range(record, settings.commands_dps, settings.clip_dps),
         *plausibility_table.of_range(
             max(map(abs, settings.commands_dps.values())), settings.full_scale_dps, "full_scale_dps"
         ),
@@ -127,7 +127,7 @@ def _acc_range(case: Case) -> dict[str, Any]:
         **_range_result(found, lambda point: _accelerometer_point(point, found.bias), gravity_notes),
         "doubts": [
             *plausibility_table.clock(record),
-            *plausibility_table.accelerometer_range(record, found.radius_m, found.bias),
+            *plausibility_table.accelerometer_range(record, found.radius_m, found.bias, settings.clip_g),
             *plausibility_table.of_range(
                 max((abs(point.true) for point in found.points if point.true is not None), default=0.0),
                 settings.range_g,

@@ -78,6 +78,15 @@ def _frozen(case: GoodCase) -> None:
     case["gyro_dps"] = lambda values: np.where(np.arange(len(values)) < len(values) // 2, values, values[0])
 
 
+def frozen_from_the_middle(column: str) -> Callable[[GoodCase], None]:
+    """A column that stays as it was half way."""
+
+    def spoil(case: GoodCase) -> None:
+        case[column] = lambda values: np.where(half(column)(case), values[len(values) // 2 - 1], values)
+
+    return spoil
+
+
 def _frozen_ramp(case: GoodCase) -> None:
     case["U_V"] = lambda values: np.where(np.arange(len(values)) < len(values) // 2, values, values[0])
 
@@ -157,6 +166,10 @@ SLIPS = (
     Slip("M3", "gyro_range", "output in rad/s", times("out_dps", RAD), "implausible_scale"),
     Slip("M3", "gyro_range", "output in °/h", times("out_dps", 3600), "implausible_scale"),
     Slip("M3", "gyro_range", "time in ms", times("t_s", 1000), "implausible_time"),
+    Slip(
+        "M3", "gyro_range", "output frozen in the later half", frozen_from_the_middle("out_dps"), "implausible_output"
+    ),
+    Slip("M3", "acc_range", "output frozen in the later half", frozen_from_the_middle("acc_g"), "implausible_output"),
     Slip("M3", "gyro_range", "encoder and output exchanged", exchanged("enc_deg", "out_dps"), "columns_exchanged"),
     Slip("M3", "acc_range", "encoder in radians", times("enc_deg", RAD), "implausible_scale"),
     Slip("M3", "acc_range", "output in m/s²", times("acc_g", G), "implausible_scale"),

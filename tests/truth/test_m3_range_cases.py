@@ -383,3 +383,33 @@ def test_samples_at_always_one_angle_have_a_plain_mean(rng):
     result = gyro_range(record, {"run1": 2160.0}, LinearityLimit(1e-3))
     assert result.points[0].error == pytest.approx(0, abs=0.02)
     assert result.passed is True
+
+
+@pytest.mark.parametrize("sub", ["gyro_range", "acc_range"])
+def test_a_frozen_sensor_has_no_verdict(tmp_path, rng, sub):
+    """From the second of two low rates on it says the same, of which no rate alone could be told."""
+    name, settings = ("out_dps", GYRO) if sub == "gyro_range" else ("acc_g", ACC)
+    blocks = gyro(rng) if sub == "gyro_range" else arm(rng)
+    for phase in list(blocks)[2:4]:
+        blocks[phase][name] = [blocks[list(blocks)[2]][name][0]] * len(blocks[phase][name])
+    found = reduced(tmp_path, sub, blocks, settings)
+    assert found["passed"] is None
+    assert "implausible_output" in found["flags"]
+
+
+def test_a_coarse_a_silent_and_a_saturated_sensor_are_not_frozen(tmp_path, rng):
+    blocks = gyro(rng, turned={"run12": 420.0, "run13": 440.0})
+    same = {"run1": 50.0, "bias": 0.0, "run12": 410.0, "run13": 410.0}
+    for phase, value in same.items():
+        blocks[phase]["out_dps"] = [value] * len(blocks[phase]["out_dps"])
+    commands = {**COMMANDS, "run12": 420.0, "run13": 440.0}
+    found = reduced(tmp_path, "gyro_range", blocks, {**GYRO, "clip_dps": 410, "commands_dps": commands})
+    assert "implausible_output" not in found["flags"]
+
+
+def test_a_sensor_with_coarse_steps_is_not_frozen(tmp_path, rng):
+    """Steps of 0.5 g do not tell 0.22 g from 0.5 g, nor 1 g from another of it."""
+    blocks = arm(rng, level_g=0.0, noise=1e-6, rates={"bias": 0.0, "low1": 170.0, "low2": 200.0, **RUNS})
+    for columns in blocks.values():
+        columns["acc_g"] = [round(2 * value) / 2 for value in columns["acc_g"]]
+    assert "implausible_output" not in reduced(tmp_path, "acc_range", blocks, ACC)["flags"]

@@ -7,6 +7,7 @@ import pytest
 
 from bench.analysis.acquired import Mount
 from bench.analysis.attitudes import NAMES, SPECIFIC_FORCE_G
+from bench.analysis.bench_record import Drift
 from bench.analysis.imu_closure import Sensitivity, closure_findings
 from bench.analysis.limits import Limits
 from bench.analysis.orientation import unit_axes
@@ -68,6 +69,27 @@ def test_a_bias_is_brought_to_the_temperature_of_the_beginning():
     found = closed(looked("s/opening"), looked("s/closing", (5e-6, 0, 0), warmer_c=0.5))
     assert found["x/K0/closure"].value == pytest.approx(0.0, abs=1e-11)
     assert found["y/K0/closure"].value == pytest.approx(-5e-6, abs=1e-11)
+
+
+def test_a_thermometer_that_drifts_within_the_run_is_in_the_budget_of_a_bias_by_its_slope():
+    """0.04 °C over a run of ten hours, of a bias of 10 µg/°C that was looked at in the first hour and in the last."""
+    drift_c, hour_s = 0.04, 3600.0
+    bench = dataclasses.replace(record(BENCH), thermometer_drifts={"t": Drift(drift_c)})
+
+    def found(off_c):
+        parts = [
+            dataclasses.replace(each, begin_s=at_s, end_s=at_s + hour_s)
+            for at_s, part in ((0.0, looked("s/opening")), (9 * hour_s, looked("s/closing", warmer_c=0.9 * off_c)))
+            for each in part
+        ]
+        data = RunData("imu", (UNIT,), (), bench, tuple(parts), span_s=(0.0, 10 * hour_s))
+        return {each.id.split("a/", 1)[1]: each for each in closure_findings(data, UNIT, SENSITIVE)}
+
+    off = found(drift_c)["x/K0/closure"].value - found(0.0)["x/K0/closure"].value
+    assert abs(off) == pytest.approx(0.9 * drift_c * 10e-6, abs=1e-12)
+    lines = {name: [line.u for line in each.budget if "drift" in line.source] for name, each in found(0.0).items()}
+    assert lines["x/K0/closure"] == pytest.approx([abs(off)])
+    assert lines["east/level/closure"] == []
 
 
 def test_the_repeatability_of_the_axes_is_in_its_uncertainty():

@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.analysis.bench_record import Drift
 from bench.analysis.range_blocks import range_blocks
 from bench.analysis.range_form import OTHERWISE_WARM
 from bench.analysis.range_method import reduce_accelerometer, reduce_gyro
 from bench.analysis.stated_scale import STATED_AT
 from bench.analysis.table_samples import PARTS_DOF
+from bench.analysis.table_warmth import MeanTemperature, temperatures_c
 from bench.report.flag_words import flag_in_words
 from bench.sequence.methods.response import ACCELEROMETER_RANGE, GYRO_RANGE
 from tests.support.table_runs import BENCH, UNIT, at_rate, at_rest, data
@@ -279,7 +281,36 @@ def test_temperatures_that_scatter_more_than_the_readings_of_each_are_those_of_t
     acquisitions = noisy_thermometer(*REST, *STEADY, *REST, jumps_c=0.1)
     blocks = range_blocks(data(*acquisitions), UNIT, 0.01, 420.0)
     expected_c = [float(np.mean(each.temperatures_c["warm"])) for each in acquisitions if each.motion is not None]
-    assert [each.temperature_c for each in blocks.turning] == pytest.approx(expected_c, abs=1e-12)
+    assert [each.temperature_c for each in blocks.turning] == pytest.approx(expected_c, abs=0.03)
+    assert np.ptp([each.temperature_c for each in blocks.turning]) > 0.9 * np.ptp(expected_c)
+
+
+@pytest.mark.parametrize("changes", [0.0, 1.0, 2.0, 4.0])
+def test_the_square_of_a_change_of_temperature_is_not_larger_for_the_noise_of_the_thermometer(changes):
+    """A change by so many standard uncertainties of its own: on average what is kept of its square is not too small."""
+    rng, share = np.random.default_rng(7), np.linspace(-0.5, 0.5, 24)
+    u_c = 0.01 / np.sqrt(10 * np.sum(share**2))
+    squares = []
+    for _ in range(800):
+        means = [
+            MeanTemperature.of(20 + changes * u_c * each + 0.01 * rng.standard_normal(10)) for each in share.tolist()
+        ]
+        found_c = temperatures_c(share.tolist(), means, np.zeros(24))
+        squares.append((float(np.polyfit(share, found_c, 1)[0]) / u_c) ** 2)
+    assert changes**2 - 0.3 < np.mean(squares) < changes**2 + 0.6  # 1 more without noise taken off
+
+
+def test_a_thermometer_that_drifts_within_the_run_is_no_change_of_temperature():
+    """A thermometer that goes up by 0.06 °C within the run, of a unit that is as warm all along: as stated, or not."""
+    points = noisy_thermometer(*REST, *STEADY, *REST, rate_c_per_s=0.06 / (60 * 15))
+    settings = GYRO_RANGE.settings.model_validate(GYRO).model_dump()
+    lines = []
+    for drift_c in (0.0, 0.1):
+        bench = replace(BENCH, thermometer_drifts={"warm": Drift(drift_c)})
+        (unit,) = reduce_gyro(data(*points, bench=bench), settings)
+        lines.append(line_of(unit, "nonlinearity/cubic", OTHERWISE_WARM))
+    assert lines[0] > 0.5e-6
+    assert lines[1] < 0.1 * lines[0]
 
 
 def test_a_radius_is_as_uncertain_as_a_scale_factor_that_is_stated_at_another_temperature():

@@ -101,9 +101,10 @@ def test_what_a_wrong_thermometer_makes_of_them_is_told(truth, coefficients, at_
         each = coefficients(fit_polynomial(temperature_c, truth(SET_C), 4), at_c)
         return np.array([each.t1, each.t2])
 
-    by_offset, by_gain = coefficients(fit_polynomial(SET_C, truth(SET_C), 4), at_c).by_thermometer(offset_c, gain)
-    assert np.abs(found(SET_C + offset_c) - found(SET_C)) == pytest.approx(by_offset, rel=1e-3)
-    assert np.abs(found(SET_C * (1 + gain)) - found(SET_C)) == pytest.approx(by_gain, rel=1e-3)
+    model = fit_polynomial(SET_C, truth(SET_C), 4)
+    each = coefficients(model, at_c).gain * model.slope(SET_C)  # by the values that the error moves
+    assert found(SET_C - offset_c) - found(SET_C) == pytest.approx(each.sum(axis=1) * offset_c, rel=1e-3)
+    assert found(SET_C * (1 - gain)) - found(SET_C) == pytest.approx(each @ SET_C * gain, rel=1e-3)
 
 
 def test_they_become_findings_with_a_budget_each():
@@ -111,8 +112,6 @@ def test_they_become_findings_with_a_budget_each():
     origin = Origin(
         Subject("tumble", "a", "S1"),
         ("steps",),
-        "unit",
-        (0.3, 1e-3),
         lambda gain: [BudgetLine("readings", "A", 1e-7 * float(np.linalg.norm(gain)))],
     )
     linear, quadratic = coefficient_findings("K0", fit_polynomial(SET_C, values, 4), REFERENCE_C, origin)
@@ -120,7 +119,7 @@ def test_they_become_findings_with_a_budget_each():
     assert (quadratic.id, quadratic.unit, quadratic.at) == ("tumble/a/K0T2", "g/°C²", {"at_c": REFERENCE_C})
     assert linear.value == pytest.approx(T1, abs=3 * linear.u)
     assert quadratic.value == pytest.approx(T2, abs=3 * quadratic.u)
-    assert {line.source for line in linear.budget} == {"readings", "unit: gain", "unit: offset", CONTAINED}
+    assert {line.source for line in linear.budget} == {"readings", CONTAINED}
     (line,) = coefficient_findings("K1", fit_polynomial(SET_C[:2], scale_pps_per_g(SET_C[:2]), 1), 25.0, origin)
     assert (line.quantity, line.unit, line.flags) == ("K1T1", "1/°C", ("extrapolated",))
 
@@ -129,7 +128,7 @@ def test_what_the_model_leaves_over_is_in_the_values_and_makes_none_uncertain():
     """Ten times as much hysteresis moves the coefficients, which are those of the unit, and not their u."""
     loop = np.where(np.arange(23) < 11, 1.0, -1.0)
     origin = Origin(
-        Subject("tumble", "a", "S1"), (), "unit", (0.0, 0.0),
+        Subject("tumble", "a", "S1"), (),
         lambda gain: [BudgetLine("readings", "A", 1e-7 * float(np.linalg.norm(gain)), 100)],
     )  # fmt: skip
     little, much = (
