@@ -31,13 +31,13 @@ _UNSAFE = re.compile(r"[^A-Za-z0-9.-]+")
 class RunDirectory:
     """The directory of one run while it is being written.
 
-    Lifetime: `create` to `release`. The lock is held all the while; a directory that says *running* and whose lock is
-    free was interrupted. A reserve is kept on the disk, so that the last words can be written when it is full.
+    Lifetime: `create` to `release`. Its locks are held all the while; a directory that says *running* and whose locks
+    are free was interrupted. A reserve is kept on the disk, so that the last words can be written when it is full.
     """
 
-    def __init__(self, path: Path, lock: int) -> None:
+    def __init__(self, path: Path, locks: tuple[int, ...] = ()) -> None:
         self.path = path
-        self._lock = lock
+        self._locks = locks
 
     @classmethod
     def create(cls, runs: Path, started: datetime, sequence: str, units: str) -> RunDirectory:
@@ -46,29 +46,26 @@ class RunDirectory:
         try:
             make_folder(runs)
             path = _exclusively_made(runs, name)
-            lock = os.open(path / LOCK, os.O_CREAT | os.O_RDWR, 0o644)
-            fcntl.flock(lock, fcntl.LOCK_EX)
+            locks = _taken(path, fcntl.LOCK_EX)  # who only looks at it holds it for a moment
             _set_aside_space(path)
             sync_folder(path)
             sync_folder(runs)
         except OSError as problem:
             raise StoreError(f"{runs}: a run directory cannot be created ({problem})") from problem
-        return cls(path, lock)
+        return cls(path, locks)
 
     @classmethod
     def reopen(cls, path: Path) -> RunDirectory:
         """The directory of an interrupted run, to go on in; raises InputError where it is in use, and StoreError."""
         try:
-            lock = os.open(path / LOCK, os.O_CREAT | os.O_RDWR, 0o644)
             try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                locks = _taken(path, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                os.close(lock)
                 raise InputError(f"{path.name}: this run is under way in another process") from None
             _set_aside_space(path)
         except OSError as problem:
             raise StoreError(f"{path}: cannot be opened to go on in ({problem})") from problem
-        return cls(path, lock)
+        return cls(path, locks)
 
     def write_json(self, name: str, value: Any) -> None:
         """A JSON file of the run, durable and whole when this returns."""
@@ -91,9 +88,30 @@ class RunDirectory:
         """The run is over; releasing twice is harmless."""
         with contextlib.suppress(OSError):
             self.use_reserve()
-        if self._lock >= 0:
-            os.close(self._lock)
-            self._lock = -1
+        for lock in self._locks:
+            os.close(lock)
+        self._locks = ()
+
+
+def _taken(path: Path, how: int) -> tuple[int, ...]:
+    """The locks of a run: of a file, which somebody may remove, and of the directory itself.
+
+    Raises OSError, which is BlockingIOError where it is not to wait and one is held.
+    """
+    with contextlib.ExitStack() as undo:
+        file = os.open(path / LOCK, os.O_CREAT | os.O_RDWR, 0o644)
+        undo.callback(os.close, file)
+        fcntl.flock(file, how)
+        folder = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+        undo.callback(os.close, folder)
+        try:
+            fcntl.flock(folder, how)
+        except BlockingIOError:
+            raise
+        except OSError:  # some network file systems lock no directories
+            pass
+        undo.pop_all()
+    return file, folder
 
 
 def _set_aside_space(path: Path) -> None:
@@ -182,14 +200,21 @@ def _is_as_sealed(path: Path, manifest: Mapping[str, Any]) -> bool:
 
 
 def _is_locked(path: Path) -> bool:
+    return _is_held(path) or _is_held(path / LOCK)
+
+
+def _is_held(path: Path) -> bool:
+    """Whether somebody has the lock of a file or a directory; a shared one is no hindrance to others who ask."""
     try:
-        lock = os.open(path / LOCK, os.O_RDWR)
+        lock = os.open(path, os.O_RDONLY)
     except OSError:
         return False
     try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
         return True
+    except OSError:
+        return path.name == LOCK
     else:
         return False
     finally:

@@ -86,7 +86,7 @@ def sealed_anew(folder: Path) -> Path:
         digest = ""
         with suppress(StoreError):  # of data that cannot be read
             digest = digest_of(folder)
-        close_record(RunDirectory(folder, -1), manifest, begun.head, end, digest)
+        close_record(RunDirectory(folder), manifest, begun.head, end, digest)
     return folder
 
 

@@ -95,6 +95,11 @@ def _one_increment(case: GoodCase) -> None:
     case["dtheta1_rad"] = lambda values: np.where(np.arange(len(values)) == 4, 206265 * values, values)
 
 
+def _thousands_of_g(case: GoodCase) -> None:
+    case["acc_g"] = lambda values: values / 1000
+    case.settings["range_g"] /= 1000
+
+
 def _full_scale_per_hour(case: GoodCase) -> None:
     case.settings |= {"linearity_basis": "full_scale", "full_scale_dps": 100.0 * 3600}
 
@@ -119,8 +124,13 @@ def some(column: str) -> Callable[[GoodCase], Any]:
 
 
 def frozen(column: str, which: Callable[[GoodCase], Any] = lambda _: True) -> Callable[[GoodCase], None]:
-    """A column that stays at its first value in some rows."""
-    return lambda case: case.__setitem__(column, np.where(which(case), case[column][0], case[column]))
+    """A column that stays in some rows at what it is in the first of them."""
+
+    def spoil(case: GoodCase) -> None:
+        rows = np.broadcast_to(which(case), len(case[column]))
+        case[column] = np.where(rows, case[column][np.argmax(rows)], case[column])
+
+    return spoil
 
 
 def down_a_row(column: str) -> Callable[[GoodCase], None]:
@@ -227,7 +237,7 @@ SLIPS = (
     Slip("M1", "", "clocking frozen", frozen("V"), "implausible_output"),
     Slip("M2", "", "a gyro that counts nothing", times("Wy", 0), "implausible_output"),
     Slip("M3", "acc_range", "output frozen", frozen("acc_g"), "implausible_scale"),
-    Slip("M3", "acc_range", "output in units of 1000 g", times("acc_g", 1e-3), "implausible_scale"),
+    Slip("M3", "acc_range", "output and range in units of 1000 g", _thousands_of_g, "implausible_scale"),
     Slip("M3", "acc_range", "range in mg", setting("range_g", 1000), "implausible_scale"),
     Slip("M3", "gyro_range", "full scale in °/h", _full_scale_per_hour, "implausible_scale"),
     Slip("M4", "static", "output 0", times("U_V", 0), "implausible_scale"),

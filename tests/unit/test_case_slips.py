@@ -48,6 +48,12 @@ def test_an_output_that_never_changes_neither_passes_nor_is_reduced(tmp_path, me
         assert outcome(reduce_case(case.write(tmp_path))) in ("INCOMPLETE", "FAIL"), value
 
 
+def test_a_radius_of_a_dead_output_is_not_determined(tmp_path):
+    case = good_case("M3", "acc_range")
+    case["acc_g"] = np.zeros_like
+    assert "invalid" in reduce_case(case.write(tmp_path))["flags"]
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_record_of_one_row_or_none_is_not_complete(tmp_path, kind):
     case = good_case(*kind)

@@ -17,7 +17,10 @@ IGNORED_BY_PYTHON = {signal.SIGPIPE, signal.SIGXFSZ}
 
 
 def ends_by_default(number):
-    return subprocess.run(["sh", "-c", f"kill -{number} $$"], check=False).returncode == -number
+    done = subprocess.run(
+        ["sh", "-c", f"kill -{number} $$"], check=False, preexec_fn=lambda: signal.signal(number, signal.SIG_DFL)
+    )
+    return done.returncode == -number
 
 
 def test_every_signal_that_ends_a_process_is_taken_but_those_of_its_own_faults():
@@ -35,8 +38,10 @@ def test_a_signal_is_told_with_its_name(number):
             os.kill(os.getpid(), number)
             await came.wait()
 
+    before = signal.signal(number, signal.SIG_DFL)  # whoever began the tests may ignore it
     with Signals() as signals:
         run(wait_for_it())
+    signal.signal(number, before)
     assert told[0].name.startswith("SIG")
     assert told[0].name in told[0].request.text or number in (signal.SIGINT, signal.SIGQUIT)
     assert told[0].gentle is (number == signal.SIGINT)
@@ -44,6 +49,7 @@ def test_a_signal_is_told_with_its_name(number):
 
 def test_a_signal_that_is_blocked_when_the_process_begins_comes_all_the_same():
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
+    handler = signal.signal(signal.SIGTERM, signal.SIG_DFL)
     try:
         with Signals() as signals:
             os.kill(os.getpid(), signal.SIGTERM)
@@ -51,3 +57,4 @@ def test_a_signal_that_is_blocked_when_the_process_begins_comes_all_the_same():
         assert signal.SIGTERM in signal.pthread_sigmask(signal.SIG_BLOCK, [])
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGTERM, handler)

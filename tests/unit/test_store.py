@@ -1,6 +1,7 @@
 """The run store: what is acknowledged is durable, what is damaged is told."""
 
 import asyncio
+import fcntl
 import json
 import os
 import resource
@@ -304,6 +305,30 @@ def test_a_run_whose_process_died_is_interrupted_and_one_that_lives_is_running(t
     assert summary(directory.path).state == "interrupted"
     (directory.path / "manifest.json").write_text('{"state": "comple')
     assert summary(directory.path).state == "damaged"
+
+
+def test_a_run_is_running_for_others_also_where_its_lock_file_is_removed(tmp_path):
+    directory = RunDirectory.create(tmp_path, STARTED, "s", "u")
+    directory.write_json("manifest.json", {"state": "running"})
+    (directory.path / "run.lock").unlink()
+    assert summary(directory.path).state == "running"
+    with pytest.raises(InputError, match="this run is under way in another process"):
+        RunDirectory.reopen(directory.path)
+    directory.release()
+    assert summary(directory.path).state == "interrupted"
+    RunDirectory.reopen(directory.path).release()
+
+
+def test_who_only_looks_at_a_run_makes_it_running_for_nobody(tmp_path):
+    directory = RunDirectory.create(tmp_path, STARTED, "s", "u")
+    directory.write_json("manifest.json", {"state": "running"})
+    directory.release()
+    locks = [os.open(path, os.O_RDONLY) for path in (directory.path, directory.path / "run.lock")]
+    for lock in locks:
+        fcntl.flock(lock, fcntl.LOCK_SH)
+    assert summary(directory.path).state == "interrupted"
+    for lock in locks:
+        os.close(lock)
 
 
 def test_runs_are_found_by_path_id_beginning_and_last(tmp_path):
