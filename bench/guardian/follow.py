@@ -40,7 +40,7 @@ from drivers.capabilities import ThermalChamber
 from drivers.chamber.description import ChamberOptions, ChamberSafe
 from drivers.transport.wires import RealWires
 
-EVERY_S = 30.0
+FIRST_S, EVERY_S = 1.0, 30.0  # between looks: twice as long each time
 VISIT_S = 8.0  # less than others wait for
 BETWEEN_TRIES_S = 0.1  # while the run has the address: it lets go in a moment
 LAST_TRIES = 50
@@ -83,7 +83,7 @@ class Following:
 
     def follow(self) -> bool:
         """Look at the chambers until all courses are over; whether every one has arrived, or has been handed over."""
-        good = True
+        good, pause_s = True, FIRST_S
         while left := {role: course for role, course in self._courses.items() if not course.is_over}:
             for role, course in left.items():
                 self._look(role, course)
@@ -92,7 +92,8 @@ class Following:
                 return self._end() and good
             now_s = self._now_s()
             due_s = [course.hold_ends_s - now_s for course in left.values() if course.is_held and not course.is_over]
-            self._ends.wait(max(0.0, min([EVERY_S, *(each for each in due_s if each > 0)])))
+            self._ends.wait(max(0.0, min([pause_s, *(each for each in due_s if each > 0)])))
+            pause_s = min(2 * pause_s, EVERY_S)
         return good
 
     def _look(self, role: str, course: Course) -> None:

@@ -11,6 +11,7 @@ import json
 import select
 import signal
 import socket
+import time  # noqa: TID251  the core has no loop, and imports nothing of the program
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from types import MappingProxyType
@@ -102,20 +103,21 @@ def watch(
     a beat, or where an instrument was not polled for twice the time of `polls_within_s`, by role. `alarm` receives what
     is late, and must return at once.
     """
-    counters, silent_s = Counters(polls_within_s, alarm), 0.0
+    counters, silent_s, looked_s = Counters(polls_within_s, alarm), 0.0, time.monotonic()
     while silent_s < lease_s and not counters.stuck:
         ready, _, _ = select.select([link.fileno(), runner], [], [], TICK_S)
+        tick_s, looked_s = min(TICK_S, time.monotonic() - looked_s), time.monotonic()
         if link.fileno() in ready:
             message = _received(link)
             if message.startswith(OVER):
                 return _left(message)
             if not message:
                 return Lost(_gone(runner), counters.may_hold)
-            silent_s = 0.0 if counters.take(message) else silent_s
+            silent_s = 0.0 if counters.take(message) else silent_s + tick_s
         elif runner in ready:
             return Lost("the process of the run has died", counters.may_hold)
         else:
-            silent_s += TICK_S
+            silent_s += tick_s
     with suppress(ProcessLookupError):
         signal.pidfd_send_signal(runner, signal.SIGKILL)
     dead, _, _ = select.select([runner], [], [], DIE_WITHIN_S)

@@ -18,8 +18,9 @@ class Arrival:
 
     def __init__(self, target_c: float, follow: FollowOptions, limits: TemperatureRange) -> None:
         self.target_c = target_c
-        self._follow, self._watch = follow, FollowWatch(follow, limits)
-        self._due_s: float | None = None
+        self._follow, self._limits = follow, limits
+        self._watch: FollowWatch | None = None
+        self._due_s = 0.0
 
     def has_arrived(self, state: ChamberState) -> bool:
         """Whether the set point in force and the air are at the target."""
@@ -28,8 +29,10 @@ class Arrival:
 
     def problem(self, at_s: float, state: ChamberState) -> str:
         """Take one look, at the time `at_s`; return why the air does not arrive, or "" while it may."""
-        if self._due_s is None:
-            self._due_s = at_s + self.longest_s(state)
+        if self._watch is None:
+            longest_s = self.longest_s(state)  # a set point that jumped is far from the air for longer than `settle`
+            self._watch = FollowWatch(self._follow.model_copy(update={"settle": longest_s}), self._limits)
+            self._due_s = at_s + longest_s
         if abs(state.target_c - self.target_c) > KEPT_WITHIN_C:
             return f"somebody changed the set point from {self.target_c:g} °C to {state.target_c:g} °C"
         if wrong := self._watch.problem(at_s, state.process_value_c, state.set_point_c, commanded=True):

@@ -21,7 +21,7 @@ from bench.runner import guard
 from bench.runner.quiet import Quiet
 from bench.store.reader import RunReader
 from tests.support.energised import SAFE, SEQUENCE, Process, Wires, wires
-from tests.support.guardians import guardian_of, has_ended
+from tests.support.guardians import guardian_of, has_ended, has_made_safe
 
 pytestmark = pytest.mark.integration
 WITHIN_S = 8.0
@@ -46,9 +46,9 @@ def running(bench: Wires, folder: Path, step: str = "steps/wait") -> tuple[Proce
 
 
 def rescued(run: Process, guardian: int, within_s: float) -> list[dict]:
-    """The incident of a run that was killed, once its guardian has ended."""
+    """The incident of a run that was killed, once its guardian has made the bench safe."""
     end_s = time.monotonic() + within_s
-    while not has_ended(guardian):
+    while not (has_made_safe(run.path) or has_ended(guardian)):
         assert time.monotonic() < end_s, run.told.read_text("utf-8")
         time.sleep(0.05)
     assert run.path is not None
@@ -119,7 +119,7 @@ def test_a_terminal_that_nobody_reads_holds_no_rescue_up(bench, tmp_path):
     run.process.kill()
     run.process.wait(5)
     end_s = time.monotonic() + WITHIN_S
-    while not has_ended(guardian):
+    while not (has_made_safe(run.path) or has_ended(guardian)):
         assert time.monotonic() < end_s + WRITTEN_WITHIN_S
         time.sleep(0.1)
     assert bench.state() == SAFE

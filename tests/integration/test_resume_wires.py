@@ -16,7 +16,7 @@ import pytest
 from bench.store.energised import energised
 from bench.store.verify import examine
 from tests.support.energised import SAFE, Process, Wires, wires
-from tests.support.guardians import guardian_of, has_ended
+from tests.support.guardians import guardian_of, has_ended, has_made_safe
 from tests.support.killed import ended, journal
 from tests.support.runs import ROOT
 
@@ -43,7 +43,7 @@ def killed(bench: Wires, folder: Path, step: str = "steps/wait") -> Process:
     run.process.kill()
     run.process.wait(5)
     end_s = time.monotonic() + SAFE_WITHIN_S
-    while not has_ended(guardian):
+    while not (has_made_safe(run.path) or has_ended(guardian)):
         assert time.monotonic() < end_s, run.told.read_text("utf-8")
         time.sleep(0.05)
     return run

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.support.energised import SAFE, Process, Wires, wires
-from tests.support.guardians import guardian_of, has_ended
+from tests.support.guardians import guardian_of, has_ended, has_made_safe
 from tests.trials.signals import PHASES
 
 LEASE_S, KILL_S, LONGEST_LANE_S = 10.0, 3.0, 45.0
@@ -110,7 +110,7 @@ def _lost(run: Process, way: str, within_s: float) -> str:
                 run.process.wait(NEEDS_MEMORY_WITHIN_S)  # else it needs none, and the kernel takes it
         os.kill(victim, signal.SIGSTOP if way == "freeze" else signal.SIGKILL)
     end_s = time.monotonic() + within_s
-    while run.process.poll() is None or not has_ended(guardian):
+    while run.process.poll() is None or not (has_made_safe(run.path) or has_ended(guardian)):
         if time.monotonic() > end_s:
             return f"{way}: not over within {within_s:g} s; {run.told.read_text('utf-8')[-300:]}"
         time.sleep(0.1)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bench.store.verify import examine
 from tests.support.energised import SAFE, Process, Wires, wires
-from tests.support.guardians import guardian_of, has_ended
+from tests.support.guardians import guardian_of, has_ended, has_made_safe
 from tests.support.killed import ended, journal
 from tests.support.runs import ROOT
 from tests.trials.resume import RUNS, killed
@@ -84,7 +84,7 @@ def _killed_over_wires(bench: Wires, folder: Path, after_s: float) -> str:
     run.process.kill()
     run.process.wait()
     end_s = time.monotonic() + SAFE_WITHIN_S
-    while not has_ended(guardian) and time.monotonic() < end_s:
+    while not (has_made_safe(run.path) or has_ended(guardian)) and time.monotonic() < end_s:
         time.sleep(0.1)
     if (state := bench.state()) != SAFE:
         return f"killed after {after_s:.1f} s: left at {state}; {run.told.read_text('utf-8')[-300:]}"

@@ -21,6 +21,13 @@ def stop(process: int) -> None:
     os.waitpid(process, os.WUNTRACED)
 
 
+def has_made_safe(run: Path | None) -> bool:
+    """Whether the guardian of a run that was lost is through with making its bench safe; it may follow a chamber."""
+    with contextlib.suppress(OSError):
+        return run is not None and '"event": "ends"' in (run / "incident.jsonl").read_text("utf-8")
+    return False
+
+
 def has_ended(process: int) -> bool:
     """Whether a process is gone, or waits for nothing but its parent."""
     with contextlib.suppress(OSError):

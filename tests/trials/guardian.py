@@ -13,7 +13,7 @@ from itertools import product
 from pathlib import Path
 
 from tests.support.energised import Process, Wires, wires
-from tests.support.guardians import guardian_of, has_ended
+from tests.support.guardians import guardian_of, has_ended, has_made_safe
 from tests.trials.rows import Row
 from tests.trials.signals import PHASES, row_of, sample
 
@@ -44,7 +44,7 @@ def _lost(way: str, phase: str, number: int, bench: Wires, folder: Path) -> str:
     with contextlib.suppress(ProcessLookupError):
         os.kill(victim, signal.SIGSTOP if way == "run stands still" else signal.SIGKILL)
     end_s = time.monotonic() + WITHIN_S
-    while run.process.poll() is None or not has_ended(guardian):
+    while run.process.poll() is None or not (has_made_safe(run.path) or has_ended(guardian)):
         if time.monotonic() > end_s:
             run.process.kill()
             return f"not within {WITHIN_S:g} s; {run.told.read_text('utf-8')[-300:]}"
