@@ -20,12 +20,12 @@ from itertools import groupby
 from multiprocessing import Pool
 from pathlib import Path
 
-from bench.analysis.power_cycles import SOURCE
 from bench.app.request import RunRequest, prepare
 from tests.support.killed import interrupted, journal, resumed
 from tests.truth import coefficients, judge
 from tests.truth.campaign import Comparison, campaign, compared, full_bench, results_of
 
+SOURCE = "power cycles: repeatability of the unit"  # as the budgets call it
 SEQUENCE, PRESET = "tumble_static", "quick"
 BIAS_UG, SCALE_PPM = 40, 40
 COMBINED = (*coefficients.QUANTITIES, "K0/closure")
