@@ -131,7 +131,8 @@ def main() -> int:
     both = [each for truth, results in found for each in of_both_sides(truth, results)]
     bare = [each for truth, results in found for each in of_both_sides(truth, _bare(results))]
     print("from one side", *judge.table(one_side), sep="\n")
-    problems = [*judge.beyond(judge.by_quantity(one_side), "full")]
+    firsts = {(each.seed, each.quantity): each for each in reversed(one_side)}  # the dwells of a run share its errors
+    problems = [*judge.beyond(judge.by_quantity(firsts.values()), "full")]
     without = judge.by_quantity(bare)
     print("from both sides")
     for name, each in judge.by_quantity(both).items():
