@@ -180,7 +180,7 @@ def test_a_time_in_which_the_program_stood_still_is_in_the_record(
 
     async def main() -> None:
         writer = RunWriter(tmp_path)
-        async with clock_record.ClockRecord(writer, said.append).watched(REAL_TIME):
+        async with clock_record.ClockRecord(writer, said.append).watched():
             await asyncio.sleep(0.05)
             time.sleep(1.2)  # noqa: ASYNC251  nothing of this program runs
             await asyncio.sleep(0.4)
