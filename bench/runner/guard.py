@@ -6,6 +6,7 @@ import asyncio
 import hashlib
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -25,6 +26,8 @@ from bench.runner.held import energising_addresses
 from bench.runner.signals import Sent, Signals
 from bench.store.writer import RunWriter
 
+UNREAD_BYTES = 8192  # some ten beats
+STILL_BEATS = 20  # that a guardian may leave untaken when those are waiting
 ARMED_WITHIN_S = 60.0  # on a computer with much else to do
 ENDS_WITHIN_S = 5.0
 PROGRAM = (  # with the search path of the run, so that it is the same program whatever lies in this directory
@@ -32,6 +35,7 @@ PROGRAM = (  # with the search path of the run, so that it is the same program w
     "from bench.guardian.main import main; os._exit(main(*sys.argv[2:]))"  # waits for no thread that writes
 )
 LOST = EndRequest("guardian", "its guardian has died, which would make the bench safe if this process died")
+STILL = EndRequest("guardian", "its guardian stands still, which would make the bench safe if this process died")
 MEMORY_PRESSURE = Path("/proc/self/oom_score_adj")
 TAKEN_FIRST = "500"  # by the kernel when memory runs out: the run, and not its guardian
 
@@ -72,7 +76,7 @@ async def guarded(loaded: LoadedBench, run: Path, signals: Signals, writer: RunW
     guard = Guard(roles, Pulse([role for role in roles if loaded.bench.devices[role].safe_state.hold_s]))
     try:
         _wait_until_armed(link)
-        beating = asyncio.create_task(_beat(link, signals, guard, writer), name="guardian")
+        beating = asyncio.create_task(_beat(link, process.pid, signals, guard, writer), name="guardian")
         try:
             yield guard
         finally:
@@ -98,6 +102,7 @@ def try_guardian(loaded: LoadedBench, folder: Path) -> float:
 
 def _start(loaded: LoadedBench, run: Path) -> tuple[socket.socket, subprocess.Popen[bytes]]:
     near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    near.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_BYTES)
     document = loaded.document
     digest = hashlib.sha256(document.text.encode()).hexdigest()
     words = [json.dumps(sys.path), str(far.fileno()), str(os.getpid())]
@@ -116,14 +121,21 @@ def _start(loaded: LoadedBench, run: Path) -> tuple[socket.socket, subprocess.Po
     return near, process
 
 
-async def _beat(link: socket.socket, signals: Signals, guard: Guard, writer: RunWriter) -> None:
+async def _beat(link: socket.socket, guardian: int, signals: Signals, guard: Guard, writer: RunWriter) -> None:
+    """Beat for ever; a guardian that takes no beats is told to go on, and then ends the run."""
+    untaken = 0
     for turns in count():
         polls = {role: polls for role, polls in guard.pulse.polls.items() if role in guard.roles}
         commits, waits = writer.commits
         try:
             link.send(beat(turns, commits, polls, waits=waits, may_hold=guard.pulse.may_hold()))
-        except BlockingIOError:  # it stands still, and has not died
-            pass
+            untaken = 0
+        except BlockingIOError:
+            untaken += 1
+            os.kill(guardian, signal.SIGCONT)  # somebody may have stopped it
+            if untaken > STILL_BEATS:
+                signals.tell(Sent("a guardian that stands still", STILL))
+                return
         except OSError:
             signals.tell(Sent("the death of its guardian", LOST))
             return
