@@ -16,50 +16,66 @@ from bench.errors import StoreError
 from bench.files import append_line
 from bench.store.machine_state import append_record
 
-WRITTEN_WITHIN_S = 5.0  # after which a guardian ends without
+WRITTEN_WITHIN_S, SHOWN_WITHIN_S = 5.0, 1.0  # after which a guardian goes on without
 STDERR = 2
 
 
 class Notes:
-    """Lines for the terminal and entries of a file, written in their order by a thread of their own.
+    """Lines for the terminal and entries of a file; a terminal that nobody reads does not hold up the file.
 
-    The file is in the directory of the run, and once more in the folder of this user's records. The thread begins with
-    the first of them.
+    The file is in the directory of the run, and once more in the records of the machine, or of this user.
     """
 
     def __init__(self, run: Path, file: str) -> None:
         self._run, self._file = run, file
-        self._work: queue.SimpleQueue[Callable[[], object] | None] = queue.SimpleQueue()
-        self._thread: threading.Thread | None = None
+        self._terminal, self._records = _Worker(SHOWN_WITHIN_S), _Worker(WRITTEN_WITHIN_S)
 
     def line(self, text: str) -> None:
         """A line for a person."""
-        self.do(partial(_tell, f"{self._run.name}: {text}"))
+        self._terminal.do(partial(_tell, f"{self._run.name}: {text}"))
 
     def entry(self, event: str, **facts: object) -> None:
-        """An entry, durable in the directory of the run and in the records of the machine, or of this user."""
+        """An entry, durable in both places."""
         entry = {"at": wall_utc().isoformat(timespec="milliseconds"), "run": str(self._run), "event": event, **facts}
         self.do(partial(self._append, json.dumps(entry, ensure_ascii=False)))
 
     def do(self, work: Callable[[], object]) -> None:
-        """Anything else that writes."""
-        if self._thread is None:
-            self._thread = threading.Thread(target=_write, args=(self._work,), name="notes", daemon=True)
-            self._thread.start()
-        self._work.put(work)
+        """Anything else that writes a record."""
+        self._records.do(work)
 
     def close(self) -> None:
-        """Return when everything is written, or WRITTEN_WITHIN_S later; more may follow."""
-        if self._thread is not None:
-            self._work.put(None)
-            self._thread.join(WRITTEN_WITHIN_S)
-            self._work, self._thread = queue.SimpleQueue(), None
+        """Return when everything is written, or when that takes too long; more may follow."""
+        self._records.close()
+        self._terminal.close()
 
     def _append(self, text: str) -> None:
         with suppress(OSError):
             if self._run.is_dir():
                 append_line(self._run / self._file, text)
         append_record(self._file, text)
+
+
+class _Worker:
+    """Does things in their order in a thread of its own, which begins with the first of them."""
+
+    def __init__(self, within_s: float) -> None:
+        self._within_s = within_s
+        self._work: queue.SimpleQueue[Callable[[], object] | None] = queue.SimpleQueue()
+        self._thread: threading.Thread | None = None
+
+    def do(self, work: Callable[[], object]) -> None:
+        """Do something after all before it."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=_write, args=(self._work,), name="notes", daemon=True)
+            self._thread.start()
+        self._work.put(work)
+
+    def close(self) -> None:
+        """Return when everything is done, or when its time is over; more may follow, in another thread."""
+        if self._thread is not None:
+            self._work.put(None)
+            self._thread.join(self._within_s)
+            self._work, self._thread = queue.SimpleQueue(), None
 
 
 def _write(works: queue.SimpleQueue[Callable[[], object] | None]) -> None:

@@ -63,27 +63,27 @@ class Rescue:
         notes = self._notes
         notes.line(f"{lost.why}. Its guardian makes the bench safe: {', '.join(self._addresses)}.")
         notes.entry("begins", why=lost.why)
-        following: Following | None = None
-        try:
-            with _held(self._addresses.values(), f"{A_RESCUE}{self._run.name}"):
-                lanes = self._lanes(may_hold=lost.may_hold)
-                unsafe = self._record(lanes)
-                following = self._following(lanes)
-        except Exception as problem:  # noqa: BLE001  whatever it is, it is on record that the bench is not safe
-            unsafe = self._record([Lane(role, "not reached", in_words(problem), 0.0) for role in self._addresses])
-        notes.close()
-        self._alert(f"NOT MADE SAFE: {', '.join(unsafe)}" if unsafe else "ended by its guardian", lost.why)
-        if following is not None:
-            to_nothing()
-            with following:
+        with ExitStack() as stack:
+            following: Following | None = None
+            try:
+                with _held(self._addresses.values(), f"{A_RESCUE}{self._run.name}"):
+                    lanes = self._lanes(may_hold=lost.may_hold)
+                    unsafe = self._record(lanes)
+                    following = self._following(lanes, stack)
+            except Exception as problem:  # noqa: BLE001  whatever it is, it is on record that the bench is not safe
+                unsafe = self._record([Lane(role, "not reached", in_words(problem), 0.0) for role in self._addresses])
+            notes.close()
+            self._alert(f"NOT MADE SAFE: {', '.join(unsafe)}" if unsafe else "ended by its guardian", lost.why)
+            if following is not None:
+                to_nothing()
                 following.follow()
         return not unsafe
 
-    def _following(self, lanes: Sequence[Lane]) -> Following | None:
+    def _following(self, lanes: Sequence[Lane], stack: ExitStack) -> Following | None:
         """The following of the chambers, which can be found from now on; None where it fails, with that on record."""
         safe, held = ([lane.role for lane in lanes if lane.state == state] for state in ("safe", "held"))
         try:
-            return Following(self._run, self._bench, safe, held, self._runner).__enter__()
+            return stack.enter_context(Following(self._run, self._bench, safe, held, self._runner))
         except Exception as problem:  # noqa: BLE001  the bench is safe all the same
             self._notes.entry("alert", problem=f"the chambers cannot be followed: {in_words(problem)}")
             return None

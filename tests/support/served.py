@@ -21,7 +21,7 @@ def free_port() -> int:
 
 def on_real_wires(folder: Path) -> Path:
     """The bench on free ports, and pseudo-terminals below a folder; its head a little faster, its set point at once."""
-    edits = [(f"127.0.0.1:{port}", f"127.0.0.1:{free_port()}") for port in (1502, 8000, 5025)]
+    edits = [(f"127.0.0.1:{port}\n", f"127.0.0.1:{free_port()}\n") for port in (1502, 8000, 5025)]
     edits += [("sim+", ""), ("/tmp/itb", str(folder / "itb")), ("rate: 20 °/s", "rate: 30 °/s")]
     edits += [("ramp_rate: {max: 3 °C/min}", "ramp_rate: {max: 1200 °C/min}")]
     return copy_bench(folder / "config", *edits)
