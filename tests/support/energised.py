@@ -139,11 +139,11 @@ class Process:
 
     def __init__(
         self, bench: Path, folder: Path, *arguments: str, program: Sequence[str] = ("-m", "bench"),
-        text: str = SEQUENCE, **options: Any,
+        text: str | None = None, **options: Any,
     ) -> None:  # fmt: skip
         folder.mkdir(parents=True, exist_ok=True)
         sequence = folder / "energised.yaml"
-        sequence.write_text(text, "utf-8")
+        sequence.write_text(SEQUENCE if text is None else text, "utf-8")
         self.runs = folder / "runs"
         self.told = folder / "told.txt"
         command = [sys.executable, *program, "run", str(sequence), "--bench", str(bench), "--runs", str(self.runs)]
