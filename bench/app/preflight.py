@@ -287,7 +287,11 @@ def _times(prepared: PreparedRun) -> Line:
 def _safe_end(prepared: PreparedRun) -> Line:
     bench = prepared.loaded.bench
     states = ((role, bench.devices[role].safe_state) for role in energising_addresses(bench))
-    text = ", ".join(f"{role} {state.words} within {state.within_s:.3g} s" for role, state in states)
+    text = ", ".join(
+        f"{role} {state.words} within {state.within_s:.3g} s"
+        + (f" (after a failure held for {duration(state.hold_s)} before)" if state.hold_s else "")
+        for role, state in states
+    )
     return Line("safe end", "ok", text)
 
 

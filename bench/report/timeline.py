@@ -57,7 +57,8 @@ def safe_states(bench: BenchFile) -> Iterator[str]:
     widths = [max(map(len, column), default=0) for column in (states, (state.words for state in states.values()))]
     for role, state in states.items():
         alone = "" if state.alone_after_s is None else f"; by itself after {state.alone_after_s:g} s of silence"
-        yield f"{role:<{widths[0]}}  {state.words:<{widths[1]}}  within {state.within_s:.3g} s{alone}"
+        held = f"; after a failure held for {duration(state.hold_s)} before" if state.hold_s else ""
+        yield f"{role:<{widths[0]}}  {state.words:<{widths[1]}}  within {state.within_s:.3g} s{alone}{held}"
 
 
 def acted_on(plan: Plan, bench: BenchFile) -> list[str]:

@@ -1,0 +1,142 @@
+"""Chambers after a run over real wires: their air arrives, or they are held, and whoever comes has the bench."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from bench.config.bench import load_bench
+from bench.runner.held import LOOKS, energising_addresses, owners
+from bench.store.energised import energised
+from tests.support.energised import HOT_C, SAFE, SAFE_C, Process, Wires, wires
+from tests.support.guardians import guardian_of, has_ended, has_made_safe
+from tests.support.runs import ROOT
+
+pytestmark = pytest.mark.integration
+WITHIN_S = 30.0
+HELD = {**SAFE, "chamber": HOT_C}
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory) -> Iterator[Wires]:
+    with wires(tmp_path_factory.mktemp("served")) as found:
+        yield found
+
+
+@pytest.fixture
+def bench(served, tmp_path, monkeypatch) -> Iterator[Wires]:
+    """The bench, at which nobody looks any more afterwards."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    yield served
+    end_s = time.monotonic() + WITHIN_S
+    while found := owners(energising_addresses(load_bench(served.bench).bench).values(), LOOKS):
+        for each in found:
+            os.kill(each.process, signal.SIGTERM)
+        assert time.monotonic() < end_s
+        time.sleep(0.2)
+    bench_command("make-safe", "--bench", str(served.bench))
+
+
+def bench_command(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "bench", *words], capture_output=True, text=True, cwd=ROOT, check=False,
+        stdin=subprocess.DEVNULL, timeout=120,
+    )  # fmt: skip
+
+
+def holding(bench: Wires, folder: Path) -> Path:
+    """The bench file with a hold of 30 min."""
+    return bench.edited(
+        folder, "chamber", lambda line: line.replace("{temperature: 25 °C}", "{temperature: 25 °C, hold: 30 min}")
+    )
+
+
+def until(condition, what: str = "") -> None:
+    end_s = time.monotonic() + WITHIN_S
+    while not condition():
+        assert time.monotonic() < end_s, what
+        time.sleep(0.1)
+
+
+def course(run: Process) -> list[str]:
+    """The events of the chamber after the run, without those of single looks."""
+    assert run.path is not None
+    path = run.path / "followed.jsonl"
+    entries = [json.loads(line) for line in path.read_text("utf-8").splitlines()] if path.exists() else []
+    return [each["event"] for each in entries if each["role"] == "chamber" and each["event"] != "reading"]
+
+
+def killed(bench: Path, folder: Path) -> tuple[Process, int]:
+    run = Process(bench, folder)
+    run.until_step("steps/wait")
+    guardian = guardian_of(run.process.pid)
+    run.process.kill()
+    run.process.wait()
+    until(lambda: has_made_safe(run.path))
+    return run, guardian
+
+
+def test_a_run_ends_at_once_and_its_guardian_sees_the_air_arrive(bench, tmp_path):
+    run = Process(bench.bench, tmp_path)
+    run.until_step("steps/wait")
+    run.send(signal.SIGTERM)
+    assert run.code() == 4
+    assert bench.state() == SAFE
+    devices = bench_command("devices", "--bench", str(bench.bench))
+    assert devices.returncode == 0, devices.stderr
+    until(lambda: course(run)[-1:] == ["arrived"], "the air has not arrived")
+    assert course(run) == ["commanded", "arrived"]
+    assert "arrived at" in bench_command("status", str(run.path)).stdout
+
+
+def test_a_held_chamber_stays_until_its_guardian_is_ended(bench, tmp_path):
+    run, guardian = killed(holding(bench, tmp_path / "own"), tmp_path)
+    assert bench.state() == HELD
+    until(lambda: course(run) == ["held"])
+    assert [list(each.connections) for each in energised(lambda _: None)] == [["chamber"]]
+    assert bench_command("make-safe", "--if-left-on").returncode == 0
+    assert bench.state() == HELD, "its guardian ends that"
+    os.kill(guardian, signal.SIGTERM)
+    until(lambda: has_ended(guardian))
+    assert bench.state() == SAFE
+    assert course(run)[:3] == ["held", "hold_ends", "commanded"]
+    assert list(energised(lambda _: None)) == []
+
+
+def test_a_hold_without_a_guardian_is_ended_by_make_safe(bench, tmp_path):
+    run, guardian = killed(holding(bench, tmp_path / "own"), tmp_path)
+    until(lambda: course(run) == ["held"])
+    os.kill(guardian, signal.SIGKILL)
+    until(lambda: has_ended(guardian))
+    assert bench.state() == HELD
+    assert bench_command("make-safe", "--if-left-on").returncode == 0
+    assert bench.state() == SAFE
+
+
+def test_a_resumed_run_takes_a_held_chamber_over_as_it_is(bench, tmp_path):
+    run, guardian = killed(holding(bench, tmp_path / "own"), tmp_path)
+    until(lambda: course(run) == ["held"])
+    assert bench_command("acknowledge", str(run.path), "--reason", "a test").returncode == 0
+    resumed = subprocess.Popen(
+        [sys.executable, "-m", "bench", "resume", str(run.path), "--interrupted"],
+        stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, cwd=ROOT,
+    )  # fmt: skip
+    try:
+        until(lambda: has_ended(guardian))
+        for _ in range(30):  # of its opening, and its first steps
+            assert bench.state_of("chamber") != SAFE_C
+            time.sleep(0.1)
+        assert course(run)[:2] == ["held", "handed_over"]
+    finally:
+        resumed.send_signal(signal.SIGTERM)
+        told = resumed.communicate(timeout=60)[1]
+    assert "held at its set point" in told
+    assert bench.state() == SAFE
