@@ -178,10 +178,10 @@ class Rig:
 
         Chambers to `hold` stay at their set point if they are in order.
         """
-        only_off = self._is_locked_out()
+        only_off, held = self._is_locked_out(), [self.devices[role] for role in hold if role in self.devices]
 
         async def act(device: Device) -> bool:
-            return await bring_to_safety(device, only_off=only_off, hold=device.name in hold)
+            return await bring_to_safety(device, only_off=only_off, hold=device in held)
 
         ended = await self._each(act, self._limits_s)
         self.held = {role for role, held in ended.items() if held is True}

@@ -12,7 +12,7 @@ from bench.clock import wall_utc
 from bench.errors import InputError
 from bench.guardian.notes import Notes
 from bench.store.energised import note_energised, note_safe
-from bench.store.latch import ACKNOWLEDGED, acknowledge, latch
+from bench.store.latch import ACKNOWLEDGED, INCIDENT, acknowledge, latch
 from bench.store.runs import MANIFEST, RunDirectory, summary
 from bench.store.unsafe import keep_unsafe
 from tests.support.runs import run_short, sealed_anew
@@ -30,7 +30,7 @@ def run(tmp_path) -> Path:
 
 
 def incident(run: Path, why: str = "the process of the run has died", unsafe: tuple[str, ...] = ()) -> None:
-    notes = Notes(run)
+    notes = Notes(run, INCIDENT)
     notes.entry("begins", why=why)
     notes.entry("ends", unsafe=dict.fromkeys(unsafe, "no answer"))
     notes.close()
@@ -156,7 +156,7 @@ def test_nothing_from_an_incident_reaches_the_terminal_as_a_command(run, capsys)
 def test_an_alert_that_fails_later_is_no_other_incident(run):
     incident(run)
     acknowledge(run, "A. Person", "looked at")
-    notes = Notes(run)
+    notes = Notes(run, INCIDENT)
     notes.entry("alert", problem="the alert program did not end")
     notes.close()
     assert why(run) == ""
