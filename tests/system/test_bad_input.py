@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from bench.cli.main import run
+from bench.cli.main import main
 from tests.support.sequences import ELSEWHERE, ROOT, TAIL, steps
 
 HEAD = "schema: itb-sequence/1\ntitle: T\n"
@@ -26,11 +26,9 @@ def bench(tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("BENCH_FILE", raising=False)
 
     def command(*arguments: str) -> tuple[int, list[str], list[str]]:
-        monkeypatch.setattr(sys, "argv", ["bench", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            run()
+        code = main(arguments)
         said = capsys.readouterr()
-        return int(ended.value.code or 0), said.out.splitlines(), said.err.splitlines()
+        return code, said.out.splitlines(), said.err.splitlines()
 
     return command
 
