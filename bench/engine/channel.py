@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 
 from bench.analysis.thermometer import JUMP_C, POSSIBLE_C
 from bench.config.models import BenchFile
-from bench.quality import Invalid, Valid
 from drivers.values import Reading
 
 Values = NDArray[np.float64]
 
 KEPT_S = 4 * 3600.0
 TOO_MANY = 2  # rejected readings in a row
-AHEAD_S = 1.0  # by how much the clocks of instruments, put on that of the loop, may be ahead of it
 STEEPEST_C_PER_MIN = 60.0  # the sensor in the air of a chamber past an open door; a unit, which is heavier, is slower
 CHANGES_WITHIN_S = 3600.0  # by then any thermometer as fine as that shows its noise
 FINE_C = 0.02
@@ -74,50 +72,49 @@ def rule_of(source: str, unit: str, bench: BenchFile) -> Rule:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Doubted:
+    """A rejected reading, and why."""
+
+    reading: Reading
+    why: str
+
+
 class Channel:
     """A reading of a device: its latest values, its name on this bench, and its problem, if any.
 
     `problem` is "" while its sensor works, or a run can go on without it; otherwise the message.
     """
 
-    def __init__(self, name: str, unit: str, rule: Rule, source: str = "") -> None:
-        self.name, self.unit, self.source = name, unit, source
-        self.newest: Valid | None = None
-        self.rejected: Invalid | None = None  # the newest reading, if it was
+    def __init__(self, name: str, unit: str, rule: Rule) -> None:
+        self.name, self.unit = name, unit
+        self.newest: Reading | None = None
         self.problem = ""
         self._rule = rule
-        self._taken = self._in_a_row = 0
+        self._in_a_row = 0
         self._finest = math.inf  # change that was ever seen
         self._same_since_s = math.inf
         self._at_s, self._values = array("d"), array("d")
 
-    def take(self, readings: Sequence[Reading], now_s: float = math.inf) -> tuple[list[Valid], list[Invalid]]:
-        """Take in readings that have come by `now_s`: all that are accepted, and the first few of those rejected."""
-        accepted: list[Valid] = []
-        rejected: list[Invalid] = []
+    def take(self, readings: Sequence[Reading]) -> tuple[list[Reading], list[Doubted]]:
+        """Take in values in the order of their times: all plausible ones, and the first few rejected ones."""
+        believed: list[Reading] = []
+        doubted: list[Doubted] = []
         for reading in readings:
-            self._taken += 1
-            if why := self._doubt(reading, now_s):
-                self.rejected = Invalid(reading.at_s, why, self._taken)
+            if why := self._doubt(reading):
                 self._in_a_row += 1
                 if self._in_a_row <= TOO_MANY:
-                    rejected.append(self.rejected)
+                    doubted.append(Doubted(reading, why))
                 if self._in_a_row == TOO_MANY:
                     self._fail(f"{why}, and the reading before it was implausible too. Check the sensor")
             else:
-                valid = Valid(reading.at_s, reading.value, self._taken)
-                self._accept(valid)
-                self._at_s.append(valid.at_s)
-                self._values.append(valid.value)
-                accepted.append(valid)
-        if accepted:
-            self._forget(accepted[-1].at_s)
-        return accepted, rejected
-
-    @property
-    def matters(self) -> bool:
-        """Whether a run cannot go on without this channel."""
-        return self._rule.matters
+                self._believe(reading)
+                self._at_s.append(reading.at_s)
+                self._values.append(reading.value)
+                believed.append(reading)
+        if believed:
+            self._forget(believed[-1].at_s)
+        return believed, doubted
 
     def last(self, span_s: float) -> Values:
         """The values over the last `span_s` before the newest: (N, 2), time and value."""
@@ -126,15 +123,11 @@ class Channel:
         begin = bisect_left(self._at_s, self.newest.at_s - span_s - 1e-6)
         return np.array([self._at_s[begin:], self._values[begin:]]).T
 
-    def _doubt(self, reading: Reading, now_s: float) -> str:
+    def _doubt(self, reading: Reading) -> str:
         """Why a reading is rejected, to follow the name of the channel; "" if it is accepted."""
         rule, (at_s, value), newest = self._rule, reading, self.newest
         if not math.isfinite(value):
             return "was read as not-a-number"
-        if not at_s <= now_s + AHEAD_S:
-            return f"has a time {at_s - now_s:.3g} s ahead of the clock"
-        if newest is not None and at_s < newest.at_s:
-            return f"has a time {newest.at_s - at_s:.3g} s before that of the reading before it"
         if not rule.low <= value <= rule.high:
             return f"was read as {value:.6g} {self.unit}, outside the possible range"
         if newest is None or abs(value - newest.value) <= rule.jump + rule.steepest_per_s * (at_s - newest.at_s):
@@ -144,9 +137,9 @@ class Channel:
             f"faster than it can change"
         )
 
-    def _accept(self, reading: Valid) -> None:
+    def _believe(self, reading: Reading) -> None:
         """The newest value is this one; a problem that it shows."""
-        before, self.newest, self._in_a_row, self.rejected = self.newest, reading, 0, None
+        before, self.newest, self._in_a_row = self.newest, reading, 0
         if before is None or reading.value != before.value:
             if before is not None:
                 self._finest = min(self._finest, abs(reading.value - before.value))

@@ -22,8 +22,8 @@ from bench.config.interlocks import (
     rate_unit,
 )
 from bench.config.models import BenchFile
-from bench.quality import Valid
 from drivers.units import parse_unit
+from drivers.values import Reading
 
 Stalled = Callable[[float], float]
 
@@ -59,16 +59,12 @@ class Interlocks:
                 self._of_source.setdefault(source, []).append(interlock)
         self._changes: list[Change] = []
 
-    def take(self, source: str, readings: Sequence[Valid]) -> None:
+    def take(self, source: str, readings: Sequence[Reading]) -> None:
         """New readings of DEVICE.CHANNEL, in the order of their times."""
         for interlock in self._of_source.get(source, ()):
             for reading in readings:
                 if (change := interlock.take(source, reading)) is not None:
                     self._changes.append(change)
-
-    def uses(self, source: str) -> bool:
-        """Whether an interlock judges DEVICE.CHANNEL."""
-        return source in self._of_source
 
     def judge_age_of(self, role: str) -> bool:
         """Whether an interlock monitors the age of a device's readings, which grows while it is silent."""
@@ -118,7 +114,7 @@ class _Interlock:
         self._tripped = False
         self._otherwise_since_s: float | None = None  # since when the condition is not what the state is
 
-    def take(self, source: str, reading: Valid) -> Change | None:
+    def take(self, source: str, reading: Reading) -> Change | None:
         """A new reading of one of the sources."""
         return None
 
@@ -152,7 +148,7 @@ class _Interlock:
 class _Level(_Interlock):
     """Judges every reading."""
 
-    def take(self, source: str, reading: Valid) -> Change | None:
+    def take(self, source: str, reading: Reading) -> Change | None:
         return self._judge(reading.at_s, reading.value)
 
 
@@ -164,9 +160,9 @@ class _Rate(_Interlock):
     ) -> None:
         super().__init__(name, entry, sources, good)
         self._over_s, self._factor = over_s, factor
-        self._kept: deque[Valid] = deque()
+        self._kept: deque[Reading] = deque()
 
-    def take(self, source: str, reading: Valid) -> Change | None:
+    def take(self, source: str, reading: Reading) -> Change | None:
         kept = self._kept
         kept.append(reading)
         begin_s = reading.at_s - self._over_s
@@ -183,11 +179,11 @@ class _Difference(_Interlock):
 
     def __init__(self, name: str, entry: AnyInterlock, sources: Sequence[str], good: _Good, rest_s: float) -> None:
         super().__init__(name, entry, sources, good)
-        self._newest: dict[str, Valid] = {}
+        self._newest: dict[str, Reading] = {}
         self._rest_s = rest_s
-        self._rests_since: Valid | None = None  # when the second came to where it now rests
+        self._rests_since: Reading | None = None  # when the second came to where it now rests
 
-    def take(self, source: str, reading: Valid) -> None:
+    def take(self, source: str, reading: Reading) -> None:
         self._newest[source] = reading
         rests = self._rests_since
         if source == self.sources[1] and (rests is None or abs(reading.value - rests.value) > self._good.high / 2):
@@ -209,7 +205,7 @@ class _Age(_Interlock):
         super().__init__(name, entry, sources, good)
         self._newest_s: float | None = None
 
-    def take(self, source: str, reading: Valid) -> None:
+    def take(self, source: str, reading: Reading) -> None:
         self._newest_s = reading.at_s
 
     def look(self, now_s: float, stalled_s: Stalled) -> Change | None:

@@ -16,7 +16,6 @@ from bench.engine.monitor import Monitor
 from bench.engine.recording import output_of
 from bench.engine.state import Tared
 from bench.errors import StepError
-from bench.quality import Invalid, Valid
 from bench.sequence.limits import limits_in
 from bench.sequence.measuring import Measure, Tare
 from bench.sequence.readings import BY_NOMINAL, PULSE_RATE, is_pulse_rate, measured_place
@@ -111,12 +110,10 @@ async def _value_since(began_s: float, name: str, monitor: Monitor) -> None:
     give_up_s = loop.time() + VALUE_WITHIN_S
     while True:
         await monitor.freshen(name)
-        latest = monitor.latest(name)
-        if isinstance(latest, Valid) and latest.at_s >= began_s:
+        if (newest := monitor.latest(name)) is not None and newest.at_s >= began_s:
             return
         if loop.time() >= give_up_s:
-            why = f": it {latest.why}" if isinstance(latest, Invalid) else ""
-            raise StepError(f"{name} has delivered no value for {VALUE_WITHIN_S:g} s{why}. Check the device.")
+            raise StepError(f"{name} has delivered no value for {VALUE_WITHIN_S:g} s. Check the device.")
         await asyncio.sleep(VALUE_LOOK_S)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,6 @@ from bench.engine.channel import Channel, Values, rule_of
 from bench.engine.interlocks import Change, Interlocks
 from bench.engine.units import Kind, UnitFailure, Units
 from bench.errors import BenchError, WindowError
-from bench.quality import Invalid, Latest, Valid
 from bench.rig import Rig
 from bench.sequence.readings import unit_of
 from bench.store.writer import RunWriter
@@ -26,7 +25,6 @@ from drivers.errors import DriverError
 from drivers.values import Reading
 
 STOP_WITHIN_S = 3.0  # for a poll in progress
-STALE_S = 60.0  # of a reading that the bench file does not name
 WINDOW_GRACE_S = 2.0  # after switching a supply, before its current is judged
 
 
@@ -56,7 +54,7 @@ class Monitor:
         bench: BenchFile,
         interlocks: Interlocks,
         writer: RunWriter,
-        on_reading: Callable[[str, Latest], None],
+        on_reading: Callable[[str, Reading], None],
         places: Collection[str] | None = None,
         used: Collection[str] | None = None,
     ) -> None:
@@ -95,10 +93,10 @@ class Monitor:
         if not self.fault.done():
             self.fault.set_result(problem)
 
-    def latest(self, name: str) -> Latest | None:
-        """The newest reading of a name, or of DEVICE.CHANNEL: Invalid if rejected or too old, None if there is none."""
+    def latest(self, name: str) -> Reading | None:
+        """The newest value of a named reading, or of DEVICE.CHANNEL."""
         channel = self._channels.get(self._source(name))
-        return self._quality(channel) if channel is not None else None
+        return channel.newest if channel is not None else None
 
     async def freshen(self, name: str) -> None:
         """Returns when what has come unasked of a reading, or of all of a device, has been taken in."""
@@ -107,29 +105,13 @@ class Monitor:
             device.take_in()
             await asyncio.sleep(0)  # tasks that wait for data of the device go first
 
-    def newest(self) -> dict[str, tuple[Latest, str]]:
-        """The newest reading of every channel that was read, by its name on this bench, with its unit."""
+    def newest(self) -> dict[str, tuple[Reading, str]]:
+        """The newest value of every channel that was read, by its name on this bench, with its unit."""
         return {
-            channel.name: (latest, channel.unit)
+            channel.name: (channel.newest, channel.unit)
             for channel in self._channels.values()
-            if (latest := self._quality(channel)) is not None
+            if channel.newest is not None
         }
-
-    def _quality(self, channel: Channel) -> Latest | None:
-        """The newest reading of a channel as it may be used now."""
-        newest = channel.newest
-        if channel.rejected is not None or newest is None:
-            return channel.rejected
-        if (age_s := awake_s(newest.at_s)) > self._stale_after_s(channel.source):
-            return Invalid(newest.at_s, f"has not been read for {age_s:.0f} s", newest.number)
-        return newest
-
-    def _stale_after_s(self, source: str) -> float:
-        """The age at which the newest reading of DEVICE.CHANNEL is too old to be used."""
-        role, name = source.partition(".")[0], self._names.get(source)
-        unnamed_s = STALE_S + 2 * period_s(role, self._bench)
-        allowed_s = unnamed_s if name is None else self._bench.readings[name].stale_after
-        return allowed_s + self._bench.devices[role].description.reports_every_s
 
     def unit_of(self, name: str) -> str:
         """The unit of a reading."""
@@ -174,42 +156,40 @@ class Monitor:
             self.polls.pop(role, None)
 
     def _take(self, role: str, readings: Mapping[str, Sequence[Reading]], units: Mapping[str, str]) -> None:
-        accepted = {
-            key: self._accepted(f"{role}.{key}", values, units.get(key, "")) for key, values in readings.items()
+        believed = {
+            key: self._believed(f"{role}.{key}", values, units.get(key, "")) for key, values in readings.items()
         }
         if self.units.several:
             self._look_at_units(role)  # before the interlocks, so that none is judged on a broken thermometer
-        for key, values in accepted.items():
+        for key, values in believed.items():
             self._interlocks.take(f"{role}.{key}", values)
         self._look_at_interlocks()
         if role in self.windows:
             self._judge_current(role, self.windows[role])
-        for key in accepted:
+        for key in believed:
             if (problem := self._problem_of(source := f"{role}.{key}")) and source not in self._names:
                 raise WindowError(problem)
         for name, entry in self._bench.readings.items():
             if entry.device == role and self.units.is_needed(name) and (found := self._problem_with(name, entry)):
                 raise WindowError(found[1])
 
-    def _accepted(self, source: str, readings: Sequence[Reading], unit: str) -> Sequence[Valid]:
+    def _believed(self, source: str, readings: Sequence[Reading], unit: str) -> Sequence[Reading]:
         """Record and return the accepted new readings of a channel; rejected ones are journalled."""
         if not readings:
             return ()
         channel = self._channels.get(source)
         if channel is None:
             rule = rule_of(source, unit, self._bench)
-            if self._interlocks.uses(source):
-                rule = replace(rule, matters=True)
-            channel = self._channels[source] = Channel(self._names.get(source, source), unit, rule, source)
-        accepted, rejected = channel.take(readings, asyncio.get_running_loop().time())
-        for each in rejected:
-            self._writer_event("doubted", reading=channel.name, read_s=each.at_s, text=f"{channel.name} {each.why}")
-        if accepted:
-            self._writer.readings(channel.name, channel.unit, accepted)
-        shown: Latest | None = (channel.rejected if channel.matters else None) or channel.newest
-        if shown is not None:
-            self._on_reading(channel.name, shown)
-        return accepted
+            channel = self._channels[source] = Channel(self._names.get(source, source), unit, rule)
+        believed, doubted = channel.take(readings)
+        for each in doubted:
+            self._writer_event(
+                "doubted", reading=channel.name, read_s=each.reading.at_s, text=f"{channel.name} {each.why}"
+            )
+        if believed:
+            self._writer.readings(channel.name, channel.unit, believed)
+            self._on_reading(channel.name, believed[-1])
+        return believed
 
     def _problem_of(self, source: str) -> str:
         """Problem of a sensor, from the readings of its channel; "" if there is none."""
@@ -305,8 +285,7 @@ class Monitor:
         )
 
     def _problem_with(self, name: str, entry: ReadingEntry) -> tuple[Kind, str] | None:
-        channel = self._channels.get(entry.from_)
-        newest = channel.newest if channel is not None else None
+        newest = self.latest(name)
         reports_every_s = self._bench.devices[entry.device].description.reports_every_s
         if problem := self._problem_of(entry.from_):
             return "thermometer", problem

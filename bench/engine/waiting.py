@@ -15,10 +15,8 @@ import numpy as np
 
 from bench.engine.monitor import Monitor
 from bench.errors import StepError
-from bench.quality import Invalid, Latest, Valid
 from bench.sequence.waits import LOOK_EVERY_S, WINDOW_COVERAGE, Soak, Stable, WaitUntil
 
-RESTLESS = math.inf, math.inf  # °C and °C/h of what is not known to be at rest
 Window = np.ndarray[Any, np.dtype[np.float64]]
 
 
@@ -33,17 +31,13 @@ async def until(step: WaitUntil, monitor: Monitor) -> Mapping[str, Any]:
         for name in monitor.units.members(step.reading):
             await monitor.freshen(name)
         windows = {name: monitor.last(name, step.hold_s) for name in monitor.units.members(step.reading)}
-        waiting = [
-            name
-            for name, window in windows.items()
-            if not (isinstance(monitor.latest(name), Valid) and _holds(window, low, high, began_s, step.hold_s))
-        ]
+        waiting = [name for name, window in windows.items() if not _holds(window, low, high, began_s, step.hold_s)]
         if not waiting:
             values = {name: float(window[-1, 1]) for name, window in windows.items()}
             value = values.get(step.reading, values)
             return {"reading": step.reading, "value": value, "unit": unit, **_waited(began_s)}
         if loop.time() - began_s >= step.give_up_after_s:
-            text = "; ".join(_state(monitor.latest(name), name, unit) for name in waiting)
+            text = "; ".join(f"{name} is {_newest(windows[name], unit)}" for name in waiting)
             text += (
                 f" after {step.give_up_after_s / 60:.1f} min, expected {_condition(step)}. "
                 "Check what it measures and the sensor, or wait longer."
@@ -60,14 +54,8 @@ def _holds(window: Window, low: float, high: float, began_s: float, hold_s: floa
     return bool(covered and ((low < window[:, 1]) & (window[:, 1] < high)).all())
 
 
-def _state(latest: Latest | None, name: str, unit: str) -> str:
-    match latest:
-        case Valid():
-            return f"{name} is {latest.value:.2f} {unit}"
-        case Invalid():
-            return f"{name} {latest.why}"
-        case None:
-            return f"{name} is unknown"
+def _newest(window: Window, unit: str) -> str:
+    return f"{window[-1, 1]:.2f} {unit}" if len(window) else "unknown"
 
 
 def _waited(began_s: float) -> dict[str, float]:
@@ -89,10 +77,7 @@ async def soak(step: Soak, monitor: Monitor) -> Mapping[str, Any]:
     while step.until_stable is not None:
         stable = step.until_stable
         found = {
-            name: _steadiness(monitor.last(name, stable.hold_s), stable)
-            if isinstance(monitor.latest(name), Valid)
-            else RESTLESS
-            for name in monitor.units.members(step.role)
+            name: _steadiness(monitor.last(name, stable.hold_s), stable) for name in monitor.units.members(step.role)
         }
         restless = {
             name: (spread_c, slope_c_per_h)
@@ -109,7 +94,7 @@ async def soak(step: Soak, monitor: Monitor) -> Mapping[str, Any]:
             continue
         await asyncio.sleep(LOOK_EVERY_S)
     newest = {name: monitor.latest(name) for name in monitor.units.members(step.role)}
-    values = {name: reading.value if isinstance(reading, Valid) else None for name, reading in newest.items()}
+    values = {name: reading.value if reading else None for name, reading in newest.items()}
     return {"temperature_c": values.get(step.role, values or None), "soaked_s": loop.time() - began_s}
 
 
@@ -125,7 +110,7 @@ def _not_stable(name: str, spread_c: float, slope_c_per_h: float, waited_s: floa
 def _steadiness(window: Window, stable: Stable) -> tuple[float, float]:
     """Max - min in °C and the fitted slope in °C/h; infinite while the readings do not cover the hold time."""
     if len(window) < 3 or window[-1, 0] - window[0, 0] < WINDOW_COVERAGE * stable.hold_s:
-        return RESTLESS
+        return float("inf"), float("inf")
     hours = (window[:, 0] - window[:, 0].mean()) / 3600
     values = window[:, 1]
     return float(np.ptp(values)), float(hours @ (values - values.mean()) / (hours @ hours))

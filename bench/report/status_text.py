@@ -46,10 +46,7 @@ def _readings(status: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str]]:
     """Name, value, unit and age of the newest readings."""
     for name, reading in status.get("readings", {}).items():
         age = f"{duration(max(0.0, status['now_s'] - reading['at_s']))} ago"
-        if (value := reading["value"]) is None:
-            yield name, "invalid", "", f"{reading['invalid']}, {age}"
-        else:
-            yield name, f"{value:.6g}", reading["unit"], age
+        yield name, f"{reading['value']:.6g}", reading["unit"], age
 
 
 def runs_table(runs: Sequence[RunSummary]) -> Iterator[str]:

@@ -13,7 +13,6 @@ from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.engine.state import RunState
 from bench.errors import InputError, StoreError
-from bench.quality import Latest, Valid
 from bench.runner.control import STOPS, Arguments, Handlers
 from bench.sequence.values import in_words
 
@@ -120,12 +119,7 @@ def _now(engine: Engine, monitor: Monitor) -> dict[str, Any]:
             for question in engine.desk.questions
         ],
         "readings": {
-            name: {**_shown(latest), "unit": unit, "at_s": latest.at_s}
-            for name, (latest, unit) in monitor.newest().items()
+            name: {"value": reading.value, "unit": unit, "at_s": reading.at_s}
+            for name, (reading, unit) in monitor.newest().items()
         },
     }
-
-
-def _shown(latest: Latest) -> dict[str, Any]:
-    """The value of a reading, or why there is none."""
-    return {"value": latest.value} if isinstance(latest, Valid) else {"value": None, "invalid": latest.why}

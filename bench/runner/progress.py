@@ -19,11 +19,11 @@ from rich.text import Text
 from bench.clock import Clock, Stopwatch, wall_utc
 from bench.config.models import BenchFile
 from bench.engine.questions import Question
-from bench.quality import Latest, Valid
 from bench.report.times_and_sizes import duration, instant
 from bench.sequence.estimate import Estimate
 from bench.sequence.plan import Plan, PlannedStep
 from bench.sequence.readings import unit_of
+from drivers.values import Reading
 
 LINE_EVERY_SHARE = 0.1  # of the run, where there is no terminal
 BAR_STRIDE = 0.002  # of the run, by which the bar moves within a step
@@ -49,7 +49,7 @@ class TerminalProgress:
         self._watch = Stopwatch()
         self._spans_s: list[tuple[float, float]] = []
         self._total_s = 1.0
-        self.readings: dict[str, Latest] = {}
+        self.readings: dict[str, Reading] = {}
         self.said: list[str] = []
         self._step, self._held_by, self._asks = "opening the bench", "", False
         self._next_line = LINE_EVERY_SHARE
@@ -100,7 +100,7 @@ class TerminalProgress:
         """A step is done."""
         self._progress.update(self._task, completed=self._step_ends_s)
 
-    def reading(self, name: str, reading: Latest) -> None:
+    def reading(self, name: str, reading: Reading) -> None:
         """A channel has a new value; within a step the bar follows bench time, in strides."""
         self.readings[name] = reading
         self.now_s = reading.at_s - self._began_s
@@ -161,12 +161,7 @@ class TerminalProgress:
     def live(self) -> list[str]:
         """The newest readings with their units, those that have a name on this bench first."""
         by_name = sorted(self.readings.items(), key=lambda item: "." in item[0])
-        return [
-            f"{name} {latest.value:.4g} {unit_of(name, self._bench) or ''}".rstrip()
-            if isinstance(latest, Valid)
-            else f"{name} INVALID"
-            for name, latest in by_name
-        ]
+        return [f"{name} {reading.value:.4g} {unit_of(name, self._bench) or ''}".rstrip() for name, reading in by_name]
 
 
 def _day_and_time(now: datetime, later_s: float, zone: str) -> str:

@@ -21,7 +21,6 @@ from bench.engine.interlocks import Interlocks
 from bench.engine.monitor import Monitor
 from bench.errors import StoreError
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from bench.quality import Invalid, Valid
 from bench.rig import Rig
 from bench.store.reader import RunReader
 from bench.store.writer import RunWriter
@@ -226,8 +225,7 @@ def test_what_is_not_believed_is_in_the_journal_and_nowhere_else(tmp_path: Path,
     values = [20.0, 20.01, bad, 20.02, bad, 20.0]
     shown, fault, doubted, kept = watched(tmp_path, "Temperatures.Unit", values)
     assert fault is None
-    assert kept.tolist() == [latest.value for _, latest in shown if isinstance(latest, Valid)] == [20, 20.01, 20.02, 20]
-    assert [number for number, (_, latest) in enumerate(shown, 1) if isinstance(latest, Invalid)] == [3, 5]
+    assert kept.tolist() == [reading.value for _, reading in shown] == [20.0, 20.01, 20.02, 20.0]
     assert [event.data["reading"] for event in doubted] == ["unit_temperature"] * 2
     json.dumps([event.data for event in doubted], allow_nan=False)
 
@@ -251,7 +249,7 @@ def test_the_store_takes_nothing_that_is_no_number(tmp_path: Path) -> None:
     writer = RunWriter(tmp_path)
     for bad in (math.nan, math.inf, -math.inf):
         with pytest.raises(StoreError, match="it: a reading was not a number"):
-            writer.readings("it", "V", [Valid(0.0, 1.0, 1), Valid(1.0, bad, 1)])
+            writer.readings("it", "V", [Reading(0.0, 1.0), Reading(1.0, bad)])
         with pytest.raises(StoreError, match="it: a reading was not a number"):
-            writer.samples("it", "steps/acquire", [Valid(0.0, bad, 1)])
+            writer.samples("it", "steps/acquire", [Reading(0.0, bad)])
     writer.close()
