@@ -11,8 +11,8 @@ import pytest
 from bench.app.request import RunRequest, load_checked
 from bench.clock import Clock
 from bench.loop import run
+from bench.quality import Valid
 from bench.runner.progress import TerminalProgress, _day_and_time
-from drivers.values import Reading
 
 
 @pytest.fixture
@@ -28,8 +28,8 @@ def shown(tmp_path, capsys):
     run(begin(), math.inf)
     steps = list(checked.plan)
     progress.step_begins(steps[4], 4)
-    progress.reading("chamber.air", Reading(8551.0, 20.123))
-    progress.reading("unit_temperature", Reading(8551.0, 25.0))
+    progress.reading("chamber.air", Valid(8551.0, 20.123, 1))
+    progress.reading("unit_temperature", Valid(8551.0, 25.0, 1))
     return progress
 
 
