@@ -323,7 +323,8 @@ def test_it_is_told_what_was_found_what_is_allowed_what_happens_and_what_to_do(e
 def test_of_a_difference_both_readings_are_named():
     watch = made(astray={**ASTRAY, "for": "30 min", "good_for": "5 min"})
     both(watch, 0, 26.0, 20.0)
-    both(watch, 1800, 26.5, 20.0)
+    watch.take(AIR, [Valid(1800, 26.5, 2)])
+    watch.take(SET_POINT, [Valid(1800, 20.0, 2)])
     (change,) = watch.look(1800.0)
     assert change.text == (
         "Interlock astray has tripped after 30 min: chamber.process_value and chamber.set_point differ by 6.5 °C, "
