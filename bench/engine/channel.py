@@ -93,7 +93,8 @@ class Channel:
         self._newest: Valid | None = None
         self.invalid: Invalid | None = None  # the newest reading, if it is so
         self._in_a_row = 0  # invalid ones
-        self._implausible = 0  # of them, those that are the sensor's, without another in between
+        self._implausible = 0  # of them, those that are the sensor's
+        self._lost_s = math.inf  # since when they have been too many
         self._finest = math.inf  # change that was ever seen
         self._same_since_s = math.inf
         self._at_s, self._values = array("d"), array("d")
@@ -107,7 +108,7 @@ class Channel:
             untimely = self._untimely(at_s, now_s)
             if why := untimely or self._implausibility(at_s, value):
                 self.invalid = Invalid(at_s if math.isfinite(at_s) else now_s, why, self._number, repr(value))
-                self._reject(why, untimely=bool(untimely))
+                self._reject(at_s, why, untimely=bool(untimely))
                 if self._in_a_row <= TOO_MANY:
                     invalid.append(self.invalid)
             else:
@@ -171,26 +172,30 @@ class Channel:
             return "was read as not-a-number"
         if not rule.low <= value <= rule.high:
             return f"was read as {value:.6g} {self.unit}, outside the possible range"
-        if newest is None or abs(value - newest.value) <= rule.jump + rule.steepest_per_s * (at_s - newest.at_s):
+        if newest is None:
+            return ""
+        changing_s = min(at_s, self._lost_s) - newest.at_s  # a step does not become possible by being read for longer
+        if abs(value - newest.value) <= rule.jump + rule.steepest_per_s * changing_s:
             return ""
         return (
             f"was read as {value:.6g} {self.unit} {at_s - newest.at_s:.3g} s after {newest.value:.6g} {self.unit}, "
             f"faster than it can change"
         )
 
-    def _reject(self, why: str, *, untimely: bool) -> None:
+    def _reject(self, at_s: float, why: str, *, untimely: bool) -> None:
         """Count an invalid reading; what is wrong with the sensor."""
         self._in_a_row += 1
         if untimely:
             return
         self._implausible += 1
         if self._implausible == TOO_MANY:
+            self._lost_s = at_s
             self._fail(f"{why}, and the reading before it was implausible too. Check the sensor")
 
     def _accept(self, reading: Valid) -> None:
         """The newest value is this one; a problem that it shows."""
         before, self._newest, self.invalid = self._newest, reading, None
-        self._in_a_row = self._implausible = 0
+        self._in_a_row, self._implausible, self._lost_s = 0, 0, math.inf
         self._at_s.append(reading.at_s)
         self._values.append(reading.value)
         if before is None or reading.value != before.value:
