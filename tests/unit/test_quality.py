@@ -438,7 +438,7 @@ def test_mypy_finds_every_use_of_what_is_not_known_to_be_valid(tmp_path) -> None
     options = ["--config-file", str(ROOT / "pyproject.toml"), "--cache-dir", str(tmp_path / "cache")]
     found, said, _ = api.run([*options, str(tmp_path / "misuse.py")])
     wrong = {int(line.split(":")[1]) for line in found.splitlines() if ": error: " in line and "misuse.py" in line}
-    assert wrong == set(range(9, 19)), found + said
+    assert wrong == set(range(10, 20)), found + said
 
 
 def test_the_age_of_a_named_reading_is_that_of_the_bench_file(tmp_path) -> None:
