@@ -112,9 +112,7 @@ class Channel:
                 if self._in_a_row <= TOO_MANY:
                     invalid.append(self.invalid)
             else:
-                reading = Valid(at_s, value, self._number)
-                self._accept(reading)
-                valid.append(reading)
+                valid.append(self._accept(Valid(at_s, value, self._number)))
         if valid:
             self._forget(valid[-1].at_s)
         return valid, invalid
@@ -157,6 +155,8 @@ class Channel:
     def _untimely(self, at_s: float, now_s: float) -> str:
         """Why a reading is none of this time, to follow the name of the channel; "" if it is."""
         newest = self._newest
+        if newest is not None and newest.at_s < at_s <= now_s:
+            return ""
         if not at_s <= now_s + AHEAD_S:
             return f"was read with a time stamp {at_s - now_s:.3g} s in the future"
         if newest is None or at_s > newest.at_s:
@@ -172,7 +172,7 @@ class Channel:
             return "was read as not-a-number"
         if not rule.low <= value <= rule.high:
             return f"was read as {value:.6g} {self.unit}, outside the possible range"
-        if newest is None:
+        if newest is None or abs(value - newest.value) <= rule.jump:
             return ""
         changing_s = min(at_s, self._lost_s) - newest.at_s  # a step does not become possible by being read for longer
         if abs(value - newest.value) <= rule.jump + rule.steepest_per_s * changing_s:
@@ -192,10 +192,11 @@ class Channel:
             self._lost_s = at_s
             self._fail(f"{why}, and the reading before it was implausible too. Check the sensor")
 
-    def _accept(self, reading: Valid) -> None:
-        """The newest value is this one; a problem that it shows."""
-        before, self._newest, self.invalid = self._newest, reading, None
-        self._in_a_row, self._implausible, self._lost_s = 0, 0, math.inf
+    def _accept(self, reading: Valid) -> Valid:
+        """Take this one as the newest value, with the problem that it shows; return it."""
+        before, self._newest = self._newest, reading
+        if self.invalid is not None:
+            self.invalid, self._in_a_row, self._implausible, self._lost_s = None, 0, 0, math.inf
         self._at_s.append(reading.at_s)
         self._values.append(reading.value)
         if before is None or reading.value != before.value:
@@ -208,6 +209,7 @@ class Channel:
                 f"although new readings arrive. If that is normal, set changes_within in the bench file. Check the "
                 "sensor"
             )
+        return reading
 
     def _fail(self, what: str) -> None:
         if self._rule.matters and not self.problem:

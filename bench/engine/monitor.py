@@ -148,7 +148,10 @@ class Monitor:
             self.report(problem)
 
     def _take(self, role: str, readings: Mapping[str, Sequence[Reading]], units: Mapping[str, str]) -> None:
-        valid = {key: self._valid(f"{role}.{key}", values, units.get(key, "")) for key, values in readings.items()}
+        now_s = asyncio.get_running_loop().time()
+        valid = {
+            key: self._valid(f"{role}.{key}", values, units.get(key, ""), now_s) for key, values in readings.items()
+        }
         if self.units.several:
             self._look_at_units(role)  # before the interlocks, so that none is judged on a broken thermometer
         for key, values in valid.items():
@@ -163,7 +166,7 @@ class Monitor:
             if entry.device == role and self.units.is_needed(name) and (found := self._problem_with(name, entry)):
                 raise WindowError(found[1])
 
-    def _valid(self, source: str, readings: Sequence[Reading], unit: str) -> Sequence[Valid]:
+    def _valid(self, source: str, readings: Sequence[Reading], unit: str, now_s: float) -> Sequence[Valid]:
         """Record and return the valid new readings of a channel; invalid ones are journalled."""
         if not readings:
             return ()
@@ -171,7 +174,7 @@ class Monitor:
         if channel is None:
             rule = rule_of(source, unit, self._bench)
             channel = self._channels[source] = Channel(self._names.get(source, source), unit, rule)
-        valid, invalid = channel.take(readings, asyncio.get_running_loop().time())
+        valid, invalid = channel.take(readings, now_s)
         for each in invalid:
             facts = {"reading": channel.name, "read_s": each.at_s, "number": each.number, "raw": each.raw}
             self._writer_event("doubted", **facts, text=f"{channel.name} {each.why}")
