@@ -163,11 +163,11 @@ def test_what_was_stable_before_the_step_does_not_end_a_soak(tmp_path) -> None:
 
 def test_a_gap_within_the_time_that_is_judged_is_no_hold(tmp_path) -> None:
     def gap(at_s: float) -> Reading | None:
-        return Reading(at_s, 20.0) if at_s > 60 else None
+        return Reading(at_s, 20.0) if at_s > 25 else None
 
     found, _ = ended(tmp_path, UNNAMED, gap, acting("between, held", UNNAMED))
     assert not isinstance(found, Exception)
-    assert found["waited_s"] >= 60 + 0.95 * 30
+    assert found["waited_s"] >= 25 + 0.95 * 30
 
 
 # Interlocks
