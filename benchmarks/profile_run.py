@@ -43,12 +43,12 @@ def run_once(request: RunRequest, profiler: cProfile.Profile | None = None) -> t
     measured = {}
     plain = executing.run_loop
 
-    def timed(main, speed):
+    def timed(main, *how):
         began = time.perf_counter()
         if profiler is not None:
             profiler.enable()
         try:
-            return plain(main, speed)
+            return plain(main, *how)
         finally:
             if profiler is not None:
                 profiler.disable()

@@ -8,9 +8,9 @@ from typing import Protocol
 from bench.clock import Clock
 from bench.engine.engine import Observer
 from bench.engine.questions import Question
+from bench.quality import Judged
 from bench.sequence.estimate import Estimate
 from bench.sequence.plan import PlannedStep
-from drivers.values import Reading
 
 
 class RunObserver(Observer, Protocol):
@@ -19,7 +19,7 @@ class RunObserver(Observer, Protocol):
     def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
         """The directory is made; the clock is that of the bench."""
 
-    def reading(self, name: str, reading: Reading) -> None:
+    def reading(self, name: str, reading: Judged) -> None:
         """A channel has a new value."""
 
 
@@ -41,7 +41,7 @@ class Relay:
         """Passed on."""
         self._observer.step_ended(planned, index)
 
-    def reading(self, name: str, reading: Reading) -> None:
+    def reading(self, name: str, reading: Judged) -> None:
         """Passed on."""
         self._observer.reading(name, reading)
 

@@ -22,8 +22,8 @@ from bench.config.interlocks import (
     rate_unit,
 )
 from bench.config.models import BenchFile
+from bench.quality import Valid
 from drivers.units import parse_unit
-from drivers.values import Reading
 
 Stalled = Callable[[float], float]
 
@@ -46,8 +46,9 @@ class Change:
 class Interlocks:
     """All interlocks of a run; a stop and an abort trip once.
 
-    Readings are judged at their own times: one that stays away neither trips an interlock nor makes it good, except
-    where the age of a reading is what is looked at.
+    Only valid readings are judged, at their own times: one that stays away neither trips an interlock nor makes it
+    good, except where the age of a reading is what is looked at. What has tripped is good only after valid readings
+    without a gap.
     """
 
     def __init__(self, entries: Mapping[str, AnyInterlock], bench: BenchFile) -> None:
@@ -59,12 +60,17 @@ class Interlocks:
                 self._of_source.setdefault(source, []).append(interlock)
         self._changes: list[Change] = []
 
-    def take(self, source: str, readings: Sequence[Reading]) -> None:
+    def take(self, source: str, readings: Sequence[Valid]) -> None:
         """New readings of DEVICE.CHANNEL, in the order of their times."""
         for interlock in self._of_source.get(source, ()):
             for reading in readings:
                 if (change := interlock.take(source, reading)) is not None:
                     self._changes.append(change)
+
+    def lapse(self, source: str) -> None:
+        """The newest reading of DEVICE.CHANNEL is invalid."""
+        for interlock in self._of_source.get(source, ()):
+            interlock.lapse(source)
 
     def judge_age_of(self, role: str) -> bool:
         """Whether an interlock monitors the age of a device's readings, which grows while it is silent."""
@@ -102,6 +108,7 @@ class _Good:
     looked_at: str  # with {} for the value
     allowed: str
     advice: str
+    stale_after_s: float = math.inf
 
 
 class _Interlock:
@@ -113,22 +120,34 @@ class _Interlock:
         self._good_for_s = entry.good_for_s if entry.then in PASSING else math.inf
         self._tripped = False
         self._otherwise_since_s: float | None = None  # since when the condition is not what the state is
+        self._newest: dict[str, Valid] = {}
+        self._whole_since_s = -math.inf  # the end of the last gap between valid readings of a source
 
-    def take(self, source: str, reading: Reading) -> Change | None:
+    def take(self, source: str, reading: Valid) -> Change | None:
         """A new reading of one of the sources."""
+        before = self._newest.get(source)
+        if before is not None and reading.at_s - before.at_s > self._good.stale_after_s:
+            self._whole_since_s = reading.at_s
+        self._newest[source] = reading
         return None
+
+    def lapse(self, source: str) -> None:
+        """The newest reading of one of the sources is invalid."""
 
     def look(self, now_s: float, stalled_s: Stalled) -> Change | None:
         """Judge after time has passed and readings that belong together are taken."""
         return None
 
-    def _judge(self, at_s: float, value: float) -> Change | None:
-        """The value at a time not before the last one; a value that is not a number is not good."""
+    def _judge(self, at_s: float, value: float, from_s: float | None = None) -> Change | None:
+        """The value at a time not before the last one; a value that is not a number is not good.
+
+        It is computed from readings since `from_s`. A gap in them never delays a trip, and always a recovery.
+        """
         bad = not self._good.low <= value <= self._good.high
-        if bad == self._tripped:
+        if bad == self._tripped or (self._tripped and from_s is not None and from_s < self._whole_since_s):
             self._otherwise_since_s = None
             return None
-        if self._otherwise_since_s is None:
+        if self._otherwise_since_s is None or (self._tripped and self._otherwise_since_s < self._whole_since_s):
             self._otherwise_since_s = at_s
         since_s = self._otherwise_since_s
         if at_s - since_s < (self._entry.for_s if bad else self._good_for_s):
@@ -148,7 +167,8 @@ class _Interlock:
 class _Level(_Interlock):
     """Judges every reading."""
 
-    def take(self, source: str, reading: Reading) -> Change | None:
+    def take(self, source: str, reading: Valid) -> Change | None:
+        super().take(source, reading)
         return self._judge(reading.at_s, reading.value)
 
 
@@ -160,9 +180,10 @@ class _Rate(_Interlock):
     ) -> None:
         super().__init__(name, entry, sources, good)
         self._over_s, self._factor = over_s, factor
-        self._kept: deque[Reading] = deque()
+        self._kept: deque[Valid] = deque()
 
-    def take(self, source: str, reading: Reading) -> Change | None:
+    def take(self, source: str, reading: Valid) -> Change | None:
+        super().take(source, reading)
         kept = self._kept
         kept.append(reading)
         begin_s = reading.at_s - self._over_s
@@ -171,23 +192,31 @@ class _Rate(_Interlock):
         first = kept[0]
         if first.at_s > begin_s:
             return None
-        return self._judge(reading.at_s, (reading.value - first.value) / (reading.at_s - first.at_s) * self._factor)
+        rate = (reading.value - first.value) / (reading.at_s - first.at_s) * self._factor
+        return self._judge(reading.at_s, rate, first.at_s)
 
 
 class _Difference(_Interlock):
-    """Judges the newest values of both, after all simultaneous readings are taken, while the second is at rest."""
+    """Judges the newest values of both, after all simultaneous readings are taken, while the second is at rest.
+
+    Not while one of them is invalid or stale, which no recovery outlasts.
+    """
 
     def __init__(self, name: str, entry: AnyInterlock, sources: Sequence[str], good: _Good, rest_s: float) -> None:
         super().__init__(name, entry, sources, good)
-        self._newest: dict[str, Reading] = {}
         self._rest_s = rest_s
-        self._rests_since: Reading | None = None  # when the second came to where it now rests
+        self._rests_since: Valid | None = None  # when the second came to where it now rests
+        self._lapsed: set[str] = set()
 
-    def take(self, source: str, reading: Reading) -> None:
-        self._newest[source] = reading
+    def take(self, source: str, reading: Valid) -> None:
+        super().take(source, reading)
+        self._lapsed.discard(source)
         rests = self._rests_since
         if source == self.sources[1] and (rests is None or abs(reading.value - rests.value) > self._good.high / 2):
             self._rests_since = reading
+
+    def lapse(self, source: str) -> None:
+        self._lapsed.add(source)
 
     def look(self, now_s: float, stalled_s: Stalled) -> Change | None:
         if len(self._newest) < 2 or self._rests_since is None:
@@ -195,6 +224,10 @@ class _Difference(_Interlock):
         if self._newest[self.sources[1]].at_s - self._rests_since.at_s < self._rest_s:
             return None
         one, other = self._newest.values()
+        oldest_s = min(one.at_s, other.at_s)
+        if self._lapsed or now_s - oldest_s - stalled_s(oldest_s) > self._good.stale_after_s:
+            self._whole_since_s = now_s
+            return None
         return self._judge(max(one.at_s, other.at_s), abs(one.value - other.value))
 
 
@@ -205,7 +238,7 @@ class _Age(_Interlock):
         super().__init__(name, entry, sources, good)
         self._newest_s: float | None = None
 
-    def take(self, source: str, reading: Reading) -> None:
+    def take(self, source: str, reading: Valid) -> None:
         self._newest_s = reading.at_s
 
     def look(self, now_s: float, stalled_s: Stalled) -> Change | None:
@@ -218,22 +251,23 @@ def _made(name: str, entry: AnyInterlock, channels: Mapping[str, Channel]) -> _I
     """The interlock of an entry that fits the bench."""
     sources = tuple(channels[reading].source for reading in entry.names)
     unit, named = channels[entry.names[0]].unit, " and ".join(entry.names)
+    stale_s = max(channels[reading].stale_after_s for reading in entry.names)
     check = f"Check {named}: the sensors, and what they measure."
     match entry:
         case ReadingInterlock():
             low = -math.inf if entry.below is None else entry.below.to(unit)
             high = math.inf if entry.above is None else entry.above.to(unit)
-            good = _Good(low, high, unit, f"{named} is {{}}", _between(low, high, unit), check)
+            good = _Good(low, high, unit, f"{named} is {{}}", _between(low, high, unit), check, stale_s)
             return _Level(name, entry, sources, good)
         case RateInterlock():
             per_time = rate_unit(unit)
             most = entry.above.to(per_time)
-            good = _Good(-most, most, per_time, f"{named} changes by {{}}", f"±{most:.12g} {per_time}", check)
+            good = _Good(-most, most, per_time, f"{named} changes by {{}}", f"±{most:.12g} {per_time}", check, stale_s)
             factor = float(parse_unit(f"{unit or 1}/s").factor / parse_unit(per_time).factor)
             return _Rate(name, entry, sources, good, entry.over_s, factor)
         case DifferenceInterlock():
             most = entry.above.to(unit)
-            good = _Good(0.0, most, unit, f"{named} differ by {{}}", _between(-math.inf, most, unit), check)
+            good = _Good(0.0, most, unit, f"{named} differ by {{}}", _between(-math.inf, most, unit), check, stale_s)
             return _Difference(name, entry, sources, good, entry.rest_s)
         case AgeInterlock():
             device = sources[0].partition(".")[0]

@@ -16,6 +16,7 @@ from bench.engine.monitor import Monitor
 from bench.engine.recording import output_of
 from bench.engine.state import Tared
 from bench.errors import StepError
+from bench.quality import Fresh, Window
 from bench.sequence.limits import limits_in
 from bench.sequence.measuring import Measure, Tare
 from bench.sequence.readings import BY_NOMINAL, PULSE_RATE, is_pulse_rate, measured_place
@@ -97,8 +98,10 @@ async def _value(name: str, duration_s: float | None, step_id: str, bench: Bench
     began_s = asyncio.get_running_loop().time()
     await asyncio.sleep(duration_s or 0.0)
     await _value_since(began_s, name, bench.monitor)
-    window = bench.monitor.last(name, duration_s or 0.0)
-    values = window[window[:, 0] >= began_s, 1]
+    window = bench.monitor.window(name, duration_s or 0.0, began_s)
+    if not isinstance(window, Window):
+        raise StepError(f"{name} {window.why}. Nothing is measured from it. Check the sensor and the device.")
+    values = window.values
     mean = float(values.mean())
     scatter = float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0
     return _Single(mean, unit, scatter, *_certified(name, bench.file))
@@ -110,10 +113,12 @@ async def _value_since(began_s: float, name: str, monitor: Monitor) -> None:
     give_up_s = loop.time() + VALUE_WITHIN_S
     while True:
         await monitor.freshen(name)
-        if (newest := monitor.latest(name)) is not None and newest.at_s >= began_s:
+        latest = monitor.latest(name)
+        if isinstance(latest, Fresh) and latest.reading.at_s >= began_s:
             return
         if loop.time() >= give_up_s:
-            raise StepError(f"{name} has delivered no value for {VALUE_WITHIN_S:g} s. Check the device.")
+            last = "" if isinstance(latest, Fresh) else f"; it {latest.why}"
+            raise StepError(f"{name} has delivered no value for {VALUE_WITHIN_S:g} s{last}. Check the device.")
         await asyncio.sleep(VALUE_LOOK_S)
 
 

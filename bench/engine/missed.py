@@ -8,6 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from bench.analysis.missed import EVENT, Missed
+from bench.quality import Valid
 from bench.store.missed import missed_in_step
 from drivers.can_counter import wire as counter_wire
 from drivers.can_counter.binding import format_of
@@ -19,7 +20,6 @@ from drivers.can_telemetry.description import TelemetryOptions
 from drivers.dbc import Dbc
 from drivers.frame_block import FrameBlock
 from drivers.unbroken import Unbroken
-from drivers.values import Reading
 
 if TYPE_CHECKING:  # whose steps this watches
     from bench.engine.actions import Bench
@@ -54,7 +54,7 @@ class Watch:
         for each in self._looks[role]:
             each.take(block)
 
-    def readings(self, role: str, readings: Sequence[Reading]) -> None:
+    def readings(self, role: str, readings: Sequence[Valid]) -> None:
         """Readings of a meter have no numbers; none of them is sent unasked."""
 
     async def tell(self) -> None:

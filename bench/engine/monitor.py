@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from bench.config.channels import period_s
+from bench.config.channels import period_s, stale_after_s
 from bench.config.models import BenchFile, ReadingEntry
-from bench.engine.channel import Channel, Values, rule_of
+from bench.engine.channel import Channel, rule_of
 from bench.engine.interlocks import Change, Interlocks
 from bench.engine.units import Kind, UnitFailure, Units
 from bench.errors import BenchError, WindowError
+from bench.quality import Absent, Fresh, Judged, Latest, Stale, Valid, Window
 from bench.rig import Rig
 from bench.sequence.readings import unit_of
 from bench.store.writer import RunWriter
@@ -25,11 +25,12 @@ from drivers.errors import DriverError
 from drivers.values import Reading
 
 STOP_WITHIN_S = 3.0  # for a poll in progress
+NEVER_READ = Stale("has not been read yet", math.inf)
 WINDOW_GRACE_S = 2.0  # after switching a supply, before its current is judged
 
 
 @dataclass
-class Window:
+class Allowed:
     """What a supply's current must be within while its output is on; set by the steps that switch it."""
 
     low: float
@@ -54,7 +55,7 @@ class Monitor:
         bench: BenchFile,
         interlocks: Interlocks,
         writer: RunWriter,
-        on_reading: Callable[[str, Reading], None],
+        on_reading: Callable[[str, Judged], None],
         places: Collection[str] | None = None,
         used: Collection[str] | None = None,
     ) -> None:
@@ -71,7 +72,7 @@ class Monitor:
         self._names = {reading.from_: name for name, reading in bench.readings.items()}
         self._tasks: list[asyncio.Task[None]] = []
         there = bench.with_units_in(self.units.places)
-        self.windows = {place.supply: Window(*there.draws(place.supply)) for place in there.places.values()}
+        self.windows = {place.supply: Allowed(*there.draws(place.supply)) for place in there.places.values()}
         self.fault: asyncio.Future[Exception] = asyncio.get_running_loop().create_future()
 
     def start(self) -> None:
@@ -93,10 +94,10 @@ class Monitor:
         if not self.fault.done():
             self.fault.set_result(problem)
 
-    def latest(self, name: str) -> Reading | None:
-        """The newest value of a named reading, or of DEVICE.CHANNEL."""
+    def latest(self, name: str) -> Latest:
+        """The newest value of a named reading, or of DEVICE.CHANNEL, if it is valid and not stale."""
         channel = self._channels.get(self._source(name))
-        return channel.newest if channel is not None else None
+        return channel.latest() if channel is not None else NEVER_READ
 
     async def freshen(self, name: str) -> None:
         """Returns when what has come unasked of a reading, or of all of a device, has been taken in."""
@@ -105,13 +106,9 @@ class Monitor:
             device.take_in()
             await asyncio.sleep(0)  # tasks that wait for data of the device go first
 
-    def newest(self) -> dict[str, tuple[Reading, str]]:
+    def newest(self) -> dict[str, tuple[Latest, str]]:
         """The newest value of every channel that was read, by its name on this bench, with its unit."""
-        return {
-            channel.name: (channel.newest, channel.unit)
-            for channel in self._channels.values()
-            if channel.newest is not None
-        }
+        return {channel.name: (channel.latest(), channel.unit) for channel in self._channels.values()}
 
     def unit_of(self, name: str) -> str:
         """The unit of a reading."""
@@ -121,10 +118,10 @@ class Monitor:
         """DEVICE.CHANNEL of a named reading, and of one that is named so already."""
         return self._bench.readings[name].from_ if name in self._bench.readings else name
 
-    def last(self, name: str, span_s: float) -> Values:
-        """The values of a reading over the last `span_s` before the newest: (N, 2), time and value."""
+    def window(self, name: str, span_s: float, since_s: float) -> Window | Absent:
+        """The values of a reading over the last `span_s` before the newest, none older than `since_s`."""
         channel = self._channels.get(self._source(name))
-        return channel.last(span_s) if channel is not None else np.empty((0, 2))
+        return channel.window(span_s, since_s) if channel is not None else NEVER_READ
 
     async def _watch(self, role: str) -> None:
         every_s, device = period_s(role, self._bench), self._rig.devices[role]
@@ -156,40 +153,43 @@ class Monitor:
             self.polls.pop(role, None)
 
     def _take(self, role: str, readings: Mapping[str, Sequence[Reading]], units: Mapping[str, str]) -> None:
-        believed = {
-            key: self._believed(f"{role}.{key}", values, units.get(key, "")) for key, values in readings.items()
+        now_s = asyncio.get_running_loop().time()
+        valid = {
+            key: self._valid(f"{role}.{key}", values, units.get(key, ""), now_s) for key, values in readings.items()
         }
         if self.units.several:
             self._look_at_units(role)  # before the interlocks, so that none is judged on a broken thermometer
-        for key, values in believed.items():
+        for key, values in valid.items():
             self._interlocks.take(f"{role}.{key}", values)
         self._look_at_interlocks()
         if role in self.windows:
             self._judge_current(role, self.windows[role])
-        for key in believed:
+        for key in valid:
             if (problem := self._problem_of(source := f"{role}.{key}")) and source not in self._names:
                 raise WindowError(problem)
         for name, entry in self._bench.readings.items():
             if entry.device == role and self.units.is_needed(name) and (found := self._problem_with(name, entry)):
                 raise WindowError(found[1])
 
-    def _believed(self, source: str, readings: Sequence[Reading], unit: str) -> Sequence[Reading]:
-        """Record and return the accepted new readings of a channel; rejected ones are journalled."""
+    def _valid(self, source: str, readings: Sequence[Reading], unit: str, now_s: float) -> Sequence[Valid]:
+        """Record and return the valid new readings of a channel; invalid ones are journalled."""
         if not readings:
             return ()
         channel = self._channels.get(source)
         if channel is None:
             rule = rule_of(source, unit, self._bench)
             channel = self._channels[source] = Channel(self._names.get(source, source), unit, rule)
-        believed, doubted = channel.take(readings)
-        for each in doubted:
-            self._writer_event(
-                "doubted", reading=channel.name, read_s=each.reading.at_s, text=f"{channel.name} {each.why}"
-            )
-        if believed:
-            self._writer.readings(channel.name, channel.unit, believed)
-            self._on_reading(channel.name, believed[-1])
-        return believed
+        valid, invalid = channel.take(readings, now_s)
+        for each in invalid:
+            facts = {"reading": channel.name, "read_s": each.at_s, "number": each.number, "raw": each.raw}
+            self._writer_event("doubted", **facts, text=f"{channel.name} {each.why}")
+        if valid:
+            self._writer.readings(channel.name, channel.unit, valid)
+            self._on_reading(channel.name, valid[-1])
+        if channel.invalid is not None:
+            self._interlocks.lapse(source)
+            self._on_reading(channel.name, channel.invalid)
+        return valid
 
     def _problem_of(self, source: str) -> str:
         """Problem of a sensor, from the readings of its channel; "" if there is none."""
@@ -268,14 +268,21 @@ class Monitor:
             self.drop(UnitFailure(place, kind, text))
         return True
 
-    def _judge_current(self, role: str, window: Window) -> None:
+    def _judge_current(self, role: str, window: Allowed) -> None:
         if (found := self._problem_with_current(role, window)) is not None:
             raise WindowError(found[1])
+        name = f"{role}.current"
+        if window.on_since_s is None or name not in self._channels or not isinstance(stale := self.latest(name), Stale):
+            return
+        if awake_s(window.on_since_s) > stale_after_s(name, self._bench):
+            raise WindowError(
+                f"{name} {stale.why}, while the output is on, so that its window cannot be judged. Check {role}."
+            )
 
-    def _problem_with_current(self, role: str, window: Window) -> tuple[Kind, str] | None:
-        current = self._channels.get(f"{role}.current")
-        if window.on_since_s is None or current is None or (newest := current.newest) is None:
+    def _problem_with_current(self, role: str, window: Allowed) -> tuple[Kind, str] | None:
+        if window.on_since_s is None or not isinstance(latest := self.latest(f"{role}.current"), Fresh):
             return None
+        newest = latest.reading
         if newest.at_s < window.on_since_s + WINDOW_GRACE_S or window.low <= newest.value <= window.high:
             return None
         return (
@@ -285,19 +292,18 @@ class Monitor:
         )
 
     def _problem_with(self, name: str, entry: ReadingEntry) -> tuple[Kind, str] | None:
-        newest = self.latest(name)
-        reports_every_s = self._bench.devices[entry.device].description.reports_every_s
         if problem := self._problem_of(entry.from_):
             return "thermometer", problem
-        if newest is None:
-            return None
-        if (age_s := awake_s(newest.at_s)) > entry.stale_after + reports_every_s:
+        latest = self.latest(name)
+        if isinstance(latest, Stale) and latest.age_s < math.inf:
             return "thermometer", (
-                f"{name}: the last reading is {age_s:.0f} s old, allowed are {entry.stale_after:g} s. "
-                f"Check the thermometer and {entry.device}."
+                f"{name} {latest.why}, allowed are {entry.stale_after:g} s. Check the thermometer and {entry.device}."
             )
-        if entry.limits is not None and not entry.limits.min <= newest.value <= entry.limits.max:
-            text = f"{name}: {newest.value:.2f} °C is outside {entry.limits.min:g} to {entry.limits.max:g} °C. "
+        if not isinstance(latest, Fresh) or entry.limits is None:
+            return None
+        value = latest.reading.value
+        if not entry.limits.min <= value <= entry.limits.max:
+            text = f"{name}: {value:.2f} °C is outside {entry.limits.min:g} to {entry.limits.max:g} °C. "
             return "temperature", f"{text}Check the chamber and the sensor."
         return None
 

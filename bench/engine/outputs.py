@@ -13,7 +13,10 @@ import numpy as np
 from bench.analysis.acquired import Voltages
 from bench.analysis.outputs import STABLE_PART_S, Measured
 from bench.config.models import BenchFile
+from bench.engine.channel import Channel, Rule
 from bench.engine.safety import grouped
+from bench.errors import StepError
+from bench.quality import Valid
 from bench.rig import Rig
 from bench.store.codes import CodeDecoder
 from bench.store.counts import CountDecoder
@@ -21,7 +24,6 @@ from drivers.can_counter.description import CounterOptions
 from drivers.can_telemetry.description import TelemetryOptions
 from drivers.capabilities import Meter
 from drivers.frame_block import FrameBlock
-from drivers.values import Reading
 
 
 class Keeper(Protocol):
@@ -30,7 +32,7 @@ class Keeper(Protocol):
     def frames(self, role: str, block: FrameBlock) -> None:
         """A block of frames."""
 
-    def readings(self, role: str, readings: Sequence[Reading]) -> None:
+    def readings(self, role: str, readings: Sequence[Valid]) -> None:
         """Readings of a meter."""
 
 
@@ -59,20 +61,27 @@ async def _take_in(role: str, rig: Rig, keepers: Sequence[Keeper], over: asyncio
         for keeper in keepers:
             keeper.frames(role, block)
 
-    def keep_readings(readings: Sequence[Reading]) -> None:
+    def keep_readings(readings: Sequence[Valid]) -> None:
         for keeper in keepers:
             keeper.readings(role, readings)
 
     if isinstance(rig.devices[role], Meter):
-        await _take_readings(rig.meter(role), keep_readings, over)
+        await _take_readings(role, rig.meter(role), keep_readings, over)
     else:
         await _take_frames(rig.frame_source(role).acquire(block_s=block_s), keep_frames, over)
 
 
-async def _take_readings(meter: Meter, keep_readings: Callable[[Sequence[Reading]], None], over: asyncio.Event) -> None:
-    """One reading at a time, so that each is kept as soon as it is there."""
+async def _take_readings(
+    role: str, meter: Meter, keep_readings: Callable[[Sequence[Valid]], None], over: asyncio.Event
+) -> None:
+    """One reading at a time, so that each is kept as soon as it is there; StepError when one is invalid."""
+    channel = Channel(role, "", Rule())
     while not over.is_set():
-        keep_readings(await meter.measure(1, nplc=None))
+        readings = await meter.measure(1, nplc=None)
+        valid, invalid = channel.take(readings, asyncio.get_running_loop().time())
+        if invalid:
+            raise StepError(f"{role} {invalid[0].why}; it is not stored. Check the instrument and its wiring.")
+        keep_readings(valid)
 
 
 async def _take_frames(
@@ -107,7 +116,7 @@ class Watched:
     def __init__(self, bench: BenchFile, over_s: float) -> None:
         self._bench, self._over_s = bench, over_s + STABLE_PART_S
         self._frames: defaultdict[str, list[FrameBlock]] = defaultdict(list)
-        self._readings: defaultdict[str, list[Reading]] = defaultdict(list)
+        self._readings: defaultdict[str, list[Valid]] = defaultdict(list)
         self._decoders = {
             role: _decoder(options)
             for role, entry in bench.devices.items()
@@ -120,7 +129,7 @@ class Watched:
             since_s = float(block.at_s[-1]) - self._over_s
             self._frames[role] = [each for each in self._frames[role] if each.at_s[-1] >= since_s] + [block]
 
-    def readings(self, role: str, readings: Sequence[Reading]) -> None:
+    def readings(self, role: str, readings: Sequence[Valid]) -> None:
         """Keeps readings of a meter."""
         self._readings[role].extend(readings)
 
@@ -131,7 +140,7 @@ class Watched:
         """
         entry = self._bench.places[place]
         if entry.voltmeter is not None:
-            return Voltages(*np.array(self._readings[entry.voltmeter], np.float64).reshape(-1, 2).T)
+            return Voltages(*np.array(self._readings[entry.voltmeter], np.float64).reshape(-1, 3)[:, :2].T)
         for role in self._bench.measuring(entry):
             if blocks := self._frames[role]:
                 return self._decoders[role](FrameBlock.joined(blocks)).get(entry.telemetry or entry.channel)

@@ -12,12 +12,12 @@ from bench.analysis.outputs import STABLE_PART_S, Output, mean_of, steadiness
 from bench.engine.missed import Watch
 from bench.engine.outputs import Keeper, Watched, taken_in
 from bench.errors import StepError
+from bench.quality import Valid
 from bench.sequence.measuring import Acquire, Stable
 from bench.sequence.stimulus import TURN_DEG
 from bench.store.writer import RunWriter
 from drivers.capabilities import RateTable
 from drivers.frame_block import FrameBlock
-from drivers.values import Reading
 
 if TYPE_CHECKING:  # which calls the functions here
     from bench.engine.actions import Bench
@@ -78,7 +78,7 @@ class _Recorded:
     def frames(self, role: str, block: FrameBlock) -> None:
         self.writer.frames(role, self.step_id, block)
 
-    def readings(self, role: str, readings: Sequence[Reading]) -> None:
+    def readings(self, role: str, readings: Sequence[Valid]) -> None:
         self.writer.samples(role, self.step_id, readings)
 
 

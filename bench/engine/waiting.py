@@ -9,15 +9,14 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from bench.engine.monitor import Monitor
 from bench.errors import StepError
+from bench.quality import Absent, Fresh, Window
 from bench.sequence.waits import LOOK_EVERY_S, WINDOW_COVERAGE, Soak, Stable, WaitUntil
-
-Window = np.ndarray[Any, np.dtype[np.float64]]
 
 
 async def until(step: WaitUntil, monitor: Monitor) -> Mapping[str, Any]:
@@ -30,14 +29,18 @@ async def until(step: WaitUntil, monitor: Monitor) -> Mapping[str, Any]:
     while True:
         for name in monitor.units.members(step.reading):
             await monitor.freshen(name)
-        windows = {name: monitor.last(name, step.hold_s) for name in monitor.units.members(step.reading)}
-        waiting = [name for name, window in windows.items() if not _holds(window, low, high, began_s, step.hold_s)]
+        windows = {name: monitor.window(name, step.hold_s, began_s) for name in monitor.units.members(step.reading)}
+        values: dict[str, Any] = {
+            name: value
+            for name, window in windows.items()
+            if (value := _held(window, low, high, step.hold_s)) is not None
+        }
+        waiting = [name for name in windows if name not in values]
         if not waiting:
-            values = {name: float(window[-1, 1]) for name, window in windows.items()}
             value = values.get(step.reading, values)
             return {"reading": step.reading, "value": value, "unit": unit, **_waited(began_s)}
         if loop.time() - began_s >= step.give_up_after_s:
-            text = "; ".join(f"{name} is {_newest(windows[name], unit)}" for name in waiting)
+            text = "; ".join(f"{name} {_newest(windows[name], unit)}" for name in waiting)
             text += (
                 f" after {step.give_up_after_s / 60:.1f} min, expected {_condition(step)}. "
                 "Check what it measures and the sensor, or wait longer."
@@ -48,14 +51,19 @@ async def until(step: WaitUntil, monitor: Monitor) -> Mapping[str, Any]:
         await asyncio.sleep(LOOK_EVERY_S)
 
 
-def _holds(window: Window, low: float, high: float, began_s: float, hold_s: float) -> bool:
-    """Whether readings since the step began cover the hold time, and all are between the bounds."""
-    covered = len(window) > 0 and window[-1, 0] - max(window[0, 0], began_s) >= WINDOW_COVERAGE * hold_s
-    return bool(covered and ((low < window[:, 1]) & (window[:, 1] < high)).all())
+def _held(window: Window | Absent, low: float, high: float, hold_s: float) -> float | None:
+    """The newest value, if valid readings cover the hold time and all are between the bounds; otherwise None."""
+    if not isinstance(window, Window) or not _covers(window, hold_s):
+        return None
+    return float(window.values[-1]) if ((low < window.values) & (window.values < high)).all() else None
 
 
-def _newest(window: Window, unit: str) -> str:
-    return f"{window[-1, 1]:.2f} {unit}" if len(window) else "unknown"
+def _covers(window: Window, hold_s: float) -> bool:
+    return bool(window.at_s[-1] - window.at_s[0] >= WINDOW_COVERAGE * hold_s)
+
+
+def _newest(window: Window | Absent, unit: str) -> str:
+    return f"is {window.values[-1]:.2f} {unit}" if isinstance(window, Window) else window.why
 
 
 def _waited(began_s: float) -> dict[str, float]:
@@ -76,41 +84,55 @@ async def soak(step: Soak, monitor: Monitor) -> Mapping[str, Any]:
     await asyncio.sleep(step.at_least_s)
     while step.until_stable is not None:
         stable = step.until_stable
-        found = {
-            name: _steadiness(monitor.last(name, stable.hold_s), stable) for name in monitor.units.members(step.role)
-        }
+        windows = {name: monitor.window(name, stable.hold_s, began_s) for name in monitor.units.members(step.role)}
         restless = {
-            name: (spread_c, slope_c_per_h)
-            for name, (spread_c, slope_c_per_h) in found.items()
-            if spread_c > stable.band_c or abs(slope_c_per_h) > stable.slope_c_per_h
+            name: seen
+            for name, window in windows.items()
+            if not isinstance(seen := _seen(window, stable), _Course) or not seen.is_within(stable)
         }
         if not restless:
             break
         waited_s = loop.time() - began_s
         if step.give_up_after_s is not None and waited_s >= step.give_up_after_s:
-            text = " ".join(_not_stable(name, *how, waited_s, stable) for name, how in restless.items())
+            text = " ".join(_not_stable(name, seen, waited_s, stable) for name, seen in restless.items())
             if not monitor.drop_those_at(restless, "not_settled", text):
                 raise StepError(text)
             continue
         await asyncio.sleep(LOOK_EVERY_S)
     newest = {name: monitor.latest(name) for name in monitor.units.members(step.role)}
-    values = {name: reading.value if reading else None for name, reading in newest.items()}
+    values = {name: latest.reading.value if isinstance(latest, Fresh) else None for name, latest in newest.items()}
     return {"temperature_c": values.get(step.role, values or None), "soaked_s": loop.time() - began_s}
 
 
-def _not_stable(name: str, spread_c: float, slope_c_per_h: float, waited_s: float, stable: Stable) -> str:
+class _Course(NamedTuple):
+    """Max - min (°C) and the fitted slope (°C/h) of a temperature."""
+
+    spread_c: float
+    slope_c_per_h: float
+
+    def is_within(self, stable: Stable) -> bool:
+        """Whether it is stable; not if one of them is not a number."""
+        return self.spread_c <= stable.band_c and abs(self.slope_c_per_h) <= stable.slope_c_per_h
+
+
+def _seen(window: Window | Absent, stable: Stable) -> _Course | str:
+    """How a temperature went over the hold time; what is missing, if valid readings of the step do not cover it."""
+    if not isinstance(window, Window):
+        return window.why
+    if len(window.at_s) < 3 or not _covers(window, stable.hold_s):
+        return f"has been read for {(window.at_s[-1] - window.at_s[0]) / 60:.3g} min only since the step began"
+    hours = (window.at_s - window.at_s.mean()) / 3600
+    values = window.values
+    return _Course(float(np.ptp(values)), float(hours @ (values - values.mean()) / (hours @ hours)))
+
+
+def _not_stable(name: str, seen: _Course | str, waited_s: float, stable: Stable) -> str:
+    text = f"{name} is not stable after {waited_s / 3600:.1f} h: "
+    if isinstance(seen, str):
+        return f"{text}it {seen}. Check the sensor, its cable, and the instrument that reads it."
     return (
-        f"{name} is not stable after {waited_s / 3600:.1f} h: over the last "
-        f"{stable.hold_s / 60:g} min it spread over {spread_c:.2f} °C with a slope of "
-        f"{slope_c_per_h:.2f} °C/h, allowed are {stable.band_c:g} °C and "
+        f"{text}over the last "
+        f"{stable.hold_s / 60:g} min it spread over {seen.spread_c:.2f} °C with a slope of "
+        f"{seen.slope_c_per_h:.2f} °C/h, allowed are {stable.band_c:g} °C and "
         f"{stable.slope_c_per_h:g} °C/h. Check the chamber, or widen the band."
     )
-
-
-def _steadiness(window: Window, stable: Stable) -> tuple[float, float]:
-    """Max - min in °C and the fitted slope in °C/h; infinite while the readings do not cover the hold time."""
-    if len(window) < 3 or window[-1, 0] - window[0, 0] < WINDOW_COVERAGE * stable.hold_s:
-        return float("inf"), float("inf")
-    hours = (window[:, 0] - window[:, 0].mean()) / 3600
-    values = window[:, 1]
-    return float(np.ptp(values)), float(hours @ (values - values.mean()) / (hours @ hours))

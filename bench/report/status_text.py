@@ -43,8 +43,11 @@ def _facts(run: RunSummary, status: Mapping[str, Any]) -> Iterator[tuple[str, st
 
 
 def _readings(status: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str]]:
-    """Name, value, unit and age of the newest readings."""
+    """Name, value, unit and age of the newest readings; of one that is invalid or stale the reason in their place."""
     for name, reading in status.get("readings", {}).items():
+        if "value" not in reading:
+            yield name, reading["quality"], "", reading["why"]
+            continue
         age = f"{duration(max(0.0, status['now_s'] - reading['at_s']))} ago"
         yield name, f"{reading['value']:.6g}", reading["unit"], age
 

@@ -13,6 +13,7 @@ from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.engine.state import RunState
 from bench.errors import InputError, StoreError
+from bench.quality import Fresh, Invalid, Latest, Stale
 from bench.runner.control import STOPS, Arguments, Handlers
 from bench.sequence.values import in_words
 
@@ -118,8 +119,17 @@ def _now(engine: Engine, monitor: Monitor) -> dict[str, Any]:
             {"step": question.step, "text": question.text, "expected": question.expected}
             for question in engine.desk.questions
         ],
-        "readings": {
-            name: {"value": reading.value, "unit": unit, "at_s": reading.at_s}
-            for name, (reading, unit) in monitor.newest().items()
-        },
+        "readings": {name: _latest_to_json(latest, unit) for name, (latest, unit) in monitor.newest().items()},
     }
+
+
+def _latest_to_json(latest: Latest, unit: str) -> dict[str, Any]:
+    """A reading with its quality; "value" and "at_s" only of one that is valid and not stale."""
+    match latest:
+        case Fresh(reading, age_s):
+            found = {"quality": "valid", "value": reading.value, "unit": unit, "at_s": reading.at_s, "age_s": age_s}
+            return found | {"number": reading.number}
+        case Invalid():
+            return {"quality": "invalid", "why": latest.why, "number": latest.number}
+        case Stale():
+            return {"quality": "stale", "why": latest.why}

@@ -17,13 +17,14 @@ from rich.table import Column
 from rich.text import Text
 
 from bench.clock import Clock, Stopwatch, wall_utc
+from bench.config.channels import channels_of
 from bench.config.models import BenchFile
 from bench.engine.questions import Question
+from bench.quality import Invalid, Judged
 from bench.report.times_and_sizes import duration, instant
 from bench.sequence.estimate import Estimate
 from bench.sequence.plan import Plan, PlannedStep
 from bench.sequence.readings import unit_of
-from drivers.values import Reading
 
 LINE_EVERY_SHARE = 0.1  # of the run, where there is no terminal
 BAR_STRIDE = 0.002  # of the run, by which the bar moves within a step
@@ -45,11 +46,12 @@ class TerminalProgress:
     def __init__(self, plan: Plan, bench: BenchFile, speed: float = math.inf) -> None:
         self._steps, self._bench, self._speed = len(plan), bench, speed
         self._zone = bench.site.time_zone
+        self._stale_after_s = {name: channel.stale_after_s for name, channel in channels_of(bench).items()}
         self._console = Console(stderr=True)
         self._watch = Stopwatch()
         self._spans_s: list[tuple[float, float]] = []
         self._total_s = 1.0
-        self.readings: dict[str, Reading] = {}
+        self.readings: dict[str, Judged] = {}
         self.said: list[str] = []
         self._step, self._held_by, self._asks = "opening the bench", "", False
         self._next_line = LINE_EVERY_SHARE
@@ -100,9 +102,11 @@ class TerminalProgress:
         """A step is done."""
         self._progress.update(self._task, completed=self._step_ends_s)
 
-    def reading(self, name: str, reading: Reading) -> None:
+    def reading(self, name: str, reading: Judged) -> None:
         """A channel has a new value; within a step the bar follows bench time, in strides."""
         self.readings[name] = reading
+        if isinstance(reading, Invalid):  # whose time may be wrong as well
+            return
         self.now_s = reading.at_s - self._began_s
         if self.now_s >= self._next_stride_s:
             self._next_stride_s = self.now_s + BAR_STRIDE * self._total_s
@@ -159,9 +163,24 @@ class TerminalProgress:
         return f"ends {_day_and_time(wall_utc(), to_go_s, self._zone)}"
 
     def live(self) -> list[str]:
-        """The newest readings with their units, those that have a name on this bench first."""
-        by_name = sorted(self.readings.items(), key=lambda item: "." in item[0])
-        return [f"{name} {reading.value:.4g} {unit_of(name, self._bench) or ''}".rstrip() for name, reading in by_name]
+        """The newest readings with their units or what is wrong with them: these first, then named ones."""
+        by_name = sorted(((*self._said(name, reading), name) for name, reading in self.readings.items()), key=_order)
+        return [f"{name} {text}" for _, text, name in by_name]
+
+    def _said(self, name: str, reading: Judged) -> tuple[bool, str]:
+        """Whether a reading is valid and not stale, and the text for it."""
+        if isinstance(reading, Invalid):
+            return False, f"invalid: {reading.why}"
+        age_s = self.now_s + self._began_s - reading.at_s
+        if age_s > self._stale_after_s.get(name, math.inf):
+            return False, f"stale: {age_s:.3g} s old"
+        return True, f"{reading.value:.4g} {unit_of(name, self._bench) or ''}".rstrip()
+
+
+def _order(shown: tuple[bool, str, str]) -> tuple[bool, bool]:
+    """What is wrong first, then readings that have a name on this bench."""
+    is_good, _, name = shown
+    return is_good, "." in name
 
 
 def _day_and_time(now: datetime, later_s: float, zone: str) -> str:

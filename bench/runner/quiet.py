@@ -6,9 +6,9 @@ from pathlib import Path
 
 from bench.clock import Clock
 from bench.engine.questions import Question
+from bench.quality import Judged
 from bench.sequence.estimate import Estimate
 from bench.sequence.plan import PlannedStep
-from drivers.values import Reading
 
 
 class Quiet:
@@ -26,7 +26,7 @@ class Quiet:
     def step_ended(self, planned: PlannedStep, index: int) -> None:
         """Nothing to show."""
 
-    def reading(self, name: str, reading: Reading) -> None:
+    def reading(self, name: str, reading: Judged) -> None:
         """Nothing to show."""
 
     def asked(self, question: Question) -> None:

@@ -21,6 +21,7 @@ from bench.engine.pulse import Pulse
 from bench.engine.questions import Desk
 from bench.engine.safety import finish
 from bench.errors import StoreError, in_words
+from bench.quality import Judged
 from bench.rig import CLOSE_S, OpenError, Rig, limits_to_make_safe
 from bench.runner.commands import commands_of
 from bench.runner.control import control_socket
@@ -33,7 +34,7 @@ from bench.sequence.plan import Plan
 from bench.sequence.used import devices_used
 from bench.store.writer import RunWriter
 from drivers.capabilities import Device
-from drivers.values import Identity, Reading
+from drivers.values import Identity
 
 POWER_FAILURE = "power failure"
 
@@ -44,7 +45,7 @@ async def run_plan(
     devices: Mapping[str, Device],
     writer: RunWriter,
     observer: Observer,
-    on_reading: Callable[[str, Reading], None],
+    on_reading: Callable[[str, Judged], None],
     teardown_s: float,
     *,
     folder: Path,

@@ -100,7 +100,7 @@ class WaitUntil(StepBase):
 
 
 class Stable(StrictModel):
-    """Stable means: over the last `hold`, max - min within band and a fitted slope within slope."""
+    """Stable means: over the last `hold`, within the step, max - min within band and a fitted slope within slope."""
 
     band_c: PositiveCelsius = Field(alias="band", description="how far apart the highest and the lowest value may be")
     slope_c_per_h: CelsiusPerHour = Field(alias="slope", description="the steepest fitted line")

@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 from bench.clock import Stopwatch
 from bench.errors import StoreError
 from bench.loop import BenchLoop
+from bench.quality import Valid
 from bench.store import database, ledger
 from bench.store.chain import NOTHING, Link, beginning
 from bench.store.digest import Digest
@@ -25,7 +26,6 @@ from bench.store.place import Place, rescue
 from bench.store.runs import MANIFEST
 from drivers.awake import came_true
 from drivers.frame_block import FrameBlock
-from drivers.values import Reading
 
 T = TypeVar("T")
 
@@ -91,19 +91,19 @@ class RunWriter:
         """Raw frames of a device during a step."""
         self._put("block", (stream, step, block))
 
-    def samples(self, stream: str, step: str, readings: Sequence[Reading]) -> None:
+    def samples(self, stream: str, step: str, readings: Sequence[Valid]) -> None:
         """What a device read during a step that acquires; StoreError for what is no number."""
         _check_finite(stream, readings)
-        self._put("sample", *((float(at_s), stream, step, float(value)) for at_s, value in readings))
+        self._put("sample", *((float(at_s), stream, step, float(value)) for at_s, value, _ in readings))
 
-    def readings(self, name: str, unit: str, readings: Sequence[Reading]) -> None:
+    def readings(self, name: str, unit: str, readings: Sequence[Valid]) -> None:
         """Values of one channel; StoreError for what is no number."""
         _check_finite(name, readings)
         channel = self._channels.get(name)
         if channel is None:
             channel = self._channels[name] = len(self._channels) + 1
             self._put("channel", (name, unit))
-        self._put("reading", *((at_s, channel, value) for at_s, value in readings))
+        self._put("reading", *((at_s, channel, value) for at_s, value, _ in readings))
 
     async def commit(self) -> None:
         """Returns when everything given so far is on the disk; raises StoreError when it cannot be."""
@@ -352,7 +352,7 @@ def _statement(table: str, rows: int) -> str:
     return f"INSERT INTO {table} VALUES {', '.join([row] * rows)}"  # noqa: S608  the names are those above
 
 
-def _check_finite(name: str, readings: Sequence[Reading]) -> None:
+def _check_finite(name: str, readings: Sequence[Valid]) -> None:
     """Keeps out what would be found in a result years later; who reads an instrument has looked before."""
-    if not all(math.isfinite(value) for _, value in readings):
+    if not all(math.isfinite(value) for _, value, _ in readings):
         raise StoreError(f"{name}: a reading was not a number and is not stored; check the instrument")

@@ -71,7 +71,7 @@ def test_readings_of_both_sensors_and_the_current_are_recorded(scanned):
 def test_a_thermometer_that_opens_ends_the_run_when_its_reading_is_stale(tmp_path):
     result = ran(tmp_path, "[{unit: a, kind: open_thermometer, at: 10 s}]")
     assert result.outcome.how != "completed"
-    assert any("unit_temperature: the last reading is" in problem for problem in result.problems)
+    assert any("unit_temperature has had no valid reading for" in problem for problem in result.problems)
 
 
 def temperatures_with_one_answer_altered(folder, monkeypatch):

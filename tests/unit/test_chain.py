@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from bench.errors import StoreError
+from bench.quality import Valid
 from bench.report.reduced_again import reduced_again
 from bench.report.stored import open_run
 from bench.report.verify import examined
@@ -24,7 +25,6 @@ from bench.store.user_state import state_folder
 from bench.store.verify import examine
 from bench.store.writer import RunWriter
 from drivers.frame_block import FrameBlock
-from drivers.values import Reading
 from tests.support.runs import run_short, sealed_anew
 
 FORMATS = Path(__file__).parents[1] / "formats"
@@ -57,8 +57,8 @@ def interrupted(tmp_path):
         for number in range(COMMITS):
             writer.event("step", str(number), value=number)
             writer.frames("counter", "s", frames(30, number))
-            writer.readings("air", "°C", [Reading(float(number), 20.0), Reading(number + 0.5, 20.1)])
-            writer.samples("dvm", "s", [Reading(float(number), 1.5)])
+            writer.readings("air", "°C", [Valid(float(number), 20.0, 1), Valid(number + 0.5, 20.1, 1)])
+            writer.samples("dvm", "s", [Valid(float(number), 1.5, 1)])
             await writer.commit()
         shutil.copytree(live, folder)
         writer.close()

@@ -15,12 +15,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bench.config.bench import load_bench
+from bench.config.channels import stale_after_s
 from bench.config.models import BenchFile
 from bench.engine.channel import Channel, Rule, rule_of
 from bench.engine.interlocks import Interlocks
 from bench.engine.monitor import Monitor
 from bench.errors import StoreError
 from bench.loop import AS_FAST_AS_POSSIBLE, run
+from bench.quality import Fresh, Invalid, Valid, Window
 from bench.rig import Rig
 from bench.store.reader import RunReader
 from bench.store.writer import RunWriter
@@ -39,13 +41,17 @@ FLOAT64 = st.integers(0, 2**64 - 1).map(lambda bits: struct.unpack("<d", struct.
 NAN_PAYLOAD = struct.unpack("<d", struct.pack("<Q", 0x7FF0_0000_DEAD_BEEF))[0]
 
 
+def age(at_s: float) -> float:
+    return 2.0 - at_s
+
+
 def channel(source: str = UNIT, bench: BenchFile = BENCH, unit: str = "°C") -> Channel:
     return Channel("it", unit, rule_of(source, unit, bench))
 
 
 def believed(by: Channel, values: Sequence[float], every_s: float = 1.0) -> list[float]:
     readings = [Reading(every_s * number, value) for number, value in enumerate(values)]
-    return [reading.value for reading in by.take(readings)[0]]
+    return [reading.value for reading in by.take(readings, math.inf)[0]]
 
 
 def with_keys(folder: Path, keys: str) -> BenchFile:
@@ -63,11 +69,12 @@ def with_keys(folder: Path, keys: str) -> BenchFile:
 def test_of_all_patterns_of_64_bits_only_possible_numbers_are_believed(value: float) -> None:
     for source, unit in ((UNIT, "°C"), ("supply.voltage", "V")):
         by = Channel("it", unit, rule_of(source, unit, BENCH))
-        by.take([Reading(0.0, 20.0), Reading(1.0, 20.01), Reading(2.0, value)])
-        assert by.newest is not None
-        assert math.isfinite(by.newest.value)
-        assert np.isfinite(by.last(10.0)).all()
-        assert (by.newest.value == value) == (math.isfinite(value) and (unit == "V" or 14 < value < 26.01))
+        valid, invalid = by.take([Reading(0.0, 20.0), Reading(1.0, 20.01), Reading(2.0, value)], 2.0)
+        assert np.isfinite([reading.value for reading in valid]).all()
+        assert (len(valid) == 3) == (math.isfinite(value) and (unit == "V" or 14 < value < 26.01))
+        assert len(valid) + len(invalid) == 3
+        assert isinstance(by.latest(age), Fresh if len(valid) == 3 else Invalid)
+        assert isinstance(by.window(10.0, 0.0, age), Window if len(valid) == 3 else Invalid)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["low_first", "high_first"]))
@@ -124,7 +131,7 @@ def test_limits_of_the_bench_file_that_are_wider_make_more_possible(tmp_path: Pa
 def test_a_jump_is_what_the_sensor_cannot_follow(jump_c: float, is_believed: bool) -> None:
     by = channel()
     assert (believed(by, [20.0, 20.0 + jump_c])[-1] != 20.0) == is_believed
-    (doubted,) = channel().take([Reading(0.0, 20.0), Reading(1.0, 60.0)])[1]
+    (doubted,) = channel().take([Reading(0.0, 20.0), Reading(1.0, 60.0)], 1.0)[1]
     assert doubted.why == "was read as 60 °C 1 s after 20 °C, faster than it can change"
 
 
@@ -147,7 +154,7 @@ def test_the_bench_file_says_how_steep_it_may_be(tmp_path: Path) -> None:
 
 def test_set_points_and_what_is_no_temperature_may_jump_and_stand(tmp_path: Path) -> None:
     for source, unit in ((SET_POINT, "°C"), ("supply.voltage", "V")):
-        assert rule_of(source, unit, BENCH) == Rule()
+        assert rule_of(source, unit, BENCH) == Rule(stale_after_s=stale_after_s(source, BENCH))
     by = Channel("it", "V", Rule())
     assert believed(by, [15.0, 0.0, *[0.0] * 20_000]) == [15.0, 0.0, *[0.0] * 20_000]
     assert by.problem == ""
@@ -177,7 +184,7 @@ def test_the_bench_file_says_how_long_it_may_stand_still(tmp_path: Path) -> None
     by = channel(bench=bench)
     assert believed(by, [20.0] * 121)
     assert by.problem == ""
-    by.take([Reading(121.0, 20.0)])
+    by.take([Reading(121.0, 20.0)], 121.0)
     assert "has been constant at 20 °C for 2 min" in by.problem
     assert standing(with_keys(tmp_path / "longer", "changes_within: 12 h"), hours=10) == ""
 
@@ -225,7 +232,11 @@ def test_what_is_not_believed_is_in_the_journal_and_nowhere_else(tmp_path: Path,
     values = [20.0, 20.01, bad, 20.02, bad, 20.0]
     shown, fault, doubted, kept = watched(tmp_path, "Temperatures.Unit", values)
     assert fault is None
-    assert kept.tolist() == [reading.value for _, reading in shown] == [20.0, 20.01, 20.02, 20.0]
+    assert (
+        kept.tolist()
+        == [reading.value for _, reading in shown if isinstance(reading, Valid)]
+        == [20.0, 20.01, 20.02, 20.0]
+    )
     assert [event.data["reading"] for event in doubted] == ["unit_temperature"] * 2
     json.dumps([event.data for event in doubted], allow_nan=False)
 
@@ -249,7 +260,7 @@ def test_the_store_takes_nothing_that_is_no_number(tmp_path: Path) -> None:
     writer = RunWriter(tmp_path)
     for bad in (math.nan, math.inf, -math.inf):
         with pytest.raises(StoreError, match="it: a reading was not a number"):
-            writer.readings("it", "V", [Reading(0.0, 1.0), Reading(1.0, bad)])
+            writer.readings("it", "V", [Valid(0.0, 1.0, 1), Valid(1.0, bad, 2)])
         with pytest.raises(StoreError, match="it: a reading was not a number"):
-            writer.samples("it", "steps/acquire", [Reading(0.0, bad)])
+            writer.samples("it", "steps/acquire", [Valid(0.0, bad, 1)])
     writer.close()

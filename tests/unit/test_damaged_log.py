@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.quality import Valid
 from bench.store.verify import examine
 from bench.store.writer import RunWriter
-from drivers.values import Reading
 
 FRAME = 24 + 4096
 HEADER = 32
@@ -32,7 +32,7 @@ def interrupted(tmp_path):
         draw = np.random.default_rng(1)
         for number in range(COMMITS):
             writer.event("step", str(number), value=number)
-            writer.readings("air", "°C", [Reading(float(number), float(value)) for value in draw.normal(20, 1, 50)])
+            writer.readings("air", "°C", [Valid(float(number), float(value), 1) for value in draw.normal(20, 1, 50)])
             await writer.commit()
         shutil.copytree(live, folder)
         writer.close()

@@ -17,6 +17,7 @@ from bench.config.interlocks import InterlockEntry
 from bench.engine.interlocks import Interlocks
 from bench.engine.monitor import Monitor
 from bench.loop import AS_FAST_AS_POSSIBLE, run
+from bench.quality import Valid
 from bench.rig import Rig
 from bench.store.reader import RunReader
 from bench.store.writer import RunWriter
@@ -41,13 +42,13 @@ def changes(interlocks, readings, source=UNIT):
     """When each interlock trips (True) and is good again (False), by the times of the readings."""
     found = []
     for at_s, value in readings:
-        interlocks.take(source, [Reading(at_s, value)])
+        interlocks.take(source, [Valid(at_s, value, 1)])
         found += [(at_s, change.name, change.tripped) for change in interlocks.look(at_s)]
     return found
 
 
 def texts(interlocks, readings, source=UNIT):
-    interlocks.take(source, [Reading(*reading) for reading in readings])
+    interlocks.take(source, [Valid(*reading, 1) for reading in readings])
     return [change.text for change in interlocks.look(readings[-1][0])]
 
 
@@ -115,7 +116,7 @@ def test_time_alone_trips_nothing_and_lets_nothing_go():
 
 def test_readings_that_come_together_are_judged_at_their_own_times():
     watch = made(hot=HOT)
-    watch.take(UNIT, [Reading(at_s, 86 if 1 <= at_s <= 6 else 80) for at_s in range(11)])
+    watch.take(UNIT, [Valid(at_s, 86 if 1 <= at_s <= 6 else 80, 1) for at_s in range(11)])
     assert [(change.tripped, change.since_s) for change in watch.look(11.0)] == [(True, 1), (False, 7)]
     assert watch.look(11.0) == ()
 
@@ -165,9 +166,9 @@ def test_it_trips_if_and_only_if_the_condition_held_for_the_whole_debounce(cours
 def test_it_makes_no_difference_in_which_portions_readings_come(course, cuts):
     one, other = made(hot=HOT, fast=FAST), made(hot=HOT, fast=FAST)
     for begin, end in pairwise([0, *sorted(min(cut, len(course)) for cut in cuts), len(course)]):
-        one.take(UNIT, [Reading(*reading) for reading in course[begin:end]])
+        one.take(UNIT, [Valid(*reading, 1) for reading in course[begin:end]])
     for reading in course:
-        other.take(UNIT, [Reading(*reading)])
+        other.take(UNIT, [Valid(*reading, 1)])
     told, expected = (sorted(watch.look(1e6), key=str) for watch in (one, other))
     assert told == expected
 
@@ -205,7 +206,7 @@ def test_a_rate_is_in_the_unit_of_its_reading_over_time():
     turning = [(at_s, 35.0 * at_s) for at_s in range(20)]
     assert changes(made(x=entry), turning, "head.angle") == []
     watch = made(x={**entry, "above": "0.5 rpm"})
-    watch.take("head.angle", [Reading(*reading) for reading in turning])
+    watch.take("head.angle", [Valid(*reading, 1) for reading in turning])
     (change,) = watch.look(20.0)
     assert "head.angle changes by 35 °/s, allowed is ±3 °/s" in change.text
 
@@ -214,8 +215,8 @@ def test_a_rate_is_in_the_unit_of_its_reading_over_time():
 
 
 def both(watch, at_s, air_c, set_point_c):
-    watch.take(AIR, [Reading(at_s, air_c)])
-    watch.take(SET_POINT, [Reading(at_s, set_point_c)])
+    watch.take(AIR, [Valid(at_s, air_c, 1)])
+    watch.take(SET_POINT, [Valid(at_s, set_point_c, 1)])
     return [(at_s, change.tripped) for change in watch.look(at_s)]
 
 
@@ -234,12 +235,12 @@ def test_a_difference_is_judged_when_both_have_come_not_between():
 
 def test_a_difference_waits_for_both_and_then_for_either():
     watch = made(astray=ASTRAY)
-    watch.take(AIR, [Reading(0, 90.0)])
+    watch.take(AIR, [Valid(0, 90.0, 1)])
     assert watch.look(0.0) == ()
-    watch.take(SET_POINT, [Reading(5, 20.0)])
+    watch.take(SET_POINT, [Valid(5, 20.0, 1)])
     assert watch.look(5.0) == ()
     assert watch.look(100.0) == (), "nothing new"
-    watch.take(AIR, [Reading(15, 90.0)])
+    watch.take(AIR, [Valid(15, 90.0, 1)])
     assert [change.since_s for change in watch.look(15.0)] == [5]
 
 
@@ -261,9 +262,9 @@ def test_a_difference_may_wait_until_the_second_is_at_rest():
 
 def test_an_age_trips_by_time_alone_and_is_good_with_the_next_reading():
     watch = made(silent=SILENT)
-    watch.take(UNIT, [Reading(100.0, 20.0)])
+    watch.take(UNIT, [Valid(100.0, 20.0, 1)])
     assert [bool(watch.look(now_s)) for now_s in (100.0, 130.0, 130.5, 131.0)] == [False, False, True, False]
-    watch.take(UNIT, [Reading(131.0, 20.0)])
+    watch.take(UNIT, [Valid(131.0, 20.0, 1)])
     (change,) = watch.look(131.5)
     assert (change.tripped, change.since_s) == (False, 131.5)
 
@@ -277,7 +278,7 @@ def test_a_reading_that_never_came_is_as_old_as_the_watching():
 def test_a_reading_that_comes_late_is_as_old_as_it_is():
     watch = made(silent=SILENT)
     watch.look(0.0)
-    watch.take(UNIT, [Reading(2.0, 20.0)])
+    watch.take(UNIT, [Valid(2.0, 20.0, 1)])
     assert [change.tripped for change in watch.look(33.0)] == [True]
 
 
@@ -322,7 +323,8 @@ def test_it_is_told_what_was_found_what_is_allowed_what_happens_and_what_to_do(e
 def test_of_a_difference_both_readings_are_named():
     watch = made(astray={**ASTRAY, "for": "30 min", "good_for": "5 min"})
     both(watch, 0, 26.0, 20.0)
-    watch.take(AIR, [Reading(1800, 26.5)])
+    watch.take(AIR, [Valid(1800, 26.5, 2)])
+    watch.take(SET_POINT, [Valid(1800, 20.0, 2)])
     (change,) = watch.look(1800.0)
     assert change.text == (
         "Interlock astray has tripped after 30 min: chamber.process_value and chamber.set_point differ by 6.5 °C, "
@@ -411,6 +413,6 @@ def test_the_poll_of_any_device_is_a_look(tmp_path):
 
 def test_a_reading_grows_no_older_while_nobody_could_look() -> None:
     watch = made(silent=SILENT)
-    watch.take(UNIT, [Reading(0.0, 20.0)])
+    watch.take(UNIT, [Valid(0.0, 20.0, 1)])
     assert watch.look(1000.0, lambda since_s: 1000.0 - since_s) == ()
     assert [change.tripped for change in watch.look(1000.0)] == [True]

@@ -11,8 +11,8 @@ import pytest
 from bench.app.request import RunRequest, load_checked
 from bench.clock import Clock
 from bench.loop import run
+from bench.quality import Invalid, Valid
 from bench.runner.progress import TerminalProgress, _day_and_time
-from drivers.values import Reading
 
 
 @pytest.fixture
@@ -28,8 +28,8 @@ def shown(tmp_path, capsys):
     run(begin(), math.inf)
     steps = list(checked.plan)
     progress.step_begins(steps[4], 4)
-    progress.reading("chamber.air", Reading(8551.0, 20.123))
-    progress.reading("unit_temperature", Reading(8551.0, 25.0))
+    progress.reading("chamber.air", Valid(8551.0, 20.123, 1))
+    progress.reading("unit_temperature", Valid(8551.0, 25.0, 1))
     return progress
 
 
@@ -61,3 +61,12 @@ def test_a_held_run_says_who_holds_it_until_it_goes_on(shown):
 def test_the_end_is_by_the_clock_of_the_bench_with_the_day_when_it_is_another(later_s, told):
     now = datetime(2026, 1, 2, 0, 0, tzinfo=UTC)  # 01:00 on Friday in Berlin
     assert _day_and_time(now, later_s, "Europe/Berlin") == told
+
+
+def test_what_is_invalid_or_stale_is_shown_first_and_without_a_number(shown):
+    shown.reading("unit_temperature", Invalid(8552.0, "was read as not-a-number", 3, "nan"))
+    assert shown.live()[0] == "unit_temperature invalid: was read as not-a-number"
+    shown.reading("unit_temperature", Valid(8553.0, 25.1, 4))
+    assert shown.live()[0] == "unit_temperature 25.1 °C"
+    shown.reading("chamber.air", Valid(8600.0, 20.0, 5))
+    assert shown.live()[0] == "unit_temperature stale: 47 s old"

@@ -19,12 +19,12 @@ import pytest
 
 from bench.errors import InputError, StoreError
 from bench.loop import AS_FAST_AS_POSSIBLE, run
+from bench.quality import Valid
 from bench.store import database
 from bench.store.reader import RunReader
 from bench.store.runs import RunDirectory, find_run, list_runs, summary
 from bench.store.writer import RunWriter
 from drivers.frame_block import FrameBlock
-from drivers.values import Reading
 
 STARTED = datetime(2026, 11, 21, 8, 15, 3, tzinfo=UTC)
 
@@ -58,9 +58,9 @@ def test_what_was_written_is_read_back(tmp_path):
         tmp_path,
         lambda w: w.event("step_ended", "steps/a", label="tumble", value=1.5),
         lambda w: w.frames("counter", "steps/a", frames),
-        lambda w: w.readings("air", "°C", [Reading(1.0, 20.5), Reading(2.0, 20.25)]),
-        lambda w: w.samples("dvm", "steps/a", [Reading(1.0, 1.1), Reading(2.0, 1.2)]),
-        lambda w: w.samples("dvm", "steps/b", [Reading(3.0, 1.3)]),
+        lambda w: w.readings("air", "°C", [Valid(1.0, 20.5, 1), Valid(2.0, 20.25, 1)]),
+        lambda w: w.samples("dvm", "steps/a", [Valid(1.0, 1.1, 1), Valid(2.0, 1.2, 1)]),
+        lambda w: w.samples("dvm", "steps/b", [Valid(3.0, 1.3, 1)]),
     )
     with RunReader(tmp_path) as reader:
         (event,) = reader.events()
@@ -110,8 +110,8 @@ def test_a_run_is_digested_while_it_is_written_as_when_it_is_read(tmp_path):
         for number in range(3):
             writer.event("step_ended", "steps/ä", value=number)
             writer.frames("counter", "s", block(50, number))
-            writer.readings("air", "°C", [Reading(np.float64(number), 20), Reading(number + 0.1, np.float64(20.1))])
-            writer.samples("dvm", "s", [Reading(np.float64(number), np.float64(1.1)), Reading(number, 2)])
+            writer.readings("air", "°C", [Valid(np.float64(number), 20, 1), Valid(number + 0.1, np.float64(20.1), 1)])
+            writer.samples("dvm", "s", [Valid(np.float64(number), np.float64(1.1), 1), Valid(number, 2, 1)])
             await writer.commit()
         writer.close()
         return writer.digest()
@@ -130,7 +130,7 @@ def test_equal_runs_have_equal_digests_and_different_ones_do_not(tmp_path):
             tmp_path / name,
             lambda w: w.event("run_begins"),
             lambda w, frames=frames: w.frames("counter", "s", frames),
-            lambda w: w.readings("air", "°C", [Reading(1.0, 20.0)]),
+            lambda w: w.readings("air", "°C", [Valid(1.0, 20.0, 1)]),
         )
         with RunReader(tmp_path / name) as reader:
             digests.append(reader.digest())
@@ -143,8 +143,8 @@ def test_the_digest_sees_a_change_in_every_table(tmp_path, table):
         tmp_path,
         lambda w: w.event("a", value=1),
         lambda w: w.frames("counter", "s", block(5)),
-        lambda w: w.readings("air", "°C", [Reading(1.0, 20.0)]),
-        lambda w: w.samples("dvm", "s", [Reading(1.0, 1.1)]),
+        lambda w: w.readings("air", "°C", [Valid(1.0, 20.0, 1)]),
+        lambda w: w.samples("dvm", "s", [Valid(1.0, 1.1, 1)]),
     )
     with RunReader(tmp_path) as reader:
         before = reader.digest()
