@@ -178,7 +178,8 @@ class Rig:
 
         Chambers to `hold` stay at their set point if they are in order.
         """
-        only_off, held = self._is_locked_out(), [self.devices[role] for role in hold if role in self.devices]
+        only_off = self._is_locked_out()
+        held = [self.devices[role] for role in hold if role in self.devices]
 
         async def act(device: Device) -> bool:
             return await bring_to_safety(device, only_off=only_off, hold=device in held)

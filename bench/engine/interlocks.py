@@ -72,6 +72,10 @@ class Interlocks:
         for interlock in self._of_source.get(source, ()):
             interlock.lapse(source)
 
+    def uses(self, source: str) -> bool:
+        """Whether an interlock judges DEVICE.CHANNEL."""
+        return source in self._of_source
+
     def judge_age_of(self, role: str) -> bool:
         """Whether an interlock monitors the age of a device's readings, which grows while it is silent."""
         return any(isinstance(each, _Age) and role == each.sources[0].partition(".")[0] for each in self._interlocks)

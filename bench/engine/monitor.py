@@ -6,7 +6,7 @@ import asyncio
 import math
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from bench.config.channels import period_s, stale_after_s
@@ -178,6 +178,8 @@ class Monitor:
         channel = self._channels.get(source)
         if channel is None:
             rule = rule_of(source, unit, self._bench)
+            if self._interlocks.uses(source):
+                rule = replace(rule, matters=True)
             channel = self._channels[source] = Channel(self._names.get(source, source), unit, rule)
         valid, invalid = channel.take(readings, now_s)
         for each in invalid:

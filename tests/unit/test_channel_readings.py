@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from bench.config.bench import load_bench
 from bench.config.channels import stale_after_s
+from bench.config.interlocks import ReadingInterlock
 from bench.config.models import BenchFile
 from bench.engine.channel import Channel, Rule, rule_of
 from bench.engine.interlocks import Interlocks
@@ -254,6 +255,27 @@ def test_a_thermometer_that_nobody_has_named_may_be_connected_to_nothing(tmp_pat
     _, fault, doubted, _ = watched(tmp_path, "Temperatures.Converter", [320.0] * 50)
     assert fault is None
     assert len(doubted) == 2, "told, and not for ever"
+
+
+@pytest.mark.parametrize("judged", [True, False])
+def test_a_thermometer_that_an_interlock_judges_cannot_fail_unnoticed(tmp_path: Path, judged: bool) -> None:
+    key = "Temperatures.Converter"
+    entry = ReadingInterlock.model_validate({"reading": f"counter.{key}", "above": "60 °C", "then": "abort"})
+    interlocks = Interlocks({"hot": entry} if judged else {}, BENCH)
+    device = Scripted(*({key: [Reading(float(number), 320.0)]} for number in range(20)))
+    writer = RunWriter(tmp_path)
+
+    async def main() -> bool:
+        monitor = Monitor(Rig({"counter": device}), BENCH, interlocks, writer, lambda *_: None)
+        monitor.start()
+        await asyncio.sleep(10)
+        await monitor.stop()
+        return monitor.fault.done()
+
+    try:
+        assert run(main(), AS_FAST_AS_POSSIBLE) == judged
+    finally:
+        writer.close()
 
 
 def test_the_store_takes_nothing_that_is_no_number(tmp_path: Path) -> None:
