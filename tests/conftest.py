@@ -72,7 +72,7 @@ def _is_here(peer: str) -> bool:
 @pytest.fixture(scope="session", autouse=True)
 def _state_of_nobody(tmp_path_factory):
     """Keeps the records that belong to no single run out of the home of whoever runs the tests."""
-    os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("state"))
+    os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("itb-state-"))
 
 
 @pytest.fixture

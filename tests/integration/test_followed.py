@@ -85,12 +85,13 @@ def killed(bench: Path, folder: Path) -> tuple[Process, int]:
 
 
 def test_a_run_ends_at_once_and_its_guardian_sees_the_air_arrive(bench, tmp_path):
-    run = Process(bench.bench, tmp_path)
+    cool = bench.edited(tmp_path / "own", "chamber", lambda line: line.replace("25 °C}", "21 °C}"))  # where its air is
+    run = Process(cool, tmp_path)
     run.until_step("steps/wait")
     run.send(signal.SIGTERM)
     assert run.code() == 4
-    assert bench.state() == SAFE
-    devices = bench_command("devices", "--bench", str(bench.bench))
+    assert bench.state() == {**SAFE, "chamber": 21.0}
+    devices = bench_command("devices", "--bench", str(cool))
     assert devices.returncode == 0, devices.stderr
     until(lambda: course(run)[-1:] == ["arrived"], "the air has not arrived")
     assert course(run) == ["commanded", "arrived"]

@@ -20,11 +20,10 @@ def free_port() -> int:
 
 
 def on_real_wires(folder: Path) -> Path:
-    """The bench on free ports, and pseudo-terminals below a folder; its head a little faster, its chamber much."""
+    """The bench on free ports, and pseudo-terminals below a folder; its head a little faster, its set point at once."""
     edits = [(f"127.0.0.1:{port}\n", f"127.0.0.1:{free_port()}\n") for port in (1502, 8000, 5025)]
     edits += [("sim+", ""), ("/tmp/itb", str(folder / "itb")), ("rate: 20 °/s", "rate: 30 °/s")]
     edits += [("ramp_rate: {max: 3 °C/min}", "ramp_rate: {max: 1200 °C/min}")]
-    edits += [("natural_period: 6 min, damping: 0.5", "natural_period: 10 s, damping: 1")]
     return copy_bench(folder / "config", *edits)
 
 

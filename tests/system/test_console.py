@@ -45,7 +45,10 @@ def test_modbus_is_read_in_words_beside_the_bytes_and_the_driver_is_asked_on_the
         "2782: 0 16800 (hexadecimal 0000 41a0); as float32 20 low word first",
     ]
     assert sum(line.startswith("+ ") for line in told) == 1
-    assert any(re.fullmatch(r"process_value_c 20\.\d+, set_point_c 20\.0, target_c 20\.0", line) for line in told)
+    assert any(
+        re.fullmatch(r"process_value_c 20\.\d+, set_point_c 20\.0, target_c 20\.0, from_safe_c 5\.0", line)
+        for line in told
+    )
     assert any(line.startswith("maker Watlow, model F4T, serial SIM-F4T-01") for line in told)
     assert "set_point 20 °C" in told
     assert not any("06 01 06" in line or "01 10" in line for line in told), "nothing was written"
