@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from tests.support.runs import ROOT
+
 HEAD = "line\tfirst\tlast\tday\tcommit\twrong\n"
 
 
@@ -45,7 +47,8 @@ def write_kept(path: Path, results: Iterable[Result]) -> None:
     """Write results, which are sorted by line and number; one that failed has a row of its own."""
     rows: list[_Row] = []
     for each in results:
-        row = _Row(each.line, each.trial, each.trial, each.at[:10], each.commit, " ".join(each.wrong.split()))
+        wrong = " ".join(each.wrong.replace(f"{ROOT}/", "").split())
+        row = _Row(each.line, each.trial, each.trial, each.at[:10], each.commit, wrong)
         if rows and rows[-1].continued_by(row):
             rows[-1] = rows[-1]._replace(last=row.last)
         else:
