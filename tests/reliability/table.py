@@ -47,6 +47,6 @@ def with_counts(page: str, results: Results) -> str:
 def _row(line: Line, results: Results) -> str:
     found, failed = results.of(line), results.failed(line)
     when = max((result.at[:10] for result in found), default="never")
-    at = found[-1].commit if found else ""
+    at = max(found, key=lambda result: result.trial).commit if found else ""
     counts = f"{len(found) * line.of:,} of {line.bar * line.of:,}"
     return f"| {line.key} | {line.claim} | {counts} | {len(failed)} | {when} | {at} |\n"
