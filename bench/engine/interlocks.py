@@ -72,9 +72,10 @@ class Interlocks:
         for interlock in self._of_source.get(source, ()):
             interlock.lapse(source)
 
-    def uses(self, source: str) -> bool:
-        """Whether an interlock judges DEVICE.CHANNEL."""
-        return source in self._of_source
+    def rely_on(self, source: str) -> bool:
+        """Whether interlocks judge DEVICE.CHANNEL, and none of them notices that it gives nothing valid any more."""
+        judging = self._of_source.get(source, ())
+        return bool(judging) and not any(isinstance(each, _Age) for each in judging)
 
     def judge_age_of(self, role: str) -> bool:
         """Whether an interlock monitors the age of a device's readings, which grows while it is silent."""

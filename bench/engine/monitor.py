@@ -178,7 +178,7 @@ class Monitor:
         channel = self._channels.get(source)
         if channel is None:
             rule = rule_of(source, unit, self._bench)
-            if self._interlocks.uses(source):
+            if self._interlocks.rely_on(source):
                 rule = replace(rule, matters=True)
             channel = self._channels[source] = Channel(self._names.get(source, source), unit, rule)
         valid, invalid = channel.take(readings, now_s)
