@@ -18,6 +18,7 @@ from bench.runner.held import LOOKS, energising_addresses, owners
 from bench.store.energised import energised
 from tests.support.energised import HOT_C, SAFE, SAFE_C, Process, Wires, wires
 from tests.support.guardians import guardian_of, has_ended, has_made_safe
+from tests.support.killed import journal
 from tests.support.runs import ROOT
 
 pytestmark = pytest.mark.integration
@@ -72,6 +73,13 @@ def course(run: Process) -> list[str]:
     path = run.path / "followed.jsonl"
     entries = [json.loads(line) for line in path.read_text("utf-8").splitlines()] if path.exists() else []
     return [each["event"] for each in entries if each["role"] == "chamber" and each["event"] != "reading"]
+
+
+def kinds_since_resumed(run: Process) -> list[str]:
+    """The kinds of the entries of its journal since it was resumed."""
+    assert run.path is not None
+    kinds = [entry.kind for entry in journal(run.path)]
+    return kinds[kinds.index("run_resumed") :] if "run_resumed" in kinds else []
 
 
 def killed(bench: Path, folder: Path) -> tuple[Process, int]:
@@ -132,9 +140,9 @@ def test_a_resumed_run_takes_a_held_chamber_over_as_it_is(bench, tmp_path):
     )  # fmt: skip
     try:
         until(lambda: has_ended(guardian))
-        for _ in range(30):  # of its opening, and its first steps
-            assert bench.state_of("chamber") != SAFE_C
-            time.sleep(0.1)
+        until(lambda: "step_begins" in kinds_since_resumed(run))
+        assert "found_energised" not in kinds_since_resumed(run)
+        assert bench.state_of("chamber") != SAFE_C
         assert course(run)[:2] == ["held", "handed_over"]
     finally:
         resumed.send_signal(signal.SIGTERM)
