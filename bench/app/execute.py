@@ -137,7 +137,7 @@ def _execute(
         register = Register(prepared.loaded, directory.path, observer.notice)
         left_on = register.begin(now)
         relieve(list(real_addresses(bench).values()), observer.notice)
-        with nullcontext() if trace is None else recording(trace) as keep:
+        with nullcontext() if trace is None else recording(trace, directory.path.name) as keep:
             ran = run_loop(main(), prepared.speed, origin_s)
         if ran.made_safe:
             register.end(ran.outcome)

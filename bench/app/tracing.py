@@ -20,22 +20,22 @@ from bench.rig import Rig
 from bench.runner.held import holding, real_addresses
 from drivers.bounded import read_bounded
 from drivers.errors import DriverError
-from drivers.transport.trace import HEAD, Passed, read_trace
+from drivers.transport.trace import Passed, head_of, read_trace
 
 TRACE_LIMIT_BYTES = 2**30
 Keep = Callable[[Passed], object]
 
 
 @contextmanager
-def recording(path: Path) -> Iterator[Keep]:
-    """A place for what passes, in a new file; InputError when it cannot be made.
+def recording(path: Path, run: str | None = None) -> Iterator[Keep]:
+    """A place for what passes, in a new file that names the run; InputError when it cannot be made.
 
     Lines are written as they come, and are durable at the end. A disk that fails meanwhile ends the trace alone.
     """
     try:
         make_folder(path.parent)
         file = path.open("x", encoding="utf-8", buffering=1)
-        file.write(f"{HEAD}\n")
+        file.write(head_of(run))
         sync_folder(path.parent)
     except OSError as problem:
         raise InputError(f"the trace {path} cannot be written: {problem.strerror}") from problem

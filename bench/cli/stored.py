@@ -81,18 +81,24 @@ def report(run: str, runs: Path, form: str, lang: str, *, damaged: bool) -> None
         sys.stdout.write(f"{write_report(stored, form, lang)}\n")
 
 
-def export(run: str, runs: Path, form: str, out: Path, *, damaged: bool) -> None:
+def export(run: str, runs: Path, form: str, out: Path, every_frame: Path | None, *, damaged: bool) -> None:
     """Write a run's data as files that other programs read.
 
-    The format candump has the frames of acquisitions, not the whole bus: frames between acquisitions are not recorded.
+    The format candump has the frames of acquisitions, not the whole bus. A run started with --trace FILE has recorded
+    the whole bus in FILE: --all FILE writes all frames of that.
     """
+    from bench.errors import InputError
     from bench.report.export import FORMATS, mark_damage
+    from bench.report.export_candump import export_trace
     from bench.report.stored import open_run
     from bench.store.runs import find_run
 
     _expect_one_of("--format", FORMATS, form)
+    if every_frame is not None and form != "candump":
+        raise InputError("--all is for --format candump")
     with open_run(find_run(run, runs), damaged=damaged) as stored:
-        for path in (*FORMATS[form](stored, out), *mark_damage(stored, out)):
+        written = FORMATS[form](stored, out) if every_frame is None else export_trace(stored, every_frame, out)
+        for path in (*written, *mark_damage(stored, out)):
             sys.stdout.write(f"{path}\n")
 
 
@@ -134,6 +140,10 @@ COMMANDS = (
         RUNS,
         option("--format csv|candump|parquet|matlab|hdf5", "The file format.", to="form", default="csv"),
         option("--out DIR", "Directory for the files.", read=Path, default=Path()),
+        option(
+            "--all FILE", "candump: all CAN frames of the run's trace, also those between acquisitions.",
+            read=Path, to="every_frame",
+        ),
         DAMAGED,
     )),
 )  # fmt: skip

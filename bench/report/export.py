@@ -8,18 +8,13 @@ from pathlib import Path
 
 from bench.files import written_whole
 from bench.report.csv_cells import harmless
+from bench.report.export_candump import export_candump
 from bench.report.export_hdf5 import export_hdf5
 from bench.report.export_matlab import export_matlab
 from bench.report.export_parquet import export_parquet
 from bench.report.recorded import JOURNAL, READINGS, TIMES, Acquired, acquired, journal, readings
 from bench.report.stored import StoredRun
-from drivers.frame_block import EXTENDED, FrameBlock
 
-NOT_THE_WHOLE_BUS = """\
-These logs are not the whole bus. A run records frames while a step acquires, and at no other time; of these it records
-what the devices of its bench file read. What else was on the bus, and what passed between acquisitions, was not
-recorded and cannot be exported. A log of everything is made beside the run, by candump on the same bus.
-"""
 Exporter = Callable[[StoredRun, Path], list[Path]]
 
 
@@ -75,36 +70,6 @@ def _write_csv(path: Path, rows: Iterable[Iterable[object]]) -> Path:
     with written_whole(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows(rows)
     return path
-
-
-def export_candump(run: StoredRun, out: Path) -> list[Path]:
-    """`STREAM.log` for each counter, as can-utils' `candump -l` writes it; the DBC of the run decodes it.
-
-    Times are seconds since 1970, counted from the beginning of the run. Frames are recorded while something is acquired
-    and at no other time, of the devices of the bench and of nobody else on the bus: `candump.txt` says so beside them.
-    """
-    streams: dict[str, list[FrameBlock]] = {}
-    for stream, _, block in run.reader.blocks():
-        streams.setdefault(stream, []).append(block)
-    began = next(run.reader.events("run_begins"), None)
-    epoch_s = run.began.timestamp() - (began.at_s if began else 0.0)
-    paths = []
-    for stream, blocks in streams.items():
-        path = out / f"{stream}.log"
-        with written_whole(path) as draft, draft.open("w", encoding="ascii") as file:
-            for block in blocks:
-                file.writelines(_candump_lines(block, epoch_s))
-        paths.append(path)
-    with written_whole(out / "candump.txt") as draft:
-        draft.write_text(NOT_THE_WHOLE_BUS, encoding="utf-8")
-    return [*paths, out / "candump.txt"]
-
-
-def _candump_lines(block: FrameBlock, epoch_s: float) -> Iterator[str]:
-    columns = (block.ids.tolist(), (block.at_s + epoch_s).tolist(), block.dlc.tolist(), block.data)
-    for frame_id, at_s, length, data in zip(*columns, strict=True):
-        name = f"{frame_id & ~EXTENDED:08X}" if frame_id & EXTENDED else f"{frame_id:03X}"
-        yield f"({at_s:.6f}) can0 {name}#{data[:length].tobytes().hex().upper()}\n"
 
 
 def mark_damage(run: StoredRun, out: Path) -> list[Path]:

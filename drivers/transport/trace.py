@@ -1,15 +1,16 @@
 """Every byte between drivers and instruments, with the time at which it passed, as lines of text.
 
     # bench trace 1
+    # run 20261103-201500-tumble_static
     0.002000 chamber + tcp://192.168.1.10:502
     0.002000 chamber > 00 01 00 00 00 06 01 03 1a 4a 00 01
     0.004125 chamber < 00 01 00 00 00 05 01 03 02 00 0f
     0.006000 supply > "*IDN?"
     9.500000 chamber -
 
-Seconds of the bench's clock since the recording began; the device; `+` the connection is open, `-` it is closed, `>`
+Seconds of bench time, as in the journal of the run; the device; `+` the connection is open, `-` it is closed, `>`
 sent to the instrument, `<` received from it. Bytes that are text stand as text, with the escapes of JSON, all others
-in hexadecimal; CAN frames as `candump` writes them, `101#0000C8420100`.
+in hexadecimal; CAN frames as `candump` writes them, `101#0000C8420100`. Only the trace of a run names one.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import json
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import TypeVar
 
 from drivers.frame_block import EXTENDED, FrameBlock
@@ -29,6 +31,7 @@ from drivers.transport.wires import Wires
 
 P = TypeVar("P", bound=asyncio.Protocol)
 HEAD = "# bench trace 1"
+_OF_RUN = "# run "
 _TEXT = re.compile(rb"[\x20-\x7e\r\n]+")
 OPENED, CLOSED, SENT, RECEIVED = "+", "-", ">", "<"
 
@@ -59,6 +62,17 @@ def spelled(data: bytes) -> str:
     return json.dumps(data.decode("ascii")) if _TEXT.fullmatch(data) else data.hex(" ")
 
 
+def head_of(run: str | None) -> str:
+    """The first lines of a trace, of a run or of none."""
+    return f"{HEAD}\n" if run is None else f"{HEAD}\n{_OF_RUN}{run}\n"
+
+
+def run_of(lines: Iterable[str]) -> str:
+    """The run that a trace names in its head; empty for a trace of no run, and for any other file."""
+    head = [line.rstrip() for line in islice(lines, 2)]
+    return head[1].removeprefix(_OF_RUN) if len(head) == 2 and head[0] == HEAD and head[1].startswith(_OF_RUN) else ""
+
+
 def read_trace(lines: Iterable[str]) -> Iterator[Passed]:
     """The lines of a trace, in order; ValueError with the number of an invalid one."""
     for number, line in enumerate(lines, 1):
@@ -82,12 +96,11 @@ class TracedWires:
 
     def __init__(self, wires: Wires, keep: Callable[[Passed], object]) -> None:
         self._wires, self._keep = wires, keep
-        self._began_s = asyncio.get_running_loop().time()
 
     def note(self, device: str, sign: str, text: str = "", at_s: float | None = None) -> None:
         """Keeps a line, of now unless another loop time is given."""
         at_s = asyncio.get_running_loop().time() if at_s is None else at_s
-        self._keep(Passed(at_s - self._began_s, device, sign, text))
+        self._keep(Passed(at_s, device, sign, text))
 
     async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
         """Joins `factory()` to the other end, with a recorder in between."""

@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -122,6 +123,61 @@ def test_a_run_is_recorded(tmp_path: Path) -> None:
     again = invoked("run", "smoke", "--runs", str(tmp_path), "--trace", str(path))
     assert again.exit_code == 2
     assert "cannot be written: File exists" in again.stderr
+
+
+@pytest.fixture(scope="module")
+def traced(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A run that acquires, and its trace."""
+    folder = tmp_path_factory.mktemp("traced")
+    path = folder / "smoke.trace"
+    assert invoked("run", "smoke", "--runs", str(folder / "runs"), "--trace", str(path)).exit_code == 0
+    (run,) = (folder / "runs").iterdir()
+    return run, path
+
+
+def logged(path: Path) -> list[tuple[float, str]]:
+    """Times and frames in a log of candump."""
+    lines = [line.split() for line in path.read_text("ascii").splitlines()]
+    return [(float(at[1:-1]), frame) for at, _, frame in lines]
+
+
+def test_all_frames_of_a_traced_run_are_exported(traced: tuple[Path, Path], tmp_path: Path) -> None:
+    run, path = traced
+    some = invoked("export", str(run), "--format", "candump", "--out", str(tmp_path / "some"))
+    every = invoked("export", str(run), "--format", "candump", "--all", str(path), "--out", str(tmp_path / "all"))
+    assert (some.exit_code, every.exit_code) == (0, 0), every
+    acquired, whole = (logged(tmp_path / name / "counter.log") for name in ("some", "all"))
+    near = {(round(at_s * 1e5) + by, frame) for at_s, frame in whole for by in (-1, 0, 1)}
+    assert {(round(at_s * 1e5), frame) for at_s, frame in acquired} <= near
+    assert len(acquired) < len(whole)
+    assert len(whole) == sum(each.device == "counter" and each.sign == RECEIVED for each in read_trace_file(path))
+    assert max(after - before for (before, _), (after, _) in pairwise(whole)) < 0.1  # none in between is missing
+    assert path.name in (tmp_path / "all" / "candump.txt").read_text("utf-8")
+    assert sorted(each.name for each in (tmp_path / "all").iterdir()) == ["candump.txt", "counter.log"]
+
+
+@pytest.mark.parametrize(
+    ("head", "options", "problem"),
+    [
+        (f"{HEAD}\n", ("candump",), "is not the trace of a run. Give the file that --trace of run"),
+        ("", ("candump",), "is not the trace of a run"),
+        (f"{HEAD}\n# run another\n", ("candump",), "is the trace of run another. Give the file that --trace of run"),
+        (f"{HEAD}\n# run {{run}}\n1.0 ../out < 101#00\n", ("candump",), "the run has no device '../out'"),
+        (f"{HEAD}\n# run {{run}}\nhello\n", ("candump",), "line 3 is no line of a trace: 'hello'"),
+        (f"{HEAD}\n# run {{run}}\n", ("csv",), "--all is for --format candump"),
+        (None, ("candump",), "cannot be read: No such file or directory"),
+    ],
+)
+def test_what_is_no_trace_of_the_run_is_refused(
+    traced: tuple[Path, Path], tmp_path: Path, head: str | None, options: tuple[str], problem: str
+) -> None:
+    run, path = traced[0], tmp_path / "given.trace"
+    if head is not None:
+        path.write_text(head.replace("{run}", run.name), "utf-8")
+    done = invoked("export", str(run), "--format", *options, "--all", str(path), "--out", str(tmp_path / "out"))
+    assert done.exit_code == 2
+    assert problem in done.stderr
+    assert not list(tmp_path.rglob("*.log"))
 
 
 def test_a_bench_is_looked_at_and_recorded(tmp_path: Path) -> None:
