@@ -1,7 +1,8 @@
 """Which revision of its report a run is at, and which files were made of it.
 
 Reports are made of the sealed record, and may be written again; they are not under its seal. The list of revisions has
-the hash of every file that was written last, and one of itself.
+the hash of every file that was written last, and one of itself. A report that is being replaced has two hashes there,
+so that a program killed or a power cut meanwhile leaves no report that seems altered.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ import json
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -57,42 +59,49 @@ def revision_of(folder: Path, manifest: Mapping[str, Any], results: Results | No
     if not known.revisions or known.revisions[-1]["content"] != content_hash:
         issued = wall_utc().isoformat(timespec="seconds")
         added = {"revision": len(known.revisions) + 1, "issued": issued, "content": content_hash}
-        known = _Reports((*known.revisions, added), known.files)
+        known = replace(known, revisions=(*known.revisions, added))
         _keep(folder, known)
     return Revision(len(known.revisions), datetime.fromisoformat(known.revisions[-1]["issued"]))
 
 
-def note_written(folder: Path, name: str, content: bytes) -> None:
-    """Keep the hash of a report that was written; raises StoreError."""
-    known = _known(folder / REVISIONS)
+@contextmanager
+def replacing(folder: Path, name: str, content: bytes) -> Iterator[None]:
+    """Keep the hash of a report that the block writes; the one of before counts until it has. Raises StoreError."""
     written = f"sha256:{hashlib.sha256(content).hexdigest()}"
+    known = _known(folder / REVISIONS)
     if known.files.get(name) != written:
-        _keep(folder, _Reports(known.revisions, {**known.files, name: written}))
+        _keep(folder, replace(known, writing={name: written}))
+    yield
+    known = _known(folder / REVISIONS)
+    if known.writing or known.files.get(name) != written:
+        _keep(folder, replace(known, files={**known.files, name: written}, writing={}))
 
 
 def changed_reports(folder: Path) -> Iterator[str]:
     """The reports of a run that are not as they were written, and the list of them where that is damaged."""
     path = folder / REVISIONS
     try:
-        files = _known(path).files
+        known = _known(path)
     except StoreError as problem:
         yield str(problem)
         return
-    for name, expected in files.items():
-        if told := _problem_of(folder / name, expected):
+    for name, expected in known.files.items():
+        if told := _problem_of(folder / name, (expected, known.writing.get(name))):
             yield f"{folder / name}: {told} 'bench report {folder.name}' writes it again"
     if not (folder / SEAL).exists():  # of versions that kept no list of reports
         return
     for report in sorted(folder.glob("report.*")):
-        if report.suffix.removeprefix(".") in FORMS and report.name not in files:
+        if report.suffix.removeprefix(".") not in FORMS or report.name in known.files:
+            continue
+        if (written := known.writing.get(report.name)) is None or _problem_of(report, (written,)):
             yield f"{report}: is not in {REVISIONS}; 'bench report {folder.name}' writes it again"
 
 
-def _problem_of(report: Path, expected: str) -> str:
+def _problem_of(report: Path, expected: Sequence[str | None]) -> str:
     """Why a report is not as it was written; empty where it is."""
     try:
         expect_bounded(report, sys.maxsize)
-        return "" if file_hash(report) == expected else "has changed since it was written;"
+        return "" if file_hash(report) in expected else "has changed since it was written;"
     except UnfitFileError as problem:
         remove = "remove it, then" if os.path.lexists(report) else "but"
         return f"{problem}; {remove}"
@@ -102,17 +111,18 @@ def _problem_of(report: Path, expected: str) -> str:
 
 @dataclass(frozen=True)
 class _Reports:
-    """What was issued, oldest first, and the hash of each file by its name."""
+    """What was issued, oldest first, and the hash of each file by its name; `writing` has that of one being written."""
 
-    revisions: Sequence[Mapping[str, Any]]
-    files: Mapping[str, str]
+    revisions: Sequence[Mapping[str, Any]] = ()
+    files: Mapping[str, str] = field(default_factory=dict)
+    writing: Mapping[str, str] = field(default_factory=dict)
 
 
 _REVISIONS = every(
     an_object({"revision": WHOLE, "issued": instant, "content": TEXT}, ("revision", "issued", "content"))
 )
 _REPORTS = an_object(
-    {"schema": one_of(SCHEMA), "revisions": _REVISIONS, "files": named(TEXT), "hash": TEXT},
+    {"schema": one_of(SCHEMA), "revisions": _REVISIONS, "files": named(TEXT), "writing": named(TEXT), "hash": TEXT},
     ("schema", "revisions", "files", "hash"),
 )
 
@@ -120,11 +130,11 @@ _REPORTS = an_object(
 def _known(path: Path) -> _Reports:
     """The list of a run; of versions that kept no hashes of files, without them."""
     if not path.is_file():
-        return _Reports((), {})
+        return _Reports()
     try:
         found = read_kept(path, lambda value: (_REVISIONS if isinstance(value, list) else _REPORTS)(value))
         if isinstance(found, list):
-            return _Reports(found, {})
+            return _Reports(found)
         if found.pop("hash") != _hash_of(found):
             raise StoreError("it has changed since it was written")
     except StoreError as problem:
@@ -132,11 +142,13 @@ def _known(path: Path) -> _Reports:
             f"{path}: is damaged ({problem}), so that the revision of the report is unknown; restore it from "
             "a copy, or move it away to start with revision 1"
         ) from problem
-    return _Reports(found["revisions"], found["files"])
+    return _Reports(found["revisions"], found["files"], found.get("writing", {}))
 
 
 def _keep(folder: Path, reports: _Reports) -> None:
     content: dict[str, Any] = {"schema": SCHEMA, "revisions": list(reports.revisions), "files": dict(reports.files)}
+    if reports.writing:
+        content["writing"] = dict(reports.writing)
     write_whole(folder / REVISIONS, json_text({**content, "hash": _hash_of(content)}).encode())
 
 

@@ -10,7 +10,7 @@ from bench.files import write_whole
 from bench.report.html import render
 from bench.report.languages import ENGLISH, language
 from bench.report.pdf import library, pdf
-from bench.report.revision import note_written, revision_of
+from bench.report.revision import replacing, revision_of
 from bench.report.spreadsheet import spreadsheet
 from bench.report.stored import StoredRun
 from bench.store.runs import json_text
@@ -29,8 +29,8 @@ def write_report(run: StoredRun, form: str = "html", lang: str = ENGLISH) -> Pat
     path = run.folder / ".".join(parts)
     with language(lang):
         content = FORMS[form](run)
-    write_whole(path, content)
-    note_written(run.folder, path.name, content)
+    with replacing(run.folder, path.name, content):
+        write_whole(path, content)
     return path
 
 

@@ -17,7 +17,6 @@ from bench.store.runs import list_runs
 from tests.support.runs import ROOT
 from tests.trials import record
 
-BEYOND_THE_END = 1.1  # of the time that a run takes
 WRITING = ("write", "pwrite64", "fdatasync", "fsync", "rename", "ftruncate", "unlink", "mkdir")
 STORAGE = ("pwrite64", "fdatasync", "fsync", "rename", "ftruncate")
 ERRORS = ("ENOSPC", "EIO")
@@ -28,14 +27,14 @@ REASONS = ("cannot be", "cannot write", "cannot read", "Input/output error", "No
 def killed(number: int) -> str:
     """At a moment between the start and some time beyond the end."""
     with tempfile.TemporaryDirectory() as folder:
-        return "; ".join(record.killed_once(Path(folder), _delay_s(9, number)))
+        return "; ".join(record.killed_once(Path(folder), _moment(9, number)))
 
 
 def power_cut(number: int) -> str:
     """The same, and the disk loses all that it had not yet written."""
     with tempfile.TemporaryDirectory() as folder:
         image, disk = record.ext4(Path(folder))
-        return "; ".join(record.cut_once(image, disk, _delay_s(10, number)))
+        return "; ".join(record.cut_once(image, disk, _moment(10, number)))
 
 
 def altered(number: int) -> str:
@@ -88,8 +87,8 @@ def _traced(folder: Path, inject: str) -> tuple[dict[str, Any], str]:
     return ended, "; ".join(wrong)
 
 
-def _delay_s(line: int, number: int) -> float:
-    return float(np.random.default_rng([line, number]).uniform(0, BEYOND_THE_END * _whole_s()))
+def _moment(line: int, number: int) -> record.Moment:
+    return record.Moment.drawn(np.random.default_rng([line, number]), number, _whole_s())
 
 
 @cache

@@ -14,6 +14,7 @@ import pytest
 
 from bench.errors import StoreError
 from bench.quality import Valid
+from bench.report import write
 from bench.report.reduced_again import reduced_again
 from bench.report.stored import open_run
 from bench.report.verify import examined
@@ -256,6 +257,51 @@ def test_a_report_that_was_touched_is_said_and_can_be_written_again(sealed, benc
     revisions = sealed / "report_revisions.json"
     revisions.write_text(revisions.read_text("utf-8").replace("20", "19"))
     assert "report_revisions.json: is damaged" in examined(sealed).damage[0]
+
+
+class PowerCut(BaseException):
+    """Ends everything between two writes."""
+
+
+@pytest.mark.parametrize("is_first", [True, False])
+@pytest.mark.parametrize("after_write", [False, True])
+def test_a_report_whose_writing_is_cut_off_is_not_called_altered(sealed, monkeypatch, is_first, after_write):
+    """Whether the power fails before the report has taken its place or between that and the note that it has."""
+    if is_first:
+        (sealed / "report.html").unlink()
+        (sealed / "report_revisions.json").unlink()
+    really = write.write_whole
+
+    def cut(path, content):
+        if after_write:
+            really(path, content)
+        raise PowerCut
+
+    monkeypatch.setattr(write, "write_whole", cut)
+    monkeypatch.setattr(write, "FORMS", {"html": lambda _: b"another report"})
+    with pytest.raises(PowerCut), open_run(sealed) as run:
+        write.write_report(run)
+    assert examined(sealed).damage == ()
+    monkeypatch.setattr(write, "write_whole", really)
+    with open_run(sealed) as run:
+        report = write.write_report(run)
+    assert examined(sealed).damage == ()
+    report.write_text("PASS")
+    assert "has changed since it was written" in examined(sealed).damage[0]
+
+
+def test_a_report_that_was_being_written_is_held_against_what_it_should_become(sealed, monkeypatch):
+    (sealed / "report.html").unlink()
+    (sealed / "report_revisions.json").unlink()
+
+    def cut(path, content):
+        path.write_bytes(content.replace(b"PASS", b"FAIL"))
+        raise PowerCut
+
+    monkeypatch.setattr(write, "write_whole", cut)
+    with pytest.raises(PowerCut), open_run(sealed) as run:
+        write.write_report(run)
+    assert "report.html: is not in report_revisions.json" in examined(sealed).damage[0]
 
 
 def test_what_lies_beside_is_remarked(sealed):
