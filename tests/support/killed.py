@@ -22,6 +22,7 @@ from bench.clock import Clock
 from bench.runner.quiet import Quiet
 from bench.sequence.dwells import first_visit
 from bench.sequence.estimate import Estimate
+from bench.sequence.plan import PlannedStep
 from bench.store.reader import Event, RunReader
 from tests.support.runs import ROOT
 
@@ -29,14 +30,21 @@ KILLED = 137
 
 
 class Killed(Quiet):
-    """An observer with which the process ends, without another instruction, at an instant of bench time."""
+    """An observer with which the process ends, without another instruction, at an instant of bench time.
 
-    def __init__(self, at_s: float) -> None:
+    One that is `at_latest` ends when the teardown begins, where that is earlier.
+    """
+
+    def __init__(self, at_s: float, *, at_latest: bool = False) -> None:
         super().__init__()
-        self._at_s = at_s
+        self._at_s, self._at_latest = at_s, at_latest
 
     def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
         asyncio.get_running_loop().call_at(self._at_s, os._exit, KILLED)
+
+    def step_begins(self, planned: PlannedStep, index: int) -> None:
+        if self._at_latest and planned.phase == "teardown":
+            os._exit(KILLED)
 
 
 def interrupted(runs: Path, at_s: float, sequence: Path | str, bench: Path | str, **wishes: Any) -> Path:
@@ -47,7 +55,7 @@ def interrupted(runs: Path, at_s: float, sequence: Path | str, bench: Path | str
 
 
 def interrupted_again(path: Path, at_s: float) -> None:
-    """Resume an interrupted run and kill it once more."""
+    """Resume an interrupted run and kill it once more, at the latest when its teardown begins."""
     _killed({"at_s": at_s, "again": str(path)})
 
 
@@ -78,7 +86,7 @@ def ended(entries: list[Event]) -> Counter[str]:
 
 def main(wish: dict[str, Any]) -> None:
     """Run, or resume, until killed."""
-    observer = Killed(wish["at_s"])
+    observer = Killed(wish["at_s"], at_latest="again" in wish)
     if "again" in wish:
         resumed(Path(wish["again"]), observer)
         return
