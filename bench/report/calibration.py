@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
+import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -30,7 +32,7 @@ from bench.store.seal import file_hash, read_seal
 from drivers.suggest import did_you_mean
 from drivers.wording import telling
 
-SCHEMA = "itb-calibration/1"
+SCHEMA, DIGEST = "itb-calibration/1", "digest"
 LIMIT_BYTES = 2**24
 SAME_CURVE = 1e-9  # of the sum of the magnitudes of its terms
 CHANNEL, TEMPERATURE, OUTPUT, FREQUENCY, PHASE = "channel", "T_C", "output", "f_Hz", "phase_deg"
@@ -51,21 +53,25 @@ def calibration_files(
         found = [unit for unit in units if unit.place == place]
         channels = [each.to_json() for unit in found for each in unit.compensations]
         if channels:
-            yield (
-                f"calibration_{place}.json",
-                {
-                    "schema": SCHEMA,
-                    "uut": found[0].uut,
-                    "run": manifest["run"],
-                    "sequence": manifest["sequence"],
-                    "started": manifest["started"],
-                    "simulated": bool(manifest["simulated"]),
-                    "verdict": next((u.verdict for u in found if u.verdict != "PASS"), "PASS"),
-                    "gravity_mps2": gravity.value,
-                    "u_gravity_mps2": gravity.U / gravity.k,
-                    "channels": channels,
-                },
-            )
+            content = {
+                "schema": SCHEMA,
+                "uut": found[0].uut,
+                "run": manifest["run"],
+                "sequence": manifest["sequence"],
+                "started": manifest["started"],
+                "simulated": bool(manifest["simulated"]),
+                "verdict": next((u.verdict for u in found if u.verdict != "PASS"), "PASS"),
+                "gravity_mps2": gravity.value,
+                "u_gravity_mps2": gravity.U / gravity.k,
+                "channels": channels,
+            }
+            yield f"calibration_{place}.json", {**content, DIGEST: _digest_of(content)}
+
+
+def _digest_of(content: Mapping[str, Any]) -> str:
+    """The digest of what else is in a file, however that is indented and in whatever order."""
+    text = json.dumps({key: value for key, value in content.items() if key != DIGEST}, sort_keys=True)
+    return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
 
 
 class _Polynomial(Tolerant):
@@ -206,7 +212,7 @@ class CalibrationFile(Tolerant):
 
 
 def read_calibration(path: Path) -> CalibrationFile:
-    """The calibration in a file; InputError names every problem with its place.
+    """The calibration in a file; InputError names every problem with its place, also where it is an edited copy.
 
     StoreError where a run has written it that is sealed, and it has changed since.
     """
@@ -214,7 +220,13 @@ def read_calibration(path: Path) -> CalibrationFile:
         written = read_seal(path.parent).files.get(path.name)
         if written is not None and path.is_file() and file_hash(path) != written:
             raise StoreError(f"{path}: has changed since it was written; 'bench runs verify {path.parent}' has more")
-    return validated(CalibrationFile, read_json(path, LIMIT_BYTES), f"{path.name}: ")
+    content = read_json(path, LIMIT_BYTES)
+    if isinstance(content, dict) and DIGEST in content and content[DIGEST] != _digest_of(content):
+        raise InputError(
+            f"{path.name}: was edited after a run had written it: its digest is not that of its content. Copy it again "
+            f"from the run {content.get('run', '')}".rstrip()
+        )
+    return validated(CalibrationFile, content, f"{path.name}: ")
 
 
 def compensated(calibration: CalibrationFile, data: Path, beyond: Beyond) -> str:

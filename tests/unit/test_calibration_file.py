@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -168,13 +170,40 @@ def test_a_run_writes_one_that_gives_back_the_gravity_it_was_made_in(tmp_path):
     assert float(row["value"]) == pytest.approx(1.0, abs=0.01)
 
 
-def test_a_calibration_that_was_edited_in_its_run_is_refused(tmp_path):
-    run = run_short(tmp_path / "runs", units=("QF-7",)).path
-    path = run / "calibration_a.json"
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """The directory of a run that has written a calibration; not to be changed."""
+    return run_short(tmp_path_factory.mktemp("runs"), units=("QF-7",)).path
+
+
+def test_a_calibration_that_was_edited_in_its_run_is_refused(tmp_path, finished):
+    path = Path(shutil.copytree(finished, tmp_path / finished.name)) / "calibration_a.json"
     assert read_calibration(path).uut == "QF-7"
     path.write_text(path.read_text("utf-8").replace('"QF-7"', '"QF-8"'), "utf-8")
     with pytest.raises(StoreError, match=r"calibration_a\.json: has changed since it was written; 'bench runs verify"):
         read_calibration(path)
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda content: content["channels"][0]["scale"]["coefficients"].reverse(),
+        lambda content: content["channels"][0]["scale"].update(valid_c=[-100.0, 100.0]),
+        lambda content: content.update(uut="QF-8"),
+        lambda content: content.update(verdict="FAIL"),
+        lambda content: content.update(gravity_mps2=9.80665),
+        lambda content: content.update(digest=None),
+    ],
+)
+def test_an_edited_copy_of_what_a_run_has_written_is_refused(tmp_path, finished, edit):
+    copy = tmp_path / "copy.json"
+    content = json.loads((finished / "calibration_a.json").read_text("utf-8"))
+    copy.write_text(json.dumps(dict(sorted(content.items()))), "utf-8")  # another order and other blanks are no edit
+    assert read_calibration(copy).uut == "QF-7"
+    edit(content)
+    copy.write_text(json.dumps(content), "utf-8")
+    with pytest.raises(InputError, match=r"copy\.json: was edited after a run had written it: .* the run 2"):
+        read_calibration(copy)
 
 
 @pytest.mark.parametrize("key", ["coefficients", "powers_of_T", "centre", "scale"])
