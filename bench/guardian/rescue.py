@@ -45,16 +45,20 @@ class Rescue:
             role: loaded.bench.devices[role].busy_s + period_s(role, loaded.bench) for role in self._addresses
         }
         self._notes = Notes(run, INCIDENT)
+        self._alerts: list[threading.Thread] = []
         self._devices()  # imports them while there is memory
 
     def alarm(self, why: str) -> None:
         """Record that something of the run is late, and alert a person; returns at once."""
         self._notes.entry("alarm", why=why)
-        threading.Thread(target=self._alert, args=("look at it", why), name="alert", daemon=True).start()
+        self._alerts.append(threading.Thread(target=self._alert, args=("look at it", why), name="alert", daemon=True))
+        self._alerts[-1].start()
 
     def leave(self, end: Over) -> None:
         """Follow the chambers of a run that is over, in a process of its own."""
         self._notes.close()
+        for thread in self._alerts:  # a fork takes over the locks that another thread holds, and not the thread
+            thread.join()
         if end.safe or end.held:
             in_a_process_of_its_own(partial(Following, self._run, self._bench, end.safe, end.held, self._runner))
 
