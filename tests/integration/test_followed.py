@@ -13,10 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.config.bench import load_bench
-from bench.runner.held import LOOKS, energising_addresses, owners
 from bench.store.energised import energised
-from tests.support.energised import HOT_C, SAFE, SAFE_C, Process, Wires, wires
+from tests.support.energised import HOT_C, SAFE, SAFE_C, Process, Wires, end_following, wires
 from tests.support.guardians import guardian_of, has_ended, has_made_safe
 from tests.support.killed import journal
 from tests.support.runs import ROOT
@@ -37,12 +35,7 @@ def bench(served, tmp_path, monkeypatch) -> Iterator[Wires]:
     """The bench, at which nobody looks any more afterwards."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     yield served
-    end_s = time.monotonic() + WITHIN_S
-    while found := owners(energising_addresses(load_bench(served.bench).bench).values(), LOOKS):
-        for each in found:
-            os.kill(each.process, signal.SIGTERM)
-        assert time.monotonic() < end_s
-        time.sleep(0.2)
+    end_following(served.bench)
     bench_command("make-safe", "--bench", str(served.bench))
 
 

@@ -20,6 +20,7 @@ from typing import Any
 import serial
 
 from bench.config.bench import load_bench
+from bench.runner.held import LOOKS, energising_addresses, owners
 from bench.store.reader import RunReader
 from tests.support.runs import ROOT
 from tests.support.served import on_real_wires, simulating
@@ -47,7 +48,7 @@ SET_POINT = 2782  # register of the chamber's controller
 HOT_C, SAFE_C = 60.0, 25.0
 SAFE = {"chamber": SAFE_C, "supply": False, "source": False}
 ENERGISED = {"chamber": HOT_C, "supply": True, "source": True}
-PROCESS_S = 60.0
+PROCESS_S, FOLLOWERS_END_S = 60.0, 30.0
 
 
 class Wires:
@@ -131,7 +132,21 @@ def wires(folder: Path, *options: str) -> Iterator[Wires]:
     """The bench on free ports, served by a process of its own with more options of `bench simulate`."""
     bench = on_real_wires(folder)
     with simulating(bench, *options):
-        yield Wires(bench)
+        try:
+            yield Wires(bench)
+        finally:
+            end_following(bench)
+
+
+def end_following(bench: Path) -> None:
+    """End the guardians that look at the chambers of a bench, and wait until they have ended."""
+    addresses, end_s = energising_addresses(load_bench(bench).bench).values(), time.monotonic() + FOLLOWERS_END_S
+    while found := owners(addresses, LOOKS):
+        for each in found:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(each.process, signal.SIGTERM)
+        assert time.monotonic() < end_s, found
+        time.sleep(0.1)
 
 
 class Process:
